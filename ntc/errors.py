@@ -28,5 +28,5 @@ class MetadataError(Exception):
     """What is wrong with the metadata of a pack, naming the field."""
 
 
-class WireError(ValueError):
-    """Bytes from another process that are not a message, or a message that cannot be encoded."""
+class ProcessEndedError(Exception):
+    """A worker process has ended. The message says how: `was killed by signal 9`."""

@@ -30,7 +30,7 @@ LARGEST_INPUT = 1 << 14
 MEMORY = Path("/dev/shm")
 READERS = (
     *("scene", "compressed scene", "moving scene", "mesh", "archive", "pack", "image", "ktx2", "cameras", "settings"),
-    *("worker messages", "script", "view"),
+    *("script", "view"),
 )
 MOST_FINDINGS = 20
 """Findings of one reader after which it is not fuzzed further."""
@@ -65,7 +65,6 @@ def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
         "ktx2": [*seeds.ktx2_images(), *seeds.real(folder, (".ktx2",))],
         "cameras": [*seeds.cameras()],
         "settings": [*seeds.settings()],
-        "worker messages": [*seeds.messages()],
         "script": [*seeds.scripts()],
         "view": [*seeds.views()],
     }

@@ -1,1 +1,1 @@
-"""Training in another process: the client, the process, and their messages."""
+"""Work in another process: the process, its messages, and the training that runs in one."""

@@ -1,74 +1,47 @@
-"""The window's handle to the training process. Needs no torch, and never blocks."""
+"""The window's handle to background training. Needs no torch, and never blocks."""
 
-import socket
 import time
-from collections.abc import Callable
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
-from ntc.errors import InputError, WireError
-from ntc.training.progress import Ended, TrainingProgress
+from ntc.errors import InputError, ProcessEndedError
+from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack
-from ntc.worker.pipe import WindowEnd, framed
-from ntc.worker.process import TrainingProcess, start_process
+from ntc.worker.process import WorkerProcess
 from ntc.worker.protocol import (
+    Answer,
     Cancel,
-    Command,
     Failed,
-    Finished,
+    Part,
     Pause,
-    ProgressTaken,
-    Ready,
-    Received,
-    Report,
+    Paused,
     Resume,
-    SnapshotTaken,
-    StartTraining,
+    Resumed,
+    Taken,
     WorkerReport,
-    decode_report,
-    encode,
 )
-from ntc.worker.report_checks import check_ended, check_progress, check_snapshot, sanitize
-from ntc.worker.shared_arrays import SharedBlock, without_arrays
+from ntc.worker.shared_arrays import Pickled, SharedBlock, received
+from ntc.worker.training import TrainingOrder, run_training
 
 SECONDS_TO_CANCEL = 0.6
 """After this long a process that has not cancelled its training is killed."""
-SECONDS_TO_CLOSE = 0.5
-SECONDS_TO_READ = 0.01
-"""Longest time that one poll reads messages, however many there are."""
-LONGEST_IDLE_REPORT = 1 << 16
-"""Bytes: the longest report that is accepted while no training is under way."""
-LONGEST_REASON = 300
 
 
-@dataclass
-class _Job:
-    """A training under way, and its shared memory."""
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """The training is over."""
 
-    request: TrainingRequest
-    message: bytes
-    """The framed StartTraining message."""
-    input: SharedBlock
-    snapshots: SharedBlock
-    pack: Pack
-    """The starting pack with the final snapshots so far applied."""
-    sent: bool = False
-    paused: bool = False
-    """Whether the caller asked for a pause."""
-    final: set[int] = field(default_factory=set)
-    """Groups whose final snapshot has arrived."""
+    reason: EndReason
+    outcomes: tuple[GroupOutcome, ...] = ()
+    pack: Pack | None = None
+    """The trained pack; None when the training was cancelled."""
 
-    @property
-    def longest_report(self) -> int:
-        """Bytes. A report holds less about each texture than the request does."""
-        return LONGEST_IDLE_REPORT + 8 * len(self.message)
 
-    def release(self) -> None:
-        self.input.close()
-        self.snapshots.close()
+Report = Paused | Resumed | TrainingProgress | GroupSnapshot | Finished | Failed
+"""What the window gets."""
 
 
 def starting_pack(request: TrainingRequest) -> Pack:
@@ -79,50 +52,40 @@ def starting_pack(request: TrainingRequest) -> Pack:
     return codec_of(request.codec).starting_pack(request.textures, request.grouping, request.codec)
 
 
-def _job(request: TrainingRequest) -> _Job:
-    pack = starting_pack(request)
+def _regions(request: TrainingRequest, start: Pack) -> tuple[Mapping[int, int], int]:
+    """By dirty group: first byte of the region for its snapshots, and the bytes of all regions."""
     # Codes may become larger than those that a training starts from.
-    largest = (
-        pack if request.start is None or pack.config.kind == "grid" else starting_pack(replace(request, start=None))
-    )
-    regions: dict[int, int] = {}
-    size = 0
+    largest = start if request.start is None else starting_pack(replace(request, start=None))
+    regions, size = dict[int, int](), 0
     for group in sorted(request.dirty or ()):
         regions[group] = size
-        textures = tuple(t for t, g in zip(largest.textures, request.grouping.groups, strict=True) if g == group)
-        size = without_arrays((textures, largest.decoders[0]), size)[2]
-    given = SharedBlock.create(without_arrays(request)[2])
-    try:
-        snapshots = SharedBlock.create(size)
-    except InputError:
-        given.close()
-        raise
-    try:
-        message = framed(encode(StartTraining(given.write(request), given.name, snapshots.name, regions)))
-    except WireError as error:
-        given.close()
-        snapshots.close()
-        raise InputError(f"training: {error}; remove that from the names or the pack's record") from error
-    return _Job(request, message, given, snapshots, pack)
+        textures = [t for t, own in zip(largest.textures, request.grouping.groups, strict=True) if own == group]
+        size += sum(Pickled(part).size for part in (*textures, largest.decoders[group]))
+    return regions, size
+
+
+@dataclass(eq=False)
+class _Training:
+    """A training under way."""
+
+    request: TrainingRequest
+    snapshots: SharedBlock
+    pack: Pack
+    """The starting pack with the final snapshots so far applied."""
 
 
 class TrainingWorker:
     """Runs one training at a time in a separate process, which is kept for the next one. Use in a `with` block, from one thread.
 
-    `poll` must be called often (each frame): it reads the reports of the process. Only `close` waits for the process, for half
-    a second at most. The process ends with this one, however this one ends. An invalid message ends the process, and the
-    training under way with Failed.
+    `poll` must be called often (each frame): it takes the reports of the process. Only `close` waits for the process, for half
+    a second at most. The process ends with this one, however this one ends.
     """
 
-    def __init__(self, launch: Callable[[socket.socket], TrainingProcess] = start_process) -> None:
-        """`launch` starts a process that serves the socket it is given, and raises OSError where it cannot."""
-        self._launch = launch
-        self._process: TrainingProcess | None = None
-        self._pipe: WindowEnd | None = None
-        self._ready = False
-        self._all_read = False
-        """Whether all bytes received so far have been read."""
-        self._job: _Job | None = None
+    def __init__(self) -> None:
+        self._process: WorkerProcess | None = None
+        self._warming = False
+        """Whether the process is still importing what trains."""
+        self._training: _Training | None = None
         self._cancelled_at: float | None = None
         self._ended: list[Report] = []
 
@@ -135,7 +98,7 @@ class TrainingWorker:
     @property
     def busy(self) -> bool:
         """Whether a training is under way; its last report is Finished or Failed."""
-        return self._job is not None
+        return self._training is not None
 
     @property
     def process_id(self) -> int | None:
@@ -146,87 +109,65 @@ class TrainingWorker:
         """Start the process ahead of a training, so that it has imported torch by then. No effect where it runs already or
         cannot be started; `start` reports why."""
         try:
-            self._start_process()
+            self._started()
         except OSError:
             self._end_process()
 
     def start(self, request: TrainingRequest) -> TrainingRequest:
         """Start a training; returns the request with its dirty groups named. Raises InputError for what cannot be trained, for
         a training under way, and where there is no shared memory or no process to be had."""
-        if self._job is not None:
+        if self._training is not None:
             raise InputError("training: another one is under way; cancel it first")
         request = checked_request(request)
-        job = _job(request)
+        pack = starting_pack(request)
+        regions, size = _regions(request, pack)
+        snapshots = SharedBlock.create(size)
         try:
-            self._start_process()
+            self._started().call(TrainingOrder(request, snapshots.name, regions))
+        except InputError:
+            snapshots.close()
+            raise
         except OSError as error:
-            job.release()
+            snapshots.close()
             self._end_process()
             raise InputError(
                 f"training: no process can be started ({error.strerror or error}); close others"
             ) from error
-        self._job = job
-        self._cancelled_at = None
-        self._send_start()
+        self._training, self._cancelled_at = _Training(request, snapshots, pack), None
         return request
 
     def poll(self) -> list[Report]:
         """The reports since the last call, oldest first, with one snapshot at most: further ones follow in the next calls,
         so that no call takes long. Arrays of snapshots are copies."""
         reports, self._ended = self._ended, []
-        # Checked first: what a process sent before its end is still read.
-        lives = self._process is not None and self._process.is_alive()
         try:
-            self._read_reports(reports)
-            if self._process is not None and not lives and self._all_read:
-                reports += self._lost()
-        except (EOFError, OSError):
-            # It ended, perhaps in the middle of a message.
-            reports += self._lost()
-        except (ValueError, MemoryError) as error:
-            reports += self._invalid(error)
+            while self._process is not None and not (reports and isinstance(reports[-1], GroupSnapshot)):
+                report = self._process.receive()
+                if report is None:
+                    break
+                reports += self._taken(report)
+        except ProcessEndedError as error:
+            reports += self._lost(str(error))
         if self._cancelled_at is not None and time.monotonic() - self._cancelled_at > SECONDS_TO_CANCEL:
             self._end_process()
             reports += self._finish(Finished("cancelled"))
         return reports
 
-    def _read_reports(self, reports: list[Report]) -> None:
-        """Append new reports to `reports`, up to a snapshot or for SECONDS_TO_READ. Raises EOFError or OSError when the
-        process is gone, ValueError for an invalid message."""
-        self._all_read = False
-        end = time.monotonic() + SECONDS_TO_READ
-        while self._pipe is not None and time.monotonic() < end:
-            self._pipe.flush()
-            message = self._pipe.receive(LONGEST_IDLE_REPORT if self._job is None else self._job.longest_report)
-            if message is None:
-                self._all_read = True
-                return
-            report = self._take(decode_report(message))
-            if report is not None:
-                reports.append(report)
-            if isinstance(report, GroupSnapshot):
-                return
-
     def pause(self) -> None:
         """Pause the training; a Paused report follows. No effect while no training is under way."""
-        self._set_paused(True)
+        self._send(Pause())
 
     def resume(self) -> None:
         """Continue after a pause; a Resumed report follows."""
-        self._set_paused(False)
-
-    def _set_paused(self, paused: bool) -> None:
-        if self._job is not None:
-            self._job.paused = paused
-            self._command(Pause() if paused else Resume())
+        self._send(Resume())
 
     def cancel(self) -> None:
         """End the training; Finished follows within a second. The caller may keep snapshots that it got."""
-        if self._job is None or self._cancelled_at is not None:
+        if self._training is None or self._cancelled_at is not None:
             return
         self._cancelled_at = time.monotonic()
-        self._command(Cancel())
-        if not self._ready:
+        self._send(Cancel())
+        if self._warming:
             # The process is still starting: there is nothing to wait for.
             self._end_process()
             self._ended += self._finish(Finished("cancelled"))
@@ -237,112 +178,66 @@ class TrainingWorker:
         self._end_process()
         self._ended = []
 
-    def _start_process(self) -> None:
-        if self._process is not None and self._process.is_alive():
-            return
-        self._end_process()
-        own, other = socket.socketpair()
-        self._pipe = WindowEnd(own)
-        try:
-            self._process = self._launch(other)
-        finally:
-            # An open copy in this process would hide that the other end was closed.
-            other.close()
+    def _started(self) -> WorkerProcess:
+        if self._process is None or not self._process.is_alive:
+            self._end_process()
+            self._process = WorkerProcess(run_training, "ntc-training")
+            self._process.call(None)
+            self._warming = True
+        return self._process
 
     def _end_process(self) -> None:
-        self._ready = False
-        if self._pipe is not None:
-            self._pipe.close()
-            self._pipe = None
+        self._warming = False
         if self._process is not None:
-            self._process.kill()
-            self._process.join(SECONDS_TO_CLOSE)
-            with suppress(ValueError):
-                self._process.close()
+            self._process.end()
             self._process = None
 
-    def _command(self, command: Command) -> None:
-        if self._job is not None and self._job.sent and self._pipe is not None:
-            self._pipe.send(framed(encode(command)))
+    def _send(self, command: Pause | Resume | Cancel | Taken) -> None:
+        if self._training is not None and self._process is not None:
+            self._process.send(command)
 
-    def _send_start(self) -> None:
-        job = self._job
-        if self._ready and job is not None and not job.sent and self._pipe is not None:
-            job.sent = True
-            self._pipe.send(job.message)
-            if job.paused:
-                self._command(Pause())
-
-    def _take(self, report: WorkerReport) -> Report | None:
-        """The report as the caller gets it, or None. Raises ValueError for one that does not fit the training."""
-        job = self._job
-        if isinstance(report, Ready):
-            if self._ready:
-                raise WireError("it reported Ready twice")
-            self._ready = True
-            self._send_start()
-            return None
-        if job is None or not job.sent:
-            raise WireError(f"{type(report).__name__} before there is a training")
-        if isinstance(report, Received):
-            job.input.close()
-            job.snapshots.remove_name()
-            return None
-        if isinstance(report, TrainingProgress):
-            check_progress(report, job.request)
-            self._command(ProgressTaken())
-            return report
-        if isinstance(report, GroupSnapshot):
-            snapshot = job.snapshots.read(report)
-            check_snapshot(snapshot, job.request)
-            self._command(SnapshotTaken(report.group))
-            if snapshot.final:
-                job.pack = apply_snapshot(job.pack, snapshot)
-                job.final.add(snapshot.group)
-            return snapshot
-        if isinstance(report, Ended):
-            return self._finish(Finished(report.reason, report.outcomes, self._pack_of(report, job)))[0]
-        if isinstance(report, Failed):
-            return self._finish(sanitize(report))[0]
-        return report
-
-    def _pack_of(self, ended: Ended, job: _Job) -> Pack | None:
-        check_ended(ended, job.request)
-        if ended.reason == "cancelled":
-            if self._cancelled_at is None:
-                raise WireError("it reported a cancelled training that was not cancelled")
-            return None
-        missing = (job.request.dirty or frozenset()) - job.final
-        if missing:
-            raise WireError(f"it ended without a final snapshot of group {min(missing)}")
-        return replace(ended_pack(job.pack, job.request.grouping), training=ended.record, path=None)
+    def _taken(self, report: WorkerReport) -> list[Report]:
+        """The report as the caller gets it, if it gets it."""
+        training = self._training
+        if self._warming and isinstance(report, Answer | Failed):
+            self._warming = False
+            return []
+        if training is None:
+            return []
+        match report:
+            case Part():
+                part: TrainingProgress | GroupSnapshot = training.snapshots.read(report.value)
+                self._send(Taken(report.key))
+                if isinstance(part, GroupSnapshot) and part.final:
+                    training.pack = apply_snapshot(training.pack, part)
+                return [part]
+            case Answer():
+                ended: Ended = received(report.value)
+                return self._finish(Finished(ended.reason, ended.outcomes, _pack_of(ended, training)))
+            case Failed():
+                return self._finish(report)
+            case Paused() | Resumed():
+                return [report]
+        return []
 
     def _finish(self, last: Finished | Failed) -> list[Report]:
         """End the training under way with `last`, and release its memory; no report without a training."""
-        job, self._job, self._cancelled_at = self._job, None, None
-        if job is None:
+        training, self._training, self._cancelled_at = self._training, None, None
+        if training is None:
             return []
-        job.release()
+        training.snapshots.close()
         return [last]
 
-    def _lost(self) -> list[Report]:
-        process = self._process
-        if process is None:
-            return []
-        process.join(SECONDS_TO_CLOSE)
-        code = process.exitcode
-        if code is None:
-            return self._failed("closed its pipe")
-        return self._failed(f"was killed by signal {-code}" if code < 0 else f"ended with status {code}")
-
-    def _invalid(self, error: Exception) -> list[Report]:
-        reason = str(error)[:LONGEST_REASON] or type(error).__name__
-        return self._failed(f"sent an invalid message ({reason}), and was ended")
-
-    def _failed(self, why: str) -> list[Report]:
-        """End the process, and with it the training under way."""
+    def _lost(self, how: str) -> list[Report]:
+        """The end of a process that was not asked to end, and so of the training under way."""
         self._end_process()
         if self._cancelled_at is not None:
             return self._finish(Finished("cancelled"))
-        line = f"training: its process {why}; open packs are unchanged; start the training again"
-        return self._finish(sanitize(Failed(line)))
+        return self._finish(Failed(f"training: its process {how}; open packs are unchanged; start the training again"))
+
+
+def _pack_of(ended: Ended, training: _Training) -> Pack | None:
+    if ended.reason == "cancelled":
+        return None
+    pack = ended_pack(training.pack, training.request.grouping)
+    return replace(pack, training=ended.record, path=None)

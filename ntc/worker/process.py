@@ -1,315 +1,252 @@
-"""The training process: reads commands in one thread and trains in the main one. torch is imported when it is needed."""
+"""One kind of process beside the window: it calls one function, call after call, and takes commands while it works."""
 
-import importlib
 import multiprocessing
 import os
 import queue
 import signal
-import socket
 import threading
-import time
 import traceback
+from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Protocol
+from multiprocessing.connection import Connection
+from typing import Any
 
-import numpy as np
-
-from ntc.codec.encoding import EncodingChoices
-from ntc.codec.model import Grouping
-from ntc.codec.registry import codec_named
-from ntc.codec.textures import SourceTexture
-from ntc.errors import InputError, TrainingCancelledError
-from ntc.threads import usable_cores, wait_passively
-from ntc.training.progress import Ended, TrainingProgress
-from ntc.training.request import TrainingRequest, checked_request
-from ntc.training.snapshot import GroupSnapshot
-from ntc.worker.pipe import WorkerEnd
+from ntc.errors import InputError, ProcessEndedError
 from ntc.worker.protocol import (
+    Answer,
+    Call,
     Cancel,
     Command,
     Failed,
+    Part,
     Pause,
-    Paused,
-    ProgressTaken,
-    Ready,
     Received,
     Resume,
-    Resumed,
-    SnapshotTaken,
-    StartTraining,
+    Taken,
     WorkerReport,
     decode_command,
+    decode_report,
     encode,
 )
-from ntc.worker.shared_arrays import SharedBlock
+from ntc.worker.shared_arrays import Parcel, SharedBlock, inside, received, sent
 
-NICENESS = 19
-"""Priority of the process, below the window's."""
+SECONDS_TO_END = 0.5
+"""Longest wait for a process that was killed."""
 LONGEST_DETAILS = 8000
 """Characters of a traceback: its end holds the error."""
-WARM_TEXELS = 128
-"""Along one side of the texture that a new process encodes for practice."""
-NOT_A_COMMAND = 3
-"""Exit status after bytes that are not a command. The window sees it, and starts another process."""
 
 
-class WorkerState:
-    """What the commands so far ask for: the listening thread writes it, the training reads it."""
+class WindowEnd:
+    """The window as the process sees it: commands so far, and reports to it. A thread listens, so that commands arrive during
+    work; the process ends when the window closes its end, however the window's process ends."""
 
-    def __init__(self) -> None:
-        self.starts: queue.SimpleQueue[StartTraining] = queue.SimpleQueue()
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._sending = threading.Lock()
+        self.calls: queue.SimpleQueue[Call] = queue.SimpleQueue()
         self._changed = threading.Condition()
-        self._paused = self._cancelled = self._progress_open = False
-        self._open_snapshots: set[int] = set()
+        self._paused = self._cancelled = False
+        self._untaken: set[int | None] = set()
+        """Keys whose last Part was not yet taken."""
 
-    def apply(self, command: Command) -> None:
-        """Apply a command."""
+    def listen(self) -> None:
+        """Take commands until the window is gone, and end the process, which may be anywhere in its work."""
+        try:
+            while True:
+                self._apply(decode_command(self._connection.recv_bytes()))
+        finally:
+            os._exit(0)
+
+    def _apply(self, command: Command) -> None:
         with self._changed:
-            if isinstance(command, StartTraining):
-                self._paused = self._cancelled = self._progress_open = False
-                self._open_snapshots.clear()
-                self.starts.put(command)
-            elif isinstance(command, Pause):
-                self._paused = True
-            elif isinstance(command, Resume):
-                self._paused = False
-            elif isinstance(command, Cancel):
-                self._cancelled = True
-            elif isinstance(command, SnapshotTaken):
-                self._open_snapshots.discard(command.group)
-            elif isinstance(command, ProgressTaken):
-                self._progress_open = False
+            match command:
+                case Call():
+                    self._paused = self._cancelled = False
+                    self._untaken.clear()
+                    self.calls.put(command)
+                case Pause() | Resume():
+                    self._paused = isinstance(command, Pause)
+                case Cancel():
+                    self._cancelled = True
+                case Taken():
+                    self._untaken.discard(command.key)
             self._changed.notify_all()
 
     @property
     def paused(self) -> bool:
-        """Whether training is to pause."""
+        """Whether the call is to pause."""
         return self._paused and not self._cancelled
 
     @property
     def cancelled(self) -> bool:
-        """Whether training is to end."""
+        """Whether the call is to end."""
         return self._cancelled
 
     def wait(self, waits: Callable[[], bool]) -> None:
-        """Wait while `waits` returns True and training is not cancelled."""
+        """Wait while `waits` returns True and the call is not cancelled."""
         with self._changed:
             self._changed.wait_for(lambda: self._cancelled or not waits())
 
-    def open_progress(self) -> bool:
-        """Whether a report may be sent; the next one only after ProgressTaken."""
-        with self._changed:
-            free, self._progress_open = not self._progress_open, True
-            return free
+    def is_untaken(self, key: int | None) -> bool:
+        """Whether the last Part of a key was not yet taken."""
+        return key in self._untaken
 
-    def snapshot_open(self, group: int) -> bool:
-        """Whether the last snapshot of a group was not yet taken."""
-        return group in self._open_snapshots
-
-    def open_snapshot(self, group: int) -> None:
-        """A snapshot of the group is about to be sent."""
-        with self._changed:
-            self._open_snapshots.add(group)
-
-
-class PipeHost:
-    """Runs a training for the other end of a pipe."""
-
-    def __init__(self, pipe: WorkerEnd, state: WorkerState, block: SharedBlock, start: StartTraining) -> None:
-        self._pipe, self._state, self._block, self._regions = pipe, state, block, start.regions
-        self._paused_seconds = 0.0
-        self._unsent: TrainingProgress | None = None
-        """The newest report, where the window has not yet read the one before it."""
-
-    def interruption(self) -> None:
-        """Wait in a pause; raise TrainingCancelledError when cancelled."""
-        if self._state.paused:
-            began = time.monotonic()
-            self._pipe.send(encode(Paused()))
-            self._state.wait(lambda: self._state.paused)
-            self._paused_seconds += time.monotonic() - began
-            if not self._state.cancelled:
-                self._pipe.send(encode(Resumed()))
-        if self._state.cancelled:
-            raise TrainingCancelledError
-
-    def seconds(self) -> float:
-        """Monotonic, without pauses."""
-        return time.monotonic() - self._paused_seconds
-
-    def progress(self, progress: TrainingProgress) -> None:
-        """Send it; while the window has not yet read the last one the newest is kept."""
-        if self._state.open_progress():
-            self._pipe.send(encode(progress))
-            self._unsent = None
-        else:
-            self._unsent = progress
-
-    def send_newest_progress(self) -> None:
-        """Send the report that was kept: none follows it, and a run that is shorter than a frame has no other."""
-        if self._unsent is not None:
-            self._pipe.send(encode(self._unsent))
-            self._unsent = None
-
-    def wants_snapshot(self, group: int) -> bool:
-        """Whether the group's region is free."""
-        return not self._state.snapshot_open(group)
-
-    def snapshot(self, snapshot: GroupSnapshot) -> None:
-        """Write it to its region as soon as that is free, and report it."""
-        group = snapshot.group
-        while self._state.snapshot_open(group):
-            self._state.wait(lambda: self._state.snapshot_open(group) and not self._state.paused)
-            self.interruption()
-        self._state.open_snapshot(group)
-        self._pipe.send(encode(self._block.write(snapshot, self._regions[group])))
-
-
-def _listen(pipe: WorkerEnd, state: WorkerState) -> None:
-    status = NOT_A_COMMAND
-    try:
-        while True:
-            state.apply(decode_command(pipe.receive()))
-    except (EOFError, OSError):
-        status = 0
-    finally:
-        # The window is gone, or done with this process, which may be anywhere in a training: exit at once. Should this thread
-        # end alone, nothing would notice that the window is gone.
-        os._exit(status)
-
-
-def read_request(start: StartTraining) -> TrainingRequest:
-    """The request of a command, with copies of its arrays. Raises OSError, ValueError or InputError where it cannot be trained."""
-    given = SharedBlock.open(start.input_block)
-    try:
-        request = given.read(start.request)
-    finally:
-        given.close()
-    request = checked_request(request)
-    missing = (request.dirty or frozenset()) - start.regions.keys()
-    if missing:
-        raise ValueError(f"no region is given for snapshots of group {min(missing)}")
-    return request
-
-
-def run_job(pipe: WorkerEnd, state: WorkerState, start: StartTraining) -> WorkerReport:
-    """One training; returns how it ended. Raises whatever it fails by, and OSError when the window is gone."""
-    request = read_request(start)
-    block = SharedBlock.open(start.snapshot_block)
-    try:
-        pipe.send(encode(Received()))
-        host = PipeHost(pipe, state, block, start)
-        # Importing torch takes seconds, in which commands are already listened to.
-        import torch
-
-        torch.set_num_threads(max(1, usable_cores() - 1))
-        _yield_to_others()
+    def send(self, report: WorkerReport) -> None:
+        """Send a report, from any thread. The process ends where the window is gone."""
         try:
-            host.interruption()
-            ended = _trained(request, host)
-        except TrainingCancelledError:
-            ended = Ended("cancelled")
-        host.send_newest_progress()
-        return ended
-    finally:
-        block.close()
+            with self._sending:
+                self._connection.send_bytes(encode(report))
+        except OSError:
+            os._exit(0)
+
+    def send_part(self, key: int | None, value: Parcel) -> None:
+        """Send a Part; its key `is_untaken` until the window has taken it."""
+        with self._changed:
+            self._untaken.add(key)
+        self.send(Part(key, value))
 
 
-def _trained(request: TrainingRequest, host: PipeHost) -> Ended:
-    from ntc.training.trainer import Trainer
-
-    return Trainer(request, host).run()
+Function = Callable[[Any, WindowEnd], object]
+"""What a process calls: (argument, window) -> answer. What it raises is reported."""
 
 
-def _yield_to_others() -> None:
-    """Lower this process's priority, once."""
+def lower_priority(niceness: int) -> None:
+    """Lower this process's priority to `niceness`, where the system has one."""
     if hasattr(os, "nice"):
-        os.nice(max(0, NICENESS - os.nice(0)))
+        os.nice(max(0, niceness - os.nice(0)))
 
 
-def _one_line(error: BaseException) -> str:
-    text = " ".join(str(error).split())
-    if isinstance(error, InputError):
-        return text
-    if isinstance(error, MemoryError) or "out of memory" in text or "allocate memory" in text:
-        return f"training: there is not enough memory ({text or 'MemoryError'}); train fewer or smaller textures"
-    return f"training: {type(error).__name__}: {text}"
+def _called(function: Function, call: Call, window: WindowEnd) -> Answer | Failed:
+    try:
+        try:
+            argument = received(call.argument)
+        finally:
+            window.send(Received())
+        return Answer(inside(function(argument, window)))
+    except Exception as error:  # noqa: BLE001  Whatever fails is reported; the process stays for the next call.
+        line = str(error) if isinstance(error, InputError) else f"{type(error).__name__}: {error}"
+        details = traceback.format_exc()[-LONGEST_DETAILS:]
+        # File names may hold what is not Unicode.
+        return Failed(str(InputError(line)), details.encode("utf-8", "backslashreplace").decode())
 
 
-def _warm_up() -> None:
-    """Import what trains, and encode a texture: what torch does for the first time takes a second."""
-    # An error is reported when a training imports it again.
-    with suppress(Exception):
-        from ntc.training.encode import encode_chosen
-
-        noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
-        encode_chosen(
-            [SourceTexture("noise", noise, "")], Grouping("single", (0,)), codec_named("block"), EncodingChoices()
-        )
-        importlib.import_module("ntc.training.trainer")
-
-
-def failure(error: Exception) -> Failed:
-    """The report of a training that ended with `error`, which is being handled."""
-    details = traceback.format_exc()[-LONGEST_DETAILS:]
-    # File names may hold what is not Unicode.
-    line, details = (text.encode("utf-8", "replace").decode() for text in (_one_line(error), details))
-    return Failed(line[:LONGEST_DETAILS], details)
-
-
-def serve(end: socket.socket) -> None:
-    """The main function of the process: runs trainings, one after the other, until the other end of the pipe closes."""
+def serve(connection: Connection, function: Function, niceness: int) -> None:
+    """The main function of the process."""
     # Ctrl-C in a terminal reaches this process too; the window decides what it means.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    wait_passively()
-    pipe, state = WorkerEnd(end), WorkerState()
-    threading.Thread(target=_listen, args=(pipe, state), daemon=True).start()
-    with suppress(BrokenPipeError, ConnectionResetError):
-        pipe.send(encode(Ready()))
-        # It takes seconds, in which a request may be prepared elsewhere, or be on its way.
-        warming = threading.Thread(target=_warm_up, daemon=True)
-        warming.start()
-        while True:
-            start = state.starts.get()
-            # It sets the number of torch's threads too.
-            warming.join()
-            try:
-                last = encode(run_job(pipe, state, start))
-            except (BrokenPipeError, ConnectionResetError):
-                raise
-            except Exception as error:  # noqa: BLE001  Whatever fails is reported; the process stays for the next training.
-                last = encode(failure(error))
-            pipe.send(last)
-    os._exit(0)
+    lower_priority(niceness)
+    window = WindowEnd(connection)
+    threading.Thread(target=window.listen, daemon=True).start()
+    while True:
+        window.send(_called(function, window.calls.get(), window))
 
 
-class TrainingProcess(Protocol):
-    """What the client needs of a process: `multiprocessing.Process`, or a substitute in tests."""
+def _read(connection: Connection, inbox: "queue.SimpleQueue[WorkerReport | None]") -> None:
+    try:
+        with suppress(EOFError, OSError):
+            while True:
+                inbox.put(decode_report(connection.recv_bytes()))
+    finally:
+        inbox.put(None)
+
+
+def _write(connection: Connection, outbox: "queue.SimpleQueue[bytes | None]") -> None:
+    with suppress(OSError):
+        while (message := outbox.get()) is not None:
+            connection.send_bytes(message)
+
+
+class WorkerProcess:
+    """A spawned process that calls `function` for each `call`, until `end`. It ends with this one, however this one ends.
+
+    Two threads read and write the pipe, so that no call waits for it, and a process that was stopped holds up nobody.
+    `concurrent.futures.ProcessPoolExecutor` does not fit: its workers cannot be ended in the middle of a call, and outlive a
+    parent that was killed.
+    """
+
+    def __init__(self, function: Function, name: str, niceness: int = 0) -> None:
+        """Start it. `function` is found by its module and name. Raises OSError where no process can be started."""
+        context = multiprocessing.get_context("spawn")
+        here, there = context.Pipe()
+        arguments = (there, function, niceness)
+        self._process = context.Process(target=serve, args=arguments, name=name, daemon=True)
+        self._inbox: queue.SimpleQueue[WorkerReport | None] = queue.SimpleQueue()
+        """None: the pipe is closed."""
+        self._outbox: queue.SimpleQueue[bytes | None] = queue.SimpleQueue()
+        self._lock = threading.Lock()
+        self._given: deque[SharedBlock | None] = deque()
+        """Blocks of the arguments that the process has not yet received."""
+        self._ended = False
+        try:
+            self._process.start()
+        finally:
+            # Held here too, the pipe would never be found closed. This end is closed when both threads have ended.
+            there.close()
+        threading.Thread(target=_read, args=(here, self._inbox), name=f"{name} reports", daemon=True).start()
+        threading.Thread(target=_write, args=(here, self._outbox), name=f"{name} commands", daemon=True).start()
 
     @property
     def pid(self) -> int | None:
         """The process id."""
+        return self._process.pid
 
     @property
-    def exitcode(self) -> int | None:
-        """None while it is alive; negative: the signal that killed it."""
-
     def is_alive(self) -> bool:
-        """Whether it is alive."""
+        """Whether it can take a call."""
+        return not self._ended and self._process.is_alive()
 
-    def kill(self) -> None:
-        """Kill it."""
+    def call(self, argument: object) -> None:
+        """Ask for a call; Answer or Failed follows.
 
-    def join(self, timeout: float | None = None) -> None:
-        """Wait for its end, at most `timeout` seconds."""
+        Raises InputError where there is not enough shared memory, and ProcessEndedError after `end`.
+        """
+        parcel, block = sent(argument)
+        with self._lock:
+            self._given.append(block)
+        self.send(Call(parcel))
+        if self._ended:
+            self._release(len(self._given))
+            raise ProcessEndedError("was ended")
 
-    def close(self) -> None:
-        """Release its resources. Raises ValueError while it is alive."""
+    def send(self, command: Command) -> None:
+        """Send a command; one that comes too late has no effect."""
+        self._outbox.put(encode(command))
 
+    def receive(self, waits: bool = False) -> WorkerReport | None:
+        """The next report; None where none is there, unless it `waits`. Raises ProcessEndedError after
+        the last report of a process that has ended."""
+        while True:
+            try:
+                report = self._inbox.get(waits)
+            except queue.Empty:
+                return None
+            if report is None:
+                self._inbox.put(None)
+                raise ProcessEndedError(self._how_it_ended())
+            if not isinstance(report, Received):
+                return report
+            self._release(1)
 
-def start_process(end: socket.socket) -> TrainingProcess:
-    """A process that serves the other end of the pipe and ends with this one. Raises OSError where none can be started."""
-    process = multiprocessing.get_context("spawn").Process(target=serve, args=(end,), name="ntc-training", daemon=True)
-    process.start()
-    return process
+    def _how_it_ended(self) -> str:
+        self._process.join(SECONDS_TO_END)
+        code = self._process.exitcode
+        if code is None:
+            return "closed its pipe"
+        return f"was killed by signal {-code}" if code < 0 else f"ended with status {code}"
+
+    def _release(self, most: int) -> None:
+        """Close the blocks of the oldest arguments, `most` of them."""
+        with self._lock:
+            for _ in range(min(most, len(self._given))):
+                block = self._given.popleft()
+                if block is not None:
+                    block.close()
+
+    def end(self) -> None:
+        """End the process, in the middle of a call too, and give its shared memory back; may be called again, from any thread."""
+        self._ended = True
+        self._outbox.put(None)
+        self._process.kill()
+        self._process.join(SECONDS_TO_END)
+        self._release(len(self._given))

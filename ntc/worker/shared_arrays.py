@@ -1,47 +1,26 @@
-"""Arrays of messages in shared memory, so that large messages are not copied through a pipe."""
+"""Values on their way to another process: pickled, with their large arrays in shared memory.
 
-import math
+Pickle, because both ends are this program: it started the process, and nothing else can write into the pipe. Every number
+arrives as it was sent, and nothing here knows what a value is. What comes from a file is checked where the file is read.
+"""
+
 import os
-import re
+import pickle
 import secrets
-from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, fields, is_dataclass, replace
 from multiprocessing.shared_memory import SharedMemory
-from typing import Any, TypeVar
+from typing import Any
 
+import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from ntc.errors import InputError
 
 ALIGNMENT = 64
 PREFIX = "ntc-"
 """The names of all blocks start with this; the id of the process that created the block follows."""
-PLAIN_NUMBERS = re.compile("[<>|=](?:[biu]1|[iuf][248])")
-"""numpy's names of the array types that are exchanged."""
-MOST_AXES = 8
-BLOCK_NAME = re.compile(PREFIX + "[0-9]{1,10}-[0-9a-f]{16}")
-T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class ArrayPlace:
-    """Where an array lies in a block; replaces the array in a message."""
-
-    offset: int
-    shape: tuple[int, ...]
-    dtype: str
-
-    @property
-    def size(self) -> int:
-        """Bytes of the array. Raises ValueError for types and shapes that are not exchanged."""
-        if PLAIN_NUMBERS.fullmatch(self.dtype) is None:
-            # Bytes of an array of objects would be used as addresses.
-            raise ValueError(f"arrays of {self.dtype[:20]!r} are not exchanged")
-        if len(self.shape) > MOST_AXES or min(self.shape, default=0) < 0:
-            raise ValueError(f"{self} lies outside every block")
-        return math.prod(self.shape) * np.dtype(self.dtype).itemsize
+LARGEST_INSIDE = 1 << 12
+"""Bytes: smaller arrays are sent inside the message."""
 
 
 def aligned(size: int) -> int:
@@ -49,44 +28,43 @@ def aligned(size: int) -> int:
     return -(-size // ALIGNMENT) * ALIGNMENT
 
 
-def replaced(value: Any, of_type: type, change: Callable[[Any], Any]) -> Any:
-    """`value` with `change` applied to every instance of `of_type` within its dataclasses and tuples."""
-    if isinstance(value, of_type):
-        return change(value)
-    if isinstance(value, tuple):
-        changed = tuple(replaced(part, of_type, change) for part in value)
-        return changed if any(a is not b for a, b in zip(value, changed, strict=True)) else value
-    if is_dataclass(value) and not isinstance(value, type):
-        found = {field.name: getattr(value, field.name) for field in fields(value)}
-        new = {name: replaced(part, of_type, change) for name, part in found.items()}
-        different = {name: part for name, part in new.items() if part is not found[name]}
-        return replace(value, **different) if different else value
-    return value
+class Parcel(msgspec.Struct, frozen=True):
+    """A value as it is sent."""
+
+    data: bytes
+    """Pickled, without its large arrays."""
+    sizes: tuple[int, ...] = ()
+    """Bytes of each large array; they lie in the block one after the other, aligned."""
+    start: int = 0
+    """Byte of the block where the first one begins."""
+    block: str = ""
+    """Name of the block; empty where the receiver has it open."""
 
 
-def without_arrays(message: T, start: int = 0) -> tuple[T, list[NDArray[Any]], int]:
-    """A message with places instead of its arrays, the arrays, and the byte where the last one ends in a block that holds
-    them from byte `start` on."""
-    arrays: list[NDArray[Any]] = []
-    position = start
+class Pickled:
+    """A value that is about to be sent."""
 
-    def place(array: NDArray[Any]) -> ArrayPlace:
-        nonlocal position
-        arrays.append(array)
-        found = ArrayPlace(position, array.shape, array.dtype.str)
-        position += aligned(array.nbytes)
-        return found
+    def __init__(self, value: object) -> None:
+        self.arrays: list[memoryview] = []
+        """Bytes of its large arrays, not copied."""
+        self.data = pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL, buffer_callback=self._stays_inside)
+        self.size = sum(aligned(array.nbytes) for array in self.arrays)
+        """Bytes that the large arrays take up in a block."""
 
-    return replaced(message, np.ndarray, place), arrays, position
+    def _stays_inside(self, buffer: pickle.PickleBuffer) -> bool:
+        raw = buffer.raw()
+        if raw.nbytes <= LARGEST_INSIDE:
+            return True
+        self.arrays.append(raw)
+        return False
 
 
 class SharedBlock:
-    """A block of shared memory. The process that created it removes its name, once the other one has opened it: the memory
-    stays until both have closed it, and nothing is left when one of them is killed."""
+    """A block of shared memory. Who opens it removes its name: the memory stays until both processes have closed it, and nothing
+    is left when one of them is killed."""
 
-    def __init__(self, memory: SharedMemory, owner: bool) -> None:
+    def __init__(self, memory: SharedMemory) -> None:
         self._memory: SharedMemory | None = memory
-        self._owner = owner
         self.name = memory.name
 
     @classmethod
@@ -96,7 +74,7 @@ class SharedBlock:
             memory = SharedMemory(f"{PREFIX}{os.getpid()}-{secrets.token_hex(8)}", create=True, size=max(1, size))
         except (OSError, ValueError, ImportError) as error:
             raise _no_room(size, error) from error
-        block = cls(memory, owner=True)
+        block = cls(memory)
         descriptor = getattr(memory, "_fd", -1)
         try:
             # Without this, a full file system of shared memory kills the process that writes to the block.
@@ -109,45 +87,30 @@ class SharedBlock:
 
     @classmethod
     def open(cls, name: str) -> "SharedBlock":
-        """A block that the other process created. Raises OSError where it does not exist, ValueError for a name that no block has."""
-        if BLOCK_NAME.fullmatch(name) is None:
-            raise ValueError(f"{name[:60]!r} is not the name of a block")
-        return cls(SharedMemory(name), owner=False)
+        """The block that the other process created, without a name from now on. Raises OSError where there is none."""
+        block = cls(SharedMemory(name))
+        block._remove_name()
+        return block
 
-    def write(self, message: T, start: int = 0) -> T:
-        """Copy the arrays of a message into the block from `start` on; returns it with their places.
-
-        Raises ValueError where they do not fit.
-        """
-        places, arrays, end = without_arrays(message, start)
-        buffer = self._buffer()
-        if start < 0 or end > len(buffer):
-            raise ValueError(f"arrays end at byte {end} of a block of {len(buffer)}")
-        position = start
-        for array in arrays:
-            view: NDArray[Any] = np.ndarray(array.shape, array.dtype, buffer, position)
-            view[...] = array
+    def write(self, value: Pickled, start: int = 0, name: str = "") -> Parcel:
+        """Copy the large arrays of a value into the block from byte `start` on. Raises ValueError where they do not fit."""
+        buffer, position = self._buffer(), start
+        if start < 0 or start + value.size > len(buffer):
+            raise ValueError(f"arrays end at byte {start + value.size} of a block of {len(buffer)}")
+        for array in value.arrays:
+            np.frombuffer(buffer, np.uint8, array.nbytes, position)[:] = np.frombuffer(array, np.uint8)
             position += aligned(array.nbytes)
-        return places
+        return Parcel(value.data, tuple(array.nbytes for array in value.arrays), start, name)
 
-    def read(self, message: T) -> T:
-        """A message with read-only copies of its arrays instead of their places. Raises ValueError for a place outside the
-        block, and for copies that would together be larger than the block."""
-        buffer = self._buffer()
-        left = len(buffer)
-
-        def copy(place: ArrayPlace) -> NDArray[Any]:
-            nonlocal left
-            if not 0 <= place.offset <= len(buffer) - place.size or place.size > left:
-                raise ValueError(f"{str(place)[:200]} lies outside a block of {len(buffer)} bytes")
-            left -= place.size
-            view: NDArray[Any] = np.ndarray(place.shape, place.dtype, buffer, place.offset)
-            array = view.copy()
-            array.flags.writeable = False
-            return array
-
-        found: T = replaced(message, ArrayPlace, copy)
-        return found
+    def read(self, parcel: Parcel) -> Any:
+        """The value of a parcel; its large arrays are read-only copies."""
+        copies, position = [], parcel.start
+        for size in parcel.sizes:
+            # numpy releases Python's lock while it copies.
+            copies.append(np.frombuffer(self._buffer(), np.uint8, size, position).copy())
+            copies[-1].flags.writeable = False
+            position += aligned(size)
+        return pickle.loads(parcel.data, buffers=copies)
 
     def _buffer(self) -> memoryview:
         buffer = None if self._memory is None else self._memory.buf
@@ -155,24 +118,51 @@ class SharedBlock:
             raise ValueError(f"shared memory {self.name} is closed")
         return buffer
 
-    def remove_name(self) -> None:
-        """Remove the block's name, so that it can no longer be opened; processes that have it open keep it."""
-        if self._owner and self._memory is not None:
-            self._owner = False
+    def _remove_name(self) -> None:
+        if self._memory is not None:
+            # The other process may have done so.
             with suppress(FileNotFoundError):
                 self._memory.unlink()
 
     def close(self) -> None:
-        """Close the block, and remove its name where this process created it."""
+        """Close the block, and remove its name."""
         if self._memory is not None:
-            self.remove_name()
+            self._remove_name()
             self._memory.close()
             self._memory = None
+
+
+def inside(value: object) -> Parcel:
+    """A value to be sent whole inside a message."""
+    return Parcel(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
+
+
+def sent(value: object) -> tuple[Parcel, SharedBlock | None]:
+    """A value to be sent, and the block of its large arrays, if it has any: to be kept until the other process has the value.
+
+    Raises InputError where there is not enough shared memory.
+    """
+    pickled = Pickled(value)
+    if not pickled.arrays:
+        return Parcel(pickled.data), None
+    block = SharedBlock.create(pickled.size)
+    return block.write(pickled, name=block.name), block
+
+
+def received(parcel: Parcel) -> Any:
+    """The value that the other process sent."""
+    if not parcel.block:
+        return pickle.loads(parcel.data)
+    block = SharedBlock.open(parcel.block)
+    try:
+        return block.read(parcel)
+    finally:
+        block.close()
 
 
 def _no_room(size: int, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or error
     return InputError(
-        f"shared memory: {size / 1e6:.0f} MB for training cannot be had ({reason}); "
+        f"shared memory: {size / 1e6:.0f} MB cannot be had ({reason}); "
         "make more of it available (in a container: a larger --shm-size), or encode fewer or smaller textures"
     )

@@ -4,9 +4,10 @@ import os
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import torch
 
 from ntc.codec.block.config import BlockConfig
@@ -17,8 +18,8 @@ from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.training.encode import encode_textures
 from ntc.training.request import TrainingRequest
-from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import Failed, Finished, Report
+from ntc.worker.client import Finished, Report, TrainingWorker
+from ntc.worker.protocol import Failed
 from ntc.worker.shared_arrays import PREFIX
 from tests.unit.ntc.training.test_train import texture
 
@@ -40,12 +41,16 @@ ENDLESS = replace(SHORT, steps=10**7)
 FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, CODEC, SHORT)
 
 
-BLOCKS_FROM_NOTHING = replace(FROM_NOTHING, codec=BlockConfig(coefficients=24, modes=4))
+BLOCK_CODEC = BlockConfig(coefficients=24, modes=4)
 
 
-MANY_BLOCKS = TrainingRequest(
-    (texture(128, 128),) * 1000, Grouping("random", (0, 1) * 500), BlockConfig(coefficients=24, modes=4), SHORT
-)
+BLOCK_OPTIONS = BlockOptions(SHORT.seed, groups_apart=True)
+
+
+BLOCKS_FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, BLOCK_CODEC, BLOCK_OPTIONS)
+
+
+MANY_BLOCKS = TrainingRequest((texture(128, 128),) * 1000, Grouping("random", (0, 1) * 500), BLOCK_CODEC, BLOCK_OPTIONS)
 """Takes many seconds."""
 
 
@@ -104,6 +109,15 @@ def blocks(process: int | None = None) -> list[str]:
     """Names of the shared memory that a process has created, this one unless another is named, and that still has a name."""
     folder, owner = Path("/dev/shm"), process or os.getpid()
     return sorted(path.name for path in folder.glob(f"{PREFIX}{owner}-*")) if folder.is_dir() else []
+
+
+def array_bytes(value: object) -> list[bytes]:
+    """The bytes of all arrays within the tuples and dataclasses of a value, in their order."""
+    if isinstance(value, np.ndarray):
+        return [value.tobytes()]
+    if is_dataclass(value):
+        value = tuple(getattr(value, field.name) for field in fields(value))
+    return [found for part in value for found in array_bytes(part)] if isinstance(value, tuple) else []
 
 
 def lives(process: int) -> bool:

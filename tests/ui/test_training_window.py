@@ -18,10 +18,9 @@ from ntc.errors import InputError
 from ntc.pack.diff import changed_groups
 from ntc.pack.file import read_pack
 from ntc.training.progress import TrainingProgress
-from ntc.worker.shared_arrays import without_arrays
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
-from tests.support.training_workers import blocks
+from tests.support.training_workers import array_bytes, blocks
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
 from viewer.script.parse import parse_script
@@ -107,8 +106,7 @@ def messages(app: DrivenApp) -> str:
 
 def fingerprint(pack: Pack, group: int) -> str:
     members = tuple(texture for texture in pack.textures if texture.group == group)
-    arrays = without_arrays((pack.decoders[group], members))[1]
-    return hashlib.sha256(b"".join(array.tobytes() for array in arrays)).hexdigest()
+    return hashlib.sha256(b"".join(array_bytes((pack.decoders[group], members)))).hexdigest()
 
 
 def picture_at_rest(app: DrivenApp) -> np.ndarray:

@@ -13,7 +13,6 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.worker.shared_arrays import SharedBlock, without_arrays
 from viewer.jobs.function_process import FunctionProcess
 from viewer.jobs.job import Job, JobReport
 from viewer.locations import features_cache
@@ -56,15 +55,10 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     return GroupingInputs(seen, {}, features)
 
 
-def group_textures(request: tuple[GroupingJob, str] | None) -> Grouping | None:
-    """In the grouping process: the grouping of a job whose pixels lie in the shared block of that name; None for none, by which
-    the process is started. Raises InputError."""
-    if request is None:
+def group_textures(job: GroupingJob | None) -> Grouping | None:
+    """In the grouping process: the grouping of a job; None for none, by which the process is started. Raises InputError."""
+    if job is None:
         return None
-    places, block_name = request
-    block = SharedBlock.open(block_name)
-    job = block.read(places)
-    block.close()
     return make_grouping(job.config, job.textures, grouping_inputs(job))
 
 
@@ -90,18 +84,15 @@ class GroupingProcess:
         job = GroupingJob(self._config, textures, scene)
         if job.config.name in WITHOUT_FEATURES:
             return make_grouping(job.config, job.textures)
-        # Pixels go through shared memory: pickled, they would hold up the window's thread.
-        block = SharedBlock.create(without_arrays(job)[2])
         try:
             self._wait(report)
-            self._call = self._process.call((block.write(job), block.name))
+            self._call = self._process.call(job)
             self._wait(report)
             found = self._call.result()
             assert found is not None
             return found
         finally:
             self._process.close()
-            block.close()
 
     def _wait(self, report: JobReport) -> None:
         while self._call is not None and not self._call.done:

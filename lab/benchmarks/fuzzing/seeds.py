@@ -179,13 +179,6 @@ def settings() -> Iterator[bytes]:
     yield json.dumps(asdict(ViewerSettings())).encode()
 
 
-def messages() -> Iterator[bytes]:
-    """Messages between the window and its training process."""
-    from lab.benchmarks.fuzzing.messages import talks
-
-    yield from talks()
-
-
 def scripts() -> Iterator[bytes]:
     """Scripts."""
     from lab.benchmarks.fuzzing.scripts import script_seed

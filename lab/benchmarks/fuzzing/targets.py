@@ -43,13 +43,7 @@ WATCHED_SCRIPTS = [
     "viewer.state.view_file",
     "viewer.state.session",
 ]
-WATCHED_MESSAGES = [
-    *("ntc.worker.client", "ntc.worker.protocol", "ntc.worker.pipe", "ntc.worker.process", "ntc.worker.report_checks"),
-    *("ntc.worker.shared_arrays", "ntc.training.snapshot", "ntc.training.request"),
-]
-
-with atheris.instrument_imports(include=[*WATCHED, *WATCHED_MESSAGES, *WATCHED_SCRIPTS], enable_loader_override=False):
-    from lab.benchmarks.fuzzing.messages import MessageReader, mutate_messages
+with atheris.instrument_imports(include=[*WATCHED, *WATCHED_SCRIPTS], enable_loader_override=False):
     from lab.benchmarks.fuzzing.scripts import ScriptReader, mutate_script
     from ntc.pack.file import read_pack
     from viewer.scene.cameras_file import read_cameras
@@ -88,11 +82,9 @@ class Readers:
             "ktx2": (self.image, mutate_ktx2),
             "cameras": (self.cameras, mutate_json),
             "settings": (self.settings, mutate_json),
-            "worker messages": (self.messages, mutate_messages),
             "script": (self.script, mutate_script),
             "view": (self.view, mutate_json),
         }
-        self._messages: MessageReader | None = None
         self._scripts: ScriptReader | None = None
 
     def scene(self, data: bytes) -> None:
@@ -138,12 +130,6 @@ class Readers:
         """Read `data` as settings, the way a file is turned into text."""
         with contextlib.suppress(UnicodeDecodeError):
             parse_settings(data.decode(), "fuzz")
-
-    def messages(self, data: bytes) -> None:
-        """Take `data` as messages of background training."""
-        if self._messages is None:
-            self._messages = MessageReader()
-        self._messages.read(data)
 
     def script(self, data: bytes) -> None:
         """Take `data` as a script, and run it."""

@@ -8,9 +8,10 @@ import pytest
 
 from ntc.codec.model import Pack
 from ntc.training.encode import encode_textures
-from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import Failed, Finished
+from ntc.worker.client import Finished, TrainingWorker
+from ntc.worker.protocol import Failed
 from tests.support.training_workers import (
+    BLOCK_CODEC,
     BLOCKS_FROM_NOTHING,
     CODEC,
     ENDLESS,
@@ -54,5 +55,5 @@ def case(request: pytest.FixtureRequest, trained: Pack) -> CodecCase:
     """The codecs, one after the other."""
     if request.param == "grid":
         return CodecCase(FROM_NOTHING, replace(FROM_NOTHING, training=ENDLESS), trained)
-    encoded = encoded_by_group(TEXTURES, GROUPS, BLOCKS_FROM_NOTHING.block_codec, SHORT.seed)
+    encoded = encoded_by_group(TEXTURES, GROUPS, BLOCK_CODEC, SHORT.seed)
     return CodecCase(BLOCKS_FROM_NOTHING, MANY_BLOCKS, encoded)

@@ -1,5 +1,6 @@
-"""Messages whose arrays lie in shared memory."""
+"""Values that are sent with their large arrays in shared memory."""
 
+import math
 import os
 from dataclasses import dataclass
 from multiprocessing import shared_memory
@@ -9,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.worker.shared_arrays import ArrayPlace, SharedBlock, without_arrays
-from tests.support.training_workers import blocks
+from ntc.worker.shared_arrays import LARGEST_INSIDE, Pickled, SharedBlock, inside, received, sent
+from tests.support.training_workers import array_bytes, blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,77 +20,60 @@ class _Inner:
 
 
 @dataclass(frozen=True, eq=False)
-class _Message:
-    name: str
+class _Value:
+    decibels: float
     parts: tuple[_Inner, ...]
     bytes: NDArray[np.uint8]
     empty: NDArray[np.float64]
 
 
-def message() -> _Message:
-    """Arrays of several types, one not contiguous."""
+def value() -> _Value:
+    """Arrays of several types and sizes, one not contiguous."""
     random = np.random.default_rng(0)
-    parts = tuple(_Inner(random.random((3, n), np.float32).T) for n in (1, 7))
-    return _Message("m", parts, random.integers(0, 256, (5, 3), np.uint8), np.zeros((0, 2)))
+    parts = tuple(_Inner(random.random((3, n), np.float32)[::2]) for n in (1, LARGEST_INSIDE))
+    return _Value(math.inf, parts, random.integers(0, 256, (LARGEST_INSIDE + 1, 3), np.uint8), np.zeros((0, 2)))
 
 
-def test_what_is_written_is_read_by_the_other_side() -> None:
-    sent = message()
-    places, arrays, end = without_arrays(sent, 128)
-    assert len(arrays) == 4
-    block = SharedBlock.create(end)
-    other = SharedBlock.open(block.name)
-    written = block.write(sent, 128)
-    assert block.name in blocks()
-    assert isinstance(written.bytes, ArrayPlace)
-    assert written.bytes == places.bytes
-    block.remove_name()
-    assert block.name not in blocks()
-    read = other.read(written)
+def test_what_is_sent_arrives_and_the_memory_has_no_name_once_it_is_open() -> None:
+    given = value()
+    parcel, block = sent(given)
+    assert block is not None
+    assert blocks() == [block.name]
+    assert parcel.sizes == (given.bytes.nbytes,), "what is small, and what is not contiguous, goes inside the message"
+    found = received(parcel)
+    assert blocks() == []
     block.close()
-    other.close()
-    other.close()
-    assert read.name == "m"
-    for own, found in (
-        (sent.bytes, read.bytes),
-        (sent.empty, read.empty),
-        (sent.parts[1].values, read.parts[1].values),
-    ):
-        np.testing.assert_array_equal(own, found)
-        assert own.dtype == found.dtype
-        assert not found.flags.writeable
+    block.close()
+    assert found.decibels == math.inf
+    assert array_bytes(found) == array_bytes(given)
+    assert found.parts[1].values.dtype == np.float32
+    assert found.bytes.shape == given.bytes.shape
+    assert not found.bytes.flags.writeable
 
 
-def test_places_outside_and_closed_blocks_are_refused() -> None:
-    block = SharedBlock.create(256)
-    for place in (
-        ArrayPlace(-64, (1,), "|u1"),
-        ArrayPlace(1 << 20, (1,), "|u1"),
-        ArrayPlace(0, (1 << 40,), "<f4"),
-        ArrayPlace(0, (-1, -1), "<f4"),
-    ):
-        with pytest.raises(ValueError, match="outside"):
-            block.read((place,))
-    with pytest.raises(ValueError, match="block of"):
-        block.write((np.zeros(1 << 20),))
+def test_small_values_take_no_shared_memory() -> None:
+    parcel, block = sent((1, np.zeros(3)))
+    assert (block, parcel.block) == (None, "")
+    assert received(parcel)[0] == received(inside(1)) == 1
+
+
+def test_values_lie_side_by_side_in_a_block() -> None:
+    first, second = (Pickled(np.full(LARGEST_INSIDE + 1, number, np.uint8)) for number in (1, 2))
+    block = SharedBlock.create(first.size + second.size)
+    parcels = [block.write(first), block.write(second, first.size)]
+    assert [int(block.read(parcel).max()) for parcel in parcels] == [1, 2]
+    with pytest.raises(ValueError, match="arrays end at byte"):
+        block.write(second, first.size + 8192)
     block.close()
     with pytest.raises(ValueError, match="closed"):
-        block.read((ArrayPlace(0, (1,), "|u1"),))
-
-
-def test_copies_are_no_larger_than_the_block() -> None:
-    block = SharedBlock.create(1 << 16)
-    place = ArrayPlace(0, (1 << 15,), "|u1")
-    assert len(block.read((place, place))) == 2
-    with pytest.raises(ValueError, match="outside"):
-        block.read((place, place, place))
-    block.close()
+        block.read(parcels[0])
+    assert blocks() == []
 
 
 @pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="room is not asked for ahead here")
 def test_no_room_is_said_and_nothing_stays() -> None:
     before = blocks()
-    with pytest.raises(InputError, match=r"shared memory: 1099512 MB for training cannot be had \(.*\); make more"):
+    with pytest.raises(InputError, match=r"shared memory: 1099512 MB cannot be had \(.*\); make more"):
         SharedBlock.create(1 << 40)
     assert blocks() == before
 

@@ -6,11 +6,9 @@ import os
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping, Pack
@@ -20,9 +18,8 @@ from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
-from ntc.worker.client import TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed, Finished
-from ntc.worker.shared_arrays import without_arrays
+from ntc.worker.client import Finished, TrainingWorker, starting_pack
+from ntc.worker.protocol import Failed
 from tests.support.training_workers import (
     CODEC,
     ENDLESS,
@@ -31,6 +28,7 @@ from tests.support.training_workers import (
     SHORT,
     TEXTURES,
     CodecCase,
+    array_bytes,
     blocks,
     finished,
     pack_of,
@@ -44,15 +42,12 @@ pytestmark = pytest.mark.process
 def digest(pack: Pack, texture_index: int) -> str:
     """Over everything that decodes a texture."""
     encoded = pack.textures[texture_index]
-    arrays: list[NDArray[Any]] = [encoded.latents, encoded.scale, encoded.offset]
-    arrays += without_arrays((encoded.adapter, pack.decoders[encoded.group]))[1]
-    return hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()
+    return hashlib.sha256(b"".join(array_bytes((encoded, pack.decoders[encoded.group])))).hexdigest()
 
 
 def same(a: Pack, b: Pack) -> bool:
     """Whether two packs hold the same bits."""
-    found = [[array.tobytes() for array in without_arrays((pack.textures, pack.decoders))[1]] for pack in (a, b)]
-    return found[0] == found[1]
+    return array_bytes((a.textures, a.decoders)) == array_bytes((b.textures, b.decoders))
 
 
 def test_from_nothing_it_gives_what_training_gives_bit_by_bit(

@@ -3,6 +3,7 @@
 import math
 import os
 import signal
+import sys
 import time
 from dataclasses import replace
 from multiprocessing.shared_memory import SharedMemory
@@ -20,8 +21,8 @@ from ntc.pack.file import read_pack, write_pack
 from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
-from ntc.worker.client import TrainingWorker
-from ntc.worker.protocol import Failed, Finished, Paused, Resumed
+from ntc.worker.client import Finished, TrainingWorker
+from ntc.worker.protocol import Failed, Paused, Resumed
 from tests.support.training_workers import (
     BLOCKS_FROM_NOTHING,
     CODEC,
@@ -47,6 +48,9 @@ def test_pause_resume_and_cancel_come_at_once(shared: TrainingWorker, record_pro
     request = TrainingRequest(large, Grouping("random", (0, 1) * 3), CODEC, replace(ENDLESS, texels_per_texture=8192))
     shared.start(request)
     until(shared, TrainingProgress)
+    assert shared.process_id is not None
+    if sys.platform != "win32":
+        assert os.getpriority(os.PRIO_PROCESS, shared.process_id) == 19
     delays = []
     for _ in range(5):
         began = time.monotonic()
