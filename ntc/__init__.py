@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from ntc.codec.config import GroupingConfig
     from ntc.codec.grid.training.config import TrainingConfig
     from ntc.codec.model import EncodedTexture, Grouping, Pack
-    from ntc.codec.psnr import psnr_db
+    from ntc.codec.quality import psnr_db
     from ntc.codec.reference import decode_texels
     from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
     from ntc.codec.textures import SourceTexture
@@ -62,7 +62,7 @@ _PLACES = {
     "ntc.codec.targets": ("BitsTarget", "QualityTarget", "SizeTarget"),
     "ntc.codec.config": ("GroupingConfig",),
     "ntc.codec.model": ("EncodedTexture", "Grouping", "Pack"),
-    "ntc.codec.psnr": ("psnr_db",),
+    "ntc.codec.quality": ("psnr_db",),
     "ntc.codec.reference": ("decode_texels",),
     "ntc.codec.textures": ("SourceTexture",),
     "ntc.errors": ("InputError", "TrainingCancelledError", "TrainingFailedError"),

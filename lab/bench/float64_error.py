@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lab.bench.filtering import decode_filtered, filter_decoded
 from ntc.codec.color import linear_to_srgb, linear_to_srgb8, srgb_to_linear
 from ntc.codec.model import Pack
-from ntc.codec.psnr import finite_or_none
+from ntc.codec.quality import finite_or_none
 from ntc.pack.match import PackMatch
 from viewer.render.resources.layout import MATERIAL_SHIFT
 from viewer.render.resources.visibility_buffer import VisibilityTarget

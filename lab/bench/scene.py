@@ -14,7 +14,7 @@ from lab.bench.float64_error import Float64Pixels, float64_pixels
 from lab.bench.interleaved import Progress, no_progress, spread_of, warm_up_rounds
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.model import Pack
-from ntc.codec.psnr import finite_or_none, psnr_db
+from ntc.codec.quality import finite_or_none, psnr_db
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.image_quality import flip

@@ -16,7 +16,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import Precision
 from ntc.codec.grid.accuracy.running_error import running_bounds
 from ntc.codec.model import Pack
-from ntc.codec.psnr import finite_or_none
+from ntc.codec.quality import finite_or_none
 from ntc.codec.reference import decode_texels
 from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext

@@ -18,12 +18,12 @@ import torch
 from lab.benchmarks.plain_training import PlainTraining
 from lab.studies.settings import StudySettings
 from ntc.codec.config import GroupingConfig
-from ntc.codec.device import choose_device, peak_memory_bytes
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.training.batch import TrainingBatch
 from ntc.errors import InputError
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.io import write_text
+from ntc.torch_device import choose_device, peak_memory_bytes
 from viewer.cli.encode import read_source
 
 STEPS_A_TURN = 10

@@ -22,8 +22,8 @@ from ntc.codec.block.encoding.sharing import share_words
 from ntc.codec.block.encoding.tables import rate_curve
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.reference import decode_image
-from ntc.codec.psnr import PsnrSummary
-from ntc.codec.texture_set import TextureSet
+from ntc.codec.encoding import TextureSet
+from ntc.codec.quality import PsnrSummary
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.io import write_text

@@ -15,7 +15,7 @@ from lab.bench.interleaved import time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import Tiling
 from lab.benchmarks.measuring import report
-from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.gpu import SOFTWARE
 from ntc.codec.grid.training.config import recipe_codec
 from viewer.gl.context import create_headless_context
 from viewer.render.passes.decode_binned import DecodeBinnedPass

@@ -5,13 +5,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from lab.studies.runs import Report, RunResult
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.rate import block_count, config_for_bits, side_bits, texel_count
 from ntc.codec.block.encoding.sharing import DEFAULT_SHARING, Sharing
-from ntc.codec.block.options import BlockOptions
+from ntc.codec.encoding import TextureSet, texture_set
 from ntc.codec.model import Grouping
-from ntc.codec.psnr import finite_or_none
-from ntc.codec.texture_set import TextureSet, texture_set
+from ntc.codec.quality import finite_or_none
 from ntc.codec.textures import SourceTexture
 from ntc.metrics.metrics import bits_with_mips
 from ntc.training.encode import encode_textures

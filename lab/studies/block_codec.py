@@ -5,11 +5,11 @@ from collections.abc import Sequence
 
 from lab.studies.set_quality import PictureQuality, SetQuality, pack_bits_per_texel, picture_quality
 from lab.studies.settings import BlockSide
+from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import config_for_bits
-from ntc.codec.block.options import BlockOptions
+from ntc.codec.encoding import texture_set
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import codec_of
-from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.training.encode import encode_textures
 

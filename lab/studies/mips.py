@@ -11,7 +11,7 @@ from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
-from ntc.codec.psnr import PsnrSummary
+from ntc.codec.quality import PsnrSummary
 from ntc.codec.textures import SourceTexture
 from viewer.cli.table import Cell, Column, Table
 

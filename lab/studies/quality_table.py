@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from lab.studies.runs import RunResult
-from ntc.codec.psnr import PsnrSummary
+from ntc.codec.quality import PsnrSummary
 from viewer.cli.table import Cell, Column, Table
 
 Key = tuple[str, str, int]

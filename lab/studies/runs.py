@@ -8,19 +8,19 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ntc.codec.device import choose_device
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.psnr import finite_or_none, psnr_db
+from ntc.codec.quality import finite_or_none, psnr_db
 from ntc.codec.textures import SourceTexture
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat, compress
 from ntc.metrics.image_quality import flip, level_psnr, ssim
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
+from ntc.torch_device import choose_device
 from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.mips import mip_sizes
 from ntc.codec.model import Pack
-from ntc.codec.psnr import PsnrSummary, psnr_db, psnr_of_mse
+from ntc.codec.quality import PsnrSummary, psnr_db, psnr_of_mse
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip, ssim
 from ntc.metrics.metrics import psnr_table

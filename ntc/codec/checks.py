@@ -6,9 +6,8 @@ import numpy as np
 
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.maps import BASE_ALONE, channel_places, maps_fit
-from ntc.codec.model import Grouping
+from ntc.codec.model import CodecSettings, Grouping
 from ntc.codec.registry import codec_of, shipping_codec
-from ntc.codec.settings import CodecSettings
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 

@@ -1,13 +1,41 @@
-"""The pack: encoded textures and decoders of one grouping, and the `.ntc` file that holds them (docs/pack-format.md)."""
+"""The pack as data: settings of a codec, encoded textures and decoders of one grouping (docs/pack-format.md)."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from ntc.codec.config import UNIVERSAL, ColorSpace, WrapMode
 from ntc.codec.maps import BASE_ALONE, MapName, channel_places
-from ntc.codec.settings import CodecSettings
+
+
+class CodecSettings(ABC):
+    """Shape of latents and decoders, the same for every texture of a pack. Subclasses are frozen dataclasses."""
+
+    kind: ClassVar[str]
+    """Name of the codec in `ntc.codec.registry`."""
+    levels: int | None
+    """Encoded mips at most. None: as many as `smallest_top_cells` asks for. 1: mip 0 alone."""
+    output_channels: int
+    """Channels that decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
+    maps: tuple[MapName, ...]
+    """Maps that the channels stand for (`ntc.codec.maps`): all that any texture of the pack has."""
+
+    @property
+    @abstractmethod
+    def downscale(self) -> int:
+        """Texels per latent cell along one side."""
+
+    @property
+    @abstractmethod
+    def smallest_top_cells(self) -> int:
+        """The pyramid ends at the first level whose longer side is at most this many cells."""
+
+    @property
+    @abstractmethod
+    def multiply_adds(self) -> int:
+        """Multiply-adds of one decoded texel at most."""
 
 
 @dataclass(frozen=True, eq=False)

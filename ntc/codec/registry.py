@@ -6,7 +6,7 @@ from typing import Final, Literal, get_args
 
 from ntc.codec.codec import Codec
 from ntc.codec.encoding import EncodingChoices
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings
 
 CodecName = Literal["block", "grid"]
 """The codecs that a user chooses from, the one first that is taken where all can do what is asked for."""

@@ -8,8 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace, WrapMode
-from ntc.codec.map_weights import SEEN_WEIGHTS, MapWeights
-from ntc.codec.maps import BASE_ALONE, MapName
+from ntc.codec.maps import BASE_ALONE, SEEN_WEIGHTS, MapName, MapWeights
 
 ROWS_HASHED = 64
 """Rows of a texture that are brought together at a time."""

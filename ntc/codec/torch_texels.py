@@ -1,7 +1,8 @@
-"""Decoding texels of a pack with torch, piece by piece: what both codecs share."""
+"""Decoding with torch, as every codec does it: bilinear and trilinear lookups in flat pyramids, and pieces of a texture at a time."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
@@ -12,7 +13,104 @@ from torch import Tensor
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from ntc.codec.torch_sampling import finite_places
+
+
+@dataclass(frozen=True, eq=False)
+class PyramidTable:
+    """Where the levels of many textures lie in one flat array. All tensors are int64 on one device."""
+
+    width: Tensor
+    """[T, L] cells (or texels) along u; levels that a texture lacks repeat its last."""
+    height: Tensor
+    """[T, L] cells (or texels) along v."""
+    first: Tensor
+    """[T, L] index of the level's first element in the flat array."""
+    levels: Tensor
+    """[T] levels that the texture has."""
+    repeats: Tensor
+    """[T, 2] bool: whether neighbours beyond the edge come from the other side, along u and v."""
+
+    @classmethod
+    def of(
+        cls, levels: Sequence[Sequence[tuple[int, int]]], repeats: Sequence[tuple[bool, bool]], device: torch.device
+    ) -> "PyramidTable":
+        """Table for textures whose levels have these (width, height), laid out one after the other."""
+        most = max(len(sizes) for sizes in levels)
+        width, height, first, position = [], [], [], 0
+        for sizes in levels:
+            starts = []
+            for w, h in sizes:
+                starts.append(position)
+                position += w * h
+            fill = most - len(sizes)
+            width.append([w for w, _ in sizes] + [sizes[-1][0]] * fill)
+            height.append([h for _, h in sizes] + [sizes[-1][1]] * fill)
+            first.append(starts + [starts[-1]] * fill)
+
+        def tensor(values: object) -> Tensor:
+            return torch.tensor(values, dtype=torch.int64, device=device)
+
+        counts = tensor([len(sizes) for sizes in levels])
+        return cls(tensor(width), tensor(height), tensor(first), counts, torch.tensor(list(repeats), device=device))
+
+
+def _neighbour(cell: Tensor, cells: Tensor, repeats: Tensor) -> Tensor:
+    return torch.where(repeats, torch.remainder(cell, cells), torch.minimum(cell.clamp(min=0), cells - 1))
+
+
+def bilinear_corners(table: PyramidTable, texture: Tensor, level: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:
+    """Indices [N, 4] int64 into the flat array and weights [N, 4] for `uv` [N, 2] in [0, 1] of `texture` [N] at `level` [N]."""
+    width, height = table.width[texture, level], table.height[texture, level]
+    x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
+    left, top = torch.floor(x), torch.floor(y)
+    fraction_x, fraction_y = x - left, y - top
+    repeats = table.repeats[texture]
+    column, row = left.long(), top.long()
+    columns = [_neighbour(column + step, width, repeats[:, 0]) for step in (0, 1)]
+    rows = [_neighbour(row + step, height, repeats[:, 1]) * width + table.first[texture, level] for step in (0, 1)]
+    index = torch.stack(
+        [rows[0] + columns[0], rows[0] + columns[1], rows[1] + columns[0], rows[1] + columns[1]], dim=-1
+    )
+    x_weights, y_weights = (1.0 - fraction_x, fraction_x), (1.0 - fraction_y, fraction_y)
+    weights = torch.stack([x_weights[i] * y_weights[j] for j in (0, 1) for i in (0, 1)], dim=-1)
+    return index, weights
+
+
+def trilinear_corners(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Tensor) -> tuple[Tensor, Tensor]:
+    """Indices [N, 8] and weights [N, 8] that blend the two levels around `lod` [N], which lies in the texture's range."""
+    lower = torch.floor(lod).long()
+    upper = torch.minimum(lower + 1, table.levels[texture] - 1)
+    share = (lod - lower)[:, None]
+    index_lower, weights_lower = bilinear_corners(table, texture, lower, uv)
+    index_upper, weights_upper = bilinear_corners(table, texture, upper, uv)
+    weights = torch.cat([weights_lower * (1.0 - share), weights_upper * share], dim=-1)
+    return torch.cat([index_lower, index_upper], dim=-1), weights
+
+
+def weighted_rows(rows: Tensor, index: Tensor, weights: Tensor) -> Tensor:
+    """[N, C]: sum over k of `rows` [R, C] at `index` [N, k], times `weights` [N, k]."""
+    return torch.nn.functional.embedding_bag(index, rows, per_sample_weights=weights, mode="sum")
+
+
+def wrapped_coordinate(coordinate: Tensor, mode: WrapMode) -> Tensor:
+    """`coordinate` [N] wrapped into [0, 1]."""
+    if mode == "repeat":
+        return coordinate - torch.floor(coordinate)
+    if mode == "clamp":
+        return coordinate.clamp(0.0, 1.0)
+    # Distance to the nearest even number: exact in fp32, where folding [0, 2) is not for small negative coordinates.
+    return torch.abs(coordinate - 2.0 * torch.round(coordinate / 2.0))
+
+
+def finite_places(
+    uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode], device: torch.device
+) -> tuple[Tensor, Tensor]:
+    """`uv` [N, 2] wrapped into [0, 1] and `lod` [N], float32; what is not finite counts as 0."""
+    at, level = (
+        torch.from_numpy(np.nan_to_num(np.asarray(part, np.float32), posinf=0.0, neginf=0.0)).to(device)
+        for part in (uv, lod)
+    )
+    return torch.stack([wrapped_coordinate(at[:, axis], wrap[axis]) for axis in range(2)], dim=-1), level
 
 
 class TorchTexels(ABC):

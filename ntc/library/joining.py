@@ -7,8 +7,7 @@ from dataclasses import replace
 from typing import Any
 
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.schema import LARGEST_COUNT, codec_json
 

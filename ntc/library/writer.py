@@ -9,7 +9,7 @@ from types import TracebackType
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import EncodedTexture, Pack
-from ntc.codec.psnr import finite_or_none
+from ntc.codec.quality import finite_or_none
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.io import hold_lock, write_bytes

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import ColorSpace
 from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName
 from ntc.codec.mips import mip_chain
-from ntc.codec.psnr import PsnrSummary, psnr_db
+from ntc.codec.quality import PsnrSummary, psnr_db
 from ntc.codec.textures import hash_pixels
 from ntc.metrics.block_cache import BlockCache
 from ntc.metrics.block_compression import (

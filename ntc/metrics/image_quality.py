@@ -10,7 +10,7 @@ from scipy import ndimage
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features.pixels import LUMA, as_rgb, check_image

@@ -7,7 +7,7 @@ from typing import Any
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from ntc.codec.psnr import PsnrSummary, finite_or_none
+from ntc.codec.quality import PsnrSummary, finite_or_none
 from ntc.codec.registry import codec_of
 
 

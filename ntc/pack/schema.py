@@ -11,9 +11,8 @@ from msgspec import Meta
 
 from ntc.codec.config import ColorSpace, WrapMode
 from ntc.codec.maps import BASE_ALONE, LARGEST_CHANNELS, MapName, channel_places
-from ntc.codec.model import Pack
+from ntc.codec.model import CodecSettings, Pack
 from ntc.codec.registry import FIRST_NAME, MODULES, codec_named
-from ntc.codec.settings import CodecSettings
 from ntc.errors import MetadataError
 
 FORMAT_VERSION = 1

@@ -6,11 +6,8 @@ from contextlib import suppress
 from pathlib import Path
 
 from ntc.codec.codec import Codec
-from ntc.codec.encoding import EncodingChoices, EncodingOptions
-from ntc.codec.interruption import CancelQuestion
-from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
-from ntc.codec.settings import CodecSettings
-from ntc.codec.texture_set import file_header_bytes, texture_set
+from ntc.codec.encoding import CancelQuestion, EncodingChoices, EncodingOptions, file_header_bytes, texture_set
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError, TrainingFailedError
 from ntc.training.progress import ProgressListener, TrainingProgress

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Protocol
 
-from ntc.codec.psnr import PsnrSummary
+from ntc.codec.quality import PsnrSummary
 from ntc.training.snapshot import GroupSnapshot
 
 ProgressListener = Callable[["TrainingProgress"], None]

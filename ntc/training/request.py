@@ -8,8 +8,7 @@ import numpy as np
 
 from ntc.codec.checks import check_textures
 from ntc.codec.encoding import Budget, EncodingOptions
-from ntc.codec.model import Grouping, Pack
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.training.snapshot import unchanged_groups

@@ -12,8 +12,7 @@ from safetensors.torch import load, save
 from torch import Tensor
 
 from ntc.codec.encoding import EncodingOptions
-from ntc.codec.model import Grouping
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings, Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.io import file_metadata, read_file, write_bytes

@@ -16,12 +16,10 @@ from typing import Any
 
 import numpy as np
 
-from ntc.codec.encoding import EncodedGroup, EncodingTask, Figures, Piece, QualityBudget
-from ntc.codec.interruption import no_interruption
-from ntc.codec.model import Decoder, EncodedTexture
-from ntc.codec.psnr import mse_of_psnr, psnr_of_mse
+from ntc.codec.encoding import EncodedGroup, EncodingTask, Figures, Piece, QualityBudget, no_interruption
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture
+from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.registry import codec_of
-from ntc.codec.settings import CodecSettings
 from ntc.errors import InputError
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingHost, TrainingProgress
 from ntc.training.request import TrainingRequest

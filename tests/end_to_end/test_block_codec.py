@@ -9,7 +9,7 @@ import pytest
 
 from ntc.codec.block.model import block_parts
 from ntc.codec.config import GroupingName
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.registry import codec_of
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack

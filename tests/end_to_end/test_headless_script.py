@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.gpu import DecoderVariant
 from tests.ui.conftest import write_scene
 from viewer.cli import main
 from viewer.render.resources.pack_buffers import PackBuffers

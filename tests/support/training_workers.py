@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.options import BlockOptions
+from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.errors import InputError
 from ntc.metrics.compressed_textures import CompressedTexture, CompressionRequest, compress_texture
 from tests.support.driven_app import DrivenApp

@@ -12,7 +12,7 @@ import pytest
 from imgui_bundle import imgui
 
 from ntc.codec.color import linear_to_srgb8
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.commands import run_line

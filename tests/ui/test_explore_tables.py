@@ -10,7 +10,7 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.maps import MAPS
 from ntc.codec.mips import mip_chain, mip_sizes
 from ntc.codec.model import Grouping
-from ntc.codec.psnr import mse_of_psnr, psnr_db, psnr_of_mse
+from ntc.codec.quality import mse_of_psnr, psnr_db, psnr_of_mse
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_table

@@ -13,9 +13,8 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.device import peak_memory_bytes
 from ntc.codec.encoding import DEFAULT_BITS, EncodingChoices
-from ntc.codec.map_weights import MAP_WEIGHTS, MapWeightsName
+from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import chosen_codec, codec_named
 from ntc.codec.targets import BitsTarget, SizeTarget
@@ -26,6 +25,7 @@ from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
+from ntc.torch_device import peak_memory_bytes
 from ntc.training.encode import encode_chosen
 from ntc.training.progress import TrainingProgress
 from viewer.cli.encode_jobs import encode_by_jobs, is_by_jobs

@@ -9,7 +9,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import Progress
 
-from ntc.codec.psnr import mse_of_psnr, psnr_of_mse
+from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.errors import InputError
 from ntc.io import write_text
 from ntc.pack.file import read_pack

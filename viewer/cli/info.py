@@ -9,10 +9,9 @@ from typing import Any, cast
 
 from ntc.codec.codec import SAMPLED_TEXELS, CertifiedError
 from ntc.codec.config import Precision
-from ntc.codec.model import Pack
-from ntc.codec.psnr import finite_or_none
+from ntc.codec.model import CodecSettings, Pack
+from ntc.codec.quality import finite_or_none
 from ntc.codec.registry import codec_of
-from ntc.codec.settings import CodecSettings
 from ntc.errors import InputError
 from ntc.library.index import is_library
 from ntc.metrics.metrics import psnr_table

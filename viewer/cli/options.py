@@ -9,7 +9,7 @@ import tyro
 
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
 from ntc.codec.encoding import RecipeName
-from ntc.codec.map_weights import MapWeightsName
+from ntc.codec.maps import MapWeightsName
 from ntc.codec.registry import CodecName
 from ntc.codec.targets import PresetName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage

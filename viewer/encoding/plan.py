@@ -9,12 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ntc.codec.config import DEFAULT_CLUSTERS, UNIVERSAL, GroupingConfig
-from ntc.codec.encoding import EncodingChoices, EncodingOptions
+from ntc.codec.encoding import EncodingChoices, EncodingOptions, TextureSet, common_channels
 from ntc.codec.maps import MapName, joint_maps
-from ntc.codec.model import Grouping
+from ntc.codec.model import CodecSettings, Grouping
 from ntc.codec.registry import codec_named, codec_of
-from ntc.codec.settings import CodecSettings
-from ntc.codec.texture_set import TextureSet, common_channels
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.map_weights import MAP_WEIGHTS, MapWeightsName
+from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import read_file

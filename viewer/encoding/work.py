@@ -8,8 +8,7 @@ import torch
 from ntc.codec.config import FeatureName
 from ntc.codec.encoding import EncodingOptions
 from ntc.codec.maps import MapName
-from ntc.codec.model import Grouping
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings, Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import raw_features

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
-from ntc.codec.psnr import psnr_of_mse
+from ntc.codec.quality import psnr_of_mse
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip_map, ssim_map
 from viewer.render.resources.layout import materials_of, texture_ids_of

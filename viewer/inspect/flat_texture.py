@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_texels, texel_centres
 from ntc.codec.textures import SourceTexture
 from ntc.metrics.compressed_textures import CompressedTexture

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import FeatureName
 from ntc.codec.model import Pack
-from ntc.codec.psnr import mse_of_psnr, psnr_of_mse
+from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.pack.match import PackMatch
 from viewer.jobs.job import JobReport

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.maps import MAPS, PLANE_OF_MAP, MapName
-from ntc.codec.psnr import finite_or_none
+from ntc.codec.quality import finite_or_none
 from viewer.render.renderer import Renderer
 from viewer.state.view_state import DecodedMaps, Slot
 

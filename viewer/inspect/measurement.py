@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.pack.match import PackMatch
 from viewer.render.renderer import Renderer

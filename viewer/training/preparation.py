@@ -3,10 +3,10 @@
 from dataclasses import dataclass, replace
 
 from ntc.codec.config import UNIVERSAL, GroupingConfig
+from ntc.codec.encoding import texture_set
 from ntc.codec.maps import BASE_ALONE
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_named, codec_of
-from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.training.request import TrainingRequest

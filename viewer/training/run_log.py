@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_of_mse
+from ntc.codec.quality import psnr_of_mse
 from ntc.errors import InputError
 from ntc.training.progress import TrainingProgress
 

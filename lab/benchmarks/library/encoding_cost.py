@@ -15,13 +15,13 @@ from typing import Annotated, TypeVar
 import torch
 import tyro
 
+from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.groups import fitted_groups
 from ntc.codec.block.encoding.rate import config_for_bits
-from ntc.codec.block.options import BlockOptions
+from ntc.codec.encoding import texture_set
 from ntc.codec.model import Grouping
-from ntc.codec.psnr import PsnrSummary
+from ntc.codec.quality import PsnrSummary
 from ntc.codec.registry import codec_of
-from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.features import feature_matrix
 from ntc.io import write_text

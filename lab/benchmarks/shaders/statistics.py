@@ -16,7 +16,7 @@ from lab.benchmarks.measuring import report
 from lab.benchmarks.shaders.compiling import GPUS, compiled, find_compiler
 from lab.benchmarks.shaders.decoding_programs import CODECS, DecodingProgram, decoding_programs
 from lab.benchmarks.shaders.machine_code import MachineCode
-from ntc.codec.gpu_variant import GPU, DecoderVariant
+from ntc.codec.gpu import GPU, DecoderVariant
 from ntc.codec.grid.config import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import create_headless_context

@@ -23,7 +23,7 @@ from typing import Any, get_args
 
 from lab.benchmarks.measuring import report, size_of
 from lab.window_trials.virtual_display import virtual_display
-from ntc.codec.psnr import finite_or_none
+from ntc.codec.quality import finite_or_none
 from ntc.errors import InputError
 from tests.support.rest.plan import Plan
 from tests.support.rest.records import ALONE, Played, play

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.studies.set_quality import texels_with_mips
-from ntc.codec.map_quality import HIGH_PERCENTILE, normal_angles
 from ntc.codec.maps import MapName, map_slices
-from ntc.codec.psnr import psnr_of_mse
+from ntc.codec.quality import HIGH_PERCENTILE, normal_angles, psnr_of_mse
 from ntc.codec.textures import SourceTexture, hash_pixels
 from viewer.scene.map_pictures import PICTURES
 

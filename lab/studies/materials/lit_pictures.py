@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 
 from lab.studies.materials.own_codec import LARGEST_BITS, grouped_by_maps
+from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import config_for_bits
-from ntc.codec.block.options import BlockOptions
 from ntc.codec.color import linear_to_srgb8
+from ntc.codec.encoding import texture_set
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_db
-from ntc.codec.texture_set import texture_set
+from ntc.codec.quality import psnr_db
 from ntc.errors import InputError
 from ntc.io import write_text
 from ntc.metrics.block_compression import BlockFormat

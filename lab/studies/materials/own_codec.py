@@ -7,13 +7,12 @@ from lab.studies.materials.coding import CodedMaps, Coding, Part, joined, mean_p
 from lab.studies.materials.hardware import present_parts
 from lab.studies.set_quality import pack_bits_per_texel, texels_with_mips
 from lab.studies.settings import BlockSide
+from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import config_for_bits
-from ntc.codec.block.options import BlockOptions
-from ntc.codec.map_weights import EQUAL_WEIGHTS, MAP_WEIGHTS, MapWeightsName
-from ntc.codec.maps import BASE_ALONE
+from ntc.codec.encoding import texture_set
+from ntc.codec.maps import BASE_ALONE, EQUAL_WEIGHTS, MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Grouping
 from ntc.codec.registry import codec_of
-from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.grouping.by_maps import kinds_of
 from ntc.training.encode import encode_textures

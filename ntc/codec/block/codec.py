@@ -8,22 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block import tensors as files
-from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.to_target import settings_for_target
+from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.rate import settings_for_target
 from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
-from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.reference import decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.universal import VERSION
 from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
 from ntc.codec.config import Precision, WrapMode
-from ntc.codec.encoding import DEFAULT_BITS, Encoder, EncodingChoices, EncodingOptions, EncodingTask
+from ntc.codec.encoding import DEFAULT_BITS, Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
 from ntc.codec.gpu import GpuTables
-from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
-from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture
 
 

@@ -1,10 +1,11 @@
-"""The settings of codec `block`."""
+"""The settings of codec `block`, and how it encodes. Needs no torch."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
+from ntc.codec.encoding import EncodingOptions
 from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps, plane_channels
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings
 
 LARGEST_DEPTH = 7
 """Bits of a coefficient at most."""
@@ -127,3 +128,22 @@ class BlockConfig(CodecSettings):
     def axis_numbers(self) -> int:
         """Numbers of a texture's axes: for each plane of k channels a matrix of k x k."""
         return sum(len(channels) ** 2 for channels in plane_channels(self.maps, self.output_channels).values())
+
+
+@dataclass(frozen=True)
+class BlockOptions(EncodingOptions):
+    """How textures are encoded under settings that are known."""
+
+    seed: int = 0
+    """Decides which blocks tables are fitted to."""
+    groups_apart: bool = False
+    """Whether each group shares its words among its own textures, so that a group is the same whichever others are encoded. Else all
+    textures share all words."""
+    quality_db: float | None = None
+    """PSNR that each texture is to have at mip 0; it decides about the words. None: the settings do."""
+    worth: tuple[float, ...] | None = None
+    """What an error is worth in each texture, positive, in proportion; None: the same in all."""
+    balance: float = 1.0
+    """How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
+    threads: int | None = None
+    """Most threads; None: as many as pay."""

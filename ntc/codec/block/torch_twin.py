@@ -17,8 +17,7 @@ from ntc.codec.block.trellis import branch_tables, level_table
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from ntc.codec.torch_sampling import PyramidTable, trilinear_corners
-from ntc.codec.torch_texels import TorchTexels
+from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners
 
 BLOCKS_AT_ONCE = 1 << 14
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps
-from ntc.codec.settings import CodecSettings
+from ntc.codec.model import CodecSettings
 
 
 @dataclass(frozen=True)

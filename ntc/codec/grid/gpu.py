@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import LARGEST_HALF, Precision
-from ntc.codec.gpu import GpuTables, StoredRows, TextureFields
-from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.gpu import DecoderVariant, GpuTables, StoredRows, TextureFields
 from ntc.codec.grid.config import LOD_INPUT_SCALE, GridConfig
 from ntc.codec.grid.model import GridDecoder, GridTexture
 from ntc.codec.grid.network import NetworkLayout, arrange_adapter, network_glsl, shared_network_glsl

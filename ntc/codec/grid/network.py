@@ -6,8 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.gpu import by_plane
-from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.gpu import DecoderVariant, by_plane
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.model import Adapter, GridDecoder
 

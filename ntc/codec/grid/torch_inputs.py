@@ -4,7 +4,7 @@ import torch
 from torch import Tensor
 
 from ntc.codec.grid.config import LOD_INPUT_SCALE, GridConfig
-from ntc.codec.torch_sampling import PyramidTable, trilinear_corners, weighted_rows
+from ntc.codec.torch_texels import PyramidTable, trilinear_corners, weighted_rows
 
 
 def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor, octaves: int) -> Tensor:

@@ -14,8 +14,7 @@ from ntc.codec.grid.torch_inputs import positional_encoding, with_lod
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
-from ntc.codec.torch_sampling import PyramidTable, trilinear_corners
-from ntc.codec.torch_texels import TorchTexels
+from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners
 
 
 class TorchGrid(TorchTexels):

@@ -16,7 +16,7 @@ import trimesh
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import map_slices
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.metrics.block_compression import decompress

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from lab.bench.random_pack import square_pack
-from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.gpu import SOFTWARE
 from ntc.codec.grid.config import GridConfig
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext

@@ -10,8 +10,7 @@ import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.gpu import DecodingBinding, DecodingImage, DecodingUniform
-from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.gpu import SOFTWARE, DecodingBinding, DecodingImage, DecodingUniform
 from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, set_uniforms

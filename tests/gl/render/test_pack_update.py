@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.grid.config import GridConfig
-from ntc.codec.model import Pack
+from ntc.codec.model import CodecSettings, Pack
 from ntc.codec.registry import codec_of
-from ntc.codec.settings import CodecSettings
 from tests.gl.small_scenes import FRONT, INSIDE, objects
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.gpu_variant import GPU, SOFTWARE
+from ntc.codec.gpu import GPU, SOFTWARE
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError

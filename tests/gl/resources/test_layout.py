@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.gpu import LEVEL_RECORD
-from ntc.codec.gpu_variant import GPU
+from ntc.codec.gpu import GPU, LEVEL_RECORD
 from ntc.codec.grid.config import GridConfig
+from ntc.codec.model import CodecSettings
 from ntc.codec.registry import codec_of
-from ntc.codec.settings import CodecSettings
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder

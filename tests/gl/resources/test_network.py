@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
-from ntc.codec.gpu_variant import SOFTWARE, DecoderVariant
+from ntc.codec.gpu import SOFTWARE, DecoderVariant
 from ntc.codec.grid.config import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.pack.file import read_pack
 from tests.support.rest.plan import USUAL, Budgets, small_budgets
 from tests.support.rest.records import Rest, share_equal

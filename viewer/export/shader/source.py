@@ -7,8 +7,7 @@ from typing import Final
 import numpy as np
 import pcpp  # type: ignore[import-untyped]
 
-from ntc.codec.gpu import LEVEL_RECORD
-from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.gpu import LEVEL_RECORD, SOFTWARE
 from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of

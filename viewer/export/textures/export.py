@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from viewer.export import ImageFormat
 from viewer.export.gltf.document import GltfDocument, ImageFile
 from viewer.export.gltf.fallback import image_pixels

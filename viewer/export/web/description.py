@@ -8,7 +8,7 @@ from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import PLANES, Plane, plane_channels
 from ntc.codec.model import EncodedTexture, Pack
-from ntc.codec.psnr import finite_or_none
+from ntc.codec.quality import finite_or_none
 from ntc.metrics.metrics import bits_with_mips, psnr_table
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene
 from viewer.state.camera import clip_distances, frame_all

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ntc.codec.gpu import WEIGHT_COLUMN_BITS, level_records
-from ntc.codec.gpu_variant import SOFTWARE
+from ntc.codec.gpu import SOFTWARE, WEIGHT_COLUMN_BITS, level_records
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import PLANES, Plane, plane_channels
 from ntc.codec.model import Pack

@@ -5,8 +5,7 @@ from collections.abc import Collection
 import moderngl
 import numpy as np
 
-from ntc.codec.gpu import DecodingUniform
-from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.gpu import DecoderVariant, DecodingUniform
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext

@@ -6,8 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.gpu import WEIGHT_COLUMN_BITS, DecodingBinding, DecodingImage, GpuTables
-from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.gpu import WEIGHT_COLUMN_BITS, DecoderVariant, DecodingBinding, DecodingImage, GpuTables
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content

@@ -3,9 +3,9 @@
 from dataclasses import fields, replace
 from typing import Final
 
-from ntc.codec.gpu_variant import GPU, SOFTWARE, DecoderVariant
+from ntc.codec.gpu import GPU, SOFTWARE, DecoderVariant
+from ntc.codec.model import CodecSettings
 from ntc.codec.registry import codec_of
-from ntc.codec.settings import CodecSettings
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 

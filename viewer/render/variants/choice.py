@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
-from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.gpu import DecoderVariant
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext

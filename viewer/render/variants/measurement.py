@@ -8,7 +8,7 @@ from typing import Final
 
 import moderngl
 
-from ntc.codec.gpu_variant import DecoderVariant
+from ntc.codec.gpu import DecoderVariant
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext

@@ -4,19 +4,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.groups import FittedGroup
 from ntc.codec.block.encoding.sharing import RateCurve, sizes_within
 from ntc.codec.block.encoding.stages import BlockEncoder
 from ntc.codec.block.encoding.tables import rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockParts
-from ntc.codec.block.options import BlockOptions
 from ntc.codec.checks import check_textures
 from ntc.codec.codec import Assigned
 from ntc.codec.encoding import EncodingTask
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.psnr import mse_of_psnr, psnr_of_mse
+from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 

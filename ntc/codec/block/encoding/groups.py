@@ -18,9 +18,9 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import decode_image
 from ntc.codec.block.universal import universal_decoder
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.interruption import Interruption, no_interruption
-from ntc.codec.map_quality import measured_texture
+from ntc.codec.encoding import Interruption, no_interruption
 from ntc.codec.model import Grouping
+from ntc.codec.quality import measured_texture
 from ntc.codec.textures import SourceTexture
 
 

@@ -1,4 +1,4 @@
-"""The settings of codec `block` that come to a number of bits a texel."""
+"""The settings of codec `block` that come to a target: bits a texel, a size, or a quality. Needs no torch."""
 
 import math
 from dataclasses import replace
@@ -13,9 +13,10 @@ from ntc.codec.block.config import (
     BlockConfig,
 )
 from ntc.codec.block.universal import UNIVERSAL_CONFIG
+from ntc.codec.encoding import Sizes, TextureSet, common_channels
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import BASE_ALONE
-from ntc.codec.texture_set import Sizes, TextureSet, common_channels
+from ntc.codec.targets import BitsTarget, SizeTarget, Target
 from ntc.errors import InputError
 
 SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)
@@ -173,3 +174,19 @@ def config_for_bytes(stored_bytes: float, textures: TextureSet) -> BlockConfig:
     config = _settled_config(8.0 * stored_bytes, textures)
     fits = _stored_bits(config.mean_words, textures, config) <= 8.0 * stored_bytes
     return config if fits else replace(smallest, mean_words=float(smallest.block_words[0]))
+
+
+def settings_for_target(known: TextureSet, target: Target) -> BlockConfig:
+    """The settings under which textures come to `target`; those of a quality are found while encoding, here are the largest.
+
+    Raises InputError for bits or a size out of reach.
+    """
+    if isinstance(target, BitsTarget):
+        return config_for_bits(target.bits, known, target.block_side, target.multiply_adds)
+    if not isinstance(target, SizeTarget):
+        return config_for_words(largest_words(known), known)
+    header = known.header_bytes
+    try:
+        return config_for_bytes(1e6 * target.megabytes - header, known)
+    except InputError as error:
+        raise InputError(f"--size {target.megabytes:g}: {error}, and {header / 1e6:.3f} MB for names") from None

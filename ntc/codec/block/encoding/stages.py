@@ -9,19 +9,17 @@ from typing import Any, cast
 
 import numpy as np
 
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
 from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.rate import block_count
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.reference import decode_image
 from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
-from ntc.codec.map_quality import measured_texture
 from ntc.codec.model import Decoder, EncodedTexture
-from ntc.codec.psnr import mse_of_psnr
+from ntc.codec.quality import measured_texture, mse_of_psnr
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads
 

@@ -15,9 +15,8 @@ from ntc.codec.block.encoding.sharing import RateCurve, best_block_words, price_
 from ntc.codec.block.encoding.tables import coefficient_energies, rate_curve
 from ntc.codec.block.model import BlockTexture
 from ntc.codec.checks import check_textures
-from ntc.codec.encoding import EncodingTask
-from ntc.codec.psnr import mse_of_psnr
-from ntc.codec.texture_set import texture_set
+from ntc.codec.encoding import EncodingTask, texture_set
+from ntc.codec.quality import mse_of_psnr
 from ntc.codec.textures import SourceTexture
 
 TOLERANCE_DB = 0.1

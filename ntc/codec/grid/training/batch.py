@@ -9,6 +9,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from ntc.codec.encoding import Interruption, no_interruption
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture
 from ntc.codec.grid.quantize import QuantizedLatents, quantize_latents
@@ -19,7 +20,6 @@ from ntc.codec.grid.training.latents import LatentTable, image_latents, random_l
 from ntc.codec.grid.training.loss import squared_error
 from ntc.codec.grid.training.optimizers import optimizer_parts
 from ntc.codec.grid.training.schedule import freezing_scale, rate_scale
-from ntc.codec.interruption import Interruption, no_interruption
 from ntc.codec.textures import SourceTexture
 from ntc.errors import NotFiniteError
 

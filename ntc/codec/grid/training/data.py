@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ntc.codec.config import WrapMode
+from ntc.codec.encoding import Interruption, no_interruption
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.torch_inputs import positional_encoding, with_lod
-from ntc.codec.interruption import Interruption, no_interruption
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.maps import channel_places
 from ntc.codec.mips import hardware_filtered, mip_chain, srgb_channels
 from ntc.codec.textures import SourceTexture
-from ntc.codec.torch_sampling import PyramidTable, trilinear_corners
+from ntc.codec.torch_texels import PyramidTable, trilinear_corners
 
 CENTRE_SHARE = 0.5
 """Share of each texture's samples at texel centres of whole levels; the others lie anywhere, between levels too."""

@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from ntc.codec.device import choose_device
 from ntc.codec.encoding import (
     EncodedGroup,
     Encoder,
@@ -33,8 +32,9 @@ from ntc.codec.grid.training.batch import StepReport, TrainingBatch
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.grid.training.rollback import RollbackStepper
 from ntc.codec.grid.training.schedule import FALL_FROM
-from ntc.codec.map_quality import measured_texture
 from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.quality import measured_texture
+from ntc.torch_device import choose_device
 
 SECONDS_BETWEEN_PLANS = 0.25
 STEPS_BEFORE_SNAPSHOT = 50

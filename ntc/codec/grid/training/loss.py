@@ -7,8 +7,8 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from ntc.codec.encoding import Interruption, no_interruption
 from ntc.codec.grid.stacks import Layer
-from ntc.codec.interruption import Interruption, no_interruption
 
 ROWS_AT_ONCE_CPU = 2048
 """Rows of a piece: its activations of 64 numbers a row (half a megabyte each) stay in the cache of a core."""

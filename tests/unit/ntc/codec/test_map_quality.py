@@ -7,8 +7,8 @@ import pytest
 
 from lab.bench.random_pack import random_block_pack
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.map_quality import map_psnr_db, measured_texture, normal_angles
 from ntc.codec.maps import MapName
+from ntc.codec.quality import map_psnr_db, measured_texture, normal_angles
 from ntc.metrics.metrics import psnr_table
 
 MAPS: tuple[MapName, ...] = ("base", "normal", "roughness")

@@ -11,9 +11,8 @@ import pytest
 
 from ntc.codec.codec import Codec
 from ntc.codec.maps import MAP_CHANNELS, MAPS
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.model import CodecSettings, Grouping, Pack
 from ntc.codec.registry import FIRST_NAME, MODULES, codec_named, codec_of
-from ntc.codec.settings import CodecSettings
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from ntc.pack.schema import KIND

@@ -9,7 +9,7 @@ import OpenImageIO
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.errors import InputError
 from ntc.metrics.block_compression import (
     BLOCK_FORMATS,

@@ -17,7 +17,7 @@ from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_db, worst_share_db
+from ntc.codec.quality import psnr_db, worst_share_db
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.metrics.image_quality import ImageDecoder, flip, level_psnr, ssim

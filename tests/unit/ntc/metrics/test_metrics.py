@@ -9,7 +9,7 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.grid.model import grid_parts
-from ntc.codec.psnr import PsnrSummary, mean_square_error, psnr_db
+from ntc.codec.quality import PsnrSummary, mean_square_error, psnr_db
 from ntc.metrics.metrics import psnr_table
 
 

@@ -12,7 +12,6 @@ import torch
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace, WrapMode
-from ntc.codec.device import choose_device
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.model import grid_parts
 from ntc.codec.grid.stacks import AdapterStack, DecoderStack
@@ -20,11 +19,12 @@ from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, recip
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.file import read_pack, write_pack
+from ntc.torch_device import choose_device
 from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 

@@ -12,7 +12,7 @@ import pytest
 
 from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import encode_textures

@@ -9,7 +9,7 @@ import pytest
 
 from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.training.progress import TrainingProgress
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot

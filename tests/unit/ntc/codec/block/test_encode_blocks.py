@@ -8,17 +8,16 @@ import pytest
 import torch
 from safetensors import safe_open
 
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.rate import block_count, config_for_bits, side_bits, texel_count
 from ntc.codec.block.model import block_parts
-from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.storage import level_codes
+from ntc.codec.encoding import TextureSet
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Grouping
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.codec.registry import codec_of
-from ntc.codec.texture_set import TextureSet
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_table

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.frozen import encode_with_decoders
 from ntc.codec.block.encoding.rate import config_for_bits
 from ntc.codec.block.model import block_parts
-from ntc.codec.block.options import BlockOptions
+from ntc.codec.encoding import texture_set
 from ntc.codec.model import Grouping
 from ntc.codec.registry import codec_named
-from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.training.encode import encode_textures

@@ -9,22 +9,31 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
 from ntc.codec.block import reference
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.blocks import prepare_texture
 from ntc.codec.block.encoding.rate import config_for_bits, side_bits
 from ntc.codec.block.model import block_parts
-from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.tensors import read_texture, texture_tensors
 from ntc.codec.block.torch_twin import TorchBlock
 from ntc.codec.codec import texture_fields
+from ntc.codec.encoding import texture_set
 from ntc.codec.grid.config import GridConfig
-from ntc.codec.map_weights import EQUAL_WEIGHTS, SEEN_WEIGHTS, MapWeights
-from ntc.codec.maps import BASE_ALONE, MAPS, MapName, channel_places, joint_maps, map_slices, plane_channels
+from ntc.codec.maps import (
+    BASE_ALONE,
+    EQUAL_WEIGHTS,
+    MAPS,
+    SEEN_WEIGHTS,
+    MapName,
+    MapWeights,
+    channel_places,
+    joint_maps,
+    map_slices,
+    plane_channels,
+)
 from ntc.codec.mips import mip_chain, resize_to
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image, decode_texels
-from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips

@@ -7,17 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import config_for_bits
-from ntc.codec.block.options import BlockOptions
 from ntc.codec.block.tensors import decoder_shapes, decoder_tensors, read_decoder
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, universal_decoder
 from ntc.codec.checks import check_textures
 from ntc.codec.config import GroupingConfig
+from ntc.codec.encoding import texture_set
 from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
-from ntc.codec.psnr import psnr_db
+from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
-from ntc.codec.texture_set import texture_set
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping import make_grouping

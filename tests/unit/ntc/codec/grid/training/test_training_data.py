@@ -13,7 +13,7 @@ from ntc.codec.grid.training.data import TrainingData
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture, hash_pixels
-from ntc.codec.torch_sampling import PyramidTable, weighted_rows
+from ntc.codec.torch_texels import PyramidTable, weighted_rows
 
 
 def texture(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTexture:
