@@ -2,6 +2,7 @@
 
 import ast
 import json
+import tomllib
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
@@ -91,6 +92,13 @@ def test_files_may_lack_the_fields_that_were_added_and_no_others(tmp_path: Path,
         else:
             with pytest.raises(InputError, match=r"metadata\.codec has fields"):
                 read_pack(path)
+
+
+def test_every_module_that_codecs_share_has_a_layer() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]["contracts"]
+    (layers,) = (each["layers"] for each in contracts if each.get("containers") == ["ntc.codec"])
+    named = {module.strip() for layer in layers for module in layer.split("|")}
+    assert named == {path.stem for path in (ROOT / "ntc" / "codec").glob("*.py")} - {"__init__"}
 
 
 def imported(path: Path) -> Iterator[str]:
