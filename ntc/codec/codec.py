@@ -13,6 +13,7 @@ from ntc.codec.config import UNIVERSAL, Precision, WrapMode
 from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
 from ntc.codec.gpu import GpuTables
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.targets import BitsTarget
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
@@ -103,7 +104,9 @@ class Codec(ABC):
     uncertified: ClassVar[str] = "certified bounds of the error: the codec has none"
     """What `info` says where there are no `certified_errors`."""
     trains: ClassVar[bool]
-    """Whether textures are trained in steps, by a recipe, while losses fall; else they are encoded to a target, one by one."""
+    """Whether textures are trained in steps, by a recipe, while losses fall; else they are encoded one by one."""
+    default_target: ClassVar[BitsTarget | None] = None
+    """What textures are encoded to where no target is asked for. None: the codec takes no target."""
     default_maps: ClassVar[Literal["all", "base"]] = "base"
     """Maps that are encoded where none are asked for: whole materials, or base colours alone."""
     psnr_title: ClassVar[str]

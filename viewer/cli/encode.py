@@ -13,11 +13,11 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.encoding import DEFAULT_BITS, EncodingChoices
+from ntc.codec.encoding import EncodingChoices
 from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import chosen_codec, codec_named
-from ntc.codec.targets import BitsTarget, SizeTarget
+from ntc.codec.targets import SizeTarget
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
@@ -238,7 +238,8 @@ def _encode(
     write_or_rescue(options.out, pack)
     if stopped:
         console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)
-    came = [] if codec.trains else result_lines(choices.target or BitsTarget(DEFAULT_BITS), pack, options.out)
+    target = choices.target or codec.default_target
+    came = [] if target is None else result_lines(target, pack, options.out)
     lines = [
         *psnr_table(pack).lines(),
         *codec.settings_lines(pack.config),

@@ -74,8 +74,12 @@ def settings_text(job: TrainingJob) -> str:
     if not isinstance(job, EncodeScene):
         return f"{settings.recipe}, {budget}"
     kind = settings.codec_kind
-    how = settings.recipe if codec_named(kind).trains else f"{settings.bits:g} bits per texel"
-    return f"{settings.texture_size} texels, {kind}, {how}, {budget}"
+    codec, how = codec_named(kind), ""
+    if codec.trains:
+        how = f"{settings.recipe}, "
+    elif codec.default_target is not None:
+        how = f"{settings.bits:g} bits per texel, "
+    return f"{settings.texture_size} texels, {kind}, {how}{budget}"
 
 
 def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport) -> TrainingRequest:

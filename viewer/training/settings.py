@@ -74,7 +74,7 @@ class TrainingSettings:
     @property
     def choices(self) -> EncodingChoices:
         """What is asked of the codec."""
-        target = None if codec_named(self.codec_kind).trains else BitsTarget(self.bits)
+        target = None if codec_named(self.codec_kind).default_target is None else BitsTarget(self.bits)
         return EncodingChoices(self.recipe, target=target)
 
     @property

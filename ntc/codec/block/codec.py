@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, cast
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +23,15 @@ from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pa
 from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
 from ntc.codec.textures import SourceTexture
 
+DEFAULT_TARGET: Final = BitsTarget(DEFAULT_BITS)
+
 
 class BlockCodec(Codec):
     """Encoded in closed form, decoded in single precision."""
 
     settings_type = BlockConfig
     trains = False
+    default_target = DEFAULT_TARGET
     default_maps = "all"
     psnr_title = "PSNR of mip 0"
     shipped = MappingProxyType({"version": VERSION})
@@ -112,7 +115,7 @@ class BlockCodec(Codec):
         ]
 
     def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
-        return settings_for_target(textures, choices.target or BitsTarget(DEFAULT_BITS))
+        return settings_for_target(textures, choices.target or DEFAULT_TARGET)
 
     def options_for(self, choices: EncodingChoices) -> EncodingOptions:
         target = choices.target

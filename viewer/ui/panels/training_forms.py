@@ -153,15 +153,16 @@ class TrainingForms:
         self._button("Encode this scene", command, ui)
 
     def _codec_and_bits(self, ui: UiFrame) -> float | None:
-        """Bits per texel, where they are right."""
+        """Bits per texel, where they are right; of no effect for a codec that takes none."""
         _labelled("codec")
         imgui.set_next_item_width(list_width(*MODULES))
         self._codec = combo("codec", self._codec, tuple(MODULES), ui.rects)
-        if not codec_named(self._codec).trains:
-            imgui.same_line()
-            self._bits = _field("bits", self._bits, NUMBER, ui)
-            beside(text_width("bits per texel"))
-            imgui.text("bits per texel")
+        if codec_named(self._codec).default_target is None:
+            return TrainingSettings.bits
+        imgui.same_line()
+        self._bits = _field("bits", self._bits, NUMBER, ui)
+        beside(text_width("bits per texel"))
+        imgui.text("bits per texel")
         try:
             bits = float(self._bits)
         except ValueError:
