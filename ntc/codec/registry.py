@@ -24,9 +24,13 @@ def codec_named(name: str) -> Codec:
 
 
 def chosen_codec(choices: EncodingChoices) -> str:
-    """The first codec that can do what is asked for; the last one where none can: it says why."""
-    names = list(MODULES)
-    return next((name for name in names if not codec_named(name).refusals(choices)), names[-1])
+    """The first codec that can do what is asked for. Where none can: the last of those that refuse least, which says why."""
+    refusals: dict[str, int] = {}
+    for name in MODULES:
+        refusals[name] = len(codec_named(name).refusals(choices))
+        if not refusals[name]:
+            return name
+    return min(reversed(refusals), key=refusals.__getitem__)
 
 
 def shipping_codec() -> str:
