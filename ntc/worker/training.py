@@ -11,7 +11,7 @@ import numpy as np
 
 from ntc.codec.encoding import EncodingChoices
 from ntc.codec.model import Grouping
-from ntc.codec.registry import codec_named
+from ntc.codec.registry import chosen_codec, codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.threads import usable_cores, wait_passively
@@ -140,5 +140,5 @@ def _warm_up() -> None:
 
         noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
         textures, grouping = [SourceTexture("noise", noise, "")], Grouping("single", (0,))
-        encode_chosen(textures, grouping, codec_named("block"), EncodingChoices())
+        encode_chosen(textures, grouping, codec_named(chosen_codec(EncodingChoices())), EncodingChoices())
         importlib.import_module("ntc.training.trainer")
