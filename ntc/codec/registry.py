@@ -12,6 +12,11 @@ CodecName = Literal["block", "grid"]
 """The codecs that a user chooses from, the one first that is taken where all can do what is asked for."""
 FIRST_NAME: Final = "grid"
 """The codec of files that name none: they were written before there was another one."""
+SUMMARIES: Final[dict[str, str]] = {
+    "block": "Blocks of texels in closed form: encoded at once.",
+    "grid": "The published method: a grid of latents that is trained together with its decoder.",
+}
+"""A sentence about each codec, for the command line and the window."""
 MODULES: Final[dict[str, str]] = {name: f"ntc.codec.{name}.codec" for name in get_args(CodecName)}
 """Where each codec is found. It is imported when it is needed: a pack of one codec needs no other."""
 

@@ -10,7 +10,7 @@ import tyro
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
 from ntc.codec.encoding import RecipeName
 from ntc.codec.maps import MapWeightsName
-from ntc.codec.registry import CodecName
+from ntc.codec.registry import SUMMARIES, CodecName
 from ntc.codec.targets import PresetName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
@@ -26,6 +26,12 @@ from viewer.state.view_state import (
     ToneMap,
 )
 
+CODEC_HELP = " ".join(
+    [
+        *(f"{name}: {summary}" for name, summary in SUMMARIES.items()),
+        "None: block for recipe best, grid for paper and where --steps, --epochs, --state or --device cuda ask for training.",
+    ]
+)
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
 
@@ -241,9 +247,7 @@ class EncodeOptions:
     """covisible: weight of the likeness of textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
     """covisible: no group holds more than this share of the textures."""
-    codec: CodecName | None = None
-    """block: blocks of 8x8 texels under a transform, in closed form, in seconds. grid: latents and a network, trained. None: block
-    for recipe best, grid for paper and where --steps, --epochs, --state or --device cuda ask for training."""
+    codec: Annotated[CodecName | None, tyro.conf.arg(help=CODEC_HELP)] = None
     bits: float | None = None
     """Codec block: bits per texel to come nearest to, all mips and decoders counted. None, and none of the next three: 2."""
     quality: Annotated[float | None, tyro.conf.arg(metavar="DB")] = None

@@ -2,6 +2,8 @@
 
 from typing import Final
 
+from ntc.codec.registry import SUMMARIES
+
 VALUES: Final = {
     # Sources
     "reference": "The original images, filtered by the graphics hardware.",
@@ -66,8 +68,7 @@ VALUES: Final = {
     "covisible": "Textures that are seen in the same blocks share a decoder: the least divergence for its number of groups.",
     "universal": "The decoder that comes with the program; it has never seen the scene. Nothing is trained.",
     # Codecs, recipes
-    "block": "Blocks of texels in closed form: encoded at once.",
-    "grid": "The published method: a grid of latents that is trained together with its decoder.",
+    **SUMMARIES,
     "best": "The higher quality.",
     "paper": "As the published method trains.",
     # Pictures

@@ -6,14 +6,14 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, cast, get_args
 
 import pytest
 
 from ntc.codec.codec import Codec
 from ntc.codec.maps import MAP_CHANNELS, MAPS
 from ntc.codec.model import CodecSettings, Grouping, Pack
-from ntc.codec.registry import FIRST_NAME, MODULES, codec_named, codec_of
+from ntc.codec.registry import FIRST_NAME, MODULES, SUMMARIES, CodecName, codec_named, codec_of
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from ntc.pack.schema import KIND
@@ -48,6 +48,7 @@ def test_there_is_a_codec_in_every_folder_and_no_other() -> None:
     found = {path.parent.name for path in (ROOT / "ntc" / "codec").glob("*/codec.py")}
     assert found == set(MODULES)
     assert FIRST_NAME in MODULES
+    assert set(SUMMARIES) == set(get_args(CodecName)) == found
     with pytest.raises(KeyError):
         codec_named("wavelet")
 
