@@ -12,9 +12,9 @@ from lab.bench.fixture import DecodeFixture, FixturePath, PackLoader
 from lab.bench.float64_error import float64_pixels
 from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
-from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import Precision
 from ntc.codec.grid.accuracy.running_error import running_bounds
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none
 from ntc.codec.reference import decode_texels
@@ -94,7 +94,7 @@ def _expected(case: StabilityCase, precision: Precision, lod_error: float = 0.0)
     exact, bound = [], []
     for part in case.requests:
         values = decode_texels(case.pack, part.texture, part.uv, part.lod)
-        if isinstance(case.pack.config, BlockConfig):
+        if not isinstance(case.pack.config, GridConfig):
             exact.append(_padded(values))
             continue
         own = running_bounds(stored, part.texture, part.uv, part.lod, precision, lod_error)
@@ -212,8 +212,9 @@ Progress = Callable[[str], None]
 
 
 def own_precisions(pack: Pack, precisions: Sequence[Precision]) -> Sequence[Precision]:
-    """Those of `precisions` in which `pack` is decoded differently: codec `block` is decoded in fp32 at each."""
-    return ("fp32",) if isinstance(pack.config, BlockConfig) else precisions
+    """Those of `precisions` that `pack` is computed in; a codec may compute in fp32 at each."""
+    codec = codec_of(pack.config)
+    return tuple(dict.fromkeys(codec.gpu_tables(pack.config, each).precision for each in precisions))
 
 
 def stability_rows(

@@ -9,7 +9,6 @@ import tyro
 from lab.studies.settings import BlockSide, ScaleName, StudySettings
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName
 from ntc.codec.encoding import RecipeName
-from ntc.codec.registry import CodecName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
 from viewer.cli.options import DecoderOptions, Gpu, OptionalScene, Packs, Size, Sizes, Switch
@@ -176,7 +175,7 @@ class TrainingStudyOptions:
 class AblationStudyOptions(TrainingStudyOptions):
     """What each part of the recipe is worth, at equal samples; with --codec block what each of its settings is, at equal bits."""
 
-    codec: CodecName = "grid"
+    codec: Literal["block", "grid"] = "grid"
     """The codec whose parts are changed."""
     bits: float = 2.0
     """Codec block: bits per texel of all mips."""
