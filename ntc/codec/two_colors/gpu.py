@@ -1,0 +1,40 @@
+"""Packs of codec `two_colors` as shaders/ntc/two_colors.glsl reads them: a row of words for each block, and no decoders."""
+
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.gpu import GpuTables, StoredRows, TextureFields
+from ntc.codec.latents import latent_levels
+from ntc.codec.model import Decoder, EncodedTexture
+from ntc.codec.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
+
+
+class TwoColorsTables(GpuTables):
+    """Blocks as files hold them."""
+
+    number_type = "u4"
+    decoder_blocks = 0
+    shader = "ntc/two_colors.glsl"
+    record_fields: TextureFields = ()
+
+    def __init__(self, settings: TwoColorsConfig) -> None:
+        super().__init__(settings)
+        self.row_words = PLANE_WORDS * len(settings.planes)
+
+    def decoder_data(self, decoder: Decoder) -> bytes:
+        return b""
+
+    def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
+        """There are none."""
+
+    def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:
+        levels = latent_levels(texture.width, texture.height, self.settings)
+        return tuple(StoredRows(level.first_cell, level.cells) for level in levels)
+
+    def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:
+        return np.ascontiguousarray(cast(TwoColorsTexture, texture).blocks[rows]).view("<u4")
+
+    def defines(self) -> list[str]:
+        return [f"#define BLOCK_SIDE {SIDE}", f"#define PLANE_WORDS {PLANE_WORDS}"]
