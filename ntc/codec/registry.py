@@ -8,14 +8,13 @@ from ntc.codec.codec import Codec
 from ntc.codec.encoding import EncodingChoices
 from ntc.codec.model import CodecSettings
 
-CodecName = Literal["block", "grid", "two_colors"]
+CodecName = Literal["block", "grid"]
 """The codecs that a user chooses from, the one first that is taken where all can do what is asked for."""
 FIRST_NAME: Final = "grid"
 """The codec of files that name none: they were written before there was another one."""
 SUMMARIES: Final[dict[str, str]] = {
     "block": "Blocks of texels in closed form: encoded at once.",
     "grid": "The published method: a grid of latents that is trained together with its decoder.",
-    "two_colors": "Two colours for each 4x4 texels, and an index of two bits for each texel: at once, at 6 bits per texel.",
 }
 """A sentence about each codec, for the command line and the window."""
 MODULES: Final[dict[str, str]] = {name: f"ntc.codec.{name}.codec" for name in get_args(CodecName)}

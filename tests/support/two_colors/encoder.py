@@ -14,8 +14,8 @@ from ntc.codec.mips import mip_chain
 from ntc.codec.model import Decoder, EncodedTexture
 from ntc.codec.quality import measured_texture, mse_of_psnr
 from ntc.codec.textures import SourceTexture
-from ntc.codec.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
-from ntc.codec.two_colors.reference import decode_image
+from tests.support.two_colors.model import SIDE, TwoColorsConfig, TwoColorsTexture
+from tests.support.two_colors.reference import decode_image
 
 BLOCKS_AT_ONCE = 1 << 12
 HIGHEST_PSNR_DB = 120.0
@@ -59,18 +59,6 @@ def texture_of(
             parts.append(np.concatenate(found, axis=1))
             worked(len(chunk))
     return TwoColorsTexture(**texture_fields(source, group), blocks=np.concatenate(parts))
-
-
-def flat_texture(source: SourceTexture, group: int, config: TwoColorsConfig) -> TwoColorsTexture:
-    """`source` as its mean colour."""
-    colors = np.zeros((len(config.planes), 4 * PLANE_WORDS), np.uint8)
-    places = channel_places(source.maps, source.channels, config.maps, config.output_channels)
-    means = dict(zip(places, source.pixels[::8, ::8].mean((0, 1)), strict=True))
-    for place, channels in enumerate(config.planes.values()):
-        for component, channel in channels.items():
-            colors[place, [component, component + 4]] = round(means.get(channel, 0.0))
-    blocks = np.tile(colors.reshape(1, -1), (latent_cell_count(*source.size, config), 1))
-    return TwoColorsTexture(**texture_fields(source, group), blocks=blocks)
 
 
 class TwoColorsEncoder(Encoder):

@@ -1,12 +1,12 @@
 """Codec `two_colors`: blocks of 4x4 texels between two colours, at 6 bits a texel of each plane of maps."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes
+from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes, TorchTwin, texture_fields
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
 from ntc.codec.gpu import GpuTables
@@ -14,15 +14,10 @@ from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.targets import given_target
 from ntc.codec.textures import SourceTexture
-from ntc.codec.two_colors.encoder import TwoColorsEncoder, flat_texture
-from ntc.codec.two_colors.gpu import TwoColorsTables
-from ntc.codec.two_colors.model import TwoColorsConfig, TwoColorsOptions, TwoColorsTexture
-from ntc.codec.two_colors.reference import decode_image, lookup_values
-
-if TYPE_CHECKING:
-    import torch
-
-    from ntc.codec.torch_texels import TorchTexels
+from tests.support.two_colors.encoder import TwoColorsEncoder
+from tests.support.two_colors.gpu import TwoColorsTables
+from tests.support.two_colors.model import TwoColorsConfig, TwoColorsOptions, TwoColorsTexture
+from tests.support.two_colors.reference import decode_image, lookup_values
 
 
 class TwoColorsCodec(Codec):
@@ -73,10 +68,8 @@ class TwoColorsCodec(Codec):
         texture = cast(TwoColorsTexture, pack.textures[texture_index])
         return decode_image(texture, cast(TwoColorsConfig, pack.config), level)
 
-    def torch_twin(
-        self, pack: Pack, device: "str | torch.device", interruption: Callable[[], None] = lambda: None
-    ) -> "TorchTexels":
-        from ntc.codec.two_colors.torch_twin import TorchTwoColors
+    def torch_twin(self, pack: Pack, device: str, interruption: Callable[[], None] = lambda: None) -> TorchTwin:
+        from tests.support.two_colors.torch_twin import TorchTwoColors
 
         return TorchTwoColors(pack, device, interruption)
 
@@ -119,8 +112,14 @@ class TwoColorsCodec(Codec):
 
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
         config = cast(TwoColorsConfig, settings)
-        encoded = (flat_texture(each, group, config) for each, group in zip(textures, grouping.groups, strict=True))
-        return Pack(settings, grouping, tuple(encoded), (Decoder(),) * grouping.group_count)
+        encoded = tuple(
+            TwoColorsTexture(
+                **texture_fields(source, group),
+                blocks=np.full((latent_cell_count(*source.size, config), config.block_bytes), 128, np.uint8),
+            )
+            for source, group in zip(textures, grouping.groups, strict=True)
+        )
+        return Pack(settings, grouping, encoded, (Decoder(),) * grouping.group_count)
 
 
 CODEC = TwoColorsCodec()

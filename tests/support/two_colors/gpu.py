@@ -1,14 +1,15 @@
-"""Packs of codec `two_colors` as shaders/ntc/two_colors.glsl reads them: a row of words for each block, and no decoders."""
+"""Packs of codec `two_colors` as two_colors.glsl reads them: a row of words for each block, and no decoders."""
 
+from pathlib import Path
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.gpu import GpuTables, StoredRows, TextureFields
+from ntc.codec.gpu import DecoderVariant, GpuTables, StoredRows, TextureFields
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Decoder, EncodedTexture
-from ntc.codec.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
+from tests.support.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
 
 
 class TwoColorsTables(GpuTables):
@@ -16,7 +17,7 @@ class TwoColorsTables(GpuTables):
 
     number_type = "u4"
     decoder_blocks = 0
-    shader = "ntc/two_colors.glsl"
+    shader = "generated/two_colors.glsl"
     record_fields: TextureFields = ()
 
     def __init__(self, settings: TwoColorsConfig) -> None:
@@ -35,6 +36,10 @@ class TwoColorsTables(GpuTables):
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:
         return np.ascontiguousarray(cast(TwoColorsTexture, texture).blocks[rows]).view("<u4")
+
+    def includes(self, variant: DecoderVariant) -> dict[str, str]:
+        """The shader lies beside this file, not in shaders/ntc."""
+        return {**super().includes(variant), self.shader: Path(__file__).with_name("two_colors.glsl").read_text()}
 
     def defines(self) -> list[str]:
         return [f"#define BLOCK_SIDE {SIDE}", f"#define PLANE_WORDS {PLANE_WORDS}"]

@@ -13,8 +13,8 @@ from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners, weighted_rows
-from ntc.codec.two_colors.model import PLANE_WORDS, TwoColorsConfig, TwoColorsTexture
-from ntc.codec.two_colors.reference import image_of
+from tests.support.two_colors.model import PLANE_WORDS, TwoColorsConfig, TwoColorsTexture
+from tests.support.two_colors.reference import image_of
 
 
 class TorchTwoColors(TorchTexels):

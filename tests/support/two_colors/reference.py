@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.sampling import Array, bilinear, clamped_lod, trilinear
-from ntc.codec.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
+from tests.support.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
 
 
 def block_values(stored: NDArray[np.uint8], config: TwoColorsConfig) -> Array:
