@@ -1,7 +1,7 @@
 """Codec `two_colors`, which tests add to the registry: two colours and an index of two bits a texel for blocks of 4x4 texels.
 
 It is the least that a codec must have, and shows that nothing outside of a codec knows which codecs there are: 6 bits per texel of
-each plane of maps, nothing that a group shares, no target. CONTRIBUTING describes its files.
+each plane of maps, nothing that a group shares, no target. CONTRIBUTING.md describes its files.
 """
 
 from collections.abc import Iterator, Sequence
