@@ -20,6 +20,8 @@ class BitsTarget:
     block_side: Literal[4, 8] = 8
     multiply_adds: int | None = None
     """Of one texel, at most; None: as many as it takes."""
+    preset: PresetName | None = None
+    """The preset that stands for it."""
 
     def __post_init__(self) -> None:
         if not self.bits > 0.0:
@@ -62,15 +64,15 @@ def given_target(target: Target | None) -> dict[str, str]:
     if target is None:
         return {}
     if isinstance(target, BitsTarget):
-        return {"bits": f"{target.bits:g}"}
+        return {"preset": target.preset} if target.preset is not None else {"bits": f"{target.bits:g}"}
     return {"size": f"{target.megabytes:g}"} if isinstance(target, SizeTarget) else {"quality": f"{target.psnr_db:g}"}
 
 
 PRESETS: Mapping[PresetName, BitsTarget] = {
-    "1bit": BitsTarget(1.0),
-    "2bit": BitsTarget(2.0),
-    "4bit": BitsTarget(4.0),
-    "8bit": BitsTarget(8.0),
-    "fast": BitsTarget(2.0, 4, 100),
+    "1bit": BitsTarget(1.0, preset="1bit"),
+    "2bit": BitsTarget(2.0, preset="2bit"),
+    "4bit": BitsTarget(4.0, preset="4bit"),
+    "8bit": BitsTarget(8.0, preset="8bit"),
+    "fast": BitsTarget(2.0, 4, 100, preset="fast"),
 }
 """`fast`: about 2 bits a texel in blocks of 4x4 texels, decoded in at most 100 multiply-adds a texel."""

@@ -110,12 +110,11 @@ def test_worth_is_pixels_by_texel() -> None:
     assert worth_on_screen([], [40, 40]) == (0.1, 0.1)
 
 
-def interrupted_at(question: int) -> Callable[[], object]:
-    """Stands for `deferred_interrupt`: Ctrl-C is pressed before the question of that number."""
+def interrupted_at(question: int, asked: list[bool]) -> Callable[[], object]:
+    """Stands for `deferred_interrupt`: Ctrl-C is pressed before the question of that number. `asked` counts questions."""
 
     @contextmanager
     def interrupt() -> Iterator[Callable[[], bool]]:
-        asked: list[bool] = []
 
         def pressed() -> bool:
             asked.append(True)
@@ -129,13 +128,16 @@ def interrupted_at(question: int) -> Callable[[], object]:
 def test_ctrl_c_keeps_nothing_before_all_are_encoded_and_everything_after(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    out = tmp_path / "a.ntc"
+    out, asked = tmp_path / "a.ntc", list[bool]()
     for question in (1, 4):
-        monkeypatch.setattr("viewer.cli.encode.deferred_interrupt", interrupted_at(question))
+        monkeypatch.setattr("viewer.cli.encode.deferred_interrupt", interrupted_at(question, []))
         assert encode(folder, out, "--quality", "25") == 130
         assert not out.exists()
-    # One group, fitted twice, and eight textures.
-    monkeypatch.setattr("viewer.cli.encode.deferred_interrupt", interrupted_at(1 + 1 + 8 + 1))
+    monkeypatch.setattr("viewer.cli.encode.deferred_interrupt", interrupted_at(10**9, asked))
+    assert encode(folder, out, "--quality", "25") == 0
+    out.unlink()
+    # The last question but one is asked while textures are corrected, the last one when the pack is there.
+    monkeypatch.setattr("viewer.cli.encode.deferred_interrupt", interrupted_at(len(asked) - 1, []))
     assert encode(folder, out, "--quality", "25") == 0
     assert "note: stopped by Ctrl-C" in capsys.readouterr().err
     assert len(read_pack(out).textures) == 8
