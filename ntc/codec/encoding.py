@@ -200,7 +200,7 @@ class Encoder(ABC):
 
     @abstractmethod
     def figures(self) -> Figures:
-        """How far the work is. Takes as long as a piece of work may take at most."""
+        """How far the work is; asked from any thread."""
 
     @abstractmethod
     def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:

@@ -164,7 +164,8 @@ class BlockEncoder(Encoder):
 
     def figures(self) -> Figures:
         by_group: dict[int, list[float]] = {}
-        found = {index: texture.psnr_db or 0.0 for index, texture in self._found.items()}
+        # A copy: the texture that is finished next is added in another thread.
+        found = {index: texture.psnr_db or 0.0 for index, texture in dict(self._found).items()}
         for index, decibels in found.items():
             by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
         sizes = [self._task.textures[index].size for index in found]

@@ -111,6 +111,15 @@ def test_the_number_of_threads_changes_no_byte() -> None:
     )
 
 
+def test_progress_is_told_from_every_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_REPORTS", 0.0)
+    reports: list[TrainingProgress] = []
+    sources = [waves(24, 24, seed=seed) for seed in range(40)]
+    encode_textures(sources, Grouping("single", (0,) * 40), SMALL, BlockOptions(threads=4), reports.append)
+    assert reports[-1].share == 1.0
+    assert len(reports[-1].psnr_db) == 40
+
+
 def test_cancelling_ends_it_within_a_texture(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ntc.codec.block.encoding.encoder.BLOCKS_AT_ONCE", 64)
     monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_REPORTS", 0.0)
