@@ -1,4 +1,4 @@
-"""Limits that the source keeps: sizes of files and folders, and imports without cycles."""
+"""The imports of the source have no cycles."""
 
 import ast
 from collections.abc import Iterator
@@ -9,31 +9,11 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 PACKAGES = ("ntc", "viewer", "lab")
-SOURCES = (*PACKAGES, "tests")
-FEWEST_LINES, MOST_LINES, MOST_FILES = 30, 400, 20
-SHORT_BY_NATURE = ("__init__.py", "__main__.py", "conftest.py")
-NOT_SOURCES = ("__pycache__", "llvmpipe", "failed")
-"""Folders of pictures and of what Python writes."""
 
 
 def source_files(*folders: str) -> list[Path]:
     """Python files of `folders`, in order."""
     return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
-
-
-def test_no_file_is_a_fragment_or_too_long_to_read() -> None:
-    lines = {path.relative_to(ROOT): len(path.read_text().splitlines()) for path in source_files(*SOURCES)}
-    fragments = [f"{path}: {n}" for path, n in lines.items() if n < FEWEST_LINES and path.name not in SHORT_BY_NATURE]
-    too_long = [f"{path}: {n}" for path, n in lines.items() if n > MOST_LINES]
-    assert (fragments, too_long) == ([], [])
-
-
-def test_no_folder_holds_too_many_files() -> None:
-    folders = {path.parent for path in source_files(*SOURCES)} | {
-        path.parent for path in (ROOT / "shaders").rglob("*.glsl")
-    }
-    counts = {folder.relative_to(ROOT): sum(path.is_file() for path in folder.iterdir()) for folder in folders}
-    assert {str(folder): count for folder, count in counts.items() if count > MOST_FILES} == {}
 
 
 def test_no_module_imports_itself_by_way_of_others() -> None:
