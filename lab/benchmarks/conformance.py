@@ -1,6 +1,6 @@
 """Read and draw every scene below a folder, each in a process of its own with a time limit, and write a table.
 
-    python -m lab.benchmarks.conformance DIR --out docs/conformance.md --sheet docs/conformance.webp --json \
+    python -m lab.benchmarks.conformance DIR --out docs/reports/conformance.md --sheet docs/reports/figures/conformance.webp --json \
         lab/benchmarks/results/conformance_llvmpipe.json
 
 A scene that is refused with one line is no failure; one that ends a process in any other way is.

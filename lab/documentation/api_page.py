@@ -1,26 +1,12 @@
-"""`python -m lab.documentation.api_page docs/api.md`: what `import ntc` gives, from its docstrings."""
+"""What `import ntc` gives, from its docstrings."""
 
 import ast
 import inspect
-import sys
 import textwrap
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import ntc
-from ntc.io import write_text
-
-OPENING = """# The library
-
-`import ntc` is the codec without the viewer: no window, no display, and torch only where something computes with it. This page is
-made from the docstrings (`python -m lab.documentation.api_page docs/api.md`); [library.ipynb](library.ipynb) shows it at work.
-
-What is listed here is stable: it follows [semantic versioning](https://semver.org). A name, a parameter or the meaning of a result
-changes or goes with a new major version alone, after one minor version in which it warns; new names, and new parameters with a value
-of their own, come with minor versions. Packs that were ever written stay readable. Everything that `ntc` holds besides may change at
-any time.
-"""
 
 
 def _signature(name: str, function: Any) -> str:
@@ -47,7 +33,7 @@ def _split(arguments: str) -> list[str]:
     return [*parts, arguments[start:].strip()]
 
 
-def _fields(kind: type) -> Iterator[tuple[str, str, str]]:
+def class_fields(kind: type) -> Iterator[tuple[str, str, str]]:
     """(name, type, what is said of it) of the fields of a dataclass, in their order."""
     parsed = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
     assert isinstance(parsed, ast.ClassDef)
@@ -69,16 +55,16 @@ def _members(kind: type) -> Iterator[tuple[str, Any]]:
             yield name, member
 
 
-def _cell(text: str) -> str:
+def table_cell(text: str) -> str:
     return text.replace("|", "\\|")
 
 
 def _class_lines(name: str, kind: type) -> list[str]:
     lines = [f"### `{name}`", "", inspect.getdoc(kind) or "", ""]
-    fields = list(_fields(kind)) if not issubclass(kind, Exception) else []
+    fields = list(class_fields(kind)) if not issubclass(kind, Exception) else []
     if fields:
         lines += ["| field | type | |", "|---|---|---|"]
-        lines += [f"| `{field}` | `{_cell(kind_of)}` | {_cell(said)} |" for field, kind_of, said in fields]
+        lines += [f"| `{field}` | `{table_cell(kind_of)}` | {table_cell(said)} |" for field, kind_of, said in fields]
         lines.append("")
     for own, member in _members(kind):
         function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
@@ -94,7 +80,7 @@ def api_page() -> str:
     functions = {name: own for name, own in exported.items() if inspect.isfunction(own)}
     errors = {name: own for name, own in exported.items() if inspect.isclass(own) and issubclass(own, Exception)}
     types = {name: own for name, own in exported.items() if name not in functions and name not in errors}
-    lines = [OPENING, "## Functions", ""]
+    lines = ["## Functions", ""]
     for name, function in functions.items():
         lines += [
             f"### `{name}`",
@@ -113,7 +99,3 @@ def api_page() -> str:
     for name, kind in errors.items():
         lines += _class_lines(name, kind)
     return "\n".join(lines).rstrip("\n") + "\n"
-
-
-if __name__ == "__main__":
-    write_text(Path(sys.argv[1]), api_page())

@@ -65,7 +65,7 @@ SAMPLED_TEXELS = 2048
 
 @dataclass(frozen=True)
 class CertifiedError:
-    """Bounds of the error of a pack in one precision, in [0, 1] (docs/accuracy.md)."""
+    """Bounds of the error of a pack in one precision, in [0, 1] (docs/explanation/accuracy.md)."""
 
     error: float
     """For every possible texel; 1 where numbers may overflow."""
@@ -114,7 +114,7 @@ class Codec(ABC):
     table_text: ClassVar[str] = "half precision"
     """What decoders hold on the GPU, for the table of memory."""
 
-    # Files: tensors of a texture or decoder by name, "{}" standing for its number (docs/pack-format.md).
+    # Files: tensors of a texture or decoder by name, "{}" standing for its number (docs/reference/pack-format.md).
 
     @abstractmethod
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:

@@ -1,4 +1,4 @@
-"""The pack as data: settings of a codec, encoded textures and decoders of one grouping (docs/pack-format.md)."""
+"""The pack as data: settings of a codec, encoded textures and decoders of one grouping (docs/reference/pack-format.md)."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Hashable, Mapping, Sequence

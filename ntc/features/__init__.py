@@ -1,4 +1,4 @@
-"""Descriptions of textures as vectors, by which groupings find what is alike. Chosen by name; see docs/features.md."""
+"""Descriptions of textures as vectors, by which groupings find what is alike. Chosen by name; see docs/reference/groupings.md."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field

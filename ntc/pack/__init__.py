@@ -1,1 +1,1 @@
-"""Packs and the `.ntc` files that hold them (docs/pack-format.md)."""
+"""Packs and the `.ntc` files that hold them (docs/reference/pack-format.md)."""

@@ -1,4 +1,4 @@
-"""Reading and writing `.ntc` files: safetensors with JSON metadata (docs/pack-format.md).
+"""Reading and writing `.ntc` files: safetensors with JSON metadata (docs/reference/pack-format.md).
 
 Files are read whole (`ntc.io.read_file`), not mapped: a mapped file that another process shortens would end this one.
 """

@@ -1,4 +1,4 @@
-"""The JSON metadata of a `.ntc` file: between Pack objects and plain JSON, with every field checked (docs/pack-format.md)."""
+"""The JSON metadata of a `.ntc` file, every field checked (docs/reference/pack-format.md)."""
 
 import json
 import math

@@ -1,4 +1,4 @@
-// Wrapping of texture coordinates (docs/codec.md, steps 1 and 2).
+// Wrapping of texture coordinates (docs/reference/codecs.md, steps 1 and 2).
 #include "generated/decoding.glsl"
 #include "common/numbers.glsl"
 

@@ -1,4 +1,4 @@
-// The codecs (docs/codec.md): latents, and `decode_texture` of the codec whose shader generated/decoder.glsl includes.
+// The codecs (docs/reference/codecs.md): latents, and `decode_texture` of the codec whose shader generated/decoder.glsl includes.
 #include "ntc/records.glsl"
 #include "common/numbers.glsl"
 #include "ntc/position.glsl"

@@ -1,4 +1,4 @@
-// Texture coordinates in fixed point, in units of 2^-32 of the texture's side (docs/codec.md, steps 1 to 3): on a side of 16384
+// Texture coordinates in fixed point, in units of 2^-32 of the texture's side (docs/reference/codecs.md, steps 1 to 3): on a side of 16384
 // texels fp32 would leave 10 bits within a texel, and the waves of the positional encoding need more.
 #include "common/wrap.glsl"
 

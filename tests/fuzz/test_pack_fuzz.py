@@ -74,7 +74,7 @@ def check(path: Path, file: bytes) -> bool:
 
 
 def assert_whole(pack: Pack) -> None:
-    """What docs/pack-format.md promises of a pack that was read."""
+    """What docs/reference/pack-format.md promises of a pack that was read."""
     assert len(pack.textures) == len(pack.grouping.groups)
     for texture in pack.textures:
         assert 0 <= texture.group < len(pack.decoders)

@@ -37,7 +37,7 @@ BOUND_COLUMNS = (
 
 
 def bounds_json(bounds: Mapping[Precision, CertifiedError]) -> dict[str, Any]:
-    """Certified bounds by precision, the worst of all textures (docs/accuracy.md). `largest_sum` is null beyond fp32."""
+    """Certified bounds by precision, the worst of all textures (docs/explanation/accuracy.md). `largest_sum` is null beyond fp32."""
     return {
         precision: {
             "error": bound.error,

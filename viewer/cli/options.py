@@ -123,7 +123,7 @@ class ViewOptions(DecoderOptions):
     filter: TexelFilter | None = None
     """Filter of slot A, but for path cached: exact, or stochastic, one texel at random, accumulated at rest. None: as it was last."""
     script: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Play the commands of this file (docs/scripts.md); then the window stays open."""
+    """Play the commands of this file (docs/guide/scripts.md); then the window stays open."""
     exec: Lines = ()
     """Play these commands after the script's; may be repeated."""
     headless: Switch = False
@@ -213,7 +213,7 @@ class RenderOptions(DecoderOptions):
 
 @dataclass(frozen=True)
 class EncodeOptions:
-    """Encode the textures of a scene or of a folder of images, and write a pack; or as jobs, into a library (docs/library.md)."""
+    """Encode the textures of a scene or of a folder of images: as one pack, or by jobs as a library (docs/guide/many-textures.md)."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER|LIST"), tyro.conf.Positional]
     """glTF scene, a folder of images (sub-folder names become categories), or a text file (.txt) with the path of an image a line."""
@@ -311,7 +311,7 @@ class DecodeOptions:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Write a scene and its pack for other programs (docs/export.md)."""
+    """Write a scene and its pack for other programs (docs/guide/export.md)."""
 
     scene: OptionalScene = None
     """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). None: the built-in courtyard."""
@@ -338,7 +338,7 @@ LibraryAction = Literal["add", "assign", "list", "verify", "compact", "extract"]
 
 @dataclass(frozen=True)
 class LibraryOptions:
-    """Look after a library: a folder of encoded textures of many scenes (docs/library.md)."""
+    """Look after a library: a folder of encoded textures of many scenes (docs/guide/many-textures.md)."""
 
     action: Annotated[LibraryAction, tyro.conf.Positional]
     """add packs to it; assign: encode what it lacks of a scene or a folder of images with decoders that it has, and tell what that

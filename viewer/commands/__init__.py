@@ -137,7 +137,7 @@ def key_table_markdown() -> str:
 
 
 def command_table_markdown() -> str:
-    """The table of commands of docs/scripts.md."""
+    """The table of commands of docs/reference/commands.md."""
     bound = bindings({})
     rows = [f"| `{c.usage}` | {c.help} | {_parameters(c)} | {bound.text(c.id)} |" for c in COMMANDS]
     return "\n".join(["| command | what it does | parameters | key |", "|---|---|---|---|", *rows])

@@ -15,7 +15,7 @@ NO_ADDRESS: Final = frozenset({1, 2, 3, (1 << 64) - 1})
 """What some drivers' wglGetProcAddress returns, besides 0, for a function that they lack."""
 DRIVER_SETTINGS: Final = {"ZINK_DESCRIPTORS": "lazy"}
 """Environment variables that drivers read. zink of Mesa 25.0 and 26.2, left to choose, computes wrong results from the second frame on
-that no wait divides from the first (docs/decode-paths.md)."""
+that no wait divides from the first (docs/explanation/decode-paths.md)."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The lit picture of surfaces in float64: the slow twin of shaders/passes/shade. docs/lighting.md says it in words."""
+"""The lit picture of surfaces in float64: the slow twin of shaders/passes/shade. docs/explanation/lighting.md says it in words."""
 
 import math
 from collections.abc import Sequence

@@ -334,7 +334,7 @@ class Renderer:
 
     @checks_context
     def planes(self, slot: Slot) -> dict[Plane, NDArray[np.float32]]:
-        """[H, W, 4] float32, row 0 on top: the planes of the last view that `slot` shows (docs/lighting.md), drawn whole now."""
+        """[H, W, 4] float32, row 0 on top: the planes of the last view that `slot` shows (docs/explanation/lighting.md)."""
         self.picture(slot)
         targets, view = self._targets, self._view
         if targets is None or view is None:

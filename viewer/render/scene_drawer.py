@@ -22,7 +22,7 @@ from viewer.scene.model import Camera, Motion, Pose, Scene
 from viewer.state.camera import view_projection
 
 LEAST_CLUSTERS = 1 << 14
-"""Clusters of all instances from which on they are culled on the GPU: 2 million triangles (docs/geometry-scale.md)."""
+"""Clusters of all instances from which on they are culled on the GPU: 2 million triangles (docs/reports/geometry.md)."""
 LEAST_OF_INSTANCE = 8
 """Clusters that instances must have on the average: what is smaller is culled as well on the CPU, by instances."""
 ON_SOFTWARE = False

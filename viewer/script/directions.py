@@ -269,6 +269,6 @@ DIRECTIONS = {
 
 
 def direction_table_markdown() -> str:
-    """The table of stage directions of docs/scripts.md."""
+    """The table of stage directions of docs/reference/commands.md."""
     rows = [f"| `{d.usage.replace('|', chr(92) + '|')}` | {d.help} |" for d in DIRECTIONS.values()]
     return "\n".join(["| direction | what it does |", "|---|---|", *rows])

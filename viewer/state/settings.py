@@ -46,7 +46,9 @@ class ViewerSettings:
     """Immutable settings; every field has a default, so that an older file stays readable."""
 
     show_panels: bool = True
+    """Show the panels when the window opens."""
     camera_mode: CameraMode = "orbit"
+    """What the mouse does with the camera: orbit around a point, or fly."""
     fov_degrees: Annotated[float, Meta(ge=FOV_RANGE[0], le=FOV_RANGE[1])] = 60.0
     """Vertical field of view of the free camera, degrees."""
     anisotropy: int = 1
@@ -74,6 +76,7 @@ class ViewerSettings:
     ui_scale: Annotated[float, Meta(ge=UI_SCALE_RANGE[0], le=UI_SCALE_RANGE[1])] = 1.0
     """Size of text and widgets; 1 is the normal one."""
     theme: Theme = "dark"
+    """Colours of the panels: dark or light."""
     hidden_panels: Annotated[
         tuple[Annotated[str, Meta(max_length=LONGEST_TITLE)], ...], Meta(max_length=MOST_PANELS)
     ] = ()

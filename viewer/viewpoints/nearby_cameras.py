@@ -29,7 +29,7 @@ class NearbyConfig:
 def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig) -> tuple[Camera, ...]:
     """`config.count` cameras near each of `cameras`.
 
-    Without them a grouping overfits the pixels of a few pictures; docs/groupings.md measures what they bring.
+    Without them a grouping overfits the pixels of a few pictures; docs/explanation/sharing.md measures what they bring.
     """
     random = np.random.default_rng(config.seed)
     extent = float(np.linalg.norm(scene.bounds[1] - scene.bounds[0]))

@@ -11,7 +11,7 @@ line is driven (`python -m viewer ...` in a process of its own), so that the lay
     decodes   `decode` of packs by every backend, precision and some levels
     info      `info` of scenes, packs and folders, as text and as JSON; all texts of --help
     refused   bad input: exit status and message
-    scripts   `view --headless` through the commands of docs/scripts.md: pictures, whole windows, saved views
+    scripts   `view --headless` through the commands of docs/reference/commands.md: pictures, whole windows, saved views
     training  the commands training.*: short trainings of a small scene, and the packs they write
 
 Every run leaves a folder with its files and `output.txt`: exit status and what it printed. What differs from run to run

@@ -1,7 +1,7 @@
 """Opens and draws scenes of very many triangles, each in a process of its own, and writes figures, a table and a plot.
 
     python -m lab.benchmarks.geometry --folder /tmp/scenes --json lab/benchmarks/results/geometry_llvmpipe.json \
-        --table docs/geometry-scale.md --plot docs/geometry-scale.png
+        --table docs/reports/geometry.md --plot docs/reports/figures/geometry.png
 
 Scenes are made in FOLDER (up to 1.1 GiB for 50 million triangles) where they are not there yet, and stay there.
 """
@@ -62,7 +62,7 @@ def tables(records: Sequence[dict[str, Any]]) -> str:
         " (`plain`) or eight of them at many nodes (`instanced`); one in eleven is mirrored.",
         f"{first['renderer']}, {first['size'][0]}x{first['size'][1]}, base colours; medians of {first['frames']} frames.",
         "",
-        "![Seconds, memory and frame times](geometry-scale.png)",
+        "![Seconds, memory and frame times](figures/geometry.png)",
         "",
         *_table(SCENE_COLUMNS, records),
         "",

@@ -1,6 +1,7 @@
 """Make every twin of plain scenes, draw each beside its plain scene, and write a table, figures and a sheet of pictures.
 
-    python -m lab.benchmarks.twins.measure assets/courtyard.glb --out docs/twins.md --sheet docs/twins.webp --json FILE
+    python -m lab.benchmarks.twins.measure assets/courtyard.glb --out docs/reports/twins.md \\
+        --sheet docs/reports/figures/twins.webp --json FILE
 
 Each twin is read from a file as a user would open it. `outside` counts pixels that show what the plain picture shows nowhere within
 the distance and the values that the twin's quantisation allows (lab/benchmarks/twins/comparison.py): the bound is computed. Twins with

@@ -1,4 +1,4 @@
-"""Codec `block`: codes of texel blocks under a linear transform that a group shares (docs/codec.md)."""
+"""Codec `block`: codes of texel blocks under a linear transform that a group shares (docs/reference/codecs.md)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType

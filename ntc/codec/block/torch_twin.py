@@ -1,4 +1,4 @@
-"""Decoding a pack of codec `block` with torch, float32 (docs/codec.md)."""
+"""Decoding a pack of codec `block` with torch, float32 (docs/reference/codecs.md)."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

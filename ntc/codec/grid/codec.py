@@ -1,4 +1,4 @@
-"""Codec `grid` (the paper's): grids of latents, blended and decoded by a small network (docs/codec.md)."""
+"""Codec `grid` (the paper's): grids of latents, blended and decoded by a small network (docs/reference/codecs.md)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""The slow twin of every decoder of codec `grid`: docs/codec.md in numpy float64, written for reading."""
+"""The slow twin of every decoder of codec `grid`: docs/reference/codecs.md in numpy float64, written for reading."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,7 +44,7 @@ def run_decoder(decoder: GridDecoder, inputs: Array, leaky_slope: float, adapter
 
 
 def decoder_inputs(pack: Pack, texture: GridTexture, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode]) -> Array:
-    """[N, decoder_inputs]: what the decoder of a pack of codec `grid` reads at `uv` [N, 2] and `lod` [N] (docs/codec.md,
+    """[N, decoder_inputs]: what the decoder of a pack of codec `grid` reads at `uv` [N, 2] and `lod` [N] (docs/reference/codecs.md,
     steps 1 to 4)."""
     config = grid_parts(pack).config
     levels = latent_levels(texture.width, texture.height, config)

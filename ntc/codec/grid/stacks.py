@@ -23,7 +23,7 @@ def _as_halves(numbers: Tensor) -> NDArray[np.float32]:
 
 
 class AdapterStack(nn.Module):
-    """Adapters of `count` textures: `scales[l]` and `biases[l]` [count, hidden_width] for hidden layer l (docs/codec.md).
+    """Adapters of `count` textures: `scales[l]` and `biases[l]` [count, hidden_width] for hidden layer l (docs/reference/codecs.md).
 
     Where adapters hold an output layer, `output` is what it has besides the output layer of the decoder: both are added,
     so that textures learn together what they share.

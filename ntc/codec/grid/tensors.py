@@ -1,4 +1,4 @@
-"""The tensors of codec `grid` in a file (docs/pack-format.md). "{}" in their names stands for the number of texture or decoder."""
+"""The tensors of codec `grid` in a file (docs/reference/pack-format.md). "{}" in a name is the number of a texture or decoder."""
 
 from collections.abc import Mapping
 from typing import Any

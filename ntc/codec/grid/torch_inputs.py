@@ -8,7 +8,7 @@ from ntc.codec.torch_texels import PyramidTable, trilinear_corners, weighted_row
 
 
 def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor, octaves: int) -> Tensor:
-    """[N, 4 octaves] triangle waves of the texel coordinate at whole `level` [N] (docs/codec.md). `table` holds texel sizes."""
+    """[N, 4 octaves] triangle waves of the texel coordinate at whole `level` [N]. `table` holds texel sizes."""
     size = torch.stack([table.width[texture, level], table.height[texture, level]], dim=-1)
     texel = (uv * size)[:, :, None, None]
     octave = 2.0 ** -torch.arange(1, octaves + 1, device=uv.device, dtype=uv.dtype)[None, None, :, None]

@@ -1,4 +1,4 @@
-"""Decoding a pack of codec `grid` with torch, in float32 (docs/codec.md)."""
+"""Decoding a pack of codec `grid` with torch, in float32 (docs/reference/codecs.md)."""
 
 from collections.abc import Callable
 

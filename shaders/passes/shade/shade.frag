@@ -1,5 +1,5 @@
 #version 430
-// The lit picture, tone-mapped (viewer/lighting/shading.py is the same in float64; docs/lighting.md says it in words).
+// The lit picture, tone-mapped (viewer/lighting/shading.py is the same in float64; docs/explanation/lighting.md says it in words).
 // SUN, SHADOWS, LIGHTS 1: the view has such. CLEARCOAT, SPECULAR, EMISSIVE, UNLIT 1: any material has such factors.
 // What is drawn where no surface is means nothing: background.frag replaces it.
 #include "common/frame.glsl"

@@ -85,7 +85,7 @@ def shown(renderer: Renderer, name: str, path: DecodePath, precision: Precision 
 
 
 def expected(pack: Pack, name: str) -> NDArray[np.float64]:
-    """[H * W, 3] what docs/codec.md says about a case."""
+    """[H * W, 3] what docs/reference/codecs.md says about a case."""
     case = CASES[name]
     lod = np.full(SIZE[0] * SIZE[1], case.map.lod(SIZES[case.texture]))
     sampler = replace(case.sampler, wrap=case.wrap)

@@ -13,7 +13,7 @@ MOST_MIB = 4096
 
 def test_the_table_is_that_of_the_figures() -> None:
     records = json.loads(FIGURES.read_text())["scenes"]
-    assert (ROOT / "docs/geometry-scale.md").read_text() == tables(records)
+    assert (ROOT / "docs/reports/geometry.md").read_text() == tables(records)
 
 
 def test_fifty_million_triangles_open_below_four_gigabytes() -> None:

@@ -26,7 +26,7 @@ def test_a_made_scene_opens_whole(tmp_path: Path) -> None:
 
 def test_the_table_in_the_docs_is_measured() -> None:
     record = json.loads((ROOT / "lab/benchmarks/results/many_textures_llvmpipe.json").read_text())
-    assert table(record["rows"]) in (ROOT / "docs/benchmarks.md").read_text()
+    assert table(record["rows"]) in (ROOT / "docs/reports/many-textures.md").read_text()
 
 
 def test_a_row_without_a_whole_picture_has_a_gap() -> None:

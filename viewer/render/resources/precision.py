@@ -13,8 +13,8 @@ EVERYWHERE: tuple[Precision, ...] = ("fp32", "fp16")
 
 
 FASTEST_FIRST: tuple[Precision, ...] = ("fp16-accumulate", "fp16", "fp32", "fp16-arithmetic")
-"""Where nothing has been measured: vector instructions of the compilers of GPUs (docs/decode-paths.md). Halves that are summed up in
-single precision take more of them than single precision alone."""
+"""Order of precisions where nothing was measured, by vector instructions of GPU compilers (docs/explanation/decode-paths.md). Halves
+that are summed up in single precision take more of them than single precision alone."""
 
 
 def fastest_first(context: GraphicsContext) -> tuple[Precision, ...]:

@@ -1,4 +1,4 @@
-"""The visibility buffer: the surface of each pixel, as integer words and depth (docs/decode-paths.md)."""
+"""The visibility buffer: the surface of each pixel, as integer words and depth (docs/explanation/decode-paths.md)."""
 
 import ctypes
 from collections.abc import Mapping
@@ -124,7 +124,7 @@ class VisibilityTarget:
             texture.use(int(unit))
 
     def words(self) -> NDArray[np.uint32]:
-        """[H, W, 4] uint32, row 0 on top: ids, uv and footprint of each pixel (docs/decode-paths.md)."""
+        """[H, W, 4] uint32, row 0 on top: ids, uv and footprint of each pixel (docs/explanation/decode-paths.md)."""
         return np.frombuffer(self._words.read(), np.uint32).reshape(self.size[1], self.size[0], 4)[::-1]
 
     def colors(self) -> NDArray[np.float64] | None:

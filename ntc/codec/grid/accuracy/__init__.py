@@ -1,1 +1,1 @@
-"""How far decoded values can be from exact ones (docs/accuracy.md)."""
+"""How far decoded values can be from exact ones (docs/explanation/accuracy.md)."""

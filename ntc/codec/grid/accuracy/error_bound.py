@@ -1,4 +1,4 @@
-"""How far a decoded value can be from the exact one: bounds that hold for every texel, from weights alone (docs/accuracy.md)."""
+"""Bounds of the distance of a decoded value from the exact one, from weights alone (docs/explanation/accuracy.md)."""
 
 from dataclasses import dataclass
 from typing import get_args

@@ -1,4 +1,4 @@
-"""What a decoder may read: ranges of its inputs over a whole texture, and how far fp32 may be from them (docs/accuracy.md)."""
+"""Ranges of the inputs of a decoder over a whole texture, and the error of fp32 in them (docs/explanation/accuracy.md)."""
 
 from dataclasses import dataclass
 

@@ -25,7 +25,7 @@ MEASURED_TEXELS = 4096
 LEAST_OF_A_TEXTURE = 32
 UNMEASURED_FACTOR = 3.0
 """The error of a texel that was not measured is taken to be at most this many times the largest measured one: 1.6 to 2.4 times
-were found (docs/accuracy.md)."""
+were found (docs/explanation/accuracy.md)."""
 
 
 def _stored_decoder(decoder: GridDecoder) -> GridDecoder:

@@ -1,4 +1,4 @@
-"""Powers of two moved from layer to layer, so that what is computed in halves stays in their range (docs/accuracy.md).
+"""Powers of two moved from layer to layer, so that what is computed in halves stays in their range (docs/explanation/accuracy.md).
 
 LeakyReLU(2^-k x) = 2^-k LeakyReLU(x): a hidden layer's weights and biases times 2^-k and the next layer's weights times 2^k
 decode the same, exactly, but for weights that leave the range of fp32.

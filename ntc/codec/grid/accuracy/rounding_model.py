@@ -1,4 +1,4 @@
-"""What each precision rounds, and how far one layer's sums and activations are off because of it (docs/accuracy.md).
+"""What each precision rounds, and how far one layer's sums and activations are off because of it (docs/explanation/accuracy.md).
 
 Arrays of neurons may have a leading axis of texels.
 """

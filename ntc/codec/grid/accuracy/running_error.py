@@ -1,6 +1,6 @@
 """How far a decoded texel can be from the exact one: a bound for each texel, from the numbers that its decoding meets.
 
-The analysis of `error_bound` with the sums of one texel in place of ranges over all of them (docs/accuracy.md).
+The analysis of `error_bound` with the sums of one texel in place of ranges over all of them (docs/explanation/accuracy.md).
 """
 
 import numpy as np

@@ -11,7 +11,7 @@ from viewer.script.directions import DIRECTIONS, direction_table_markdown
 from viewer.script.parse import LARGEST_SCRIPT, MOST_LINES, parse_exec, parse_script, read_script, split_lines
 from viewer.script.stage import PROPERTIES
 
-SCRIPTS_PAGE = Path(__file__).resolve().parents[4] / "docs" / "scripts.md"
+SCRIPTS_PAGE = Path(__file__).resolve().parents[4] / "docs" / "reference" / "commands.md"
 
 
 def test_commands_directions_and_comments() -> None:
@@ -110,4 +110,4 @@ def test_the_page_lists_everything(mark: str, table: object) -> None:
 
 def test_the_tour_can_be_read() -> None:
     assert assets_folder().is_dir()
-    assert len(read_script(SCRIPTS_PAGE.with_name("tour.script"))) > 10
+    assert len(read_script(SCRIPTS_PAGE.parents[1] / "images" / "tour.script")) > 10

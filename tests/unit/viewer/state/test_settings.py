@@ -8,7 +8,7 @@ import pytest
 from viewer.commands import key_table_markdown
 from viewer.state.settings import SETTINGS_FILE, ViewerSettings, load_settings, save_settings
 
-README = Path(__file__).resolve().parents[4] / "README.md"
+COMMANDS_PAGE = Path(__file__).resolve().parents[4] / "docs" / "reference" / "commands.md"
 
 
 def test_round_trip(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_unknown_fields_are_left_alone(tmp_path: Path) -> None:
     assert load_settings(tmp_path) == (replace(ViewerSettings(), anisotropy=4), None)
 
 
-def test_the_readme_lists_every_key() -> None:
-    text = README.read_text()
+def test_the_page_of_commands_lists_every_key() -> None:
+    text = COMMANDS_PAGE.read_text()
     table = text[text.index("<!-- keys -->") + len("<!-- keys -->") : text.index("<!-- end of keys -->")]
     assert table.strip() == key_table_markdown()

@@ -1,4 +1,4 @@
-"""Codec `block` at any place and level of detail: the float64 decode does what docs/codec.md says, and torch does the same."""
+"""Codec `block` at any place and level of detail: the float64 decode follows docs/reference/codecs.md, and torch does the same."""
 
 from dataclasses import replace
 from itertools import product

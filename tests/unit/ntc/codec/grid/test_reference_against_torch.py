@@ -1,4 +1,4 @@
-"""The two Python implementations of docs/codec.md agree, and both do what the page says."""
+"""The two Python implementations of docs/reference/codecs.md agree, and both do what the page says."""
 
 from dataclasses import replace
 from itertools import product

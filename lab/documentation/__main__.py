@@ -1,0 +1,57 @@
+"""`python -m lab.documentation`: write the generated parts of README and docs again, and name the pages that changed.
+
+A generated part stands between `<!-- NAME -->` and `<!-- end of NAME -->`. What is outside of the marks is written by hand.
+"""
+
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+
+from lab.documentation.api_page import api_page
+from lab.documentation.option_tables import option_tables, settings_table
+from lab.documentation.report_tables import many_textures_table
+from ntc.io import write_text
+from viewer.commands import command_table_markdown, key_table_markdown
+from viewer.script.directions import direction_table_markdown
+
+ROOT = Path(__file__).resolve().parents[2]
+PARTS: Mapping[str, Callable[[], str]] = {
+    "api": api_page,
+    "commands": command_table_markdown,
+    "directions": direction_table_markdown,
+    "keys": key_table_markdown,
+    "many-textures": many_textures_table,
+    "options": option_tables,
+    "settings": settings_table,
+}
+"""Generated parts by the name in their marks."""
+
+
+def pages() -> Iterator[Path]:
+    """README, CONTRIBUTING and all pages of docs, in order."""
+    yield from (ROOT / "README.md", ROOT / "CONTRIBUTING.md")
+    yield from sorted((ROOT / "docs").rglob("*.md"))
+
+
+def generated(text: str) -> str:
+    """`text` of a page with all its generated parts written again. Raises KeyError for a mark of another name."""
+
+    def part(found: re.Match[str]) -> str:
+        name = found[1]
+        return f"<!-- {name} -->\n{PARTS[name]().strip()}\n<!-- end of {name} -->"
+
+    return re.sub(r"<!-- ([\w: ./-]+) -->\n.*?<!-- end of \1 -->", part, text, flags=re.DOTALL)
+
+
+def main() -> None:
+    """Write all pages, and name those that changed."""
+    for page in pages():
+        text = page.read_text(encoding="utf-8")
+        if (new := generated(text)) != text:
+            write_text(page, new)
+            sys.stdout.write(f"{page.relative_to(ROOT)}\n")
+
+
+if __name__ == "__main__":
+    main()
