@@ -19,6 +19,8 @@ class PsnrTable:
     summary: PsnrSummary | None
     bits_per_texel: float
     """Stored bits (latents with scale and offset, decoders, adapters) per texel of mip 0."""
+    bits_with_mips: float
+    """Stored bits per texel of all encoded mips: the unit of `encode --bits`, and the figure that `lines` prints."""
     latent_bytes: int
     decoder_bytes: int
     adapter_bytes: int
@@ -39,14 +41,13 @@ class PsnrTable:
 
     def lines(self) -> list[str]:
         """The table as text, worst texture first."""
-        lines = [f"{'texture':40} {'size':>11} {'group':>5} {'PSNR dB':>8} {'bits/texel':>10}"]
+        lines = [f"{'texture':40} {'size':>11} {'group':>5} {'PSNR dB':>8} {'latents kB':>10}"]
         ordered = sorted(self.rows, key=lambda row: math.inf if row["psnr_db"] is None else row["psnr_db"])
         for row in ordered:
             size = f"{row['width']}x{row['height']}"
+            kilobytes = row["latent_bits_per_texel"] * row["width"] * row["height"] / 8e3
             psnr = "-" if row["psnr_db"] is None else f"{row['psnr_db']:.2f}"
-            lines.append(
-                f"{row['name'][:40]:40} {size:>11} {row['group']:>5} {psnr:>8} {row['latent_bits_per_texel']:>10.2f}"
-            )
+            lines.append(f"{row['name'][:40]:40} {size:>11} {row['group']:>5} {psnr:>8} {kilobytes:>10.1f}")
             if len(row["maps"]) > 1 or row["maps"][0] != "base":
                 lines.append(f"    {_map_line(row)}")
         if self.summary is not None:
@@ -57,7 +58,7 @@ class PsnrTable:
             )
         parts = {"latents": self.latent_bytes, "decoders": self.decoder_bytes, "adapters": self.adapter_bytes}
         sizes = ", ".join(f"{size / 1e6:.2f} MB {name}" for name, size in parts.items() if size or name != "adapters")
-        lines.append(f"size: {self.bits_per_texel:.2f} bits/texel in all ({sizes})")
+        lines += [f"size: {sizes}", f"bits: {self.bits_with_mips:.2f} per texel of all mips"]
         return lines
 
 
@@ -73,11 +74,8 @@ def _map_line(row: Mapping[str, Any]) -> str:
 
 
 def bits_with_mips(pack: Pack) -> float:
-    """Bits of latents, decoders and adapters per texel of all encoded mips."""
-    table = psnr_table(pack)
-    levels = [level for each in pack.textures for level in latent_levels(each.width, each.height, pack.config)]
-    texels = sum(level.texel_width * level.texel_height for level in levels)
-    return 8.0 * (table.latent_bytes + table.decoder_bytes + table.adapter_bytes) / max(1, texels)
+    """Return the bits of latents, decoders and adapters per texel of all encoded mips."""
+    return psnr_table(pack).bits_with_mips
 
 
 def psnr_table(pack: Pack) -> PsnrTable:
@@ -106,11 +104,15 @@ def psnr_table(pack: Pack) -> PsnrTable:
     )
     latent_bytes = sum(each.latents + each.constants for each in sizes)
     adapter_bytes = sum(each.adapter for each in sizes)
+    stored_bits = 8.0 * (latent_bytes + decoder_bytes + adapter_bytes)
     texels = sum(texture.width * texture.height for texture in pack.textures)
+    levels = [level for each in pack.textures for level in latent_levels(each.width, each.height, pack.config)]
+    texels_with_mips = sum(level.texel_width * level.texel_height for level in levels)
     return PsnrTable(
         rows=rows,
         summary=PsnrSummary.of([texture.psnr_db for texture in pack.textures if texture.psnr_db is not None]),
-        bits_per_texel=8.0 * (latent_bytes + decoder_bytes + adapter_bytes) / max(1, texels),
+        bits_per_texel=stored_bits / max(1, texels),
+        bits_with_mips=stored_bits / max(1, texels_with_mips),
         latent_bytes=latent_bytes,
         decoder_bytes=decoder_bytes,
         adapter_bytes=adapter_bytes,

@@ -1,6 +1,7 @@
 """From argument strings to options; bad arguments become one line instead of tyro's box."""
 
 import contextlib
+import difflib
 import functools
 import importlib
 import importlib.util
@@ -15,17 +16,27 @@ from typing import Annotated, Any, ClassVar, Protocol, runtime_checkable
 
 import tyro
 
+import viewer
 from ntc.errors import InputError
 from ntc.library.index import is_library
 from viewer.cli.options import SUBCOMMANDS, Subcommand
+from viewer.locations import BUILTIN_SCENES
 from viewer.scene.scene_files import PACK_SUFFIX
 
 LAB_COMMANDS = "lab.commands"
 """Module of the research commands, with SUBCOMMANDS and STUDIES; the viewer also works where it is not installed."""
 DESCRIPTION = (
     "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents. "
-    "Measurements over many settings: ntc-viewer study NAME (see ntc-viewer study --help)."
+    "A SCENE without a command opens in the window. "
+    "Measurements over many settings: ntc-viewer study NAME (see ntc-viewer study --help). "
+    "Version: ntc-viewer --version. "
+    "Completion in the shell: ntc-viewer --tyro-write-completion bash|zsh|fish FILE."
 )
+VERSION = "--version"
+COMPLETION = ("--tyro-write-completion", "--tyro-print-completion")
+SHELLS = ("bash", "zsh", "fish")
+OUTPUTS = ("out", "web", "report", "state", "json")
+"""Names of the options that hold the path of a file or folder to write, in every command that has them."""
 
 
 @runtime_checkable
@@ -78,13 +89,21 @@ def _one_line(box: str) -> str:
 
 
 def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
-    """(command, its options) for `arguments` (without the program name). Without a subcommand, `view` is meant.
+    """Return (command, its options) for `arguments`, which lack the program's name. Without a subcommand, `view` is meant.
 
-    Raises InputError with one line for bad arguments, SystemExit(0) after printing help.
+    Raises InputError with one line for bad arguments, SystemExit(0) after printing help, the version or a completion script.
     """
+    if arguments and arguments[0] == VERSION:
+        sys.stdout.write(f"ntc-viewer {viewer.__version__}\n")
+        raise SystemExit(0)
     lab_commands, studies = _lab_commands()
     commands = (*SUBCOMMANDS[:-1], *lab_commands, SUBCOMMANDS[-1])
-    named = bool(arguments) and arguments[0] in ("-h", "--help", "study", *(command.name for command in commands))
+    names = ("study", *(command.name for command in commands))
+    named = bool(arguments) and arguments[0] in ("-h", "--help", *COMPLETION, *names)
+    if arguments and not named:
+        _refuse_unknown_command(arguments[0], names)
+    if arguments and arguments[0] in COMPLETION:
+        _check_completion(arguments)
     words = _with_packs_merged(list(arguments) if named else ["view", *arguments])
     complaint = io.StringIO()
     try:
@@ -92,7 +111,7 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
             if words[0] == "study":
                 study = _study(words, studies)
                 options = tyro.cli(study.options, prog=f"ntc-viewer study {study.name}", args=words[2:])
-                return study, _with_scene_found(options)
+                return study, _checked(options)
             choices = (Annotated[c.options, tyro.conf.subcommand(c.name, prefix_name=False)] for c in commands)
             union: Any = functools.reduce(operator.or_, choices)
             options = tyro.cli(union, prog="ntc-viewer", description=DESCRIPTION, args=words)
@@ -101,7 +120,42 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
             raise
         raise InputError(f"{_one_line(complaint.getvalue())} (see ntc-viewer --help)") from None
     command = next(command for command in commands if command.options is type(options))
-    return command, _with_scene_found(options)
+    return command, _checked(options)
+
+
+def _refuse_unknown_command(word: str, names: Sequence[str]) -> None:
+    """Raise InputError where the first argument can only be a mistyped command: a plain word that names no file and no scene."""
+    if word in BUILTIN_SCENES or not re.fullmatch(r"[A-Za-z][A-Za-z-]*", word) or Path(word).exists():
+        return
+    near = difflib.get_close_matches(word.lower(), names, n=1)
+    remedy = f"did you mean {near[0]}?" if near else f"choose {', '.join(names)}, or name a scene"
+    raise InputError(f"{word}: no such command, and no such file; {remedy}")
+
+
+def _check_completion(arguments: Sequence[str]) -> None:
+    """Raise InputError for another shell than tyro knows, and for a file of the completion that cannot be written."""
+    shell = arguments[1] if len(arguments) > 1 else ""
+    if shell not in SHELLS or (arguments[0] == COMPLETION[0]) != (len(arguments) > 2):
+        raise InputError(f"{arguments[0]}: write ntc-viewer {COMPLETION[0]} {'|'.join(SHELLS)} FILE")
+    if len(arguments) > 2:
+        _require_folder(arguments[0], Path(arguments[2]))
+
+
+def _checked(options: Any) -> Any:
+    """Return `options` with the scene in its place. Raises InputError for an output whose folder does not exist."""
+    for name in OUTPUTS:
+        path = getattr(options, name, None)
+        if isinstance(path, Path):
+            _require_folder(f"--{name}", path)
+    return _with_scene_found(options)
+
+
+def _require_folder(option: str, path: Path) -> None:
+    """Raise InputError where the folder that is to hold the new file or folder `path` does not exist."""
+    folder = path.parent
+    if not folder.is_dir():
+        problem = "is not a folder" if folder.exists() else "does not exist"
+        raise InputError(f"{option} {path}: the folder {folder} {problem}; create it first, or correct the path")
 
 
 def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:

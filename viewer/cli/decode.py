@@ -15,6 +15,7 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.cli.options import DecodeOptions
 from viewer.scene.images import write_png
+from viewer.scene.json_text import counted
 
 ImageDecoder = Callable[[int, int], NDArray[np.uint8]]
 """(texture index, level) -> [h, w, channels] uint8."""
@@ -83,5 +84,5 @@ def decode(options: DecodeOptions) -> int:
             path = options.out / file_name
             write_png(path if name == "base" else path.with_suffix(f".{name}.png"), image)
         written += len(images)
-    sys.stdout.write(f"wrote {written} images to {options.out} ({options.backend})\n")
+    sys.stdout.write(f"wrote {counted(written, 'image')} to {options.out} ({options.backend})\n")
     return 0

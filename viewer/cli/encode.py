@@ -35,6 +35,7 @@ from viewer.cli.options import EncodeOptions
 from viewer.cli.sources import load_with_progress
 from viewer.locations import features_cache, named_scene
 from viewer.scene.images import folder_textures
+from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
@@ -221,7 +222,8 @@ def _encode(
     codec = codec_named(name)
     how = f"recipe {choices.recipe}" if codec.trains else f"codec {name}"
     console.print(
-        f"{len(textures)} textures, {grouping.group_count} decoders ({grouping.name}), {how}", highlight=False
+        f"{counted(len(textures), 'texture')}, {counted(grouping.group_count, 'decoder')} ({grouping.name}), {how}",
+        highlight=False,
     )
     # Written where a training diverges to NaN.
     rescued_state = options.out.with_name(f"{options.out.name}.state")
@@ -268,4 +270,4 @@ def _effort(pack: Pack, seconds: float) -> str:
     device = str(pack.training["device"])
     peak = peak_memory_bytes(torch.device(device))
     memory = f", at most {peak / 1e9:.2f} GB of memory" if peak is not None else ""
-    return f"training: {pack.training['steps']} steps in {seconds:.0f} s on {device}{memory}"
+    return f"training: {counted(int(pack.training['steps']), 'step')} in {seconds:.0f} s on {device}{memory}"

@@ -23,6 +23,7 @@ from viewer.encoding.whole_run import RunProgress, RunResult, encode_to_library
 from viewer.encoding.work import WorkJob, WorkResult, work
 from viewer.jobs.executor import Executor, LocalExecutor
 from viewer.jobs.ray_cluster import RayExecutor
+from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.scene.source_textures import MapChoice
 
@@ -129,7 +130,8 @@ def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
     folder = options.out.with_name(f"{options.out.name}{KEPT_SUFFIX}") if asked.one_pack else options.out
     executor = _executor(options)
     console.print(
-        f"{len(refs)} textures, {executor.slots} at a time, codec {codec}, {options.grouping}", highlight=False
+        f"{counted(len(refs), 'texture')}, {executor.slots} at a time, codec {codec}, {options.grouping}",
+        highlight=False,
     )
     try:
         with _ProgressReport(console) as report, deferred_interrupt() as interrupted:
@@ -138,7 +140,8 @@ def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
         executor.close()
     if result.stopped:
         console.print(
-            f"stopped: {len(result.stored)} textures are kept in {folder}; the same command goes on", highlight=False
+            f"stopped: {counted(len(result.stored), 'texture')} kept in {folder}; the same command resumes",
+            highlight=False,
         )
         raise KeyboardInterrupt
     return _finish(options, folder, result, maps)

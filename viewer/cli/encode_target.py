@@ -12,6 +12,7 @@ from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget, Ta
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
 from viewer.cli.options import EncodeOptions
+from viewer.scene.json_text import counted
 
 MOST_NAMES = 5
 """Textures that are named where a quality was not reached."""
@@ -69,17 +70,17 @@ def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -
 
 def result_lines(target: Target, pack: Pack, out: Path) -> list[str]:
     """What was asked, what came and what was not reached, of `pack` written to `out`."""
-    came = bits_with_mips(pack)
-    bits = f"bits: {came:.2f} per texel of all mips"
     if isinstance(target, BitsTarget):
-        more = came > target.bits * (1.0 + NEAR_BITS)
-        why = "; not reached: textures so small or so few take more" if more else ""
-        return [f"{bits}, asked for {target.bits:g}{why}"]
+        more = bits_with_mips(pack) > target.bits * (1.0 + NEAR_BITS)
+        why = "; not reached: so few or so small textures need more" if more else ""
+        return [f"target: {target.bits:g} bits per texel of all mips{why}"]
     if isinstance(target, SizeTarget):
-        return [bits, f"file: {out.stat().st_size / 1e6:.3f} MB, asked for at most {target.megabytes:g}"]
+        return [f"file: {out.stat().st_size / 1e6:.3f} MB, asked for at most {target.megabytes:g}"]
     short = [each for each in pack.textures if each.psnr_db is not None and each.psnr_db < target.psnr_db]
     reached = len(pack.textures) - len(short)
-    lines = [bits, f"quality: {reached} of {len(pack.textures)} textures have at least {target.psnr_db:g} dB, as asked"]
+    lines = [
+        f"quality: {reached} of {counted(len(pack.textures), 'texture')} have at least {target.psnr_db:g} dB, as asked"
+    ]
     if short:
         short.sort(key=lambda each: each.psnr_db or 0.0)
         names = ", ".join(f"{each.name} ({each.psnr_db:.2f} dB)" for each in short[:MOST_NAMES])

@@ -20,6 +20,7 @@ from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.export.gltf.export import ExportedScene, export_gltf
 from viewer.export.web.export import export_page
 from viewer.locations import builtin_scene_path, named_scene
+from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX, scene_file
 from viewer.state.pack_files import PREFERRED_GROUPING, packs_beside
 
@@ -53,8 +54,8 @@ def result_lines(exported: ExportedScene) -> list[str]:
     """What was written, for a person."""
     lines = [f"note: {line}" for line in exported.missing]
     lines.append(
-        f"{exported.textures} of {exported.of_textures} textures are in the pack"
-        + (f"; {exported.replaced} images replaced or left out" if exported.replaced else "")
+        f"{exported.textures} of {counted(exported.of_textures, 'texture')} in the pack"
+        + (f"; {counted(exported.replaced, 'image')} replaced or left out" if exported.replaced else "")
     )
     lines.append(f"wrote {exported.out} ({exported.scene_bytes / 1e6:.2f} MB with its files)")
     lines.append(f"wrote {exported.pack} ({exported.pack_bytes / 1e6:.2f} MB)")
@@ -103,7 +104,7 @@ def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> 
         problem = f"shaders are read by pcpp and tree-sitter ({error}); pip install 'ntc-viewer[export]'"
         raise InputError(f"--shader {language}: {problem}") from error
     exported = export_decoder(read_pack(pack_path), language, folder)
-    return [f"wrote {folder / name} ({size} bytes)" for name, size in exported.files.items()]
+    return [f"wrote {folder / name} ({counted(size, 'byte')})" for name, size in exported.files.items()]
 
 
 def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fallback) -> list[str]:
@@ -113,7 +114,7 @@ def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fall
         page = export_page(scene, pack, folder, "none" if fallback == "none" else "lossless", report)
     parts = f"pack {page.pack_bytes / 1e6:.2f} MB, originals {page.original_bytes / 1e6:.2f} MB"
     return [
-        f"wrote {folder} ({page.files} files, {page.total_bytes / 1e6:.2f} MB: {parts})",
+        f"wrote {folder} ({counted(page.files, 'file')}, {page.total_bytes / 1e6:.2f} MB: {parts})",
         f"serve it by any file server: python3 -m http.server --directory {folder}",
     ]
 
@@ -135,7 +136,7 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
     write_text(losses, table.csv())
     lines = [f"note: {line}" for line in exported.missing]
     if exported.kept:
-        lines.append(f"note: {exported.kept} images are in no texture of the pack, and stay as they are")
+        lines.append(f"note: {counted(exported.kept, 'image')} not in the pack: kept as in the scene")
     lines += table.text().splitlines()
     mean = {key: _mean_db([row[key] for row in rows]) for key in ("decoded_db", "stored_db", "both_db")}
     parts = f"the pack {mean['decoded_db']}, {image_format} alone {mean['stored_db']}, both {mean['both_db']}"

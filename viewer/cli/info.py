@@ -23,7 +23,7 @@ from viewer.cli.options import InfoOptions
 from viewer.cli.sources import load_with_progress
 from viewer.cli.table import Column, Table
 from viewer.locations import named_scene
-from viewer.scene.json_text import printable
+from viewer.scene.json_text import counted, printable
 from viewer.scene.report import report_json, report_lines
 from viewer.scene.scene_files import PACK_SUFFIX
 
@@ -93,7 +93,8 @@ def pack_lines(pack: Pack) -> list[str]:
     bounds, shape = codec.certified_errors(pack), codec.decoder_text(pack.config)
     training = ", ".join(f"{key} {value}" for key, value in pack.training.items())
     return [
-        f"{pack.path}: {len(pack.textures)} textures, {len(pack.decoders)} decoders{shape}, grouping {printable(pack.grouping.name)}",
+        f"{pack.path}: {counted(len(pack.textures), 'texture')}, {counted(len(pack.decoders), 'decoder')}{shape}, "
+        f"grouping {printable(pack.grouping.name)}",
         *codec.settings_lines(pack.config),
         f"training: {printable(training)}",
         *psnr_table(pack).lines(),

@@ -12,7 +12,7 @@ from ntc.errors import InputError
 from ntc.io import is_partial
 from ntc.pack.file import read_pack
 from viewer.cli.table import Column, Table
-from viewer.scene.json_text import printable
+from viewer.scene.json_text import counted, printable
 from viewer.scene.load import load_scene
 from viewer.scene.scene_files import PACK_SUFFIX
 
@@ -82,7 +82,7 @@ def describe_file(path: Path, name: str) -> FileInfo:
     try:
         if kind == "pack":
             pack = read_pack(path)
-            facts = (f"grouping {printable(pack.grouping.name)}, {len(pack.decoders)} decoders",)
+            facts = (f"grouping {printable(pack.grouping.name)}, {counted(len(pack.decoders), 'decoder')}",)
             return FileInfo(name, kind, "read", textures=len(pack.textures), honoured=facts)
         scene = load_scene(path)
     except InputError as error:
@@ -129,5 +129,7 @@ def info_all(folder: Path, as_json: bool) -> int:
         return 0
     if files:
         sys.stdout.write(Table(COLUMNS, [file.row() for file in files]).markdown() + "\n")
-    sys.stdout.write(f"{len(files)} files: " + ", ".join(f"{count} {what}" for what, count in counts.items()) + "\n")
+    sys.stdout.write(
+        f"{counted(len(files), 'file')}: " + ", ".join(f"{count} {what}" for what, count in counts.items()) + "\n"
+    )
     return 0

@@ -12,6 +12,7 @@ from viewer.cli.library_list import library_lines
 from viewer.cli.options import LibraryOptions
 from viewer.cli.sources import load_with_progress
 from viewer.locations import named_scene
+from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.pack_files import wanted_textures
 
@@ -37,9 +38,14 @@ def _add(options: LibraryOptions) -> list[str]:
         lines = []
         for path, pack in zip(options.files, packs, strict=True):
             added = writer.add_pack(pack)
-            lines.append(f"{path}: {len(pack.textures)} textures{'' if added else ', all of which it holds already'}")
+            lines.append(
+                f"{path}: {counted(len(pack.textures), 'texture')}{'' if added else '; the library holds them already'}"
+            )
         index = writer.index
-        return [*lines, f"{options.folder}: {len(index.shards)} shards, {len(index.places)} textures"]
+        return [
+            *lines,
+            f"{options.folder}: {counted(len(index.shards), 'shard')}, {counted(len(index.places), 'texture')}",
+        ]
 
 
 def _assign(options: LibraryOptions) -> list[str]:
@@ -56,8 +62,11 @@ def _compact(options: LibraryOptions) -> list[str]:
         done = compact(writer)
     lines = [f"left out: {line}" for line in done.dropped]
     if done.adopted:
-        lines.append(f"{done.adopted} shards that were whole, but not in the index, are in it now")
-    return [*lines, f"{options.folder}: {done.shards_before} shards became {done.shards}, {done.textures} textures"]
+        lines.append(f"added to the index: {counted(done.adopted, 'whole shard')} that it lacked")
+    return [
+        *lines,
+        f"{options.folder}: {counted(done.shards_before, 'shard')} became {done.shards}, with {counted(done.textures, 'texture')}",
+    ]
 
 
 def _extract(options: LibraryOptions) -> list[str]:

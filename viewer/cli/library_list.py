@@ -6,7 +6,7 @@ from pathlib import Path
 
 from ntc.library.index import read_index
 from viewer.cli.table import Cell, Column, Table
-from viewer.scene.json_text import printable
+from viewer.scene.json_text import counted, printable
 
 COLUMNS = (
     Column("name", "texture"),
@@ -46,6 +46,6 @@ def library_lines(folder: Path, as_json: bool) -> list[str]:
         return [json.dumps(rows, indent=1)]
     index = read_index(folder)
     size = sum(shard.bytes for shard in index.shards.values())
-    total = f"{len(index.shards)} shards, {len(rows)} textures, {size / 1e6:.2f} MB"
+    total = f"{counted(len(index.shards), 'shard')}, {counted(len(rows), 'texture')}, {size / 1e6:.2f} MB"
     damaged = [f"note: line {number} of the index is damaged; run verify" for number in index.damaged_lines]
     return [*Table(COLUMNS, rows).text().splitlines(), f"{folder}: {total}", *damaged]

@@ -22,6 +22,7 @@ from ntc.pack.partial import read_textures
 from viewer.encoding.sources import Reading, read_texture
 from viewer.encoding.whole_run import RunResult, Stored
 from viewer.scene.images import write_png
+from viewer.scene.json_text import counted
 
 REPORT_FILE = "report.json"
 WORST_SHOWN = 12
@@ -129,7 +130,7 @@ def report_lines(result: RunResult) -> list[str]:
     ]
     told = "".join(f", {each}" for each in others)
     lines.append(
-        f"{result.asked} textures: {result.encoded} encoded in {result.seconds:.1f} s ({rate:.2f} Mtexel/s){told}"
+        f"{counted(result.asked, 'texture')}: {result.encoded} encoded in {result.seconds:.1f} s ({rate:.2f} Mtexel/s){told}"
     )
     named = list(result.failed.values())
     lines += [f"failed: {problem}" for problem in named[:NAMED_ON_SCREEN]]
@@ -217,7 +218,7 @@ def _page(result: RunResult, worst: Sequence[tuple[Stored, str]]) -> str:
         table.append(_row((name, *cells, f"{found['bits_per_texel']:.2f}")))
     figures = [_figure(each, name) for each, name in worst]
     failed = [_row((path, problem)) for path, problem in sorted(result.failed.items())]
-    (told,) = [line for line in report_lines(result) if line.startswith(f"{result.asked} textures: ")]
+    (told,) = [line for line in report_lines(result) if line.startswith(f"{counted(result.asked, 'texture')}: ")]
     parts = [
         "<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content='width=device-width'>",
         "<title>Encoded textures</title><style>",

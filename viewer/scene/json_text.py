@@ -22,6 +22,11 @@ def printable(text: str) -> str:
     return "".join(character for character in line if character.isprintable())[:200]
 
 
+def counted(number: int, noun: str) -> str:
+    """Return a number with its noun: `1 texture`, `2 textures`."""
+    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
+
+
 def describe(value: Any) -> str:
     """A JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
     if isinstance(value, list):

@@ -1,14 +1,15 @@
-"""KTX2 files (Khronos KTX 2.0): Basis Universal (ETC1S, UASTC), blocks of graphics hardware, and plain bytes."""
+"""KTX2 files (Khronos KTX 2.0): Basis Universal (ETC1S, UASTC), blocks of graphics hardware (BC1 to BC7, ASTC), and plain bytes."""
 
 import struct
 import zlib
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
+from ntc.metrics.block_compression import BlockFormat, compressed_bytes, decompress
 
 SIGNATURE: Final = b"\xabKTX 20\xbb\r\n\x1a\n"
 _HEADER: Final = struct.Struct("<12s9I4I2Q")
@@ -41,9 +42,15 @@ OTHERS: Final = (
     (142, 142, "signed BC5"),
     (143, 144, "BC6H"),
     (147, 156, "ETC2 or EAC"),
-    (157, 184, "ASTC"),
 )
 """First and last VkFormat of formats that are not read."""
+FIRST_ASTC: Final = 157
+"""VK_FORMAT_ASTC_4x4_UNORM_BLOCK; the sRGB format of each block size follows it, then the next size."""
+ASTC_BLOCKS: Final[tuple[BlockFormat, ...]] = (
+    "astc-4x4", "astc-5x4", "astc-5x5", "astc-6x5", "astc-6x6", "astc-8x5", "astc-8x6",
+    "astc-8x8", "astc-10x5", "astc-10x6", "astc-10x8", "astc-10x10", "astc-12x10", "astc-12x12",
+)  # fmt: skip
+"""Block sizes of ASTC in the order of their VkFormats."""
 SCHEMES: Final = {0: "none", 1: "BasisLZ", 2: "Zstandard", 3: "ZLIB"}
 """Supercompression."""
 _DDS: Final = struct.Struct("<4s7I44x8I5I5I")
@@ -90,10 +97,12 @@ def read_ktx2(data: bytes, name: str, largest_side: int, most_values: int) -> ND
         blocks = -(-found.width // 4) * -(-found.height // 4)
         level = _level(data, found, blocks * block_bytes)
         return dds_header(found.width, found.height, len(level), format_number) + level
+    if FIRST_ASTC <= found.format < FIRST_ASTC + 2 * len(ASTC_BLOCKS):
+        return _astc_pixels(data, found)
     other = next((f" ({what})" for first, last, what in OTHERS if first <= found.format <= last), "")
     known = ", ".join(sorted({block[2] for block in BLOCKS.values()}))
     raise InputError(
-        f"{name}: KTX2 of VkFormat {found.format}{other} is not read; give Basis Universal, {known} or 8-bit pixels"
+        f"{name}: KTX2 of VkFormat {found.format}{other} is not read; give Basis Universal, ASTC, {known} or 8-bit pixels"
     )
 
 
@@ -172,6 +181,18 @@ def _basis_pixels(data: bytes, name: str, found: _Container) -> NDArray[np.uint8
         raise InputError(f"{name}: the image does not decode ({error}); replace it") from error
     pixels = np.asarray(image.data, np.uint8)
     return pixels if texture.has_alpha else pixels[..., :3]
+
+
+def _astc_pixels(data: bytes, found: _Container) -> NDArray[np.uint8]:
+    """Return the pixels [H, W, 4] of mip 0 in ASTC blocks. Raises InputError where the decoder is not installed."""
+    number, is_srgb = divmod(found.format - FIRST_ASTC, 2)
+    kind: Literal["srgb", "linear"] = "srgb" if is_srgb else "linear"
+    block_format = ASTC_BLOCKS[number]
+    level = _level(data, found, compressed_bytes(found.width, found.height, block_format))
+    try:
+        return decompress(level, (found.height, found.width, 4), block_format, kind)
+    except InputError as error:
+        raise InputError(f"{found.name}: ASTC: {error}") from error
 
 
 def dds_header(width: int, height: int, size: int, format_number: int, mips: int = 1) -> bytes:

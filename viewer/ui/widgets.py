@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from imgui_bundle import imgui
 
+from viewer.scene.json_text import counted as counted
 from viewer.state.palettes import PaletteName, palette_colors, share_of_most
 
 SLOT_COLORS = {"a": (0.35, 0.65, 1.0, 1.0), "b": (1.0, 0.6, 0.25, 1.0)}
@@ -204,11 +205,6 @@ def cells(*texts: str) -> None:
     for text in texts:
         imgui.table_next_column()
         imgui.text(text)
-
-
-def counted(number: int, noun: str) -> str:
-    """`1 texture`, `2 textures`."""
-    return f"{number:,} {noun}" if number == 1 else f"{number:,} {noun}s"
 
 
 def shortened(text: str, width: float) -> str:

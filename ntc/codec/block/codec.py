@@ -155,10 +155,9 @@ class BlockCodec(Codec):
         config = cast(BlockConfig, settings)
         side = config.block_side
         *others, last = map(str, config.block_words)
-        sizes = f"{', '.join(others)} or {last}" if others else last
+        sizes = f"{', '.join(others)} or {last} words" if others else f"{last} word{'s' * (last != '1')}"
         return [
-            f"codec block: blocks of {side}x{side} texels, codes of {sizes} words of 32 bits, "
-            f"{config.mean_words * 32.0 / config.block_texels:.2f} bits a texel, "
+            f"codec block: blocks of {side}x{side} texels, codes of {sizes} of 32 bits, "
             f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
         ]
 

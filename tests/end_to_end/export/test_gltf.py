@@ -14,7 +14,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from ntc.codec.latents import latent_levels
+from lab.bench.random_pack import random_pack
+from ntc.codec.color import to_8bit, to_linear
+from ntc.codec.grid.config import GridConfig
 from ntc.codec.maps import map_slices
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
@@ -26,7 +28,9 @@ from tests.support.meshopt_twins import meshopt_twin
 from viewer import cli
 from viewer.export.gltf import write as gltf_writing
 from viewer.export.gltf.document import GltfDocument, read_document
+from viewer.export.gltf.options import PackedTextureOption
 from viewer.export.gltf.write import write_gltf
+from viewer.export.textures.decoded import DecodedImage, torch_decoder
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene, open_container
@@ -285,7 +289,7 @@ def stored_images(path: Path) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    ("image_format", "least_db"), [("png", math.inf), ("ktx2", 33.0), ("bc7", 33.0), ("bc1", 28.0)]
+    ("image_format", "least_db"), [("png", math.inf), ("ktx2", 33.0), ("bc7", 33.0), ("bc1", 28.0), ("astc", 28.0)]
 )
 def test_decoded_images_are_stored_with_their_losses(
     scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], image_format: str, least_db: float
@@ -313,20 +317,40 @@ def test_decoded_images_are_stored_with_their_losses(
     assert all(float(row["both_db"]) <= float(row["decoded_db"]) + 1.5 for row in rows)
 
 
-def test_astc_is_stored_with_mips(scene: Path, tmp_path: Path) -> None:
+def test_astc_is_stored_as_its_extension_demands(scene: Path, tmp_path: Path) -> None:
     out = tmp_path / "other.gltf"
     assert export(scene, out, "--as", "astc") == 0
     content = json.loads(out.read_text())
     assert all(image["mimeType"] == "image/ktx2" for image in content["images"])
+    assert "EXT_texture_astc" in content["extensionsRequired"]
+    assert "EXT_texture_astc" in content["extensionsUsed"]
+    assert all(set(texture["extensions"]) == {"EXT_texture_astc"} for texture in content["textures"])
+    assert not any("source" in texture for texture in content["textures"])
     data = (tmp_path / "other.files" / "base 0.ktx2").read_bytes()
     number, _, width, height = struct.unpack_from("<4I", data, 12)
     levels = struct.unpack_from("<I", data, 40)[0]
     assert (number, width, height) == (166, 32, 32)
-    assert levels == len(latent_levels(32, 32, read_pack(scene.with_name("scene.baseline.ntc")).config))
+    assert levels == 6, "a full pyramid"
+    # Colour model, primaries and transfer function: ASTC, BT.709 and sRGB of colours; unspecified and linear of other data.
+    for name, expected in (("base 0", (162, 1, 2)), ("bumps", (162, 0, 1)), ("orm", (162, 0, 1))):
+        file = (tmp_path / "other.files" / f"{name}.ktx2").read_bytes()
+        (descriptor,) = struct.unpack_from("<I", file, 48)
+        assert struct.unpack_from("<3B", file, descriptor + 12) == expected
     offset, length, _ = struct.unpack_from("<3Q", data, 80)
     read = decompress(data[offset : offset + length], (32, 32, 3), "astc-6x6")
     decoded = decode_image(read_pack(scene.with_name("scene.baseline.ntc")), 0, 0)
     assert psnr_db(read, decoded[..., :3]) > 30.0
+
+
+def test_a_pack_of_one_level_is_stored_with_all_mips() -> None:
+    pack = random_pack(((32, 16),), (0,), config=GridConfig(levels=1))
+    option = PackedTextureOption(0, 0, [0, 1, 2, -1], [(0, "base")])
+    image = DecodedImage(pack, option, lambda: None)
+    mips = image.mips(torch_decoder(pack), None, all_levels=True)
+    assert [mip.shape[1::-1] for mip in mips] == [(32, 16), (16, 8), (8, 4), (4, 2), (2, 1), (1, 1)]
+    np.testing.assert_array_equal(mips[0], decode_image(pack, 0, 0)[..., :3])
+    mean = to_8bit(to_linear(mips[0], "srgb").mean((0, 1), keepdims=True), "srgb")
+    assert np.abs(mips[-1].astype(int) - mean).max() <= 1
 
 
 def test_decoded_images_lie_in_a_glb_too(scene: Path, tmp_path: Path) -> None:

@@ -5,20 +5,16 @@ from collections.abc import Sequence
 from typing import Final
 
 from ntc.metrics.block_compression import BlockFormat, block_size
-from viewer.scene.ktx2 import SIGNATURE, dds_header
+from viewer.scene.ktx2 import ASTC_BLOCKS, FIRST_ASTC, SIGNATURE, dds_header
 
 DXGI_FORMATS: Final = {("bc1", False): 71, ("bc1", True): 72, ("bc7", False): 98, ("bc7", True): 99}
 """By format, and whether colours are sRGB: DXGI_FORMAT of the same name, UNORM or UNORM_SRGB."""
-FIRST_ASTC: Final = 157
-"""VK_FORMAT_ASTC_4x4_UNORM_BLOCK; the sRGB format of each block size follows it, then the next size."""
-ASTC_BLOCKS: Final = (
-    (4, 4), (5, 4), (5, 5), (6, 5), (6, 6), (8, 5), (8, 6), (8, 8), (10, 5), (10, 6), (10, 8), (10, 10), (12, 10), (12, 12)
-)  # fmt: skip
-"""Block sizes in the order of their VkFormats."""
 ASTC_BYTES: Final = 16
 COLOR_MODEL_ASTC: Final = 162
-LINEAR, SRGB, BT709 = 1, 2, 1
-"""Transfer functions and colour primaries of a data format descriptor (Khronos Data Format 1.3)."""
+LINEAR, SRGB = 1, 2
+"""Transfer functions of a data format descriptor (Khronos Data Format 1.3)."""
+UNSPECIFIED, BT709 = 0, 1
+"""Colour primaries of a data format descriptor. EXT_texture_astc demands UNSPECIFIED of data that are not colours."""
 _INDEX: Final = struct.Struct("<9I4I2Q")
 _LEVEL: Final = struct.Struct("<3Q")
 
@@ -37,15 +33,15 @@ def _descriptor(block: tuple[int, int], srgb: bool) -> bytes:
     """Data format descriptor of ASTC: one basic block with one sample, as the specification's table has it."""
     sample = struct.pack("<HBB4BII", 0, 127, 0, 0, 0, 0, 0, 0, 0xFFFFFFFF)
     size = 24 + len(sample)
-    colors = (COLOR_MODEL_ASTC, BT709, SRGB if srgb else LINEAR, 0)
+    colors = (COLOR_MODEL_ASTC, BT709, SRGB, 0) if srgb else (COLOR_MODEL_ASTC, UNSPECIFIED, LINEAR, 0)
     basic = struct.pack("<IHH4B4B8B", 0, 2, size, *colors, block[0] - 1, block[1] - 1, 0, 0, ASTC_BYTES, *[0] * 7)
     return struct.pack("<I", 4 + size) + basic + sample
 
 
 def ktx2_astc(mips: Sequence[Mip], block_format: BlockFormat, srgb: bool) -> bytes:
-    """A KTX2 file of ASTC blocks without supercompression, `mips` with the largest first."""
+    """Return a KTX2 file of ASTC blocks as EXT_texture_astc demands it, without supercompression; `mips` from the largest to 1x1."""
     block = block_size(block_format)
-    number = FIRST_ASTC + 2 * ASTC_BLOCKS.index(block) + int(srgb)
+    number = FIRST_ASTC + 2 * ASTC_BLOCKS.index(block_format) + int(srgb)
     width, height, _ = mips[0]
     descriptor = _descriptor(block, srgb)
     first = len(SIGNATURE) + _INDEX.size + _LEVEL.size * len(mips)

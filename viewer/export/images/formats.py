@@ -103,6 +103,5 @@ FORMATS: Mapping[ImageFormat, StoredFormat] = {
     "ktx2": StoredFormat(".ktx2", "image/ktx2", "KHR_texture_basisu", True, _basis),
     "bc7": StoredFormat(".dds", "image/vnd-ms.dds", "MSFT_texture_dds", True, _blocks("bc7")),
     "bc1": StoredFormat(".dds", "image/vnd-ms.dds", "MSFT_texture_dds", True, _blocks("bc1")),
-    "astc": StoredFormat(".ktx2", "image/ktx2", "", True, _blocks(ASTC)),
+    "astc": StoredFormat(".ktx2", "image/ktx2", "EXT_texture_astc", True, _blocks(ASTC)),
 }
-"""glTF has no extension for ASTC: the texture names the KTX2 file as its source."""

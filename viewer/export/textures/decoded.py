@@ -10,7 +10,7 @@ from PIL import Image
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import SRGB_MAPS
-from ntc.codec.mips import coded_z
+from ntc.codec.mips import coded_z, mip_chain
 from ntc.codec.model import Pack
 from viewer.export.gltf.options import PackedTextureOption
 from viewer.scene.gltf.packed_textures import NO_CHANNEL
@@ -58,11 +58,23 @@ class DecodedImage:
         return [0, 1, 2] if self.is_normal else held
 
     def mips(self, decode: LevelDecoder, original: Pixels | None, all_levels: bool) -> list[Pixels]:
-        """The largest level that the pack has, or all from it on: [h, w, 3], or 4 where `original` has alpha."""
+        """Return the largest level that the pack has, or the full pyramid below it: [h, w, 3], or 4 where `original` has alpha.
+
+        Levels that the pack lacks are averaged from its smallest one.
+        """
         layer = self.option.layer
         texture = self.pack.textures[layer]
         levels = latent_levels(texture.width, texture.height, self.pack.config)
-        return [self._composed(decode(layer, number), original) for number in range(len(levels) if all_levels else 1)]
+        found = [self._composed(decode(layer, number), original) for number in range(len(levels) if all_levels else 1)]
+        return found + self._smaller(found[-1]) if all_levels else found
+
+    def _smaller(self, pixels: Pixels) -> list[Pixels]:
+        """Return the mips below `pixels` [h, w, C], down to 1x1."""
+        mips = list(mip_chain(pixels, "srgb" if self.srgb else "linear")[1:])
+        if self.is_normal:
+            for mip in mips:
+                mip[..., 2:3] = coded_z(mip[..., :2])
+        return mips
 
     def _composed(self, decoded: Pixels, original: Pixels | None) -> Pixels:
         height, width = decoded.shape[:2]

@@ -25,6 +25,7 @@ SUPPORTED = frozenset(
     {
         "EXT_mesh_gpu_instancing",
         "EXT_meshopt_compression",
+        "EXT_texture_astc",
         "EXT_texture_avif",
         "EXT_texture_webp",
         "KHR_draco_mesh_compression",

@@ -23,9 +23,15 @@ MINIFY: dict[int, tuple[bool, Literal["none", "nearest", "linear"]]] = {
     9986: (False, "linear"),
     9987: (True, "linear"),
 }
-IMAGE_EXTENSIONS = ("EXT_texture_webp", "MSFT_texture_dds", "KHR_texture_basisu", "EXT_texture_avif")
+IMAGE_EXTENSIONS = (
+    "EXT_texture_webp",
+    "MSFT_texture_dds",
+    "KHR_texture_basisu",
+    "EXT_texture_astc",
+    "EXT_texture_avif",
+)
 """They name another image of a texture, in order of preference."""
-COPIES = frozenset({"KHR_texture_basisu", "EXT_texture_avif"})
+COPIES = frozenset({"KHR_texture_basisu", "EXT_texture_astc", "EXT_texture_avif"})
 """Those of IMAGE_EXTENSIONS that are used where there is no plain image."""
 LEAST_DETERMINANT = 1e-12
 """A transform that shrinks areas more than this is taken to be without an inverse."""
@@ -132,7 +138,7 @@ def _image_index(file: GltfFile, texture: dict[str, Any], where: str, notes: Rep
         if extension is None or "source" not in extension:
             continue
         if name in COPIES and "source" in texture:
-            # What Basis Universal or AVIF holds was compressed from the plain image, which is nearer to what was made.
+            # What Basis Universal, ASTC or AVIF holds was compressed from the plain image, which is nearer to what was made.
             notes.note(f"{name}: textures whose plain image is read instead")
             continue
         notes.honoured(f"{name}: textures")

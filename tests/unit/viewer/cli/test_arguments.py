@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+import viewer
 from ntc.errors import InputError
 from viewer import cli
 from viewer.cli.arguments import parse_arguments
@@ -121,9 +122,9 @@ def test_bad_arguments_are_one_line_and_exit_status_2(
         ("render --out {out} --eye 0 0 0 --target 0 0 0", "--target"),
         ("render --out {out} --eye 0 0 0 --target 0 0 1 --fov 180", "--fov"),
         ("render --out {out} --cameras missing.json", "missing.json"),
-        ("encode missing.glb --out {out}/x.ntc", "missing.glb"),
-        ("encode missing.glb --out {out}/x.png", ".ntc"),
-        ("encode missing.glb --out {out}/x.ntc --steps 0", "--steps"),
+        ("encode missing.glb --out {out}.ntc", "missing.glb"),
+        ("encode missing.glb --out {out}.png", ".ntc"),
+        ("encode missing.glb --out {out}.ntc --steps 0", "--steps"),
         ("decode missing.ntc --out {out}", "missing.ntc"),
         ("info missing.ntc", "missing.ntc"),
         ("info missing.glb", "missing.glb"),
@@ -138,7 +139,91 @@ def test_bad_input_is_one_line_and_leaves_nothing_behind(
     assert captured.err.startswith("error: ")
     assert captured.err.count("\n") == 1
     assert named in captured.err
-    assert not out.exists()
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        "view --out {typo}/pictures --headless",
+        "render --out {typo}/picture",
+        "encode gallery --out {typo}/x.ntc",
+        "encode gallery --out {there}/x.ntc --report {typo}/report",
+        "encode gallery --out {there}/x.ntc --state {typo}/state",
+        "decode x.ntc --out {typo}/images",
+        "export --out {typo}/x.glb",
+        "export --web {typo}/page",
+        "library extract library --out {typo}/x.ntc",
+        "bench --json {typo}/x.json",
+        "--tyro-write-completion bash {typo}/ntc-viewer",
+    ],
+)
+def test_an_output_in_a_folder_that_does_not_exist_makes_none(
+    arguments: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(arguments.format(typo=tmp_path / "typo", there=tmp_path).split()) == 2
+    printed = capsys.readouterr().err
+    assert f"the folder {tmp_path / 'typo'} does not exist; create it first" in printed
+    assert printed.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_folder_of_an_output_may_be_no_file(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="file is not a folder"):
+        options_of(["render", "--out", str(tmp_path / "file" / "picture")])
+
+
+@pytest.mark.parametrize(
+    ("word", "remedy"),
+    [
+        ("rendr", "did you mean render?"),
+        ("Encode", "did you mean encode?"),
+        ("stduy", "did you mean study?"),
+        ("xylophone", "choose study, view, render, encode"),
+    ],
+)
+def test_a_mistyped_command_is_told_apart_from_a_file(word: str, remedy: str) -> None:
+    with pytest.raises(InputError, match="no such command") as error:
+        parse_arguments([word, "scene.glb"])
+    assert remedy in str(error.value)
+
+
+def test_a_file_and_a_built_in_scene_are_no_mistyped_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rendr").write_text("")
+    for scene in ("rendr", "gallery", "street.glb", "./street", "street2"):
+        assert options_of([scene]) == ViewOptions(scene=Path(scene))
+
+
+def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as stopped:
+        parse_arguments(["--version"])
+    assert stopped.value.code == 0
+    assert capsys.readouterr().out == f"ntc-viewer {viewer.__version__}\n"
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_completion_of_every_shell_knows_the_commands(shell: str, tmp_path: Path) -> None:
+    file = tmp_path / "completion"
+    with pytest.raises(SystemExit) as stopped:
+        parse_arguments(["--tyro-write-completion", shell, str(file)])
+    assert stopped.value.code in (0, None)
+    assert all(word in file.read_text() for word in ("encode", "render", "bench"))
+
+
+@pytest.mark.parametrize("words", [["csh", "file"], ["bash"], []])
+def test_completion_of_an_unknown_shell_is_refused(words: list[str]) -> None:
+    with pytest.raises(InputError, match=r"bash\|zsh\|fish FILE"):
+        parse_arguments(["--tyro-write-completion", *words])
+
+
+def test_help_tells_of_version_and_completion(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit):
+        parse_arguments(["--help"])
+    printed = capsys.readouterr().out
+    assert "--version" in printed
+    assert "--tyro-write-completion" in printed
 
 
 def test_without_the_package_lab_only_its_commands_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:
