@@ -15,16 +15,15 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred_pass
-from viewer.render.passes.decode_pass import DecodePass
+from viewer.render.gpu_packs import GpuPack, RenderContext, binned_pass, deferred_pass
+from viewer.render.passes.decode import DecodePass
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import (
     GROUP_SIDE,
     MATERIAL_SHIFT,
     scene_includes,
 )
-from viewer.render.resources.material_records import material_records
-from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.scene_buffers import SceneBuffers, material_records
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.scene.model import Geometry, Instances, LoadReport, Material, Scene

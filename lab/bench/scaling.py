@@ -19,7 +19,7 @@ from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
 from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
-from viewer.render.gpu_pack import GpuPack
+from viewer.render.gpu_packs import GpuPack
 
 SweepName = Literal["resolution", "textures", "decoders", "decoder size"]
 Layout = Literal["blocks", "interleaved"]

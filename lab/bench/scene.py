@@ -20,8 +20,8 @@ from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.image_quality import flip
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
-from viewer.render.resources.precision import EVERYWHERE
-from viewer.render.variants.choice import VariantChoice
+from viewer.render.resources.decoding_shaders import EVERYWHERE
+from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import (
     REFERENCE,

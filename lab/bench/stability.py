@@ -22,8 +22,8 @@ from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
+from viewer.render.resources.decoding_shaders import supported_precisions
 from viewer.render.resources.layout import MATERIAL_SHIFT
-from viewer.render.resources.precision import supported_precisions
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import DecodePath, Slot, ViewState
 

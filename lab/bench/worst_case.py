@@ -20,9 +20,9 @@ from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
 from ntc.codec.grid.config import GridConfig
 from viewer.gl.context import GraphicsContext
-from viewer.render.gpu_pack import GpuPack
+from viewer.render.gpu_packs import GpuPack
+from viewer.render.resources.decoding_shaders import EVERYWHERE
 from viewer.render.resources.layout import GROUP_SIDE
-from viewer.render.resources.precision import EVERYWHERE
 from viewer.state.view_state import Precision
 
 SHARED = 1

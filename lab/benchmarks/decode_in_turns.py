@@ -23,18 +23,17 @@ from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.gpu_pack import GpuPack, RenderContext, binned_pass, deferred_pass
+from viewer.render.gpu_packs import GpuPack, RenderContext, binned_pass, deferred_pass
 from viewer.render.pass_scheduler import PassScheduler, Step
 from viewer.render.passes.visible_latents import VisibleLatents
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import scene_includes
-from viewer.render.resources.material_records import material_records
-from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.scene_buffers import SceneBuffers, material_records
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
-from viewer.render.tile_cache.tile_table import TileTable
+from viewer.render.tile_cache.tiles import TileTable
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.state.pack_files import match_scene

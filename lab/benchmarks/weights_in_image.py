@@ -18,10 +18,8 @@ from lab.benchmarks.measuring import report
 from ntc.codec.gpu import SOFTWARE
 from ntc.codec.grid.training.config import recipe_codec
 from viewer.gl.context import create_headless_context
-from viewer.render.passes.decode_binned import DecodeBinnedPass
-from viewer.render.passes.decode_deferred import DecodeDeferredPass
-from viewer.render.resources.decoder_ranges import DecoderRanges
-from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
+from viewer.render.passes.decode import DecodeBinnedPass, DecodeDeferredPass
+from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import PlaneReading
 
 SIZE = (512, 512)

@@ -27,8 +27,8 @@ from viewer.cli.render import compression_statistics
 from viewer.cli.sources import compress_scene, open_scene, packs_for
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.path_choice import drawable_paths, unsupported_paths
-from viewer.render.resources.precision import supported_precisions
-from viewer.render.variants.choice import VariantChoice
+from viewer.render.resources.decoding_shaders import supported_precisions
+from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import frame_all
 from viewer.state.view_state import DecodePath, Precision

@@ -18,7 +18,7 @@ from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.gl.context import create_headless_context
 from viewer.gl.features import WITHOUT_VARIABLE
-from viewer.render.resources.precision import EVERYWHERE
+from viewer.render.resources.decoding_shaders import EVERYWHERE
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene
 from viewer.state.view_state import DecodePath, Precision

@@ -8,8 +8,8 @@ import pytest
 from ntc.codec.gpu import DecoderVariant
 from tests.ui.conftest import write_scene
 from viewer.cli import main
+from viewer.render.resources.decoding_shaders import parsed_variant
 from viewer.render.resources.pack_buffers import PackBuffers
-from viewer.render.resources.variant import parsed_variant
 from viewer.scene.images import read_image
 
 

@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.render.passes.cull_clusters import ClusterView
-from viewer.render.resources.clusters.bounds import Clusters
-from viewer.render.resources.clusters.records import CONE_MARGIN, PIXEL_MARGIN, ROUNDING
+from viewer.render.resources.clusters import CONE_MARGIN, PIXEL_MARGIN, ROUNDING, Clusters
 
 Array = NDArray[np.float64]
 SIGNS = np.array([[(corner >> axis & 1) * 2.0 - 1.0 for axis in range(3)] for corner in range(8)])

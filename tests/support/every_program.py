@@ -21,10 +21,10 @@ from viewer.render.passes.cull_clusters import cluster_programs
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.passes.pose_vertices import pose_program
 from viewer.render.renderer import Renderer
+from viewer.render.resources.decoding_shaders import LEVELS
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.resources.precision import LEVELS
-from viewer.render.variants.measurement import VariantMeasurement
+from viewer.render.variants import VariantMeasurement
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
 from viewer.state.overlay import BLOCKS, Overlay
 from viewer.state.view_state import (
@@ -41,7 +41,7 @@ from viewer.state.view_state import (
 from viewer.state.zoom import Zoom
 
 GPU: Final = ContextInformation("a GPU", "its vendor", "4.6")
-"""What takes the variants of a GPU (viewer/render/resources/variant.py)."""
+"""What takes the variants of a GPU (viewer/render/resources/decoding_shaders.py)."""
 SIZE: Final = (16, 16)
 CAMERA: Final = Camera("front", (0.5, 0.6, 4.0), (0.0, 0.0, 0.0))
 TIMED: Final = "grid-adapters"

@@ -20,10 +20,9 @@ from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.light.scene_light import SceneLight
-from viewer.render.resources.material_records import material_records
+from viewer.render.resources.light import SceneLight
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.scene_buffers import SceneBuffers, material_records
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.scene.model import Camera, Light, Material, Scene, SurfaceFactors

@@ -25,7 +25,7 @@ from viewer.inspect.precision_search import PrecisionSearch
 from viewer.locations import blocks_cache
 from viewer.render.frame_times import FrameTimes
 from viewer.render.path_choice import unsupported_paths
-from viewer.render.resources.precision import unsupported_precisions
+from viewer.render.resources.decoding_shaders import unsupported_precisions
 from viewer.render.viewport import Viewport
 from viewer.state.event_handlers import (
     apply_event,

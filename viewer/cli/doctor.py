@@ -16,8 +16,8 @@ from viewer.gl.devices import find_devices
 from viewer.gl.systems import SYSTEM
 from viewer.locations import variants_cache
 from viewer.render.path_choice import drawable_paths
-from viewer.render.resources.variant import default_variant
-from viewer.render.variants.kept_times import kept_times
+from viewer.render.resources.decoding_shaders import default_variant
+from viewer.render.variants import kept_times
 
 PACKAGES = (
     "moderngl",

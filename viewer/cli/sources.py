@@ -20,7 +20,7 @@ from ntc.metrics.compressed_textures import CompressedTextures, compress_texture
 from ntc.pack.match import require_match
 from viewer.cli.options import RenderOptions
 from viewer.locations import blocks_cache, builtin_scene_path, named_scene
-from viewer.render.resources.precision import EVERYWHERE
+from viewer.render.resources.decoding_shaders import EVERYWHERE
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.map_pictures import compressed_scene, compression_requests

@@ -11,7 +11,7 @@ from viewer.cli.options import RenderOptions, ViewOptions
 from viewer.cli.render import render
 from viewer.cli.sources import choose_source, open_scene, packs_for, resolve_precision
 from viewer.gl.systems import SYSTEM
-from viewer.render.variants.choice import VariantChoice
+from viewer.render.variants import VariantChoice
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
 from viewer.script.parse import Script, parse_exec, read_script
 from viewer.state.open_files import InitialView

@@ -12,8 +12,8 @@ from viewer.gl.devices import OLDEST_VERSION, device_number, is_software
 from viewer.gl.features import COMPUTE_VERSION, DRAWING_VERSION, Features, find_features
 from viewer.gl.functions import GlFunctions
 from viewer.gl.limits import Limits
+from viewer.gl.older_glsl import TextureBuffers
 from viewer.gl.systems import SYSTEM, FunctionLoader, GraphicsSystem, make_context
-from viewer.gl.texture_buffers import TextureBuffers
 
 LEAST = f"{DRAWING_VERSION // 100}.{DRAWING_VERSION // 10 % 10}"
 

@@ -7,7 +7,7 @@ from typing import Any, Final
 GROUPS_ACROSS: Final = 65535
 """Most work groups along one axis of a dispatch that OpenGL guarantees; more lie in several rows."""
 WORD_BYTES: Final = 4
-"""Of a texel of the texture buffers that stand in for storage buffers (viewer/gl/texture_buffers.py)."""
+"""Of a texel of the texture buffers that stand in for storage buffers (viewer/gl/older_glsl.py)."""
 LARGEST_INT: Final = (1 << 31) - 1
 
 

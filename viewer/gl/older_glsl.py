@@ -1,14 +1,47 @@
-"""GLSL 4.30 of vertex and fragment shaders as GLSL 4.10, or GLSL ES 3.00 of WebGL 2: buffers and images are read through samplers.
+"""Drawing without storage buffers and images that are read (OpenGL 4.1, WebGL 2): textures stand in for them.
 
-Only what draws can be written for all: no shader that is turned here may write into a buffer or an image. Lines stay where they are.
+GLSL 4.30 of vertex and fragment shaders becomes GLSL 4.10 or GLSL ES 3.00, which reads words through samplers. Only what draws can be
+written for all: no shader that is turned here may write into a buffer or an image. Lines stay where they are.
 """
 
+import ctypes
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from viewer.gl.texture_buffers import IMAGE_UNITS, STORAGE_UNITS
+import moderngl
+
+from viewer.gl.functions import GL_R32UI, GL_TEXTURE0, GL_TEXTURE_BUFFER, GlFunctions
+
+STORAGE_UNITS: Final = 32
+"""The storage binding b is texture unit STORAGE_UNITS + b."""
+IMAGE_UNITS: Final = 48
+"""The image unit i is texture unit IMAGE_UNITS + i. 80 texture units are guaranteed (OpenGL 4.1, table 6.41)."""
+
+
+class TextureBuffers:
+    """One texture for each storage binding. What is bound last stays allocated until something else is bound there."""
+
+    def __init__(self, call: GlFunctions) -> None:
+        self._call = call
+        self._textures: dict[int, int] = {}
+
+    def bind(self, buffer: moderngl.Buffer, binding: int) -> None:
+        """Let shaders read the words of `buffer` where those of OpenGL 4.3 name this binding."""
+        if binding not in self._textures:
+            name = ctypes.c_uint()
+            self._call("glGenTextures", 1, ctypes.addressof(name))
+            self._textures[binding] = name.value
+        self._call("glActiveTexture", GL_TEXTURE0 + STORAGE_UNITS + binding)
+        self._call("glBindTexture", GL_TEXTURE_BUFFER, self._textures[binding])
+        self._call("glTexBuffer", GL_TEXTURE_BUFFER, GL_R32UI, buffer.glo)
+
+    @staticmethod
+    def bind_image(texture: moderngl.Texture, unit: int) -> None:
+        """Let shaders read `texture` where those of OpenGL 4.3 name this image unit."""
+        texture.use(IMAGE_UNITS + unit)
+
 
 WORD_COLUMN_BITS: Final = 11
 """Words of a buffer lie in rows of 2^11 where they are the texels of a picture: WebGL 2 has no smaller largest texture."""

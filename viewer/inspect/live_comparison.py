@@ -10,7 +10,7 @@ from ntc.errors import InputError
 from viewer.inspect.comparison import Comparison, LiveFigures, PicturePair, compare, compared_source
 from viewer.jobs.function_process import FunctionProcess
 from viewer.jobs.job import Job
-from viewer.render.error_overlay import ComparisonErrors
+from viewer.render.compositor import ComparisonErrors
 from viewer.render.frame_result import DrawnPair
 from viewer.render.renderer import Renderer
 from viewer.state.view_state import Slot, ViewState

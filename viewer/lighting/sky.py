@@ -4,6 +4,7 @@ Radiance is relative: 1 is what a white surface sends back at about noon, UNIT_L
 """
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -15,6 +16,7 @@ from viewer.lighting.directions import (
     panorama_directions,
     panorama_solid_angles,
 )
+from viewer.state.view_state import SKY, Lighting
 
 UNIT_LUMINANCE: Final = 25.0
 """kcd/m2 of radiance 1."""
@@ -125,3 +127,32 @@ def sky_radiance(elevation: float, height: int = 128, azimuth: float = 0.0) -> N
     ground = np.array(GROUND) / np.pi * irradiance
     share = np.clip(up / HORIZON_BLEND * 0.5 + 0.5, 0.0, 1.0)[..., None]
     return np.ascontiguousarray(ground + (sky - ground) * share, np.float32)
+
+
+Triple = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Sun:
+    """A light so far away that it shines along one direction."""
+
+    direction: Triple
+    """Unit vector towards it, world space."""
+    irradiance: Triple
+    """Linear RGB irradiance of a surface that faces it; 0 below the horizon."""
+
+    @property
+    def shines(self) -> bool:
+        """Whether it gives any light."""
+        return max(self.irradiance) > 0.0
+
+
+def sun_of(lighting: Lighting) -> Sun:
+    """The sun of a view. It stands before a panorama, too: `sun_strength` 0 leaves it out there, for panoramas with their own."""
+    red, green, blue = (value * lighting.sun_strength for value in sun_irradiance(lighting.sun_elevation))
+    return Sun(direction_towards(lighting.sun_azimuth, lighting.sun_elevation), (red, green, blue))
+
+
+def environment_turn(lighting: Lighting) -> float:
+    """Degrees that the environment is turned by, from north towards east: skies are made with their sun in the north."""
+    return lighting.sun_azimuth if lighting.environment == SKY else lighting.environment_turn

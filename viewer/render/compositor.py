@@ -1,14 +1,18 @@
 """What comes after the pictures of both slots: divergence maps, the comparison, overlays and marks."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
+from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
-from viewer.render.divergence_overlay import CountedGrouping, DivergenceOverlay
-from viewer.render.error_overlay import ErrorOverlay
-from viewer.render.pass_scheduler import Output, PassScheduler
+from viewer.gl.read_back import ReadBack
+from viewer.render.pass_scheduler import Output, PassScheduler, ToCome
 from viewer.render.passes.composite import (
     COMPARISONS,
     CompositeInputs,
@@ -16,12 +20,210 @@ from viewer.render.passes.composite import (
     CompositePass,
     CompositeTarget,
     DifferenceParams,
+    HeatmapOverlay,
+    MarksOverlay,
+    TextureMarks,
 )
+from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.picture_targets import PictureTargets
-from viewer.render.resources.divergence_maps import Stage
+from viewer.render.resources.divergence_maps import CountedGrouping, DecoderTables, DivergenceTarget, Stage
+from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
 from viewer.scene.model import Scene
 from viewer.state.compare_layout import layout_of, shown_slots
 from viewer.state.view_state import Difference, Overlay, ViewState, is_image_source
+
+LARGEST_COUNT = 3
+"""Groupings that are counted in one pass: those of two slots, and one that was shown before."""
+
+
+@dataclass(frozen=True)
+class MapPlace:
+    """Which blocks of which picture are counted."""
+
+    visibility: VisibilityTarget
+    version: int
+    """Of the visibility buffer's content."""
+    block: tuple[int, int]
+
+
+class DivergenceOverlay:
+    """Maps and statistics of the groupings that are shown, all from one visibility buffer in one pass."""
+
+    def __init__(
+        self, context: GraphicsContext, programs: ProgramFactory, scheduler: PassScheduler, stage: Stage
+    ) -> None:
+        self._context, self._scheduler = context, scheduler
+        self._pass = DivergencePass(context, programs, stage)
+        self._target: DivergenceTarget | None = None
+        self._tables: DecoderTables | None = None
+        self._place: MapPlace | None = None
+        self._groupings: dict[str, CountedGrouping] = {}
+        """Of the tables, by source, in their order."""
+        self._output = Output(0)
+        """Of the maps."""
+        self._back = ReadBack[tuple[DivergenceTarget, tuple[str, ...]]](context, "counts of the divergence maps")
+        self.statistics: Mapping[str, DivergenceStatistics] = {}
+        """Of each grouping, by the name of its source."""
+
+    def update(
+        self, view: VisibilityInputs, groupings: Mapping[str, CountedGrouping], block: tuple[int, int]
+    ) -> Output:
+        """Count the maps of `groupings` in blocks of (width, height) pixels, unless they are known.
+
+        What was counted last for the same picture is counted with it: slots that alternate are then counted once.
+        Unless frames wait, statistics are those of a frame or two before, but for groupings that have none.
+        """
+        visibility = view.visibility
+        place = MapPlace(visibility, view.version, block)
+        known = self._groupings if place == self._place else {}
+        if any(known.get(source) != grouping for source, grouping in groupings.items()):
+            others = [(source, grouping) for source, grouping in known.items() if source not in groupings]
+            wanted = {**groupings, **dict(others[: LARGEST_COUNT - len(groupings)])}
+        else:
+            wanted = known
+        # Until all of it is counted nothing is known.
+        self._place = None
+        if self._tables is None or list(wanted.items()) != list(self._groupings.items()):
+            tables = DecoderTables(self._context, [grouping.decoders for grouping in wanted.values()])
+            if self._tables is not None:
+                self._tables.release()
+            self._tables, self._groupings = tables, wanted
+        shape = (visibility.size, block, len(wanted))
+        target = self._target
+        if target is None or (target.picture, target.block, target.groupings) != shape:
+            made = DivergenceTarget(self._context, *shape)
+            if target is not None:
+                target.release()
+            target = self._target = made
+        output = self._scheduler.run(self._pass, DivergenceInputs(visibility, view.version, self._tables), target)
+        if output != self._output:
+            try:
+                target.copy_counts(self._back, (target, tuple(wanted)))
+            except GpuMemoryError:
+                self._scheduler.invalidate(target)
+                raise
+            self._output = output
+        has_all = all(source in self.statistics for source in wanted)
+        waits = self._scheduler.whole or self._context.waits
+        arrived = self._back.newest() if has_all and not waits else self._back.wait()
+        if arrived is not None:
+            content, (counted, sources) = arrived
+            found = dict(zip(sources, counted.statistics_in(content), strict=True))
+            self.statistics = {source: own for source, own in {**self.statistics, **found}.items() if source in wanted}
+        self._place = place
+        return Output(output.version, (ToCome("statistics", 1),) if self._back.is_pending else ())
+
+    def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
+        """The maps of two sources as an overlay; both must have been counted."""
+        if self._target is None:
+            raise RuntimeError("count first")
+        most = settings.most(max(self.statistics[source].maximum for source in (first, second)))
+        rows = (self._row(first), self._row(second))
+        return HeatmapOverlay(self._target, *rows, most, settings.opacity, settings.palette)
+
+    def map(self, source: str) -> NDArray[np.uint16]:
+        """[ceil(H / block height), ceil(W / block width)] uint16: D of a source that has been counted."""
+        if self._target is None:
+            raise RuntimeError("count first")
+        return self._target.read(self._row(source))
+
+    def _row(self, source: str) -> int:
+        return list(self._groupings).index(source)
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        for part in (self._target, self._tables, self._back):
+            if part is not None:
+                part.release()
+        self._target, self._tables, self._place, self._groupings = None, None, None, {}
+
+
+LEAST_ERROR = 1e-6
+"""Steps of 8-bit sRGB: where nothing differs more, nothing is divided by less."""
+
+
+@dataclass(frozen=True, eq=False)
+class ComparisonErrors:
+    """Root mean square errors between A and B, in steps of 8-bit sRGB; NaN for textures that are not visible."""
+
+    by_texture: NDArray[np.float32]
+    """[textures]."""
+    by_decoder: NDArray[np.float32]
+    """[textures]: of all textures of the texture's decoder."""
+
+
+@dataclass(frozen=True)
+class MarksInputs:
+    """What the marks are made from."""
+
+    errors: ComparisonErrors | None
+    """None where the overlay shows none."""
+    by_decoder: bool
+    highlighted: tuple[int, ...]
+
+
+class ErrorOverlay:
+    """Textures and buffers are made when they are shown, and once."""
+
+    def __init__(self, context: GraphicsContext, textures: int) -> None:
+        self._context, self._textures = context, textures
+        self._errors: ComparisonErrors | None = None
+        self._marks: TextureMarks | None = None
+        self._marks_inputs: MarksInputs | None = None
+        self._flip: moderngl.Texture | None = None
+        self._flip_key: object = None
+
+    def set_errors(self, errors: ComparisonErrors | None) -> None:
+        """Show these from now on; None where there are none."""
+        self._errors = errors
+
+    def set_flip(self, flip: NDArray[np.float32] | None, key: object) -> None:
+        """The FLIP map [H, W], row 0 on top, of the picture that `key` stands for; None: it is not known."""
+        if self._flip is not None:
+            self._flip.release()
+            self._flip = None
+        if flip is not None:
+            self._flip = self._context.memory.texture(
+                "the FLIP map", (flip.shape[1], flip.shape[0]), 1, flip[::-1].astype("<f4").tobytes(), dtype="f4"
+            )
+            self._flip.filter = (moderngl.NEAREST, moderngl.NEAREST)
+        self._flip_key = key
+
+    def flip_map(self, key: object) -> moderngl.Texture | None:
+        """The map, if it is of the picture that `key` stands for."""
+        return self._flip if key == self._flip_key else None
+
+    def marks(
+        self, overlay: Overlay, highlighted: tuple[int, ...], visibility: VisibilityTarget
+    ) -> MarksOverlay | None:
+        """How to colour or dim the textures of the picture; None where nothing is."""
+        errors = self._errors if overlay.kind in ("error-texture", "error-decoder") else None
+        if errors is None and not highlighted:
+            return None
+        inputs = MarksInputs(errors, errors is not None and overlay.kind == "error-decoder", highlighted)
+        if self._marks is None or inputs != self._marks_inputs:
+            shares = None
+            if errors is not None:
+                values = errors.by_decoder if inputs.by_decoder else errors.by_texture
+                shares = values / np.float32(largest_error(values))
+            made = TextureMarks(self._context, shares, highlighted, self._textures)
+            if self._marks is not None:
+                self._marks.release()
+            self._marks, self._marks_inputs = made, inputs
+        return MarksOverlay(self._marks, visibility, overlay.opacity, overlay.palette)
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        if self._marks is not None:
+            self._marks.release()
+        self.set_flip(None, None)
+        self._marks = self._marks_inputs = None
+
+
+def largest_error(values: NDArray[np.float32]) -> float:
+    """The error at the far end of the palette."""
+    known = values[np.isfinite(values)]
+    return max(float(known.max()), LEAST_ERROR) if known.size else LEAST_ERROR
 
 
 class Compositor:

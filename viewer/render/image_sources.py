@@ -12,7 +12,7 @@ from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.passes.reference import ImageUploads, MipsOf, ReferencePass
-from viewer.render.resources.images.image_places import DEFAULT_BYTES, ImagePlaces, plane_bytes
+from viewer.render.resources.image_places import DEFAULT_BYTES, ImagePlaces, plane_bytes
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.scene.map_pictures import compressed_plane_mips, plane_mips
 from viewer.scene.model import Scene

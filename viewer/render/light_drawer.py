@@ -9,15 +9,12 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.lighting.panorama import Panorama, load_panorama
 from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize
-from viewer.lighting.sky import sky_radiance
-from viewer.lighting.sun import environment_turn, sun_of
+from viewer.lighting.sky import environment_turn, sky_radiance, sun_of
 from viewer.locations import environments_cache
 from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.passes.shadow import ShadowInputs, ShadowPass
-from viewer.render.resources.light.environment_maps import EnvironmentMaps
-from viewer.render.resources.light.scene_light import SceneLight, SurfaceKinds
-from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView, shadow_view
+from viewer.render.resources.light import EnvironmentMaps, SceneLight, ShadowMap, ShadowView, SurfaceKinds, shadow_view
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.scene.model import Camera, Scene

@@ -13,28 +13,24 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.context_loss import checks_context
 from viewer.gl.read_back import PicturePart
 from viewer.gl.timer import PassTimer
-from viewer.render.blend_samples import BlendSamplesPass
 from viewer.render.compositor import Compositor
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
-from viewer.render.gpu_pack import PackMemory, RenderContext
-from viewer.render.gpu_packs import GpuPacks
+from viewer.render.gpu_packs import GpuPacks, PackMemory, RenderContext
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, PassScheduler, ToCome, largest_of_each
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.path_choice import PathChooser
-from viewer.render.picture_shading import PictureShading
 from viewer.render.picture_targets import PictureTargets, shown_materials, surface_content
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
-from viewer.render.resources.material_records import material_records
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.scene_buffers import SceneBuffers, material_records
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.render.slot_drawer import SlotDrawer
+from viewer.render.slot_drawer import BlendSamplesPass, PictureShading, SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
-from viewer.render.variants.choice import VariantChoice
+from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.compare_layout import shown_slots
 from viewer.state.view_state import REFERENCE, Slot, ViewState

@@ -13,8 +13,13 @@ from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
 from viewer.render.passes.pose_vertices import PoseVerticesPass
 from viewer.render.passes.visibility import CulledScene, VisibilityPass
-from viewer.render.resources.clusters.bounds import Clusters, build_clusters, cluster_count
-from viewer.render.resources.clusters.records import CLUSTER_RECORD, CLUSTER_TRIANGLES
+from viewer.render.resources.clusters import (
+    CLUSTER_RECORD,
+    GPU_CLUSTER_TRIANGLES,
+    Clusters,
+    build_clusters,
+    cluster_count,
+)
 from viewer.render.resources.culling import Culling, DrawCounts, DrawList
 from viewer.render.resources.scene_buffers import AnyDrawList, SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
@@ -34,7 +39,7 @@ def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
     # Bounds of clusters whose vertices move would have to follow them.
     if (is_software and not ON_SOFTWARE) or scene.motion is not None:
         return False
-    clusters = cluster_count(scene, CLUSTER_TRIANGLES)
+    clusters = cluster_count(scene, GPU_CLUSTER_TRIANGLES)
     if clusters * CLUSTER_RECORD.itemsize > storage_bytes:
         return False
     return clusters >= max(LEAST_CLUSTERS, LEAST_OF_INSTANCE * len(scene.instances.primitive))
@@ -137,7 +142,7 @@ class SceneDrawer:
         on_gpu = context.features.compute and pays_on_gpu(
             scene, context.memory.limits.storage_block_bytes, context.info.is_software
         )
-        culling = Culling(scene, build_clusters(scene, CLUSTER_TRIANGLES) if on_gpu else None)
+        culling = Culling(scene, build_clusters(scene, GPU_CLUSTER_TRIANGLES) if on_gpu else None)
         self._clusters = ClusterCulling(context, programs, scene, culling) if on_gpu else None
         self._visibility = VisibilityPass(context, programs, scene_buffers)
         self.posed, self._culled = PosedScene(culling, scene.bounds), Culled()

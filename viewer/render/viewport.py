@@ -24,7 +24,7 @@ from viewer.render.frame_times import FrameTimes
 from viewer.render.pass_scheduler import ToCome
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
-from viewer.render.variants.choice import VariantChoice
+from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
 from viewer.state.message_log import details_of

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 from imgui_bundle import ImVec2, imgui
 
-from viewer.render.error_overlay import largest_error
+from viewer.render.compositor import largest_error
 from viewer.state.palettes import PaletteName
 from viewer.state.view_state import BLOCKS, Overlay, Slot, ViewState, is_image_source
 from viewer.ui.facts import FrameFacts, UiFrame

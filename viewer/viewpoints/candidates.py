@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.model import Camera, Scene
-from viewer.viewpoints.surfaces import Surfaces
-from viewer.viewpoints.surroundings import HIGH_UP
+from viewer.viewpoints.surfaces import HIGH_UP, Surfaces
 
 Array = NDArray[np.float64]
 EYE_HEIGHT = 1.7

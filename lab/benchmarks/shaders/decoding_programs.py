@@ -13,7 +13,7 @@ from ntc.codec.model import Pack
 from viewer.gl.context import GraphicsContext
 from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
-from viewer.render.resources.precision import LEVELS
+from viewer.render.resources.decoding_shaders import LEVELS
 from viewer.scene.load import load_scene
 from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 

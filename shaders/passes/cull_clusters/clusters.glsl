@@ -1,4 +1,4 @@
-// What the steps of culling by clusters share (viewer/render/resources/clusters/records.py).
+// What the steps of culling by clusters share (viewer/render/resources/clusters.py).
 #include "generated/clusters.glsl"
 
 layout(std430, binding = BINDING_CLUSTERS) readonly buffer Clusters { ClusterRecord clusters[]; };

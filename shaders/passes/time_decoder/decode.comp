@@ -1,5 +1,5 @@
 #version 430
-// Decodes texels of one texture as path `binned` decodes pixels: for timing variants of the decoder (viewer/render/variants).
+// Decodes texels of one texture as path `binned` decodes pixels: for timing variants of the decoder (viewer/render/variants.py).
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "ntc/decode.glsl"

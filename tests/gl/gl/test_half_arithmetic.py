@@ -20,7 +20,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.features import HALF_EXTENSIONS, half_arithmetic, half_probes
 from viewer.locations import shaders_folder
 from viewer.render.passes.decode_texels import GlTexelDecoder
-from viewer.render.resources.precision import precision_defines
+from viewer.render.resources.decoding_shaders import precision_defines
 from viewer.state.view_state import Precision
 
 PLAIN = GridConfig(hidden_width=16, output_channels=4)

@@ -16,7 +16,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, set_uniforms
 from viewer.locations import shaders_folder
 from viewer.render.passes.pose_vertices import PoseBinding
-from viewer.render.resources.clusters.records import ClusterBinding
+from viewer.render.resources.clusters import ClusterBinding
 from viewer.render.resources.layout import (
     BinBinding,
     ImageUnit,

@@ -15,7 +15,7 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
-from viewer.render.resources.precision import EVERYWHERE
+from viewer.render.resources.decoding_shaders import EVERYWHERE
 from viewer.scene.model import Material, Sampler
 from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 

@@ -13,7 +13,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize, prefilter
 from viewer.lighting.sky import sky_radiance
 from viewer.locations import environments_cache
-from viewer.render.resources.light.environment_maps import EnvironmentMaps
+from viewer.render.resources.light import EnvironmentMaps
 from viewer.scene.model import Material, SurfaceFactors
 from viewer.state.view_state import Lighting
 

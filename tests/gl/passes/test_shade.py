@@ -15,7 +15,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.lighting.prefilter import SKY_SIZE, PrefilteredEnvironment, prefilter
 from viewer.lighting.sky import sky_radiance
 from viewer.render.passes.shade import ShadePass
-from viewer.render.resources.material_records import COMPONENTS_OF_MAP
+from viewer.render.resources.scene_buffers import COMPONENTS_OF_MAP
 from viewer.scene.model import Light, Scene, SurfaceFactors
 from viewer.state.view_state import Lighting, MaterialView, ToneMap
 

@@ -13,10 +13,10 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.render.blend_samples import BlendSamplesPass, dithered_materials
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
+from viewer.render.slot_drawer import BlendSamplesPass, dithered_materials
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned

@@ -16,9 +16,8 @@ from viewer.render import scene_drawer
 from viewer.render.passes import cull_clusters
 from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
 from viewer.render.renderer import Renderer
-from viewer.render.resources.cluster_draws.draw_items import placement_records
-from viewer.render.resources.clusters.bounds import build_clusters
-from viewer.render.resources.culling import Culling
+from viewer.render.resources.clusters import build_clusters
+from viewer.render.resources.culling import Culling, placement_records
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.scene.model import Camera, Material, Scene
@@ -79,7 +78,7 @@ def scene(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch, graph
     monkeypatch.setattr(scene_drawer, "ON_SOFTWARE", True)
     monkeypatch.setattr(scene_drawer, "LEAST_CLUSTERS", 1)
     monkeypatch.setattr(scene_drawer, "LEAST_OF_INSTANCE", 0)
-    monkeypatch.setattr(scene_drawer, "CLUSTER_TRIANGLES", CLUSTER)
+    monkeypatch.setattr(scene_drawer, "GPU_CLUSTER_TRIANGLES", CLUSTER)
     return MADE[request.param]()
 
 

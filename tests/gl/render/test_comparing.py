@@ -11,11 +11,10 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.color import linear_to_srgb
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
-from viewer.render.error_overlay import ComparisonErrors
+from viewer.render.compositor import ComparisonErrors
 from viewer.render.frame_result import read_picture
-from viewer.render.passes.composite import FLIP_PALETTE, LEAST_LIGHT
+from viewer.render.passes.composite import DIMMED, FLIP_PALETTE, LEAST_LIGHT
 from viewer.render.renderer import Renderer
-from viewer.render.resources.texture_marks import DIMMED
 from viewer.state.palettes import palette_colors
 from viewer.state.view_state import CompareMode, Difference, DifferenceKind, Overlay, Slot, ViewState
 from viewer.state.zoom import Zoom

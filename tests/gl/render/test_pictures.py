@@ -25,7 +25,7 @@ def drawn(request: pytest.FixtureRequest, graphics: GraphicsContext) -> Iterator
     scene = SCENES[request.param]()
     with pytest.MonkeyPatch.context() as patched:
         # Small clusters, so that small scenes have many.
-        patched.setattr(culling, "CLUSTER_TRIANGLES", 12)
+        patched.setattr(culling, "CPU_CLUSTER_TRIANGLES", 12)
         renderer = Renderer(graphics, scene)
     sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
     groups = tuple(index % 2 for index in range(len(sizes)))

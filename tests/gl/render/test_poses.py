@@ -11,9 +11,8 @@ from tests.support.gltf_builder import GltfBuilder, noise, png
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.pose_vertices import PoseVerticesPass
 from viewer.render.renderer import Renderer
-from viewer.render.resources.material_records import material_records
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.scene_buffers import SceneBuffers, material_records
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
 from viewer.scene.load import build_scene

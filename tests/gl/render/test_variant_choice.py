@@ -13,10 +13,17 @@ from ntc.errors import InputError
 from viewer.cli.doctor import examine
 from viewer.gl.context import GraphicsContext
 from viewer.locations import variants_cache
-from viewer.render.resources.variant import NVIDIA, default_variant
-from viewer.render.variants.choice import VARIANT_VARIABLE, VariantChoice
-from viewer.render.variants.kept_times import LARGEST_FILE, keep_times, kept_times, read_times
-from viewer.render.variants.measurement import VariantMeasurement, VariantTimes
+from viewer.render.resources.decoding_shaders import NVIDIA, default_variant
+from viewer.render.variants import (
+    LARGEST_FILE,
+    VARIANT_VARIABLE,
+    VariantChoice,
+    VariantMeasurement,
+    VariantTimes,
+    keep_times,
+    kept_times,
+    read_times,
+)
 
 SMALL = GridConfig(hidden_width=8, positional_octaves=1)
 SHAPE = codec_of(SMALL).gpu_tables(SMALL).shape_text()

@@ -14,13 +14,11 @@ from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
-from viewer.render.passes.decode_binned import DecodeBinnedPass
-from viewer.render.passes.decode_deferred import DecodeDeferredPass
+from viewer.render.passes.decode import DecodeBinnedPass, DecodeDeferredPass
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.decoder_ranges import DecoderRanges
+from viewer.render.resources.decoding_shaders import CANDIDATES, parsed_variant
 from viewer.render.resources.layout import scene_includes
-from viewer.render.resources.pack_buffers import PackBuffers, codec_programs
-from viewer.render.resources.variant import CANDIDATES, parsed_variant
+from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 

@@ -10,9 +10,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.indirect import COMMAND_BYTES, IndirectDraws
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
-from viewer.render.resources.cluster_draws.draw_items import InstanceCulling, placement_records
-from viewer.render.resources.cluster_draws.gpu_draw_list import GpuDrawList
-from viewer.render.resources.clusters.records import (
+from viewer.render.resources.clusters import (
     BUCKET_RECORD,
     CLUSTER_RECORD,
     ITEM_RECORD,
@@ -20,7 +18,7 @@ from viewer.render.resources.clusters.records import (
     ClusterTest,
     cluster_layout_glsl,
 )
-from viewer.render.resources.culling import Culling, DrawCounts
+from viewer.render.resources.culling import Culling, DrawCounts, GpuDrawList, InstanceCulling, placement_records
 from viewer.scene.model import Camera, Scene
 
 FOLDER = "passes/cull_clusters"

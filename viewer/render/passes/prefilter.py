@@ -16,7 +16,7 @@ from viewer.jobs.job import Job, JobReport
 from viewer.lighting.prefilter import MOST_SAMPLES, PrefilterSize, irradiance_map, lobe_samples, source_samples
 from viewer.render.pass_scheduler import Progress, Step, ToCome
 from viewer.render.resources.layout import TextureUnit, UniformBinding
-from viewer.render.resources.light.environment_maps import EnvironmentMaps
+from viewer.render.resources.light import EnvironmentMaps
 
 VERSION = 2
 """Of prefiltered environments in the cache: changes with what the shaders write."""

@@ -20,7 +20,7 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import ImageArray
 from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.images.image_places import ImageArrayPlan, ImageContent, ImagePlace, ImagePlaces
+from viewer.render.resources.image_places import ImageArrayPlan, ImageContent, ImagePlace, ImagePlaces
 from viewer.render.resources.layout import BUCKET_DEPTHS, TextureUnit
 from viewer.render.resources.samplers import SamplerCache
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs

@@ -14,7 +14,7 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.lighting.sky import SUN_RADIUS
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import MAP_BITS, MOST_LIGHTS, TextureUnit, UniformBinding
-from viewer.render.resources.light.scene_light import LIGHT_RECORD, SceneLight, light_records
+from viewer.render.resources.light import LIGHT_RECORD, SceneLight, light_records
 from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.state.view_state import MaterialView, ToneMap
 

@@ -7,7 +7,7 @@ import moderngl
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.resources.culling import DrawList
-from viewer.render.resources.light.shadow_map import ShadowMap, ShadowView
+from viewer.render.resources.light import ShadowMap, ShadowView
 from viewer.render.resources.scene_buffers import SceneBuffers
 
 SLOPE_BIAS = 1.5

@@ -1,6 +1,7 @@
 """Divergence maps of one picture under several groupings, and the texture -> decoder tables they are counted from."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
 import moderngl
@@ -15,6 +16,16 @@ from viewer.render.resources.layout import StorageBinding
 T = TypeVar("T")
 Stage = Literal["compute", "fragment"]
 """Which kind of shader counts: `fragment` is for drivers whose compute shaders are slow or missing."""
+
+
+@dataclass(frozen=True)
+class CountedGrouping:
+    """One grouping whose decoders are counted."""
+
+    version: int
+    """Changes with the decoders, and only with them."""
+    decoders: tuple[int, ...] = field(compare=False)
+    """Decoder of each texture of the scene, -1 where nothing is decoded."""
 
 
 class DivergenceTarget:

@@ -2,8 +2,7 @@
 
 import pytest
 
-from viewer.gl.older_glsl import UnsuitableShaderError, older_source
-from viewer.gl.texture_buffers import IMAGE_UNITS, STORAGE_UNITS
+from viewer.gl.older_glsl import IMAGE_UNITS, STORAGE_UNITS, UnsuitableShaderError, older_source
 
 RECORDS = """#version 430
 #define BINDING_THINGS 3

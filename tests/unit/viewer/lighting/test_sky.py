@@ -15,8 +15,7 @@ from viewer.lighting.directions import (
     turned,
 )
 from viewer.lighting.prefilter import PrefilteredEnvironment, PrefilterSize, irradiance_map
-from viewer.lighting.sky import sky_radiance, sun_irradiance
-from viewer.lighting.sun import environment_turn, sun_of
+from viewer.lighting.sky import environment_turn, sky_radiance, sun_irradiance, sun_of
 from viewer.state.view_state import Lighting
 
 

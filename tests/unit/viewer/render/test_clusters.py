@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from tests.support.picture_scenes import cube, scene_of
-from viewer.render.resources.clusters import bounds
-from viewer.render.resources.clusters.bounds import NEVER_BACKFACING, build_clusters
+from viewer.render.resources import clusters as clusters_module
+from viewer.render.resources.clusters import NEVER_BACKFACING, build_clusters
 from viewer.render.scene_drawer import pays_on_gpu
 from viewer.scene.model import Geometry, Material, Primitive, Scene
 
@@ -38,7 +38,7 @@ def hostile(random: np.random.Generator) -> Scene:
 
 @pytest.mark.parametrize("piece", [1, 20, 1 << 18])
 def test_clusters_hold_their_triangles(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(bounds, "PIECE_TRIANGLES", piece)
+    monkeypatch.setattr(clusters_module, "PIECE_TRIANGLES", piece)
     scene = hostile(np.random.default_rng(3))
     clusters = build_clusters(scene, SIZE)
     for number, primitive in enumerate(scene.primitives):

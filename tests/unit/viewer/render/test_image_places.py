@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from tests.support.picture_scenes import WHITE, scene_of, texture
-from viewer.render.resources.images.image_places import ImagePlaces, image_bytes, plane_bytes
-from viewer.render.resources.material_records import material_records
+from viewer.render.resources.image_places import ImagePlaces, image_bytes, plane_bytes
+from viewer.render.resources.scene_buffers import material_records
 from viewer.scene.model import Material, Sampler, Scene
 
 SIDES = (8, 16, 32, 64)

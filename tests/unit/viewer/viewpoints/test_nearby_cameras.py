@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from viewer.scene.model import Camera
-from viewer.viewpoints.nearby_cameras import NearbyConfig, nearby_cameras
+from viewer.viewpoints.scene_views import NearbyConfig, nearby_cameras
 
 
 @pytest.fixture(scope="module")

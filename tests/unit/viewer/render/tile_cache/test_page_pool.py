@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from viewer.render.tile_cache.page_pool import PagePool
+from viewer.render.tile_cache.tiles import PagePool
 
 
 def entries(*numbers: int) -> NDArray[np.int64]:

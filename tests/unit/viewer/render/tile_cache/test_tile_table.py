@@ -6,7 +6,7 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.pack.match import PackMatch
 from tests.support.picture_scenes import texture
-from viewer.render.tile_cache.tile_table import TileTable
+from viewer.render.tile_cache.tiles import TileTable
 from viewer.scene.model import Material
 
 SIZES = ((256, 128), (16, 16), (32, 512), (70, 70))

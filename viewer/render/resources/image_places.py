@@ -1,4 +1,4 @@
-"""Where the images of one plane of maps lie in texture arrays: all of them, or what a budget allows of those in sight."""
+"""Where the images of one plane of maps lie in texture arrays: all of them, or those in sight that a budget allows."""
 
 from collections import OrderedDict, defaultdict
 from collections.abc import Iterable, Mapping

@@ -1,0 +1,236 @@
+"""Decode paths `forward`, `deferred` and `binned`, which decode every visible pixel, and their stochastic filter."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from weakref import WeakKeyDictionary
+
+import moderngl
+import numpy as np
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.pass_scheduler import Progress, Step, ToCome
+from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
+from viewer.render.resources.color_target import ColorTarget
+from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, BinBinding, ImageUnit
+from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
+from viewer.state.view_state import TexelFilter
+
+
+def filter_defines(texel_filter: TexelFilter) -> dict[str, int]:
+    """Defines of the decoding shaders for a filter; with the stochastic one they read `VisibilityInputs.sample`."""
+    return {"FILTER_STOCHASTIC": int(texel_filter == "stochastic")}
+
+
+class DecodePass(ABC):
+    """Decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: a plane of the whole picture."""
+
+    name: str
+    """`decode_` and the name of the decode path."""
+
+    @abstractmethod
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
+        """Decode every visible pixel once."""
+
+    def own_buffers(self) -> Sequence[moderngl.Buffer]:
+        """GPU buffers that belong to this pass alone."""
+        return ()
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Size of the pass's own buffers."""
+        return sum(buffer.size for buffer in self.own_buffers())
+
+    def release(self) -> None:
+        """Free the pass's own buffers."""
+        for buffer in self.own_buffers():
+            buffer.release()
+
+
+class DecodeForwardPass(DecodePass):
+    """Draws the draw list of the visibility buffer again, with its matrix."""
+
+    name = "decode_forward"
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        scene_buffers: SceneBuffers,
+        reading: PlaneReading,
+        texel_filter: TexelFilter = "exact",
+    ) -> None:
+        self._gl, self._buffers, self._scene_buffers = context.gl, buffers, scene_buffers
+        defines = {**reading.defines(), **buffers.defines, **filter_defines(texel_filter)}
+        self._program = programs.program("common/scene.vert", "passes/decode_forward/decode.frag", defines)
+
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
+        """Decode in the fragments that lie at the visible depth."""
+        gl = self._gl
+        framebuffer = target.framebuffer_with_depth(inputs.visibility.depth)
+        try:
+            framebuffer.use()
+            framebuffer.color_mask = (True, True, True, True)
+            framebuffer.depth_mask = False
+            target.framebuffer.clear()
+            framebuffer.use()
+            gl.enable_only(moderngl.DEPTH_TEST)
+            gl.depth_func = "=="
+            inputs.bind()
+            self._buffers.bind()
+            matrix = inputs.matrix.T.astype("<f4").tobytes()
+            blocks = self._buffers.network_blocks
+            values = {"network_blocks": blocks, "view_projection": matrix, "sample_number": inputs.sample}
+            set_uniforms(self._program, values)
+            self._scene_buffers.draw(self._program, self._program)
+        finally:
+            gl.depth_func = "<"
+
+
+class DecodeDeferredPass(DecodePass):
+    """Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels.
+
+    `ranges` may be None where they have not.
+    """
+
+    name = "decode_deferred"
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        ranges: DecoderRanges | None,
+        reading: PlaneReading,
+        shared_decoder: int | None,
+        texel_filter: TexelFilter = "exact",
+    ) -> None:
+        self._gl = context.gl
+        self._buffers, self._shared_decoder = buffers, shared_decoder
+        self._ranges = ranges if shared_decoder is not None else None
+        defines = {**reading.defines(), **buffers.defines, **filter_defines(texel_filter)}
+        if self._ranges is None:
+            self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
+        else:
+            shared = {**defines, **self._ranges.defines}
+            self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
+
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
+        """Decode the whole picture."""
+        inputs.bind()
+        self._buffers.bind()
+        target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
+        set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
+        rows = GROUP_SIDE
+        if self._ranges is not None and self._shared_decoder is not None:
+            self._ranges.bind(self._shared_decoder)
+            rows = GROUP_SIDE * self._ranges.pixels
+        self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
+        self._gl.memory_barrier()
+
+
+FOLDER = "passes/decode_binned"
+PIXEL_BYTES = 4
+
+
+class DecodeBinnedPass(DecodePass):
+    """Count, scan and scatter fill the bins; then one indirect dispatch for each decoder that may be visible."""
+
+    name = "decode_binned"
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        ranges: DecoderRanges,
+        reading: PlaneReading,
+        texel_filter: TexelFilter = "exact",
+    ) -> None:
+        self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
+        self._bin_count = len(buffers.pack.decoders)
+        defines = {**buffers.defines, **filter_defines(texel_filter), **ranges.defines}
+        sorting = {**reading.defines(), "SHARED_SUMS": int(context.features.shared_sums)}
+        self._count = programs.compute(f"{FOLDER}/count.comp", sorting)
+        self._scan = programs.compute(f"{FOLDER}/scan.comp")
+        self._scatter = programs.compute(f"{FOLDER}/scatter.comp", sorting)
+        self._decode = programs.compute(f"{FOLDER}/decode.comp", {**reading.defines(), **defines})
+        what = "path binned"
+        with self._memory.transaction():
+            self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
+            self._pixels = self._memory.buffer(what, reserve=PIXEL_BYTES)
+
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
+        """Decode the whole picture."""
+        needed = target.size[0] * target.size[1] * PIXEL_BYTES
+        self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed, storage=True)
+        inputs.bind()
+        self._buffers.bind()
+        target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
+        self._bins.bind_to_storage_buffer(int(BinBinding.BINS))
+        self._pixels.bind_to_storage_buffer(int(BinBinding.BIN_PIXELS))
+        blocks = tuple(-(-side // GROUP_SIDE) for side in target.size)
+        self._count.run(*blocks)
+        self._gl.memory_barrier()
+        set_uniforms(self._scan, {"bin_count": self._bin_count, "pixels_per_group": BIN_GROUP * self._ranges.pixels})
+        self._scan.run(1)
+        self._gl.memory_barrier()
+        self._scatter.run(*blocks)
+        self._gl.memory_barrier()
+        set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
+        decoders = np.unique(self._buffers.decoder_of_texture[list(inputs.textures)])
+        for decoder in decoders[decoders >= 0].tolist():
+            self._ranges.bind(decoder)
+            set_uniforms(self._decode, {"bin": decoder})
+            self._decode.run_indirect(self._bins, decoder * BIN_RECORD.itemsize)
+        self._gl.memory_barrier()
+
+    def bins(self) -> bytes:
+        """BIN_RECORD of every decoder after the last frame: reads them back, which drawing never does."""
+        content: bytes = self._bins.read()
+        return content
+
+    def own_buffers(self) -> Sequence[moderngl.Buffer]:
+        """Bins and the list of pixels."""
+        return self._bins, self._pixels
+
+
+class DecodeSampledPass:
+    """Draws the mean of up to SAMPLES samples, each of one texel of every pixel's footprint."""
+
+    def __init__(self, decode: DecodePass, accumulate: AccumulatePass) -> None:
+        """`decode` is the pass with the stochastic filter; both belong to this one."""
+        self.name = decode.name
+        self._decode, self._accumulate = decode, accumulate
+        self._samples: WeakKeyDictionary[ColorTarget, int] = WeakKeyDictionary()
+
+    @property
+    def bytes_on_gpu(self) -> int:
+        """Buffers of the pass, and the last sample."""
+        return self._decode.bytes_on_gpu + self._accumulate.bytes_on_gpu
+
+    def advance(self, inputs: VisibilityInputs, target: ColorTarget, step: Step) -> Progress:
+        """Draw the next sample, or where the picture is to be whole all that are missing.
+
+        BLEND surfaces are averaged elsewhere: for a further sample of theirs one sample is drawn.
+        """
+        if inputs.blend_sample:
+            self._decode.run(inputs.of_sample(inputs.blend_sample), target)
+            return Progress()
+        before = self._samples.get(target, 0) if step.is_same_view and not step.is_stale else 0
+        for number in range(before, SAMPLES if step.whole else before + 1):
+            into = target if number == 0 else self._accumulate.sample(target.size)
+            self._decode.run(inputs.of_sample(number), into)
+            if number > 0:
+                self._accumulate.run(number, target)
+            self._samples[target] = number + 1
+        left = SAMPLES - self._samples[target]
+        return Progress(to_come=(ToCome("samples", left, SAMPLES),) if left else ())
+
+    def release(self) -> None:
+        """Free the pass and the last sample."""
+        self._decode.release()
+        self._accumulate.release()

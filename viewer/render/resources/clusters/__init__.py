@@ -1,1 +1,0 @@
-"""Clusters of triangles: their bounds, and what Python and GLSL share of them."""

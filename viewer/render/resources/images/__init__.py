@@ -1,1 +1,0 @@
-"""Original images on the GPU: where each lies, within a budget."""

@@ -1,1 +1,0 @@
-"""What lights a view, on the GPU."""

@@ -1,0 +1,255 @@
+"""The variant of the decoding shaders of a pack: named, the default of the device's class, or the fastest, measured once and kept."""
+
+import hashlib
+import json
+import math
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, Final, get_args
+
+import moderngl
+
+from ntc.codec.gpu import DecoderVariant
+from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
+from ntc.errors import InputError
+from ntc.io import write_text
+from viewer.gl.context import ContextInformation, GraphicsContext
+from viewer.gl.program import ShaderError, set_uniforms
+from viewer.locations import variants_cache
+from viewer.render.resources.decoding_shaders import (
+    CANDIDATES,
+    default_variant,
+    fastest_first,
+    parsed_variant,
+    supported_precisions,
+)
+from viewer.render.resources.layout import BIN_GROUP, StorageBinding
+from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs, scene_programs
+from viewer.state.view_state import Precision
+
+SECONDS: Final = 1.5
+"""Nothing is begun after so long: with the compilation under way, 2 s on most drivers."""
+LEAST_TEXELS: Final = 1 << 12
+MOST_TEXELS: Final = 1 << 20
+ENOUGH_SECONDS: Final = 4e-3
+"""Texels are doubled until they take so long, for times of less are those of the call."""
+RUNS: Final = 3
+
+
+@dataclass(frozen=True)
+class VariantTimes:
+    """What was measured for one codec shape on one device: ns a texel, by precision and variant."""
+
+    nanoseconds: Mapping[Precision, Mapping[DecoderVariant, float]]
+
+    def fastest(self, precision: Precision) -> DecoderVariant | None:
+        """The variant with the least time; None where none was measured in this precision."""
+        own = self.nanoseconds.get(precision, {})
+        return min(own, key=lambda variant: own[variant], default=None)
+
+    @property
+    def precisions(self) -> tuple[Precision, ...]:
+        """Those that were measured, the fastest first."""
+        least = {precision: min(own.values()) for precision, own in self.nanoseconds.items() if own}
+        return tuple(sorted(least, key=lambda precision: least[precision]))
+
+
+def _in_order(first: DecoderVariant, precisions: Sequence[Precision]) -> Iterator[tuple[Precision, DecoderVariant]]:
+    """All to measure: each precision by the device's default, then single precision by the others, then the rest."""
+    others = [variant for variant in CANDIDATES if variant != first]
+    yield from ((precision, first) for precision in precisions)
+    yield from (("fp32", variant) for variant in others)
+    yield from ((precision, variant) for variant in others for precision in precisions if precision != "fp32")
+
+
+class VariantMeasurement:
+    """Times decoders of one pack: those of its texture with the fewest texels."""
+
+    def __init__(self, context: GraphicsContext, pack: Pack) -> None:
+        self._context, self._pack = context, pack
+        self._programs = scene_programs(context)
+        areas = [texture.width * texture.height for texture in pack.textures]
+        self._texture = areas.index(min(areas))
+
+    def times(self, seconds: float = SECONDS) -> VariantTimes:
+        """Times of as many precisions and variants as `seconds` allow, one at least. What the driver cannot compile is left out."""
+        found: dict[Precision, dict[DecoderVariant, float]] = {}
+        end = time.perf_counter() + seconds
+        first = default_variant(self._context, self._pack.config)
+        try:
+            for precision, variant in _in_order(first, supported_precisions(self._context)):
+                if found and time.perf_counter() > end:
+                    break
+                with suppress(ShaderError, InputError, moderngl.Error):
+                    found.setdefault(precision, {})[variant] = self._nanoseconds(precision, variant)
+        finally:
+            self._programs.release()
+        return VariantTimes(found)
+
+    def _nanoseconds(self, precision: Precision, variant: DecoderVariant) -> float:
+        """Least time of a texel."""
+        context, pack = self._context, self._pack
+        program = codec_programs(self._programs, pack, variant)
+        with context.memory.transaction():
+            buffers = PackBuffers(context, pack, [self._texture], precision, variant=variant)
+            ranges = DecoderRanges(context, pack, precision, variant)
+            results = context.memory.buffer(
+                "timing of decoders", reserve=16 * (MOST_TEXELS + BIN_GROUP * variant.pixels)
+            )
+        try:
+            shader = program.compute("passes/time_decoder/decode.comp", {**buffers.defines, **ranges.defines})
+            set_uniforms(shader, {"network_blocks": buffers.network_blocks})
+            buffers.bind()
+            ranges.bind(pack.textures[self._texture].group)
+            results.bind_to_storage_buffer(int(StorageBinding.RESULTS))
+
+            def taken(texels: int) -> float:
+                context.gl.finish()
+                start = time.perf_counter()
+                shader.run(-(-texels // (BIN_GROUP * variant.pixels)))
+                context.gl.finish()
+                return time.perf_counter() - start
+
+            texels = LEAST_TEXELS
+            taken(texels)
+            while texels < MOST_TEXELS and taken(texels) < ENOUGH_SECONDS:
+                texels *= 2
+            return min(taken(texels) for _ in range(RUNS)) / texels * 1e9
+        finally:
+            for made in (buffers, ranges, results):
+                made.release()
+
+
+LARGEST_FILE: Final = 1 << 16
+FORMAT: Final = 1
+"""Counted up when times of an older version tell nothing of the shaders any more."""
+
+
+def _path(folder: Path, device: ContextInformation, shape: str) -> Path:
+    key = "\n".join((str(FORMAT), device.vendor, device.renderer, device.version, shape))
+    return folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.json"
+
+
+def read_times(folder: Path, device: ContextInformation, shape: str) -> VariantTimes | None:
+    """What `keep_times` wrote for this device and shape; None where there is nothing, or a file that it did not write."""
+    try:
+        with _path(folder, device, shape).open("rb") as file:
+            content = file.read(LARGEST_FILE + 1)
+        if len(content) > LARGEST_FILE:
+            return None
+        found = json.loads(content)
+        return VariantTimes(
+            {
+                _precision(precision): {parsed_variant(text): _time(value) for text, value in own.items()}
+                for precision, own in found["nanoseconds"].items()
+            }
+        )
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, InputError):
+        return None
+
+
+def _precision(name: str) -> Precision:
+    if name not in get_args(Precision):
+        raise ValueError(name)
+    return name  # type: ignore[return-value]
+
+
+def _time(value: Any) -> float:
+    time = float(value)
+    if not 0.0 < time < math.inf:
+        raise ValueError(value)
+    return time
+
+
+def keep_times(folder: Path, device: ContextInformation, shape: str, times: VariantTimes) -> None:
+    """Write `times`. A folder that cannot be written to is no error: they are measured again."""
+    content = {
+        "renderer": device.renderer,
+        "version": device.version,
+        "shape": shape,
+        "nanoseconds": {
+            precision: {str(variant): time for variant, time in own.items()}
+            for precision, own in times.nanoseconds.items()
+        },
+    }
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        write_text(_path(folder, device, shape), json.dumps(content, indent=2) + "\n")
+    except (OSError, InputError):
+        return
+
+
+def kept_times(folder: Path, device: ContextInformation) -> dict[str, VariantTimes]:
+    """All that is kept for a device, by codec shape."""
+    found: dict[str, VariantTimes] = {}
+    for path in sorted(folder.glob("*.json")):
+        try:
+            with path.open("rb") as file:
+                shape = json.loads(file.read(LARGEST_FILE))["shape"]
+        except (OSError, ValueError, TypeError, KeyError, RecursionError):
+            continue
+        if isinstance(shape, str) and path == _path(folder, device, shape):
+            times = read_times(folder, device, shape)
+            if times is not None:
+                found[shape] = times
+    return found
+
+
+VARIANT_VARIABLE: Final = "NTC_VIEWER_DECODER_VARIANT"
+"""Environment variable: `default`, `measured`, or settings such as `pixels=2,weights=shared`. Else GPUs measure, software does not."""
+
+
+@dataclass
+class VariantChoice:
+    """Gives each pack its variant; where nothing else is asked for, that of the device's class."""
+
+    wanted: str = "default"
+    """`default`; `measured`; settings of a variant; or empty: `measured` on a GPU, else `default`."""
+    folder: Path | None = None
+    """Where times are kept; None: `variants_cache()`."""
+    tell: Callable[[str], None] = lambda _: None
+    """Called once where something has been measured, with a line about it."""
+    _times: dict[str, VariantTimes] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._named = None if self.wanted in ("", "default", "measured") else parsed_variant(self.wanted)
+
+    @classmethod
+    def of_environment(cls, wanted: str, tell: Callable[[str], None]) -> "VariantChoice":
+        """What an option asks for, else VARIANT_VARIABLE. Raises InputError for settings that there are not."""
+        return cls(wanted or os.environ.get(VARIANT_VARIABLE, ""), tell=tell)
+
+    def variant(self, context: GraphicsContext, pack: Pack, precision: Precision) -> DecoderVariant:
+        """The variant in which `pack` is decoded. May measure, which takes a second or two, once for each shape and driver."""
+        if self._named is not None:
+            return self._named if context.features.compute else replace(self._named, weights="image")
+        times = self._measured(context, pack)
+        own = times.fastest(precision) if times is not None else None
+        return own or default_variant(context, pack.config)
+
+    def precisions(self, context: GraphicsContext, pack: Pack) -> tuple[Precision, ...]:
+        """The precisions of this driver, the fastest first: as measured, else as is known of most GPUs."""
+        times = self._measured(context, pack) if self._named is None else None
+        return times.precisions if times is not None else fastest_first(context)
+
+    def _measured(self, context: GraphicsContext, pack: Pack) -> VariantTimes | None:
+        tables = codec_of(pack.config).gpu_tables(pack.config)
+        measures = self.wanted == "measured" or (not self.wanted and not context.info.is_software)
+        if not measures or not context.features.compute or not tables.shares_decoders or not pack.textures:
+            return None
+        shape, folder = tables.shape_text(), self.folder or variants_cache()
+        if shape not in self._times:
+            times = read_times(folder, context.info, shape)
+            if times is None:
+                times = VariantMeasurement(context, pack).times()
+                keep_times(folder, context.info, shape, times)
+                self.tell(
+                    f"decoder {shape}: measured on {context.info.renderer}, {times.fastest('fp32')} is the fastest"
+                )
+            self._times[shape] = times
+        return self._times[shape]

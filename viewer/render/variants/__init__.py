@@ -1,1 +1,0 @@
-"""Which variant of the decoding shaders a device takes: measured once, and kept."""
