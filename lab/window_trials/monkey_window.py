@@ -21,13 +21,13 @@ from viewer.commands import bindings
 from viewer.commands.keys import Chord, parse_chord
 from viewer.locations import kept_runs_folder
 from viewer.scene.load import load_scene
-from viewer.script.inputs import MODIFIER_KEYS
+from viewer.script.directions import MODIFIER_KEYS
 from viewer.state.open_files import InitialView
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.training.kept_runs import KeptRuns
 from viewer.training.live_training import Decision
 from viewer.training.run_log import Run
-from viewer.ui.keyboard import imgui_key
+from viewer.ui.picture_input import imgui_key
 
 SLOW_MS = 250.0
 """A frame that takes longer is written down, with what the window says that it does."""

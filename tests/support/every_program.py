@@ -26,19 +26,20 @@ from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.variants import VariantMeasurement
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
-from viewer.state.overlay import BLOCKS, Overlay
 from viewer.state.view_state import (
+    BLOCKS,
     DecodePath,
     Difference,
     Lighting,
     MaterialView,
+    Overlay,
     Precision,
     Slot,
     TexelFilter,
     ToneMap,
     ViewState,
+    Zoom,
 )
-from viewer.state.zoom import Zoom
 
 GPU: Final = ContextInformation("a GPU", "its vendor", "4.6")
 """What takes the variants of a GPU (viewer/render/resources/decoding_shaders.py)."""

@@ -12,8 +12,7 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.model import Pack
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, png
-from viewer.app.effects import Effects
-from viewer.app.opening import Opening
+from viewer.app.effects import Effects, Opening
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.commands.effects import Effect

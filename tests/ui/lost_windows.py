@@ -22,7 +22,7 @@ from viewer.app.window_app import WindowApp, WindowContent, run_window
 from viewer.commands import run_line
 from viewer.gl.ui_textures import Thumbnails
 from viewer.scene.load import load_scene
-from viewer.script.parse import parse_script
+from viewer.script.script import parse_script
 from viewer.state.open_files import InitialView
 from viewer.state.pack_files import open_packs, packs_beside
 

@@ -14,9 +14,8 @@ from viewer.render.viewport import Viewport
 from viewer.scene.cameras_file import read_cameras
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import parse_settings
-from viewer.state.view_state import Overlay, Slot
-from viewer.state.zoom import WHOLE
-from viewer.ui.map_legend import decoder_fields, slot_note
+from viewer.state.view_state import WHOLE, Overlay, Slot
+from viewer.ui.annotations import decoder_fields, slot_note
 
 MEETING = (SIZE[0] / 2, SIZE[1] / 2)
 """Where the two squares meet, as `mapped` looks at them."""

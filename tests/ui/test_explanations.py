@@ -16,7 +16,7 @@ from viewer.commands.command import Menu
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
-from viewer.ui.help.glossary import TERMS
+from viewer.ui.help.sheets import TERMS
 from viewer.ui.widgets import TOOLTIP_SECONDS, WidgetRects
 
 MAKE_WIDGETS = (

@@ -19,7 +19,7 @@ from viewer.scene.model import Material, Scene
 from viewer.state.event_handlers import notify
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
-from viewer.ui.map_legend import slot_note
+from viewer.ui.annotations import slot_note
 
 Opener = Callable[..., DrivenApp]
 

@@ -15,12 +15,11 @@ from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_table
 from tests.support.picture_scenes import Part, scene_of, texture
-from viewer.inspect.flat_texture import FlatTexture, decode_flat
+from viewer.inspect.flat_texture import FlatTexture, decode_flat, visible_part
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
 from viewer.inspect.memory_table import pack_memory, scene_memory, size_pairs, smaller_note
 from viewer.inspect.scene_tree import SceneTree
 from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
-from viewer.inspect.visible_part import visible_part
 from viewer.jobs.job import JobReport
 from viewer.render.frame_times import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene

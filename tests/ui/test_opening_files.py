@@ -157,7 +157,7 @@ def test_the_desktops_own_dialog_is_offered_where_there_is_one(
         app.run("file.open")
         app.settle()
         assert ("System dialog..." in app.widgets.labels()) == is_available
-    asked = "viewer.ui.opening.system_dialog.portable_file_dialogs.open_file"
+    asked = "viewer.ui.file_dialog.portable_file_dialogs.open_file"
     monkeypatch.setattr(asked, lambda *_: AnsweredDialog(path))
     app.click("System dialog...")
     assert app.session.scene.path == path

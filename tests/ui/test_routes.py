@@ -15,14 +15,13 @@ from viewer.commands import COMMANDS, bindings, run
 from viewer.commands.command import Command, Context, Parameter
 from viewer.commands.keys import Chord
 from viewer.scene.model import AnimationFacts, Camera, Scene
-from viewer.script import parse
-from viewer.script.inputs import press
-from viewer.script.parse import parse_script
+from viewer.script import script as parse
+from viewer.script.directions import press
+from viewer.script.script import parse_script
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.ui.menu_bar import menu_entries
-from viewer.ui.menu_layout import ONLY_TYPED
+from viewer.ui.menu_bar import ONLY_TYPED, menu_entries
 
 Seen = list[tuple[str, tuple[Any, ...]]]
 

@@ -17,9 +17,9 @@ from viewer.commands import COMMANDS
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
 from viewer.scene.model import Camera, Scene
-from viewer.script.parse import parse_script
+from viewer.script.script import parse_script
 from viewer.state.session import Toast
-from viewer.state.zoom import Zoom
+from viewer.state.view_state import Zoom
 from viewer.ui.status_bar import status_bar_height
 from viewer.ui.user_interface import SETTLING_FRAMES
 

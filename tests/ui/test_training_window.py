@@ -23,11 +23,11 @@ from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import array_bytes, blocks
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
-from viewer.script.parse import parse_script
+from viewer.script.script import parse_script
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
-from viewer.ui.panels.training_figures import figures_of_run, figures_under_way
+from viewer.ui.panels.training import figures_of_run, figures_under_way
 
 pytestmark = pytest.mark.process
 

@@ -20,12 +20,11 @@ from viewer.commands.keys import parse_chord
 from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
-from viewer.script.inputs import hold
+from viewer.script.directions import hold
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, Overlay, Side, Slot
-from viewer.state.zoom import Zoom
+from viewer.state.view_state import REFERENCE, Overlay, Side, Slot, Zoom
 from viewer.ui.panels.timings import timings_text
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)

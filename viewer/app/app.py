@@ -11,12 +11,11 @@ from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.locations import kept_runs_folder
-from viewer.script.parse import Script
-from viewer.script.play import play_script
+from viewer.script.script import Script, play_script
 from viewer.script.stage import Turn
 from viewer.state.session import Session
 from viewer.training.kept_runs import KeptRuns
-from viewer.ui.style.theme import Appearance
+from viewer.ui.theme import Appearance
 from viewer.ui.widgets import WidgetRects
 
 

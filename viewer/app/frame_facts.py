@@ -10,12 +10,9 @@ from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
-from viewer.inspect.block_content import BlockContent, read_block
 from viewer.inspect.comparison import LiveFigures
-from viewer.inspect.map_errors import errors_by_map
-from viewer.inspect.measurement import measure
-from viewer.inspect.pixel_content import PixelContent, read_pixel
-from viewer.inspect.place_reader import PlaceReader
+from viewer.inspect.measurement import errors_by_map, measure
+from viewer.inspect.place_content import BlockContent, PixelContent, PlaceReader, read_block, read_pixel
 from viewer.render.frame_times import FrameTimes
 from viewer.render.viewport import Viewport
 from viewer.state.session import Session, SlotMeasurement

@@ -11,7 +11,7 @@ from ntc.codec.model import Pack
 from viewer.app.app import App
 from viewer.gl.context import create_headless_context
 from viewer.scene.model import Scene
-from viewer.script.parse import Script
+from viewer.script.script import Script
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
 

@@ -19,12 +19,12 @@ from viewer.app.loss_recovery import MOST_LOSSES, RECOVERED, RESET_SECONDS, Loss
 from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 from viewer.locations import config_folder
 from viewer.scene.model import Scene
-from viewer.script.parse import Script
+from viewer.script.script import Script
 from viewer.script.stage import Turn
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings
-from viewer.ui.style.theme import Appearance
+from viewer.ui.theme import Appearance
 from viewer.ui.user_interface import SETTLING_FRAMES
 
 IDLE_SECONDS = 0.2

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from viewer.capture.overlay_picture import ERROR_AMPLIFICATION
-from viewer.inspect.map_errors import MapError
+from viewer.inspect.measurement import MapError
 from viewer.scene.images import write_png
 from viewer.scene.model import Scene
 

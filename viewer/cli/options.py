@@ -14,14 +14,16 @@ from ntc.codec.registry import SUMMARIES, CodecName
 from ntc.codec.targets import PresetName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
-from viewer.state.overlay import BlockName, Overlay, ScaleName
 from viewer.state.palettes import PaletteName
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
+    BlockName,
     Lighting,
     MaterialView,
+    Overlay,
     PathChoice,
     Precision,
+    ScaleName,
     TexelFilter,
     ToneMap,
 )

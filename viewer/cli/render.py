@@ -24,8 +24,7 @@ from viewer.cli.map_errors import map_error_statistics, write_map_errors
 from viewer.cli.options import RenderOptions
 from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, packs_for, resolve_precision
 from viewer.gl.context import create_headless_context
-from viewer.inspect.map_errors import errors_by_map
-from viewer.inspect.measurement import MeasuredPicture, measure
+from viewer.inspect.measurement import MeasuredPicture, errors_by_map, measure
 from viewer.jobs.background import Background
 from viewer.lighting.panorama import load_panorama
 from viewer.render.frame_result import FrameResult, read_picture

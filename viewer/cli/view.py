@@ -13,7 +13,7 @@ from viewer.cli.sources import choose_source, open_scene, packs_for, resolve_pre
 from viewer.gl.systems import SYSTEM
 from viewer.render.variants import VariantChoice
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
-from viewer.script.parse import Script, parse_exec, read_script
+from viewer.script.script import Script, parse_exec, read_script
 from viewer.state.open_files import InitialView
 from viewer.state.view_state import REFERENCE
 

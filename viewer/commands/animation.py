@@ -5,7 +5,7 @@ from typing import Annotated
 
 from viewer.commands.command import Arg, Context, command, switch
 from viewer.scene.model import Pose
-from viewer.state.animation_playback import chosen_animation
+from viewer.state.motion import chosen_animation
 from viewer.state.session import Session
 
 LONGEST_SECONDS = 1e6

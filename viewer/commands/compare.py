@@ -9,8 +9,9 @@ from ntc.metrics.block_compression import named_format
 from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.commands.effects import Effect, Measure
 from viewer.state.session import Session
-from viewer.state.settings import FLICKER_RANGE, GAIN_RANGE
+from viewer.state.settings import FLICKER_RANGE
 from viewer.state.view_state import (
+    GAIN_RANGE,
     REFERENCE,
     CompareMode,
     DecodedMaps,

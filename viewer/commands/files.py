@@ -18,8 +18,7 @@ from viewer.state.event_handlers import notify
 from viewer.state.open_files import open_pack
 from viewer.state.session import Session
 from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_known_pose, with_open_sources
-from viewer.state.view_state import PictureAlone
-from viewer.state.zoom import LARGEST, Zoom
+from viewer.state.view_state import LARGEST_ZOOM, PictureAlone, Zoom
 
 PictureFile = Annotated[Path, Arg("a .png, in the folder of pictures unless it is absolute")]
 Picture = Annotated[
@@ -100,7 +99,9 @@ def _restore(session: Session, text: str, where: str) -> None:
     notify(session, f"view from {where}" + (f"; {'; '.join(notes)}" if notes else ""))
 
 
-Factor = Annotated[float, Arg(f"shown pixels along a side of one of the picture, 1 to {LARGEST:g}", None, 1.0, LARGEST)]
+Factor = Annotated[
+    float, Arg(f"shown pixels along a side of one of the picture, 1 to {LARGEST_ZOOM:g}", None, 1.0, LARGEST_ZOOM)
+]
 PlaceX = Annotated[
     float, Arg("share of the picture's width that is in the middle, from the upper left", None, 0.0, 1.0)
 ]

@@ -8,8 +8,7 @@ from ntc.errors import InputError
 from viewer.commands.command import Context, command, gesture
 from viewer.commands.effects import CancelOpening, CloseWindow, Effect, OpenScene, RunCommand
 from viewer.locations import is_builtin
-from viewer.state.question import CANCEL, Choice, Question
-from viewer.state.session import Session
+from viewer.state.session import CANCEL, Choice, Question, Session
 from viewer.training.live_training import Decision, LiveTraining
 from viewer.training.preparation import job_title
 

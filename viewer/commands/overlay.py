@@ -5,10 +5,9 @@ from typing import Annotated, Any
 
 from viewer.commands.command import Arg, command, switch
 from viewer.state.event_handlers import notify
-from viewer.state.overlay import ScaleName
 from viewer.state.palettes import PALETTES, PaletteName
 from viewer.state.session import Session
-from viewer.state.view_state import BLOCKS, BlockName, OverlayKind
+from viewer.state.view_state import BLOCKS, BlockName, OverlayKind, ScaleName
 
 
 def _change(session: Session, **changes: Any) -> None:

@@ -8,7 +8,7 @@ from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.commands.effects import Effect, RaisePanel, ResetLayout
 from viewer.state.session import Session
 from viewer.state.settings import UI_SCALE_RANGE, Theme
-from viewer.state.zoom import WHOLE
+from viewer.state.view_state import WHOLE
 
 OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
 """Titles of the panels that stay closed until they are asked for."""

@@ -1,17 +1,115 @@
 """Stage directions: lines of a script besides commands. Each is parsed before the script starts."""
 
+import difflib
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from imgui_bundle import imgui
+
 from ntc.errors import InputError
 from viewer.commands.command import typed_path
 from viewer.commands.effects import TakeFilm, TakePicture
-from viewer.commands.keys import parse_chord
-from viewer.script import inputs
+from viewer.commands.keys import Chord, parse_chord
 from viewer.script.stage import PROPERTIES, Stage, Turn, expect
+from viewer.ui.picture_input import imgui_key
+from viewer.ui.user_interface import SETTLING_FRAMES
+
+LAYOUT_FRAMES = 16
+"""Within which panels come to the front."""
+LABELS_SHOWN = 3
+MODIFIER_KEYS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift, "Alt": imgui.Key.mod_alt}
+
+
+def rest() -> Iterator[Turn]:
+    """The frames that the layout needs after an event."""
+    for _ in range(SETTLING_FRAMES):
+        yield "frame"
+
+
+def opened(stage: Stage) -> Iterator[Turn]:
+    """The next frame, and those until everything that is to be opened is open."""
+    yield "frame"
+    while stage.is_opening:
+        yield "rest"
+
+
+def hold(chord: Chord, down: bool) -> Iterator[Turn]:
+    """Press a key with its modifiers, or let them go."""
+    io = imgui.get_io()
+    for is_held, modifier in zip((chord.ctrl, chord.shift, chord.alt), MODIFIER_KEYS.values(), strict=True):
+        if is_held:
+            io.add_key_event(modifier, down)
+    io.add_key_event(imgui_key(chord.key), down)
+    yield "frame"
+
+
+def hold_modifier(name: str, down: bool) -> Iterator[Turn]:
+    """Press one of MODIFIER_KEYS, for the mouse, or let it go."""
+    imgui.get_io().add_key_event(MODIFIER_KEYS[name], down)
+    yield "frame"
+
+
+def press(chord: Chord) -> Iterator[Turn]:
+    """Press a key with its modifiers and let them go."""
+    yield from hold(chord, True)
+    yield from hold(chord, False)
+    yield from rest()
+
+
+def move(x: float, y: float) -> Iterator[Turn]:
+    """Move the mouse to a place in pixels of the window's content."""
+    imgui.get_io().add_mouse_pos_event(x, y)
+    yield "frame"
+
+
+def _button(down: bool, button: int) -> Iterator[Turn]:
+    imgui.get_io().add_mouse_button_event(button, down)
+    yield "frame"
+
+
+def click(label: str, stage: Stage) -> Iterator[Turn]:
+    """Click on the widget called `label`, which may still be on its way to the front. Raises InputError where there is none."""
+    items = stage.widgets
+    for _ in range(LAYOUT_FRAMES):
+        if label in items.labels():
+            break
+        yield "frame"
+    try:
+        place = items.centre(label)
+    except KeyError:
+        near = difflib.get_close_matches(label, items.labels(), LABELS_SHOWN, 0.4)
+        hint = f"; there are {', '.join(near)}" if near else ""
+        raise InputError(f"click: nothing is called {label!r}{hint}") from None
+    yield from move(*place)
+    yield from _button(True, 0)
+    yield from _button(False, 0)
+    yield from rest()
+
+
+def drag(start: tuple[float, float], end: tuple[float, float], button: int) -> Iterator[Turn]:
+    """Drag from one place to another with a mouse button (0 left, 1 right, 2 middle)."""
+    yield from move(*start)
+    yield from _button(True, button)
+    for share in (0.5, 1.0):
+        yield from move(start[0] + (end[0] - start[0]) * share, start[1] + (end[1] - start[1]) * share)
+    yield from _button(False, button)
+    yield from rest()
+
+
+def wheel(notches: float) -> Iterator[Turn]:
+    """Turn the wheel; positive is away from the hand."""
+    imgui.get_io().add_mouse_wheel_event(0.0, notches)
+    yield from rest()
+
+
+def type_text(text: str) -> Iterator[Turn]:
+    """Type into the active field."""
+    imgui.get_io().add_input_characters_utf8(text)
+    yield from rest()
+
 
 Play = Callable[[Stage], Iterator[Turn]]
 """What a line does: yields for each frame that is to be drawn before it goes on, and while it waits. Raises InputError."""
@@ -98,19 +196,19 @@ def _trained(stage: Stage) -> Iterator[Turn]:
     if training.active is None and not training.saving and not training.log.runs:
         raise InputError("wait trained: nothing is trained; training.encode begins a run")
     end = time.monotonic() + LONGEST_WAIT
-    yield from inputs.rest()
+    yield from rest()
     while training.active is not None or training.saving:
         if training.state == "paused":
             raise InputError("wait trained: the run is paused; training.resume continues it")
         if time.monotonic() > end:
             raise InputError(f"wait trained: the run had not ended after {LONGEST_WAIT:g} s; training.cancel ends it")
         yield "rest"
-    yield from inputs.rest()
+    yield from rest()
 
 
 def _settle(stage: Stage) -> Iterator[Turn]:
     end = time.monotonic() + SETTLING_SECONDS
-    yield from inputs.rest()
+    yield from rest()
     while not stage.is_settled:
         if stage.session.is_moving:
             raise InputError(
@@ -119,7 +217,7 @@ def _settle(stage: Stage) -> Iterator[Turn]:
         if time.monotonic() > end:
             raise InputError(f"wait settled: the picture was not whole after {SETTLING_SECONDS:g} s")
         yield "rest"
-    yield from inputs.rest()
+    yield from rest()
 
 
 def _size(arguments: Sequence[str]) -> Play:
@@ -134,7 +232,7 @@ def _size(arguments: Sequence[str]) -> Play:
             if time.monotonic() > end:
                 raise InputError("size: the window system gave {}x{}".format(*stage.size))
             yield "frame"
-        yield from inputs.rest()
+        yield from rest()
 
     return play
 
@@ -168,22 +266,22 @@ def _drop(arguments: Sequence[str]) -> Play:
 
     def play(stage: Stage) -> Iterator[Turn]:
         stage.open_files(paths)
-        yield from inputs.opened(stage)
+        yield from opened(stage)
 
     return play
 
 
 def _key(arguments: Sequence[str]) -> Play:
     chord = parse_chord(arguments[0])
-    return lambda _stage: inputs.press(chord)
+    return lambda _stage: press(chord)
 
 
 def _held(text: str, down: bool) -> Play:
     modifier = text.capitalize()
-    if modifier in inputs.MODIFIER_KEYS:
-        return lambda _stage: inputs.hold_modifier(modifier, down)
+    if modifier in MODIFIER_KEYS:
+        return lambda _stage: hold_modifier(modifier, down)
     chord = parse_chord(text)
-    return lambda _stage: inputs.hold(chord, down)
+    return lambda _stage: hold(chord, down)
 
 
 def _hold(arguments: Sequence[str]) -> Play:
@@ -196,12 +294,12 @@ def _release(arguments: Sequence[str]) -> Play:
 
 def _click(arguments: Sequence[str]) -> Play:
     label = " ".join(arguments)
-    return lambda stage: inputs.click(label, stage)
+    return lambda stage: click(label, stage)
 
 
 def _move(arguments: Sequence[str]) -> Play:
     place = tuple(_place(text) for text in arguments)
-    return lambda stage: inputs.move(*_pixels(place, stage))
+    return lambda stage: move(*_pixels(place, stage))
 
 
 def _drag(arguments: Sequence[str]) -> Play:
@@ -209,17 +307,17 @@ def _drag(arguments: Sequence[str]) -> Play:
     name = arguments[4] if len(arguments) == 5 else "left"
     if name not in BUTTONS:
         raise InputError(f"{name!r}: must be one of {', '.join(BUTTONS)}")
-    return lambda stage: inputs.drag(_pixels(start, stage), _pixels(end, stage), BUTTONS[name])
+    return lambda stage: drag(_pixels(start, stage), _pixels(end, stage), BUTTONS[name])
 
 
 def _wheel(arguments: Sequence[str]) -> Play:
     notches = _number(arguments[0], -100.0, 100.0)
-    return lambda _stage: inputs.wheel(notches)
+    return lambda _stage: wheel(notches)
 
 
 def _type(arguments: Sequence[str]) -> Play:
     text = " ".join(arguments)
-    return lambda _stage: inputs.type_text(text)
+    return lambda _stage: type_text(text)
 
 
 def _expect(arguments: Sequence[str]) -> Play:

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from ntc.codec.model import Pack
 from ntc.io import numbered_path
@@ -12,12 +12,37 @@ from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, named_form
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
-from viewer.state.animation_playback import AnimationPlayback
-from viewer.state.camera_motion import Motion
 from viewer.state.message_log import MessageKind, MessageLog
-from viewer.state.question import Question
+from viewer.state.motion import AnimationPlayback, Motion
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Side, Slot, ViewState
+
+CANCEL = "Cancel"
+
+
+@dataclass(frozen=True)
+class Choice:
+    """An answer, and the command that carries it out."""
+
+    label: str
+    """What its button says, one or two words."""
+    command: str = ""
+    """Id of the command; "" for none: the question is closed, and nothing else happens."""
+    values: tuple[Any, ...] = ()
+    """Of the command's parameters."""
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked. Everything else waits until it is answered; Escape takes the last choice."""
+
+    title: str
+    """One line."""
+    text: str
+    """What is at stake, one or more lines."""
+    choices: tuple[Choice, ...]
+    """The first is the safe one; the last leaves everything as it is."""
+
 
 ErrorsBy = Literal["texture", "decoder"]
 ErrorColumn = Literal["name", "decoder", "pixels", "psnr", "mean", "max"]

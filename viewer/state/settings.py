@@ -12,7 +12,7 @@ from ntc.errors import InputError
 from ntc.io import read_file, write_text
 from viewer.locations import CONFIG_FOLDER_VARIABLE
 from viewer.scene.json_text import Share, convert, parse_json
-from viewer.state.overlay import NO_OVERLAY, Overlay
+from viewer.state.view_state import NO_OVERLAY, Overlay, TexelFilter
 
 CameraMode = Literal["orbit", "fly"]
 Theme = Literal["dark", "light"]
@@ -20,15 +20,11 @@ SETTINGS_FILE = "settings.json"
 LAYOUT_FILE = "layout.ini"
 
 Anisotropy = Literal[1, 2, 4, 8, 16]
-TexelFilter = Literal["exact", "stochastic"]
-"""Trilinear as the codec defines it, or one texel of the footprint, chosen at random by its weight."""
 ANISOTROPIES = get_args(Anisotropy)
 FOV_RANGE = (10.0, 120.0)
 UI_SCALE_RANGE = (0.5, 3.0)
 FLICKER_RANGE = (0.2, 30.0)
 """Hz."""
-GAIN_RANGE = (0.1, 1000.0)
-"""Of the amplified difference."""
 TILE_CACHE_MEGABYTES = (1, 16384)
 MOST_PANELS = 64
 LONGEST_TITLE = 64

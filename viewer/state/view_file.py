@@ -17,6 +17,7 @@ from viewer.scene.model import AnimationFacts, Camera, Pose
 from viewer.state.session import Session
 from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
+    LARGEST_ZOOM,
     REFERENCE,
     SKY,
     CompareMode,
@@ -26,8 +27,8 @@ from viewer.state.view_state import (
     Overlay,
     Slot,
     ViewState,
+    Zoom,
 )
-from viewer.state.zoom import LARGEST, Zoom
 
 FORMAT = "ntc-viewer view"
 VERSION = 1
@@ -129,7 +130,7 @@ class _Slots(msgspec.Struct):
 
 
 class _Zoom(msgspec.Struct):
-    factor: Annotated[float, Meta(ge=1.0, le=LARGEST)]
+    factor: Annotated[float, Meta(ge=1.0, le=LARGEST_ZOOM)]
     x: Annotated[float, Meta(ge=-1.0, le=2.0)]
     y: Annotated[float, Meta(ge=-1.0, le=2.0)]
 

@@ -7,15 +7,94 @@ from msgspec import Meta
 
 from ntc.codec.config import Precision as Precision
 from ntc.metrics.block_compression import BLOCK_FORMATS
+from viewer.scene.json_text import Share
 from viewer.scene.model import Camera, Pose
-from viewer.state.overlay import BLOCKS as BLOCKS
-from viewer.state.overlay import NO_OVERLAY
-from viewer.state.overlay import BlockName as BlockName
-from viewer.state.overlay import Overlay as Overlay
-from viewer.state.overlay import OverlayKind as OverlayKind
-from viewer.state.settings import GAIN_RANGE
-from viewer.state.settings import TexelFilter as TexelFilter
-from viewer.state.zoom import WHOLE, Zoom
+from viewer.state.palettes import PaletteName
+
+LARGEST_ZOOM = 64.0
+ZOOM_STEP = 1.25
+"""Change of the magnification from one notch of the wheel."""
+
+
+@dataclass(frozen=True)
+class Zoom:
+    """Which part of the picture is shown."""
+
+    factor: float = 1.0
+    """Shown pixels along a side of a pixel of the picture, 1 to 64."""
+    centre: tuple[float, float] = (0.5, 0.5)
+    """What is in the middle, as shares of the picture from its upper left corner."""
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the whole picture is shown as it is."""
+        return self.factor <= 1.0
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """Upper left corner of what is shown, as shares of the picture; what is shown never leaves the picture."""
+        half = 0.5 / self.factor
+        x, y = (min(max(value, half), 1.0 - half) - half for value in self.centre)
+        return x, y
+
+    def window_to_image(self, x: float, y: float) -> tuple[float, float]:
+        """What of the picture is shown at (x, y); both as shares from the upper left corner."""
+        left, top = self.corner
+        return left + x / self.factor, top + y / self.factor
+
+    def image_to_window(self, x: float, y: float) -> tuple[float, float]:
+        """Where (x, y) of the picture is shown: the inverse of `window_to_image`."""
+        left, top = self.corner
+        return (x - left) * self.factor, (y - top) * self.factor
+
+    def moved(self, dx: float, dy: float) -> "Zoom":
+        """The picture dragged by (dx, dy), as shares of what is shown."""
+        left, top = self.corner
+        half = 0.5 / self.factor
+        return replace(self, centre=(left + half - dx / self.factor, top + half - dy / self.factor))
+
+    def towards(self, x: float, y: float, notches: float) -> "Zoom":
+        """Larger by `notches` of the wheel (smaller if negative), with what is shown at (x, y) staying there."""
+        factor = min(max(self.factor * ZOOM_STEP**notches, 1.0), LARGEST_ZOOM)
+        at = self.window_to_image(x, y)
+        half = 0.5 / factor
+        return Zoom(factor, (at[0] - x / factor + half, at[1] - y / factor + half))
+
+
+WHOLE = Zoom()
+"""The whole picture as it is."""
+
+
+OverlayKind = Literal["none", "divergence", "error-texture", "error-decoder"]
+BlockName = Literal["8x8", "8x4", "16x4", "4x4"]
+ScaleName = Literal["block", "picture"]
+
+BLOCKS: Final[dict[BlockName, tuple[int, int]]] = {"8x8": (8, 8), "8x4": (8, 4), "16x4": (16, 4), "4x4": (4, 4)}
+"""(width, height) in pixels of the blocks that decoders are counted in: waves of 64, 32, 64 and 16 lanes."""
+
+MOST_OF_BLOCK: Final[dict[BlockName, int]] = {"8x8": 8, "8x4": 6, "16x4": 8, "4x4": 4}
+"""Decoders at the far end of the palette for blocks of each shape: one colour means the same number in every picture."""
+
+
+@dataclass(frozen=True)
+class Overlay:
+    """What lies over the picture."""
+
+    kind: OverlayKind = "none"
+    """Nothing, the map of decoders per block, or the error of each texture or decoder between A and B."""
+    opacity: Share = 1.0
+    palette: PaletteName = "viridis"
+    block: BlockName = "8x8"
+    scale: ScaleName = "block"
+    """What the map's palette ends at: as many decoders as MOST_OF_BLOCK says, or as the picture has."""
+
+    def most(self, maximum: int) -> int:
+        """Decoders at the far end of the palette, at least 2, where a block of the picture has at most `maximum`."""
+        return MOST_OF_BLOCK[self.block] if self.scale == "block" else max(2, maximum)
+
+
+NO_OVERLAY: Final = Overlay()
+
 
 Side = Literal["a", "b"]
 DecodePath = Literal["forward", "deferred", "binned", "cached"]
@@ -28,6 +107,11 @@ ToneMap = Literal["neutral", "agx", "none"]
 DecodedMaps = Literal["all", "base", "normal", "roughness", "metalness", "emissive", "occlusion"]
 DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
 
+TexelFilter = Literal["exact", "stochastic"]
+"""Trilinear as the codec defines it, or one texel of the footprint, chosen at random by its weight."""
+
+GAIN_RANGE: Final = (0.1, 1000.0)
+"""Range of the factor of the amplified difference."""
 ELEVATION_RANGE: Final = (-10.0, 90.0)
 """Of the sun, in degrees above the horizon."""
 SUN_STRENGTH_RANGE: Final = (0.0, 20.0)

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
-from viewer.inspect.block_content import BlockContent
 from viewer.inspect.comparison import LiveFigures
-from viewer.inspect.pixel_content import PixelContent
+from viewer.inspect.place_content import BlockContent, PixelContent
 from viewer.render.frame_times import FrameHistory
 from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.session import Session

@@ -8,13 +8,19 @@ from typing import Literal
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.inspect.flat_texture import FlatTexture, compressed_flat, decode_flat, original_flat
-from viewer.inspect.visible_part import VisiblePart, visible_part
+from viewer.inspect.flat_texture import (
+    FlatTexture,
+    VisiblePart,
+    compressed_flat,
+    decode_flat,
+    original_flat,
+    visible_part,
+)
 from viewer.jobs.background import Background
 from viewer.jobs.job import Job, JobReport
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.inks import side_ink
+from viewer.ui.theme import side_ink
 from viewer.ui.widgets import SLOT_COLORS, combo, packed
 
 Arrangement = Literal["side by side", "wipe"]

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.state.question import Question
+from viewer.state.session import Question
 from viewer.ui.facts import UiFrame
 
 WIDTH = 460.0

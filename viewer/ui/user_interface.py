@@ -12,20 +12,19 @@ from viewer.ui.annotations import (
     draw_block,
     draw_hints,
     draw_labels,
+    draw_map_legend,
     draw_pixel,
     draw_toasts,
     draw_way_back,
 )
-from viewer.ui.dock_layout import Docked, DockLayout, folds_at_first
+from viewer.ui.dock_layout import Docked, DockLayout, StackHandles, draw_column_handle, folds_at_first
 from viewer.ui.facts import FIRST_PICTURE, UiFrame
+from viewer.ui.file_dialog import FileDialog
+from viewer.ui.first_run_card import FirstRunCard
 from viewer.ui.flat_window import FlatWindow
-from viewer.ui.fold_handles import StackHandles, draw_column_handle
 from viewer.ui.help.explanations import explanation
 from viewer.ui.help.sheets import make_sheets
-from viewer.ui.map_legend import draw_map_legend
 from viewer.ui.menu_bar import draw_menu_bar
-from viewer.ui.opening.file_dialog import FileDialog
-from viewer.ui.opening.first_run_card import FirstRunCard
 from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
 from viewer.ui.panels.training import EncodeOffer

@@ -10,7 +10,7 @@ from viewer.commands.command import Context
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.script.directions import DIRECTIONS
-from viewer.script.parse import parse_script
+from viewer.script.script import parse_script
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings

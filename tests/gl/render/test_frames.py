@@ -19,8 +19,7 @@ from viewer.render.frame_result import FrameResult
 from viewer.render.path_choice import drawable_paths
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material
-from viewer.state.view_state import CompareMode, DecodePath, Overlay, Slot, ViewState
-from viewer.state.zoom import Zoom
+from viewer.state.view_state import CompareMode, DecodePath, Overlay, Slot, ViewState, Zoom
 
 SIZE = (64, 40)
 CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))

@@ -15,8 +15,7 @@ from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.render.tile_cache.decode_cached import PAGE_BYTES
 from viewer.state.navigation import turned
-from viewer.state.overlay import Overlay
-from viewer.state.view_state import MaterialView, Slot, ViewState
+from viewer.state.view_state import MaterialView, Overlay, Slot, ViewState
 
 pytestmark = pytest.mark.once
 SIZE: Final = (60, 40)

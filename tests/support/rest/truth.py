@@ -22,8 +22,7 @@ from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.state.overlay import NO_OVERLAY
-from viewer.state.view_state import REFERENCE, Slot, ViewState
+from viewer.state.view_state import NO_OVERLAY, REFERENCE, Slot, ViewState
 
 LEAST_SHARE = 0.999
 """Of the pixels that must be equal within 1/255."""

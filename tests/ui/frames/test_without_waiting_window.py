@@ -11,7 +11,7 @@ from lab.bench.scene import nudged
 from tests.support.blocking_watch import watched_calls
 from tests.support.driven_app import DrivenApp
 from viewer.gl.context import GraphicsContext, create_headless_context
-from viewer.inspect.pixel_content import REACH
+from viewer.inspect.place_content import REACH
 from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene

@@ -8,8 +8,7 @@ from imgui_bundle import imgui
 
 from viewer.state.settings import Theme
 from viewer.ui.panels.memory import BAR_OPACITY
-from viewer.ui.style.inks import INKS
-from viewer.ui.style.theme import Appearance
+from viewer.ui.theme import INKS, Appearance
 
 LEAST = 4.5
 Rgb = tuple[float, float, float]

@@ -15,8 +15,7 @@ from viewer.render.resources.layout import PALETTE_STEPS, StorageBinding, Textur
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.state.compare_layout import CompareLayout
 from viewer.state.palettes import PaletteName, palette_colors
-from viewer.state.view_state import CompareMode, Difference, DifferenceKind
-from viewer.state.zoom import WHOLE, Zoom
+from viewer.state.view_state import WHOLE, CompareMode, Difference, DifferenceKind, Zoom
 
 DIMMED = 0.18
 """Light of what is not highlighted."""

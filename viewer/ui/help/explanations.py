@@ -5,9 +5,7 @@ import re
 from viewer.commands import COMMANDS
 from viewer.commands.command import Command
 from viewer.commands.keys import Bindings
-from viewer.ui.help.control_texts import COMMAND_OF, CONTROLS
-from viewer.ui.help.figure_texts import FIGURES
-from viewer.ui.help.value_texts import FORMATS, VALUES
+from viewer.ui.help.texts import COMMAND_OF, CONTROLS, FIGURES, FORMATS, VALUES
 
 _BY_ID = {command.id: command for command in COMMANDS}
 _COMMAND_PREFIXES = ("menu: ", "palette: ")

@@ -10,8 +10,17 @@ from ntc.metrics.divergence import cut_percent
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
 from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.fitting import beside, box_width, disabled_beside, em, list_width, text_width
-from viewer.ui.widgets import combo, headings, named_cells
+from viewer.ui.widgets import (
+    beside,
+    box_width,
+    combo,
+    disabled_beside,
+    em,
+    headings,
+    list_width,
+    named_cells,
+    text_width,
+)
 
 GAINS = (1.0, 64.0)
 """Ends of the slider."""

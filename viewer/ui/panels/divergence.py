@@ -4,14 +4,12 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
-from viewer.inspect.block_content import BlockContent
-from viewer.state.overlay import ScaleName
+from viewer.inspect.place_content import BlockContent
 from viewer.state.palettes import PALETTES
-from viewer.state.view_state import BLOCKS, is_image_source
+from viewer.state.view_state import BLOCKS, ScaleName, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.fitting import beside, list_width
-from viewer.ui.style.inks import side_ink
-from viewer.ui.widgets import combo, counted, named_cells
+from viewer.ui.theme import side_ink
+from viewer.ui.widgets import beside, combo, counted, list_width, named_cells
 
 PLOT_LINES = 9.5
 """Height of a plot, in lines of text."""

@@ -5,14 +5,13 @@ from dataclasses import dataclass
 
 from imgui_bundle import imgui
 
-from viewer.commands.errors import LARGEST_IS_WORST
+from viewer.commands.inspection import LARGEST_IS_WORST
 from viewer.inspect.comparison import ErrorRow
 from viewer.state.session import ErrorColumn, Session
 from viewer.state.view_state import OverlayKind
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.panels.compare import decibels, figures_state
-from viewer.ui.style.fitting import beside, box_width, text_width
-from viewer.ui.widgets import cells
+from viewer.ui.widgets import beside, box_width, cells, text_width
 
 ROWS_SHOWN = 200
 HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (

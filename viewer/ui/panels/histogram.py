@@ -6,8 +6,8 @@ from numpy.typing import NDArray
 
 from viewer.inspect.comparison import Comparison
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.fitting import wrapped_disabled
-from viewer.ui.style.inks import InkName, ink
+from viewer.ui.theme import InkName, ink
+from viewer.ui.widgets import wrapped_disabled
 
 CHANNELS: tuple[InkName, ...] = ("red", "green", "blue")
 

@@ -8,8 +8,7 @@ from imgui_bundle import imgui
 from viewer.commands.materials import VIEWS
 from viewer.state.view_state import ELEVATION_RANGE, REFERENCE, SKY, DecodedMaps, MaterialView, ToneMap
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.fitting import em, wrapped_disabled
-from viewer.ui.widgets import combo
+from viewer.ui.widgets import combo, em, wrapped_disabled
 
 STRENGTHS = (0.0, 4.0)
 STOPS = (-4.0, 4.0)

@@ -4,7 +4,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.state.message_log import LogEntry
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.inks import ink
+from viewer.ui.theme import ink
 from viewer.ui.widgets import counted
 
 

@@ -13,8 +13,8 @@ from viewer.inspect.memory_table import (
 )
 from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.fitting import disabled_beside
-from viewer.ui.style.inks import InkName, ink
+from viewer.ui.theme import InkName, ink
+from viewer.ui.widgets import disabled_beside
 
 SCENE: InkName = "scene"
 BAR_OPACITY = 0.4

@@ -2,12 +2,11 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.inspect.pixel_content import REACH, PixelContent, PixelPatch
+from viewer.inspect.place_content import REACH, PixelContent, PixelPatch
 from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.fitting import em
-from viewer.ui.style.inks import side_ink
-from viewer.ui.widgets import cells
+from viewer.ui.theme import side_ink
+from viewer.ui.widgets import cells, em
 
 SIDE = 2 * REACH + 1
 LARGEST_CELL = 0.9

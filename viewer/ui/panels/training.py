@@ -1,22 +1,200 @@
-"""Panel "Training": the offer to encode, what is under way with its curves, the decision about it, and the log of runs."""
+"""Panel "Training": the offer to encode, the run under way with its curves, the decision about it, and the log of runs."""
 
 import time
+from collections.abc import Sequence
 
-from imgui_bundle import ImVec2, imgui
+import numpy as np
+from imgui_bundle import ImVec2, imgui, implot
+from numpy.typing import NDArray
 
+from ntc.codec.registry import codec_named
 from viewer.state.pack_files import base_pack_name
 from viewer.state.view_state import REFERENCE
 from viewer.training.active_run import ActiveRun
 from viewer.training.preparation import job_title
-from viewer.training.run_log import Run
+from viewer.training.run_log import Curves, Run, mean_of_psnr
 from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
-from viewer.ui.panels.kept_runs import draw_kept_runs
-from viewer.ui.panels.training_curves import TrainingCurves
-from viewer.ui.panels.training_figures import figures_of_run, figures_under_way, psnr_of_run
 from viewer.ui.panels.training_forms import TrainingForms
-from viewer.ui.style.fitting import em, wrapped_disabled
-from viewer.ui.widgets import SLOT_COLORS, Area, cells, duration, headings, shortened
+from viewer.ui.theme import ink
+from viewer.ui.widgets import (
+    SLOT_COLORS,
+    Area,
+    cells,
+    combo,
+    counted,
+    duration,
+    em,
+    headings,
+    shortened,
+    wrapped_disabled,
+)
+
+GAP = 4.0
+"""Window units between buttons."""
+ACTIONS = (("open", "Open"), ("keep", "Keep"), ("discard", "Discard"))
+
+
+def draw_kept_runs(ui: UiFrame) -> None:
+    """Each of them with its scene and time, and what can be done with it; nothing where there is none."""
+    runs = ui.training.waiting.runs
+    if not runs:
+        return
+    imgui.text_wrapped("Kept back from the last time:")
+    ui.rects.note("kept back")
+    for number, run in enumerate(runs, 1):
+        imgui.text_wrapped(run.line)
+        quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
+        if imgui.is_item_hovered():
+            ui.rects.tip("\n".join((run.title, run.settings, f"{run.outcome}{quality}", run.scene_path)))
+        width = (imgui.get_content_region_avail().x - GAP * (len(ACTIONS) - 1)) / len(ACTIONS)
+        for index, (action, title) in enumerate(ACTIONS):
+            if index:
+                imgui.same_line(0.0, GAP)
+            if imgui.button(f"{title}##kept{number}", ImVec2(width, 0.0)):
+                ui.emit("training.kept-back", action, number)
+            ui.rects.note(f"{action} kept back {number}")
+    imgui.separator()
+
+
+LINES_SHOWN = 3
+"""Groups whose outcome is told beside the question whether to keep a run; the log has all of them."""
+
+
+def psnr_before(run: ActiveRun) -> float | None:
+    """PSNR in dB of mip 0, of the mean square error of the textures that are trained, in the pack that the run goes on from; None
+    where there is none, or it is not known."""
+    start, progress = run.request.start if run.request is not None else None, run.progress
+    if start is None or progress is None:
+        return None
+    known = [start.textures[index].psnr_db for index in progress.psnr_db if index < len(start.textures)]
+    decibels = [value for value in known if value is not None]
+    return mean_of_psnr(decibels) if decibels and len(decibels) == len(known) else None
+
+
+def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
+    """What is known of a run while it trains, one figure a line."""
+    progress = run.progress
+    if progress is None:
+        return ()
+    before, now = psnr_before(run), f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "not yet known"
+    trained = f", {counted(len(progress.psnr_db), 'texture')}" if progress.psnr_db else ""
+    if run.codec_kind is not None and not codec_named(run.codec_kind).trains:
+        # Both are of mip 0, so that one can be set against the other.
+        change = now if before is None else f"{before:.2f} -> {now}"
+        lines = [f"PSNR of mip 0{trained}: {change}"]
+    else:
+        lines = [f"PSNR of samples of all mips: {now}"]
+        if before is not None:
+            lines.append(f"PSNR of mip 0 before: {before:.2f} dB")
+        lines.append(f"decoders still free to change: {100.0 * progress.freezing_scale:.0f} %")
+    return (*lines, f"speed: {progress.ktexels_per_second:,.0f} thousand texels/s")
+
+
+def psnr_of_run(run: Run) -> str:
+    """The PSNR of an ended run, by its name."""
+    if run.psnr_db is None:
+        return "PSNR not known"
+    textures = run.pack.textures if run.pack is not None else ()
+    measured = bool(textures) and all(texture.psnr_db is not None for texture in textures)
+    of = (
+        f"mip 0, {counted(len(textures), 'texture')}" if measured else "samples of all mips" if textures else "the pack"
+    )
+    return f"PSNR of {of}: {run.psnr_db:.2f} dB"
+
+
+def figures_of_run(run: Run) -> tuple[str, ...]:
+    """What a run has come to, one figure a line: the whole pack, then group by group with what each was before."""
+    more = len(run.lines) - LINES_SHOWN
+    rest = (f"and {more} more: rest the mouse on the run in the list",) if more > 0 else ()
+    return (psnr_of_run(run), *run.lines[:LINES_SHOWN], *rest)
+
+
+PLOT_LINES = 8.5
+"""Height of a plot, in lines of text."""
+FIT = implot.AxisFlags_.auto_fit
+MOST_NAMED = 6
+"""Groups up to which the plot names them."""
+WORST = "worst texture"
+
+
+class TrainingCurves:
+    """Two plots; remembers which texture is looked at."""
+
+    def __init__(self) -> None:
+        self._texture: int | None = None
+        """None: the one that is worst now."""
+
+    def draw(self, curves: Curves, names: Sequence[str], kind: str | None, ui: UiFrame) -> None:
+        """The plots, each as wide as the panel; `names` of all textures of the pack, `kind` its codec, None if not known."""
+        if len(curves.seconds) < 2:
+            imgui.text_disabled("curves follow with the first steps")
+            return
+        seconds = curves.array(curves.seconds)
+        flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
+        size = ImVec2(imgui.get_content_region_avail().x, PLOT_LINES * imgui.get_text_line_height_with_spacing())
+        codec = codec_named(kind) if kind is not None else None
+        # Where textures are encoded one after the other, no loss falls.
+        if codec is None or codec.trains:
+            self._losses(curves, seconds, size, flags, ui)
+        texture = self._chosen(curves)
+        if implot.begin_plot(
+            f"{codec.psnr_title if codec is not None else 'PSNR'}##psnr", size, flags | implot.Flags_.no_legend
+        ):
+            implot.setup_axes("seconds", "dB", FIT, FIT)
+            # Read on either theme's ground.
+            mean = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=3.0)
+            implot.plot_line("mean", seconds, curves.array(curves.mean_db), mean)
+            if texture is not None:
+                spec = implot.Spec(line_color=ink("a"), line_weight=1.5)
+                implot.plot_line(_name(texture, names), seconds, curves.array(curves.psnr_db[texture]), spec)
+            implot.end_plot()
+        ui.rects.note("PSNR curve")
+        imgui.text_wrapped("thick: the mean" + (f", blue: {_name(texture, names)}" if texture is not None else ""))
+        self._choose(curves, names, ui)
+
+    @staticmethod
+    def _losses(curves: Curves, seconds: NDArray[np.float64], size: ImVec2, flags: int, ui: UiFrame) -> None:
+        unnamed = implot.Flags_.no_legend if len(curves.losses) > MOST_NAMED else 0
+        if implot.begin_plot("loss by group##loss", size, flags | unnamed):
+            implot.setup_axes("seconds", "loss", FIT, FIT)
+            # Beside the plot: the curves stay in sight.
+            implot.setup_legend(implot.Location_.east, implot.LegendFlags_.outside)
+            implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
+            ticks = _ticks(curves)
+            implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
+            for group, curve in sorted(curves.losses.items()):
+                implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
+            implot.end_plot()
+        ui.rects.note("loss by group")
+
+    def _chosen(self, curves: Curves) -> int | None:
+        if self._texture in curves.psnr_db:
+            return self._texture
+        now = {texture: curve[-1] for texture, curve in curves.psnr_db.items() if curve[-1] == curve[-1]}
+        return min(now, key=lambda texture: now[texture]) if now else None
+
+    def _choose(self, curves: Curves, names: Sequence[str], ui: UiFrame) -> None:
+        choices = {WORST: None, **{_name(texture, names): texture for texture in sorted(curves.psnr_db)}}
+        current = next((label for label, texture in choices.items() if texture == self._texture), WORST)
+        imgui.set_next_item_width(-1)
+        self._texture = choices[combo("curve of", current, tuple(choices), ui.rects)]
+
+
+def _ticks(curves: Curves) -> list[float]:
+    """1, 2 and 5 of each decade that losses fall into: on its own the plot labels whole decades only."""
+    values = np.concatenate([curves.array(curve) for curve in curves.losses.values()])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    if not len(values):
+        return [1.0]
+    decades = range(int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max()))) + 1)
+    ticks = [digit * 10.0**decade for decade in decades for digit in ((1, 2, 5) if len(decades) < 3 else (1,))]
+    return [tick for tick in ticks if 0.5 * values.min() <= tick <= 2.0 * values.max()] or [float(values.max())]
+
+
+def _name(texture: int, names: Sequence[str]) -> str:
+    return f"{texture} {names[texture]}" if texture < len(names) else str(texture)
+
 
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
 UNSTOPPABLE = ("preparing", "cancelling")

@@ -14,8 +14,7 @@ from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, LARGEST_BITS, TrainingSettings, make_budget
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.fitting import beside, em, list_width, text_width, wrapped_disabled
-from viewer.ui.widgets import combo, counted
+from viewer.ui.widgets import beside, combo, counted, em, list_width, text_width, wrapped_disabled
 
 SIZES = ("64", "128", "256", "512", "1024", "2048", "4096")
 USUAL_VALUES = {"s": "30", "steps": "1000", "dB": "35"}

@@ -5,7 +5,7 @@ import pytest
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, bindings
 from viewer.commands.keys import NAMED_KEYS, RESERVED, Chord, parse_chord
-from viewer.ui.keyboard import imgui_key
+from viewer.ui.picture_input import imgui_key
 
 
 @pytest.mark.parametrize(

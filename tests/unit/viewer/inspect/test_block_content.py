@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from viewer.inspect.block_content import BlockPlace, block_content
+from viewer.inspect.place_content import BlockPlace, block_content
 
 
 @pytest.mark.parametrize(

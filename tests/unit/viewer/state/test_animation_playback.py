@@ -3,7 +3,7 @@
 import pytest
 
 from viewer.scene.model import AnimationFacts, Pose
-from viewer.state.animation_playback import AnimationPlayback, chosen_animation
+from viewer.state.motion import AnimationPlayback, chosen_animation
 
 ANIMATIONS = (AnimationFacts("walk", 2.0), AnimationFacts("wave", 0.5))
 

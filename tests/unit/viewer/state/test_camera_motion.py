@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from viewer.scene.model import Camera
-from viewer.state.camera_motion import PATH_SECONDS, Playback, Turntable, between
+from viewer.state.motion import PATH_SECONDS, Playback, Turntable, between
 
 BOUNDS = np.array([[0, 0, 0], [2, 2, 4]], np.float32)
 CAMERA = Camera("a", (1.0, 1.0, 7.0), (1.0, 1.0, 2.0), near=1.0, far=9.0)

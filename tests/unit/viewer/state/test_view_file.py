@@ -9,8 +9,7 @@ import pytest
 from ntc.errors import InputError
 from viewer.scene.model import AnimationFacts, Camera, Pose
 from viewer.state.view_file import LARGEST_VIEW, SavedView, parse_view, view_json, with_known_pose, with_open_sources
-from viewer.state.view_state import Overlay, Slot, ViewState
-from viewer.state.zoom import Zoom
+from viewer.state.view_state import Overlay, Slot, ViewState, Zoom
 
 PLAIN = SavedView("courtyard", ViewState(Camera("all", (0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), (640, 360)), 1.0, {})
 CAMERA = Camera("north", (1.0, 2.0, 3.0), (0.5, 0.25, 0.125), (0.0, 0.0, 1.0), 35.5, 4.0, 0.5, 99.0)

@@ -2,7 +2,7 @@
 
 import pytest
 
-from viewer.state.zoom import LARGEST, WHOLE, Zoom
+from viewer.state.view_state import LARGEST_ZOOM, WHOLE, Zoom
 
 
 def test_the_whole_picture_is_where_it_is() -> None:
@@ -43,4 +43,4 @@ def test_dragging_moves_the_picture_along() -> None:
 
 
 def test_there_is_a_largest_magnification() -> None:
-    assert WHOLE.towards(0.5, 0.5, 1000.0).factor == LARGEST
+    assert WHOLE.towards(0.5, 0.5, 1000.0).factor == LARGEST_ZOOM

@@ -8,7 +8,7 @@ from viewer.commands import bindings
 from viewer.commands.keys import HOLD_KEY
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
-from viewer.ui.style.inks import ink
+from viewer.ui.theme import ink
 from viewer.ui.widgets import Area
 
 WIDTH = 26.0

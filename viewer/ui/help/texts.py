@@ -1,6 +1,8 @@
-"""What controls do, by their labels: buttons, boxes, fields, lists, rows that can be clicked, and panels."""
+"""Texts of tooltips by label: controls, figures, and entries of lists."""
 
 from typing import Final
+
+from ntc.codec.registry import SUMMARIES
 
 COMMAND_OF: Final = {
     "flicker": "compare.toggle-flicker",
@@ -225,3 +227,178 @@ CONTROLS: Final = {
     "menu: Help": "Keys, words, and commands.",
 }
 """Sentences, by label; `#` stands for any number. Units and ranges belong into them."""
+
+
+FIGURES: Final = {
+    "live table": "A against B over the pixels that show the scene, in 8-bit sRGB.",
+    "PSNR": "Peak signal-to-noise ratio, dB: higher is better. Above 40 dB a difference is hard to see, below 30 dB it is plain.",
+    "SSIM": "Structural similarity, at most 1: 1 is equal.",
+    "FLIP": "How different the two look when you flip between them, 0 to 1: 0 is equal.",
+    "PSNR seen dB": "Peak signal-to-noise ratio of the picture against one of the original images, dB, over the pixels that show the "
+    "scene: higher is better.",
+    "divergence score": "Mean over all blocks of the decoders that a block needs beyond its first: 0 is best.",
+    "score": "Mean over all blocks of the decoders that a block needs beyond its first: 0 is best.",
+    "excess": "Sum over all blocks of the decoders that a block needs beyond its first: 0 is best.",
+    "GPU MB": "Megabytes on the GPU for this slot: latents that have been needed, decoders and tables.",
+    "decode ms": "Milliseconds that this slot took when it was last drawn whole. Taken while the panel Timings is in front.",
+    "shows": "What the slot shows.",
+    "divergent blocks": "Blocks whose pixels need more than one decoder.",
+    "decoders a block": "Mean number of decoders in a block that shows the scene.",
+    "at most": "Largest number of decoders in a block.",
+    "wave efficiency": "Share of decoder runs that would be needed without divergence: blocks divided by decoders summed over them. "
+    "100 % is best.",
+    "divergence figures": "How much the pixels of a block disagree about their decoder, for A and B.",
+    "% of blocks": "Share of the blocks that need just so many decoders, in per cent.",
+    "% with so many or fewer": "Share of the blocks that need at most so many decoders, in per cent.",
+    "path": "The path by which the slot is decoded: what auto chose, else its own.",
+    "base alone dB": "PSNR with only base colours decoded and all other maps original, dB: higher is better.",
+    "normal alone dB": "PSNR with only normals decoded and all other maps original, dB: higher is better.",
+    "roughness alone dB": "PSNR with only roughness decoded and all other maps original, dB: higher is better.",
+    "metalness alone dB": "PSNR with only metalness decoded and all other maps original, dB: higher is better.",
+    "emissive alone dB": "PSNR with only emission decoded and all other maps original, dB: higher is better.",
+    "occlusion alone dB": "PSNR with only occlusion decoded and all other maps original, dB: higher is better.",
+    "column A": "Slot A.",
+    "column B": "Slot B.",
+    "column figure": "The figure. Rest the mouse on it to see what it means.",
+    "column picture": "The texture, small.",
+    "column name": "Name of the texture's image. Click to sort.",
+    "column size": "Width x height of the original, in texels. Click to sort.",
+    "column category": "What the texture shows, as far as its name tells. Click to sort.",
+    "column group": "Number of the group: textures of one group share a decoder. Click to sort.",
+    "column bits/texel": "Bits of latents, all mips, for each texel of the original. Click to sort.",
+    "column on GPU": "Latents of this texture that are on the GPU now, in kilobytes. Click to sort.",
+    "column members": "Textures of the group. Click to sort.",
+    "column mip 0 dB": "PSNR in dB of mip 0, the largest, against the original, as measured when it was encoded: higher is better. "
+    "Of a group: of the mean square error of its textures, as training reports it. Click to sort.",
+    "map legend": "What the map over the picture shows, and which colour stands for how much.",
+    "column worst dB": "Lowest PSNR of the largest mip of its textures, dB. Click to sort.",
+    "group PSNR": "PSNR in dB of the mean square error of the largest mip of the group's textures: higher is better. "
+    "Before the arrow stands what it was in the pack that training replaced.",
+    "column run": "Number of the training run.",
+    "column what": "What was trained. Rest the mouse on a line for more.",
+    "column dB": "PSNR in dB of the mean square error of mip 0 of all textures: higher is better. Of samples of all mips where the "
+    "run was ended early. Rest the mouse on a line for which of the two it is.",
+    "column time": "Time that was spent training.",
+    "column into": "Show the pack of the run in slot A or B.",
+    "histogram": "How many pixels differ by how much, for red, green and blue: steps of 8-bit sRGB across, "
+    "pixels upwards (logarithmic).",
+    "pixels of": "The pixels around the mouse, enlarged; the frame is around the one in the middle.",
+    "A 8-bit sRGB": "Red, green and blue of the pixel in slot A as the screen takes them: 8-bit sRGB, 0 to 255.",
+    "B 8-bit sRGB": "Red, green and blue of the pixel in slot B as the screen takes them: 8-bit sRGB, 0 to 255.",
+    "A linear": "Red, green and blue of the pixel in slot A as linear light, 0 to 1.",
+    "B linear": "Red, green and blue of the pixel in slot B as linear light, 0 to 1.",
+    "pixel material": "The material of the surface.",
+    "pixel texture": "Number and name of the texture that the pixel reads.",
+    "pixel uv": "Where the pixel reads the texture: 0 to 1 is once across it.",
+    "pixel lod": "Level of detail: 0 is the texture at full size, each further one halves it.",
+    "pixel decoder": "Number of the decoder in A and B: textures of a group share one.",
+    "pixel D of": "Decoders that the pixel's block needs, in A and B.",
+    "pixel": "What is known of the pixel in the middle.",
+    "errors table": "What is seen, by how much A and B differ in it.",
+    "sort by name": "Name of the texture or number of the decoder. Click to sort.",
+    "sort by decoder": "Decoder of the texture. Click to sort.",
+    "sort by pixels": "Pixels of the picture that show it. Click to sort.",
+    "sort by psnr": "PSNR of A against B over its pixels, dB: higher is better. Click to sort.",
+    "sort by mean": "Mean of |A - B| over its pixels and channels, in steps of 8-bit sRGB. Click to sort.",
+    "sort by max": "Largest |A - B| of its pixels and channels, in steps of 8-bit sRGB. Click to sort.",
+    "encoded smaller": "Fewer texels are no compression: a pack is compared with originals of its own size.",
+    "memory bars": "Bytes of the original textures, of BC7, and of what A and B show.",
+    "times": "Time of each frame, in milliseconds: areas are steps of drawing, the line is the whole frame.",
+    "progress": "Share of the work that is done.",
+    "training run": "The run under way, or the one to decide about.",
+    "training state": "How far the run is, and how long it goes on.",
+    "training figure": "PSNR in dB of the mean square error: higher is better. Mip 0 is the largest mip; codec grid trains on samples "
+    "of all mips, which come out higher or lower. Left of an arrow stands what it was before.",
+    "loss by group": "What training makes smaller, for each group: lower is better.",
+    "PSNR curve": "PSNR in dB over the training: the thick line is the mean of all textures, the blue one the chosen texture.",
+    "honoured": "What of the file is shown as it says.",
+    "ignored": "What of the file is not shown.",
+    "missing": "Files that the scene names and that are not there.",
+    "notes": "What else was found while the file was read.",
+}
+"""Sentences, by label; `#` stands for any number."""
+
+
+VALUES: Final = {
+    # Sources
+    "reference": "The original images, filtered by the graphics hardware.",
+    # Decode paths
+    "auto": "Let the program choose: it measures.",
+    "forward": "Decode while the surfaces are drawn, for every pixel that is shaded.",
+    "deferred": "Find the visible surfaces first, then decode once for each pixel.",
+    "binned": "Find the visible surfaces first, sort pixels by their decoder, then decode.",
+    "cached": "Decode tiles of textures once and keep them; the graphics hardware filters them. Fast while the view changes little.",
+    # Precision
+    "fp32": "32-bit numbers: exact.",
+    "fp16": "Decoders are stored in 16-bit numbers; arithmetic is in 32 bits.",
+    "fp16-arithmetic": "Storage and arithmetic in 16-bit numbers, sums in 32 bits.",
+    "fp16-accumulate": "Storage, arithmetic and sums in 16-bit numbers: the fastest, and the least exact.",
+    # Comparison
+    "a": "Slot A.",
+    "b": "Slot B.",
+    "wipe": "A left of the divider, B right of it.",
+    "wipe-horizontal": "A above the divider, B below it.",
+    "side-by-side": "The middle half of the picture from A on the left, the same half from B on the right.",
+    "difference": "How much A and B differ in each pixel.",
+    "raw": "|A - B| of sRGB values, as it is.",
+    "amplified": "|A - B| of sRGB values times a gain.",
+    "relative": "|A - B| / A of linear light: how large the error is for how bright the pixel is.",
+    "flip": "FLIP: how different the two look when you flip between them. Dark is 0, bright is 1.",
+    # Overlays
+    "divergence": "How many decoders each block of pixels needs.",
+    "error-texture": "The error of each texture between A and B.",
+    "error-decoder": "The error of each decoder between A and B.",
+    "green-red": "Green for few, red for many.",
+    "viridis": "Dark violet for few, yellow for many: the colour-blind can read it too.",
+    "8x8": "Blocks of 8x8 pixels, as a wave of 64 lanes shades them.",
+    "8x4": "Blocks of 8x4 pixels, as a wave of 32 lanes shades them.",
+    "16x4": "Blocks of 16x4 pixels, as a wave of 64 lanes shades them.",
+    "4x4": "Blocks of 4x4 pixels, as a wave of 16 lanes shades them.",
+    # Materials and light
+    "lit": "Surfaces in the light.",
+    "base": "Base colours without light.",
+    "normal": "Normal maps, as they are stored.",
+    "orm": "Occlusion, roughness and metalness, as red, green and blue.",
+    "emissive": "Emitted light.",
+    "roughness": "The roughness map.",
+    "metalness": "The metalness map.",
+    "occlusion": "The occlusion map.",
+    "sky": "The sky that the sun makes.",
+    "neutral": "Khronos PBR Neutral: keeps base colours as they are.",
+    "agx": "AgX: bleaches bright light as film does.",
+    # Filters
+    "exact": "All texels of a pixel's footprint.",
+    "stochastic": "One texel of the footprint at random; at rest the picture becomes exact.",
+    # Camera, window
+    "orbit": "The mouse turns the camera about what it looks at.",
+    "fly": "The mouse looks round; W A S D Q E move.",
+    "dark": "Light text on dark panels.",
+    "light": "Dark text on light panels.",
+    # Groupings
+    "baseline": "Every texture has a decoder of its own: the best quality, and the most divergence.",
+    "single": "All textures share one decoder: no divergence.",
+    "random": "Textures are put into groups at random: for comparison.",
+    "category": "Textures of one category (brick, wood, ...) share a decoder.",
+    "clustered": "Textures that look alike share a decoder.",
+    "covisible": "Textures that are seen in the same blocks share a decoder: the least divergence for its number of groups.",
+    "universal": "The decoder that comes with the program; it has never seen the scene. Nothing is trained.",
+    # Codecs, recipes
+    **SUMMARIES,
+    "best": "The higher quality.",
+    "paper": "As the published method trains.",
+    # Pictures
+    "shown": "The picture as it is shown.",
+    "split": "Both slots with the divider.",
+    "plain": "The picture without a map over it.",
+    "on": "On.",
+    "off": "Off.",
+}
+"""By the value as a command takes it."""
+
+FORMATS: Final = {
+    "bc1": "BC1: a format that graphics hardware reads, 4 bits a texel.",
+    "bc7": "BC7: a format that graphics hardware reads, 8 bits a texel.",
+    "astc-": "ASTC: a format that graphics hardware reads, 128 bits for each block of this many texels.",
+    "run ": "The pack of this training run; it is not in a file unless it was accepted.",
+}
+"""By how the value begins."""

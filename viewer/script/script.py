@@ -1,4 +1,4 @@
-"""From text to a script: all of it is read before any of it is played."""
+"""A script: all of its lines are parsed before any is played; playing is a generator, which never blocks the window."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -9,9 +9,9 @@ from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.commands import COMMANDS, find_command, run
 from viewer.commands.command import words
-from viewer.script import inputs
-from viewer.script.directions import DIRECTIONS, Play
+from viewer.script.directions import DIRECTIONS, Play, opened
 from viewer.script.stage import Stage, Turn
+from viewer.state.event_handlers import notify
 
 LARGEST_SCRIPT = 1 << 20
 """Bytes."""
@@ -41,7 +41,7 @@ def _command(command_id: str, arguments: Sequence[str]) -> Play:
 
     def play(stage: Stage) -> Iterator[Turn]:
         run(stage.context, command_id, *values)
-        yield from inputs.opened(stage)
+        yield from opened(stage)
 
     return play
 
@@ -111,3 +111,29 @@ def split_lines(text: str) -> list[str]:
 def parse_exec(text: str) -> Script:
     """The steps of an option --exec: lines with semicolons between them. Raises InputError."""
     return _steps(split_lines(text.replace("\n", ";")), "--exec")
+
+
+def play_script(script: Script, stage: Stage) -> Iterator[Turn]:
+    """Play `script` on `stage`: yields for every frame, and while it waits; ends with the script, or when a command closes the window.
+
+    Raises InputError, with file and line, where a line cannot be carried out or its expectation fails, and where the
+    window tells of an error that the next line does not expect.
+    """
+    for step, following in zip(script, (*script[1:], None), strict=True):
+        known = _errors(stage)
+        try:
+            yield from step.play(stage)
+        except InputError as error:
+            if following is None or not following.expects_message:
+                raise InputError(f"{step.where}: {error}") from error
+            notify(stage.session, str(error), "error")
+            yield "frame"
+        new = [text for text in _errors(stage) if text not in known]
+        if new and not (following is not None and following.expects_message):
+            raise InputError(f"{step.where}: {new[0]}")
+        if stage.is_closing:
+            return
+
+
+def _errors(stage: Stage) -> list[str]:
+    return [toast.text for toast in stage.session.window.toasts if toast.kind == "error"]

@@ -1,4 +1,4 @@
-"""Commands: the pixel inspector, the errors of textures and decoders, their histogram."""
+"""Commands: the pixel inspector, errors of textures and decoders, their histogram, and single textures."""
 
 from dataclasses import replace
 from typing import Annotated, Literal
@@ -162,3 +162,47 @@ def end_highlight(session: Session) -> None:
 )
 def toggle_histogram_panel(session: Session) -> None:
     toggle_panel(session, "Histogram")
+
+
+Texture = Annotated[str, Arg("its number in the scene, or its name")]
+
+
+def _none_flat(context: Context) -> str:
+    return "no texture is shown flat" if context.session.inspection.flat_texture is None else ""
+
+
+def _texture(session: Session, named: str) -> int:
+    """The texture id that a number, else a name, stands for. Raises InputError."""
+    textures = session.scene.textures
+    if named.isdecimal() and len(named) < 10 and int(named) < len(textures):
+        return int(named)
+    found = [number for number, texture in enumerate(textures) if texture.name == named]
+    if found:
+        return found[0]
+    raise InputError(f"texture {named!r}: no such texture; name one, or give its number below {len(textures)}")
+
+
+@command("texture.select", "Select a texture", "mark a texture in all panels", "View")
+def select(session: Session, texture: Texture) -> None:
+    session.inspection.selected_texture = _texture(session, texture)
+
+
+@command("texture.clear", "Select no texture", "mark no texture in the panels", "View")
+def clear(session: Session) -> None:
+    session.inspection.selected_texture = None
+
+
+@command("texture.flat", "Texture by itself", "show a texture flat, the original beside the decoded one", "View")
+def show_flat(session: Session, texture: Texture) -> None:
+    session.inspection.selected_texture = session.inspection.flat_texture = _texture(session, texture)
+
+
+@command(
+    "texture.close-flat",
+    "Close the flat texture",
+    "close the window of the flat texture",
+    "View",
+    unavailable=_none_flat,
+)
+def close_flat(session: Session) -> None:
+    session.inspection.flat_texture = None

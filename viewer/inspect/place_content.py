@@ -1,0 +1,344 @@
+"""What the picture shows at a place: the block and the pixel under the mouse, read back when place or picture change."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.color import linear_to_srgb8
+from ntc.codec.model import Pack
+from viewer.gl.allocation import GpuMemoryError
+from viewer.gl.context import GraphicsContext
+from viewer.gl.read_back import PicturePart, ReadBack
+from viewer.render.renderer import Renderer
+from viewer.render.resources.layout import materials_of, texture_ids_of
+from viewer.scene.model import Scene
+from viewer.state.view_state import ViewState, is_image_source
+
+Content = TypeVar("Content")
+
+
+@dataclass(frozen=True, eq=False)
+class Asked(Generic[Content]):
+    """Parts of pictures, and what they tell."""
+
+    parts: Sequence[PicturePart]
+    make: Callable[[Sequence[NDArray[Any]]], Content]
+    """Is given each part as `PicturePart.array` does."""
+
+
+class PlaceReader(Generic[Content]):
+    """Remembers what was read last. Unless frames wait, that is of a frame or two before while the picture moves."""
+
+    def __init__(self, context: GraphicsContext, what: str) -> None:
+        """`what` is named where there is no memory."""
+        self._context = context
+        self._back = ReadBack[Asked[Content]](context, what)
+        self._subject: object = None
+        self._key: object = None
+        self._content: Content | None = None
+        self.reads = 0
+        """Times that something was asked for."""
+
+    @property
+    def is_pending(self) -> bool:
+        """Whether something newer is on its way."""
+        return self._back.is_pending
+
+    def read(self, subject: object, key: object, ask: Callable[[], Asked[Content]]) -> Content | None:
+        """What is there; None before anything is.
+
+        `ask` is called when `key` has changed. Nothing of another `subject` is given. Raises ContextLostError.
+        """
+        if subject != self._subject:
+            self.forget()
+            self._subject = subject
+        if key != self._key:
+            asked = ask()
+            self._key = key
+            self.reads += 1
+            try:
+                self._back.copy_parts(asked.parts, asked)
+            except GpuMemoryError:
+                # Without a copy it is waited for.
+                self._back.drop()
+                self._make(asked, [part.read() for part in asked.parts])
+        arrived = self._back.wait() if self._context.waits else self._back.newest()
+        if arrived is not None:
+            content, asked = arrived
+            read, at = list[NDArray[Any]](), 0
+            for part in asked.parts:
+                read.append(part.array(content[at : at + part.byte_count]))
+                at += part.byte_count
+            self._make(asked, read)
+        return self._content
+
+    def _make(self, asked: Asked[Content], read: Sequence[NDArray[Any]]) -> None:
+        # What a lost context gives is void, and may name textures that are not there.
+        self._context.reset.check()
+        self._content = asked.make(read)
+
+    def forget(self) -> None:
+        """Nobody looks: drop what is there and what is on its way."""
+        self._back.drop()
+        self._subject = self._key = self._content = None
+
+    def release(self) -> None:
+        """Free the buffers."""
+        self.forget()
+        self._back.release()
+
+
+def pixel_at(share: tuple[float, float], picture: tuple[int, int]) -> tuple[int, int]:
+    """(x, y) of the pixel at a place given as shares of a picture of `picture` (width, height) pixels; the nearest one inside."""
+    x, y = (min(max(int(value * side), 0), side - 1) for value, side in zip(share, picture, strict=True))
+    return x, y
+
+
+@dataclass(frozen=True)
+class BlockPlace:
+    """Where a block is in a picture of `picture` (width, height) pixels."""
+
+    column: int
+    row: int
+    """Counted from the upper left corner of the picture, from 0."""
+    block: tuple[int, int]
+    """(width, height) in pixels."""
+    picture: tuple[int, int]
+
+    @classmethod
+    def at(cls, share: tuple[float, float], block: tuple[int, int], picture: tuple[int, int]) -> "BlockPlace":
+        """The block in which a place lies, given as shares of the picture from its upper left corner."""
+        x, y = pixel_at(share, picture)
+        return cls(x // block[0], y // block[1], block, picture)
+
+    @property
+    def pixels(self) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom in pixels from the upper left corner; cut off at the picture's edge."""
+        left, top = self.column * self.block[0], self.row * self.block[1]
+        return left, top, min(left + self.block[0], self.picture[0]), min(top + self.block[1], self.picture[1])
+
+    @property
+    def rectangle(self) -> tuple[float, float, float, float]:
+        """The same as shares of the picture."""
+        left, top, right, bottom = self.pixels
+        width, height = self.picture
+        return left / width, top / height, right / width, bottom / height
+
+
+@dataclass(frozen=True)
+class BlockTexture:
+    """One texture in a block."""
+
+    texture_id: int
+    name: str
+    pixels: int
+    """Pixels of the block that show it."""
+    decoders: Mapping[str, int]
+    """Decoder of the texture by the source's name; -1 where nothing is decoded."""
+
+
+@dataclass(frozen=True)
+class BlockContent:
+    """One block."""
+
+    place: BlockPlace
+    textures: tuple[BlockTexture, ...]
+    """Most pixels first."""
+
+    def decoder_count(self, source: str) -> int:
+        """D of the block under a source's grouping."""
+        return len({texture.decoders.get(source, -1) for texture in self.textures} - {-1})
+
+
+def block_content(
+    ids: NDArray[np.int32],
+    place: BlockPlace,
+    scene: Scene,
+    decoders: Mapping[str, tuple[int, ...]],
+) -> BlockContent:
+    """Content of the block at `place` whose texture ids are `ids` [h, w], -1 for none.
+
+    `decoders` gives for each source the decoder of every texture.
+    """
+    found, counts = np.unique(ids[ids >= 0], return_counts=True)
+    textures = [
+        BlockTexture(
+            texture_id=texture_id,
+            name=scene.textures[texture_id].name,
+            pixels=pixels,
+            decoders={source: table[texture_id] for source, table in decoders.items()},
+        )
+        for texture_id, pixels in zip(found.tolist(), counts.tolist(), strict=True)
+    ]
+    in_order = tuple(sorted(textures, key=lambda texture: (-texture.pixels, texture.texture_id)))
+    return BlockContent(place, in_order)
+
+
+def read_block(
+    reader: PlaceReader[BlockContent],
+    renderer: Renderer,
+    packs: Mapping[str, Pack],
+    view: ViewState,
+    at: tuple[float, float],
+) -> BlockContent | None:
+    """The block at `at` (shares of the picture from its upper left corner) of the last view that was drawn, or of one before.
+
+    None where it has not been read yet.
+    """
+    place = BlockPlace.at(at, view.block, view.size)
+    sources = [slot.source for slot in (view.slot_a, view.slot_b) if not is_image_source(slot.source)]
+
+    def ask() -> Asked[BlockContent]:
+        scene, decoders = renderer.scene, {source: renderer.decoders(source) for source in sources}
+
+        def make(read: Sequence[NDArray[Any]]) -> BlockContent:
+            return block_content(texture_ids_of(read[0][..., 0]), place, scene, decoders)
+
+        return Asked((renderer.visibility.words_in(place.pixels),), make)
+
+    return reader.read((renderer, sources), (packs, view.camera, place), ask)
+
+
+LEAST_FOOTPRINT = 1e-10
+REACH = 7
+"""Pixels that are shown on each side of the one in the middle."""
+
+
+@dataclass(frozen=True, eq=False)
+class PixelPatch:
+    """One slot around the pixel."""
+
+    linear: NDArray[np.float32]
+    """[15, 15, 3] linear light; 0 outside the picture."""
+
+    @property
+    def srgb8(self) -> NDArray[np.uint8]:
+        """[15, 15, 3] 8-bit sRGB."""
+        return linear_to_srgb8(self.linear)
+
+    @property
+    def middle(self) -> tuple[tuple[float, ...], tuple[int, ...]]:
+        """The pixel itself: linear light, and 8-bit sRGB."""
+        return tuple(self.linear[REACH, REACH].tolist()), tuple(self.srgb8[REACH, REACH].tolist())
+
+
+@dataclass(frozen=True)
+class PatchPlace:
+    """Which pixels are read back for a patch around (x, y) of a picture of `picture` (width, height) pixels."""
+
+    x: int
+    y: int
+    """Counted from the upper left corner of the picture, from 0."""
+    picture: tuple[int, int]
+
+    @classmethod
+    def at(cls, share: tuple[float, float], picture: tuple[int, int]) -> "PatchPlace":
+        """Around a place given as shares of the picture from its upper left corner."""
+        return cls(*pixel_at(share, picture), picture)
+
+    @property
+    def pixels(self) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom in pixels; cut off at the picture's edge."""
+        width, height = self.picture
+        return (
+            max(self.x - REACH, 0),
+            max(self.y - REACH, 0),
+            min(self.x + REACH + 1, width),
+            min(self.y + REACH + 1, height),
+        )
+
+    @property
+    def inside(self) -> tuple[int, int, int, int]:
+        """Left, top, right, bottom of these pixels, counted from the patch's own upper left corner."""
+        left, top, right, bottom = self.pixels
+        x, y = self.x - REACH, self.y - REACH
+        return left - x, top - y, right - x, bottom - y
+
+    @property
+    def rectangle(self) -> tuple[float, float, float, float]:
+        """Left, top, right, bottom of the patch as shares of the picture."""
+        width, height = self.picture
+        return (
+            (self.x - REACH) / width,
+            (self.y - REACH) / height,
+            (self.x + REACH + 1) / width,
+            (self.y + REACH + 1) / height,
+        )
+
+    def patch(self, read: NDArray[np.float32]) -> PixelPatch:
+        """The patch whose part inside the picture is `read` [h, w, 3]."""
+        side = 2 * REACH + 1
+        linear = np.zeros((side, side, 3), np.float32)
+        left, top, right, bottom = self.inside
+        linear[top:bottom, left:right] = read
+        return PixelPatch(linear)
+
+
+@dataclass(frozen=True, eq=False)
+class PixelContent:
+    """One pixel."""
+
+    place: PatchPlace
+    a: PixelPatch | None
+    """None while the slot has not been drawn."""
+    b: PixelPatch | None
+    material_name: str | None
+    """None for the background."""
+    texture_id: int
+    """-1 for none."""
+    texture_name: str
+    uv: tuple[float, float]
+    """Not wrapped."""
+    lod: float | None
+    """Level of detail that the surface asks for, from 0 for the largest mip; None without a texture."""
+    decoders: Mapping[str, int]
+    """Decoder of the texture by the source's name; -1 where nothing is decoded."""
+    block_decoders: Mapping[str, int]
+    """D of the pixel's block by the source's name."""
+
+
+def read_pixel(
+    reader: PlaceReader[PixelContent], renderer: Renderer, view: ViewState, at: tuple[float, float]
+) -> PixelContent | None:
+    """The pixel at `at` (shares of the picture from its upper left corner) of the last view that was drawn, or of one before.
+
+    None where it has not been read yet.
+    """
+    place = PatchPlace.at(at, view.size)
+    sources = tuple(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if not is_image_source(s.source)))
+    key = (place, view.camera, view.block, renderer.pair_key())
+    return reader.read((renderer, sources), key, lambda: _asked(renderer, view, place, sources))
+
+
+def _asked(renderer: Renderer, view: ViewState, place: PatchPlace, sources: Sequence[str]) -> Asked[PixelContent]:
+    scene, decoders = renderer.scene, {source: renderer.decoders(source) for source in sources}
+    block = BlockPlace.at(((place.x + 0.5) / view.size[0], (place.y + 0.5) / view.size[1]), view.block, view.size)
+    patches = [renderer.picture_part(slot, place.pixels) for slot in (view.slot_a, view.slot_b)]
+
+    def make(read: Sequence[NDArray[Any]]) -> PixelContent:
+        in_block, drawn = read[0], iter(read[1:])
+        words = np.ascontiguousarray(in_block[place.y - block.pixels[1], place.x - block.pixels[0]], np.uint32)
+        texture_id, material = int(texture_ids_of(words[:1])[0]), int(materials_of(words[:1])[0])
+        u, v, footprint = words[1:].view(np.float32).tolist() if material >= 0 else (0.0, 0.0, 0.0)
+        texture = scene.textures[texture_id] if texture_id >= 0 else None
+        content = block_content(texture_ids_of(in_block[..., 0]), block, scene, decoders)
+        a, b = (None if part is None else place.patch(next(drawn)[..., :3]) for part in patches)
+        return PixelContent(
+            place=place,
+            a=a,
+            b=b,
+            material_name=scene.materials[material].name if material >= 0 else None,
+            texture_id=texture_id,
+            texture_name=texture.name if texture is not None else "",
+            uv=(u, v),
+            lod=math.log2(max(footprint * texture.size[0], LEAST_FOOTPRINT)) if texture is not None else None,
+            decoders={source: table[texture_id] if texture_id >= 0 else -1 for source, table in decoders.items()},
+            block_decoders={source: content.decoder_count(source) for source in sources},
+        )
+
+    drawn = (part for part in patches if part is not None)
+    return Asked((renderer.visibility.words_in(block.pixels), *drawn), make)
