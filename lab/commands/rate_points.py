@@ -14,9 +14,7 @@ from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from viewer.cli.encode import read_source
-from viewer.jobs.executor import Executor, LocalExecutor
-from viewer.jobs.ray_cluster import RayExecutor
-from viewer.jobs.run import run_jobs
+from viewer.jobs.executor import Executor, LocalExecutor, RayExecutor, run_jobs
 from viewer.locations import blocks_cache, features_cache
 
 Found = RatePoint | str

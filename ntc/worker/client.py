@@ -10,8 +10,7 @@ from ntc.errors import InputError, ProcessEndedError
 from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
 from ntc.training.request import TrainingRequest, checked_request
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack
-from ntc.worker.process import WorkerProcess
-from ntc.worker.protocol import (
+from ntc.worker.process import (
     Answer,
     Cancel,
     Failed,
@@ -21,6 +20,7 @@ from ntc.worker.protocol import (
     Resume,
     Resumed,
     Taken,
+    WorkerProcess,
     WorkerReport,
 )
 from ntc.worker.shared_arrays import Pickled, SharedBlock, received

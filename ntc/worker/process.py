@@ -1,4 +1,4 @@
-"""One kind of process beside the window: it calls one function, call after call, and takes commands while it works."""
+"""The one kind of process beside the window, and its messages: it calls one function again and again, and takes commands meanwhile."""
 
 import multiprocessing
 import os
@@ -9,32 +9,94 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from multiprocessing.connection import Connection
-from typing import Any
+from typing import Any, Generic, TypeVar
+
+import msgspec
 
 from ntc.errors import InputError, ProcessEndedError
-from ntc.worker.protocol import (
-    Answer,
-    Call,
-    Cancel,
-    Command,
-    Failed,
-    Part,
-    Pause,
-    Received,
-    Resume,
-    Taken,
-    WorkerReport,
-    decode_command,
-    decode_report,
-    encode,
-)
 from ntc.worker.shared_arrays import Parcel, SharedBlock, inside, received, sent
 
 SECONDS_TO_END = 0.5
 """Longest wait for a process that was killed."""
+SECONDS_BETWEEN_CHECKS = 0.05
 LONGEST_DETAILS = 8000
-"""Characters of a traceback: its end holds the error."""
+"""Largest part of a traceback that is reported, in characters: its end holds the error."""
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
+
+
+class Call(msgspec.Struct, frozen=True, tag=True):
+    """To the process: call its function, after the calls before."""
+
+    argument: Parcel
+
+
+class Pause(msgspec.Struct, frozen=True, tag=True):
+    """To the process: stop at once, and wait."""
+
+
+class Resume(msgspec.Struct, frozen=True, tag=True):
+    """To the process: continue."""
+
+
+class Cancel(msgspec.Struct, frozen=True, tag=True):
+    """To the process: end the call; it has no result."""
+
+
+class Taken(msgspec.Struct, frozen=True, tag=True):
+    """To the process: the last Part of a key was taken; the next one may be sent."""
+
+    key: int | None
+
+
+Command = Call | Pause | Resume | Cancel | Taken
+"""What the window sends."""
+
+
+class Received(msgspec.Struct, frozen=True, tag=True):
+    """The process has copied the argument of a call. Not passed on."""
+
+
+class Paused(msgspec.Struct, frozen=True, tag=True):
+    """The call is paused, and takes no processor time."""
+
+
+class Resumed(msgspec.Struct, frozen=True, tag=True):
+    """The call continues after a pause."""
+
+
+class Part(msgspec.Struct, frozen=True, tag=True):
+    """A result that is known before the call has ended. The next one of the same key is sent once this one was taken."""
+
+    key: int | None
+    """Group whose snapshot this is, in a training. None: progress."""
+    value: Parcel
+
+
+class Answer(msgspec.Struct, frozen=True, tag=True):
+    """What a call returned."""
+
+    value: Parcel
+
+
+class Failed(msgspec.Struct, frozen=True, tag=True):
+    """A call, or the whole process, failed; the process can be started again."""
+
+    line: str
+    """One line: what happened, and what to do about it."""
+    details: str = ""
+    """For a log."""
+
+
+WorkerReport = Received | Paused | Resumed | Part | Answer | Failed
+"""What the process sends."""
+
+
+encode = msgspec.msgpack.encode
+decode_command: Callable[[bytes], Command] = msgspec.msgpack.Decoder(Command).decode
+decode_report: Callable[[bytes], WorkerReport] = msgspec.msgpack.Decoder(WorkerReport).decode
 
 
 class WindowEnd:
@@ -213,12 +275,12 @@ class WorkerProcess:
         """Send a command; one that comes too late has no effect."""
         self._outbox.put(encode(command))
 
-    def receive(self, waits: bool = False) -> WorkerReport | None:
-        """The next report; None where none is there, unless it `waits`. Raises ProcessEndedError after
-        the last report of a process that has ended."""
+    def receive(self, seconds: float = 0.0) -> WorkerReport | None:
+        """Return the next report; None where none comes within `seconds`. Raises ProcessEndedError after the last report of a
+        process that has ended."""
         while True:
             try:
-                report = self._inbox.get(waits)
+                report = self._inbox.get(seconds > 0.0, seconds)
             except queue.Empty:
                 return None
             if report is None:
@@ -250,3 +312,58 @@ class WorkerProcess:
         self._process.kill()
         self._process.join(SECONDS_TO_END)
         self._release(len(self._given))
+
+
+def _without_window(function: Callable[[Argument], Result], argument: Argument, _window: WindowEnd) -> Result:
+    return function(argument)
+
+
+class FunctionProcess(Generic[Argument, Result]):
+    """A worker process for a plain function. It starts with the first call, and anew after one that ended it."""
+
+    def __init__(self, function: Callable[[Argument], Result], name: str, niceness: int = 0) -> None:
+        """`function` is found by its module and name; `name` is that of the process, for error texts too."""
+        self._function, self.name, self._niceness = function, name, niceness
+        self._lock = threading.Lock()
+        self._process: WorkerProcess | None = None
+        self._closed = False
+
+    def call(self, argument: Argument, check: Callable[[], None] = lambda: None) -> Result:
+        """Call the function and wait for its answer; one call at a time. `check` is called meanwhile: what it raises ends the wait.
+
+        Raises InputError for what the function raises, and where the process ends without an answer.
+        """
+        try:
+            process = self.started()
+            process.call(argument)
+            while (report := process.receive(SECONDS_BETWEEN_CHECKS)) is None:
+                check()
+        except (OSError, ProcessEndedError) as error:
+            self._end()
+            raise InputError(f"{self.name}: its process gave no answer ({error}); try again") from error
+        if isinstance(report, Failed):
+            raise InputError(report.line)
+        assert isinstance(report, Answer)
+        result: Result = received(report.value)
+        return result
+
+    def started(self) -> WorkerProcess:
+        """Return the process, which imports the function ahead of the first call. Raises OSError where none can be started, and
+        ProcessEndedError after `close`."""
+        with self._lock:
+            if self._closed:
+                raise ProcessEndedError("was ended")
+            if self._process is None:
+                self._process = WorkerProcess(partial(_without_window, self._function), self.name, self._niceness)
+            return self._process
+
+    def _end(self) -> None:
+        with self._lock:
+            if self._process is not None:
+                self._process.end()
+                self._process = None
+
+    def close(self) -> None:
+        """End the process, in the middle of a call too."""
+        self._closed = True
+        self._end()

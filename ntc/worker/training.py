@@ -18,8 +18,7 @@ from ntc.threads import usable_cores, wait_passively
 from ntc.training.progress import Ended, TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
-from ntc.worker.process import WindowEnd, lower_priority
-from ntc.worker.protocol import Paused, Resumed
+from ntc.worker.process import Paused, Resumed, WindowEnd, lower_priority
 from ntc.worker.shared_arrays import Pickled, SharedBlock, inside
 
 NICENESS = 19

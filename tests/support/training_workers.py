@@ -18,7 +18,7 @@ from ntc.codec.textures import SourceTexture
 from ntc.training.encode import encode_textures
 from ntc.training.request import TrainingRequest
 from ntc.worker.client import Finished, Report, TrainingWorker
-from ntc.worker.protocol import Failed
+from ntc.worker.process import Failed
 from ntc.worker.shared_arrays import PREFIX
 from tests.unit.ntc.training.test_train import texture
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,6 @@ from viewer.commands import run_line
 from viewer.inspect import format_encoding
 from viewer.inspect.memory_table import compressed_memory
 from viewer.inspect.texture_table import compressed_rows
-from viewer.jobs.job import Job, JobReport
 from viewer.state.event_handlers import apply_event
 from viewer.state.events import Reverted, TexturesCompressed
 from viewer.state.view_state import Slot
@@ -29,18 +27,15 @@ PATIENCE_SECONDS = 60.0
 
 
 class HeldProcess:
-    """Encodes in a thread, and not before it may."""
+    """Encodes in the caller's thread, and not before it may."""
 
     def __init__(self, function: Callable[[CompressionRequest], CompressedTexture], *_: object) -> None:
         self.function = function
         self.may_go = True
         self.calls = 0
 
-    def call(self, request: CompressionRequest) -> Job[CompressedTexture]:
+    def call(self, request: CompressionRequest) -> CompressedTexture:
         self.calls += 1
-        return Job(partial(self._work, request)).start("held")
-
-    def _work(self, request: CompressionRequest, _report: JobReport) -> CompressedTexture:
         while not self.may_go:
             time.sleep(0.005)
         return self.function(request)

@@ -13,12 +13,12 @@ from imgui_bundle import imgui
 
 from ntc.codec.color import linear_to_srgb8
 from ntc.codec.quality import psnr_db
+from ntc.worker.process import FunctionProcess
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.commands import run_line
 from viewer.inspect import live_comparison
 from viewer.inspect.comparison import Comparison, PicturePair, compare
-from viewer.jobs.function_process import FunctionProcess
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside

@@ -21,8 +21,7 @@ from viewer.encoding.report import report_lines, write_report
 from viewer.encoding.sources import LIST_SUFFIX, Reading, texture_refs
 from viewer.encoding.whole_run import RunProgress, RunResult, encode_to_library
 from viewer.encoding.work import WorkJob, WorkResult, work
-from viewer.jobs.executor import Executor, LocalExecutor
-from viewer.jobs.ray_cluster import RayExecutor
+from viewer.jobs.executor import Executor, LocalExecutor, RayExecutor
 from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.scene.source_textures import MapChoice

@@ -25,7 +25,7 @@ from viewer.cli.options import RenderOptions
 from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, packs_for, resolve_precision
 from viewer.gl.context import create_headless_context
 from viewer.inspect.measurement import MeasuredPicture, errors_by_map, measure
-from viewer.jobs.background import Background
+from viewer.jobs.job import Background
 from viewer.lighting.panorama import load_panorama
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.frame_times import FrameTimes

@@ -13,8 +13,7 @@ from ntc.library.writer import LibraryWriter
 from viewer.encoding.plan import Asked, encode_jobs, needs_features, without
 from viewer.encoding.sources import TextureRef, stamp_of
 from viewer.encoding.work import Encoded, EncodeJob, Looked, LookJob, Unread, WorkJob, WorkResult
-from viewer.jobs.executor import Executor
-from viewer.jobs.run import MOST_ATTEMPTS, run_jobs
+from viewer.jobs.executor import MOST_ATTEMPTS, Executor, run_jobs
 
 LOOKED_TOGETHER = 32
 """Images of one job that looks at them."""

@@ -6,9 +6,8 @@ from pathlib import Path
 
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, kept_texture
-from viewer.jobs.background import Background
-from viewer.jobs.function_process import FunctionProcess
-from viewer.jobs.job import JobReport
+from ntc.worker.process import FunctionProcess
+from viewer.jobs.job import Background, JobReport
 from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, TexturesCompressed
@@ -68,7 +67,7 @@ class FormatEncoding:
         found = []
         for number, request in enumerate(pictures):
             # No process is started for what is there already.
-            found.append(kept_texture(request) or self._process.call(request).future.result())
+            found.append(kept_texture(request) or self._process.call(request))
             report.progress(number + 1, len(pictures))
         return compressed_scene(block_format, requests, found)
 

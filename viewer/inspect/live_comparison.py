@@ -7,9 +7,9 @@ import numpy as np
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.worker.process import FunctionProcess
 from viewer.inspect.comparison import Comparison, LiveFigures, PicturePair, compare, compared_source
-from viewer.jobs.function_process import FunctionProcess
-from viewer.jobs.job import Job
+from viewer.jobs.job import Job, JobReport
 from viewer.render.compositor import ComparisonErrors
 from viewer.render.frame_result import DrawnPair
 from viewer.render.renderer import Renderer
@@ -128,17 +128,20 @@ class LiveComparison:
 
     def _start(self, renderer: Renderer, pair: DrawnPair, source: str) -> None:
         self._request = _Request(pair.key, source, renderer.decoders(source), renderer)
-        self._job = self._process.call(
-            PicturePair(
-                size=pair.a.size,
-                a=pair.a.read_bytes(),
-                b=pair.b.read_bytes(),
-                a_type=pair.a.pixel_type.str,
-                b_type=pair.b.pixel_type.str,
-                ids=pair.visibility.read_id_bytes(),
-                decoders=self._request.decoders,
-            )
+        pictures = PicturePair(
+            size=pair.a.size,
+            a=pair.a.read_bytes(),
+            b=pair.b.read_bytes(),
+            a_type=pair.a.pixel_type.str,
+            b_type=pair.b.pixel_type.str,
+            ids=pair.visibility.read_id_bytes(),
+            decoders=self._request.decoders,
         )
+
+        def call(_report: JobReport) -> Comparison:
+            return self._process.call(pictures)
+
+        self._job = Job(call).start("comparison")
 
     def _take(self, renderer: Renderer, job: Job[Comparison]) -> bool:
         request = self._request

@@ -7,8 +7,7 @@ from ntc.codec.codec import ChosenPrecision
 from ntc.codec.config import Precision
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
-from viewer.jobs.background import Background
-from viewer.jobs.job import JobReport
+from viewer.jobs.job import Background, JobReport
 from viewer.state.events import EmitEvent, Notification, PrecisionFound
 from viewer.state.message_log import details_of
 from viewer.state.session import Session

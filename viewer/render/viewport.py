@@ -18,7 +18,7 @@ from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.gl.ui_textures import Thumbnails
-from viewer.jobs.background import Background
+from viewer.jobs.job import Background
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.frame_times import FrameTimes
 from viewer.render.pass_scheduler import ToCome

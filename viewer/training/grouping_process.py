@@ -2,6 +2,7 @@
 
 The process ends with its one answer, and with the program that started it."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +14,11 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from viewer.jobs.function_process import FunctionProcess
-from viewer.jobs.job import Job, JobReport
+from ntc.worker.process import FunctionProcess
+from viewer.jobs.job import JobReport
 from viewer.locations import features_cache
 
 NICENESS = 10
-SECONDS_BETWEEN_CHECKS = 0.05
 WITHOUT_FEATURES = ("baseline", "single", "category", UNIVERSAL)
 """Groupings that are found at once, without another process."""
 
@@ -55,10 +55,8 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     return GroupingInputs(seen, {}, features)
 
 
-def group_textures(job: GroupingJob | None) -> Grouping | None:
-    """In the grouping process: the grouping of a job; None for none, by which the process is started. Raises InputError."""
-    if job is None:
-        return None
+def group_textures(job: GroupingJob) -> Grouping:
+    """Return the grouping of a job, in the grouping process. Raises InputError."""
     return make_grouping(job.config, job.textures, grouping_inputs(job))
 
 
@@ -68,33 +66,22 @@ class GroupingProcess:
     def __init__(self, config: GroupingConfig) -> None:
         self._config = config
         self._process = FunctionProcess(group_textures, "grouping", NICENESS)
-        self._call: Job[Grouping | None] | None = None
 
     def __enter__(self) -> "GroupingProcess":
         if self._config.name not in WITHOUT_FEATURES:
-            self._call = self._process.call(None)
+            # `find` reports why it cannot be started.
+            with suppress(OSError):
+                self._process.started()
         return self
 
     def __exit__(self, *_exception: object) -> None:
         self._process.close()
 
     def find(self, textures: tuple[SourceTexture, ...], scene: Path | None, report: JobReport) -> Grouping:
-        """What `make_grouping` finds for `textures` of the scene in that file. Raises InputError, and CancelledError as soon as the
-        job of `report` is cancelled."""
-        job = GroupingJob(self._config, textures, scene)
-        if job.config.name in WITHOUT_FEATURES:
-            return make_grouping(job.config, job.textures)
-        try:
-            self._wait(report)
-            self._call = self._process.call(job)
-            self._wait(report)
-            found = self._call.result()
-            assert found is not None
-            return found
-        finally:
-            self._process.close()
+        """Return the grouping of `textures` of the scene in that file, as `make_grouping` finds it.
 
-    def _wait(self, report: JobReport) -> None:
-        while self._call is not None and not self._call.done:
-            report.check()
-            self._call.join(SECONDS_BETWEEN_CHECKS)
+        Raises InputError, and CancelledError as soon as the job of `report` is cancelled.
+        """
+        if self._config.name in WITHOUT_FEATURES:
+            return make_grouping(self._config, textures)
+        return self._process.call(GroupingJob(self._config, textures, scene), report.check)

@@ -13,7 +13,7 @@ from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed, Paused, Resumed
+from ntc.worker.process import Failed, Paused, Resumed
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackUpdated, RunStarted

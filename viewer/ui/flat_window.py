@@ -16,8 +16,7 @@ from viewer.inspect.flat_texture import (
     original_flat,
     visible_part,
 )
-from viewer.jobs.background import Background
-from viewer.jobs.job import Job, JobReport
+from viewer.jobs.job import Background, Job, JobReport
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import side_ink

@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import COMMANDS, bindings
 from viewer.commands.keys import HOLD_KEY, Chord
-from viewer.jobs.background import Background
+from viewer.jobs.job import Background
 from viewer.scene.model import Scene
 from viewer.scene.surface_samples import SurfaceSamples
 from viewer.state import navigation

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import bindings
-from viewer.jobs.background import Background
+from viewer.jobs.job import Background
 from viewer.state.session import Session
 from viewer.ui.annotations import (
     PictureWarnings,

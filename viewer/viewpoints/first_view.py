@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from viewer.jobs.background import Background
-from viewer.jobs.job import Job
+from viewer.jobs.job import Background, Job
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import frame_all
 from viewer.state.events import EmitEvent, FirstViewFound, Notification

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from viewer.jobs.background import Background
+from viewer.jobs.job import Background
 from viewer.state.session import Session
 from viewer.ui.dock_layout import Place
 from viewer.ui.facts import UiFrame

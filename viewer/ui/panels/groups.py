@@ -7,7 +7,7 @@ from imgui_bundle import ImVec2, imgui
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
-from viewer.jobs.background import Background
+from viewer.jobs.job import Background
 from viewer.state.session import Session
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame

@@ -9,7 +9,7 @@ import pytest
 from ntc.codec.model import Pack
 from ntc.training.encode import encode_textures
 from ntc.worker.client import Finished, TrainingWorker
-from ntc.worker.protocol import Failed
+from ntc.worker.process import Failed
 from tests.support.training_workers import (
     BLOCK_CODEC,
     BLOCKS_FROM_NOTHING,

@@ -11,8 +11,21 @@ import numpy as np
 import pytest
 
 from ntc.errors import InputError, ProcessEndedError
-from ntc.worker.process import Function, WindowEnd, WorkerProcess
-from ntc.worker.protocol import Answer, Cancel, Failed, Part, Pause, Paused, Resume, Resumed, Taken, WorkerReport
+from ntc.worker.process import (
+    Answer,
+    Cancel,
+    Failed,
+    Function,
+    Part,
+    Pause,
+    Paused,
+    Resume,
+    Resumed,
+    Taken,
+    WindowEnd,
+    WorkerProcess,
+    WorkerReport,
+)
 from ntc.worker.shared_arrays import inside, received
 from tests.support.training_workers import blocks, lives
 
@@ -20,6 +33,7 @@ pytestmark = [
     pytest.mark.process,
     pytest.mark.skipif(sys.platform == "win32", reason="stops and interrupts by signal"),
 ]
+SECONDS = 60.0
 LARGE = np.arange(1 << 20, dtype=np.uint8)
 
 
@@ -33,7 +47,7 @@ def running(function: Function, niceness: int = 0) -> Iterator[WorkerProcess]:
 
 
 def answer(process: WorkerProcess) -> object:
-    report = process.receive(waits=True)
+    report = process.receive(SECONDS)
     assert isinstance(report, Answer), report
     return received(report.value)
 
@@ -73,7 +87,7 @@ def test_calls_are_answered_in_order_and_a_failure_is_one_line() -> None:
         process.call(None)
         process.call(LARGE[:10])
         assert answer(process) == LARGE.sum()
-        failed: WorkerReport | None = process.receive(waits=True)
+        failed: WorkerReport | None = process.receive(SECONDS)
         assert isinstance(failed, Failed)
         assert failed.line == "nothing to add up"
         assert "InputError" in failed.details
@@ -86,7 +100,7 @@ def test_commands_arrive_during_work() -> None:
     with running(obey) as process:
         process.call(None)
         for command in (Pause(), Resume(), Taken(7), Cancel()):
-            assert isinstance(process.receive(waits=True), Paused | Resumed | Part)
+            assert isinstance(process.receive(SECONDS), Paused | Resumed | Part)
             assert process.receive() is None, "it waits"
             process.send(command)
         assert answer(process) == (False, True)
@@ -129,7 +143,7 @@ def test_ended_in_the_middle_of_a_call_it_says_how_and_leaves_nothing(killed: bo
         else:
             process.end()
         with pytest.raises(ProcessEndedError, match="was killed by signal 9"):
-            process.receive(waits=True)
+            process.receive(SECONDS)
         assert time.monotonic() - began < 1.0
         assert not process.is_alive
     with pytest.raises(ProcessEndedError):

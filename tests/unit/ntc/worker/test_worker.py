@@ -19,7 +19,7 @@ from ntc.training.encode import encode_textures
 from ntc.training.progress import TrainingProgress
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
 from ntc.worker.client import Finished, TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed
+from ntc.worker.process import Failed
 from tests.support.training_workers import (
     CODEC,
     ENDLESS,

@@ -14,7 +14,7 @@ from ntc.codec.reference import decode_image
 from ntc.training.progress import TrainingProgress
 from ntc.training.snapshot import GroupSnapshot, apply_snapshot
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
-from ntc.worker.protocol import Failed, Paused, Resumed
+from ntc.worker.process import Failed, Paused, Resumed
 from tests.support.training_workers import (
     BLOCK_CODEC,
     BLOCK_OPTIONS,

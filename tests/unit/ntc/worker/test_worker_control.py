@@ -22,7 +22,7 @@ from ntc.training.progress import TrainingProgress
 from ntc.training.request import TrainingRequest
 from ntc.training.snapshot import GroupSnapshot
 from ntc.worker.client import Finished, TrainingWorker
-from ntc.worker.protocol import Failed, Paused, Resumed
+from ntc.worker.process import Failed, Paused, Resumed
 from tests.support.training_workers import (
     BLOCKS_FROM_NOTHING,
     CODEC,

@@ -60,7 +60,7 @@ class InOrder:
         self.slots, self.jobs = slots, list[WorkJob]()
         self._fails, self._random, self._waiting = fails, random.Random(seed), dict[int, WorkJob]()
 
-    def submit(self, number: int, argument: WorkJob, attempt: int) -> None:
+    def submit(self, number: int, argument: WorkJob) -> None:
         self._waiting[number] = argument
 
     def wait(self, seconds: float) -> Sequence[Ended[WorkResult]]:

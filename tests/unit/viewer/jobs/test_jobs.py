@@ -15,9 +15,8 @@ from pathlib import Path
 import pytest
 
 from ntc.errors import InputError
-from viewer.jobs.background import RESULTS_KEPT, Background
-from viewer.jobs.function_process import FunctionProcess
-from viewer.jobs.job import Job, JobReport, Result
+from ntc.worker.process import FunctionProcess
+from viewer.jobs.job import RESULTS_KEPT, Background, Job, JobReport, Result
 from viewer.state.message_log import details_of
 
 SECONDS = 30.0
@@ -118,27 +117,19 @@ def test_a_job_that_is_cancelled_before_it_runs() -> None:
 @pytest.mark.process
 def test_a_process_answers_call_after_call_and_survives_errors() -> None:
     process = FunctionProcess(math.factorial, "factorial")
-    for number in (3, 5):
-        job = process.call(number)
-        job.join(SECONDS)
-        assert job.result() == math.factorial(number)
-    failed = process.call(-1)
-    failed.join(SECONDS)
+    assert [process.call(number) for number in (3, 5)] == [6, 120]
     with pytest.raises(InputError, match="ValueError"):
-        failed.result()
-    again = process.call(4)
-    again.join(SECONDS)
-    assert again.result() == 24
+        process.call(-1)
+    assert process.call(4) == 24
     process.close()
-    closed = process.call(4)
-    closed.join(SECONDS)
-    assert "factorial: its process gave no answer" in closed.problem
+    with pytest.raises(InputError, match="factorial: its process gave no answer"):
+        process.call(4)
 
 
 @pytest.mark.process
 def test_closing_ends_a_process_in_the_middle_of_a_call() -> None:
     process = FunctionProcess(time.sleep, "sleep")
-    job = process.call(600)
+    job = Job(lambda _report: process.call(600)).start("sleep")
     time.sleep(0.5)
     began = time.monotonic()
     process.close()
@@ -148,18 +139,25 @@ def test_closing_ends_a_process_in_the_middle_of_a_call() -> None:
 
 
 @pytest.mark.process
+def test_a_cancelled_job_does_not_wait_for_its_process() -> None:
+    process = FunctionProcess(time.sleep, "sleep")
+    job = Job(lambda report: process.call(600, report.check)).start("sleep")
+    job.cancel()
+    job.join(SECONDS)
+    with pytest.raises(CancelledError):
+        job.result()
+    process.close()
+
+
+@pytest.mark.process
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
 def test_a_process_ends_with_a_parent_that_was_killed() -> None:
     code = (
-        "import os, sys, time\n"
-        "from viewer.jobs.function_process import FunctionProcess\n"
+        "from ntc.worker.process import FunctionProcess\n"
         "if __name__ == '__main__':\n"
-        "    pids = FunctionProcess(eval, 'eval')\n"
-        "    job = pids.call('__import__(\"os\").getpid()')\n"
-        "    job.join(60.0)\n"
-        "    pids.call('__import__(\"time\").sleep(600)')\n"
-        "    print(job.result(), flush=True)\n"
-        "    time.sleep(600)\n"
+        "    process = FunctionProcess(eval, 'eval')\n"
+        "    print(process.call('__import__(\"os\").getpid()'), flush=True)\n"
+        "    process.call('__import__(\"time\").sleep(600)')\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None

@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 
 from ntc.errors import InputError
-from viewer.jobs.ray_cluster import RayExecutor
-from viewer.jobs.run import run_jobs
+from viewer.jobs.executor import RayExecutor, run_jobs
 
 SECONDS_OF_A_JOB = 0.1
 

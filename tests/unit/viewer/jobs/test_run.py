@@ -10,9 +10,7 @@ from pathlib import Path
 import pytest
 
 from ntc.errors import InputError
-from viewer.jobs.executor import Ended, LocalExecutor
-from viewer.jobs.ray_cluster import RayExecutor
-from viewer.jobs.run import MOST_ATTEMPTS, run_jobs
+from viewer.jobs.executor import MOST_ATTEMPTS, Ended, LocalExecutor, RayExecutor, run_jobs
 
 
 class Shuffled:
@@ -22,7 +20,7 @@ class Shuffled:
         self.slots, self.most = slots, 0
         self._random, self._waiting = random.Random(seed), dict[int, int]()
 
-    def submit(self, number: int, argument: int, attempt: int) -> None:
+    def submit(self, number: int, argument: int) -> None:
         self._waiting[number] = argument
         self.most = max(self.most, len(self._waiting))
 
