@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lab.documentation.api_page import api_page
 from lab.documentation.option_tables import option_tables, settings_table
-from lab.documentation.report_tables import many_textures_table
+from lab.documentation.report_tables import REPORT_PARTS
 from ntc.io import write_text
 from viewer.commands import command_table_markdown, key_table_markdown
 from viewer.script.directions import direction_table_markdown
@@ -21,9 +21,9 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "commands": command_table_markdown,
     "directions": direction_table_markdown,
     "keys": key_table_markdown,
-    "many-textures": many_textures_table,
     "options": option_tables,
     "settings": settings_table,
+    **REPORT_PARTS,
 }
 """Generated parts by the name in their marks."""
 
@@ -39,7 +39,7 @@ def generated(text: str) -> str:
 
     def part(found: re.Match[str]) -> str:
         name = found[1]
-        return f"<!-- {name} -->\n{PARTS[name]().strip()}\n<!-- end of {name} -->"
+        return f"<!-- {name} -->\n\n{PARTS[name]().strip()}\n\n<!-- end of {name} -->"
 
     return re.sub(r"<!-- ([\w: ./-]+) -->\n.*?<!-- end of \1 -->", part, text, flags=re.DOTALL)
 

@@ -1,12 +1,17 @@
-"""Tables of docs/reports from the committed records of lab/benchmarks/results."""
+"""Tables of docs/reports, from the committed records of lab/benchmarks/results. The pages around them are written by hand."""
 
 import json
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from lab.benchmarks.many_textures import __main__ as many_textures
+from viewer.cli.table import Column, Table
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
+Row = Mapping[str, Any]
 
 
 def record(name: str) -> Any:
@@ -14,6 +19,499 @@ def record(name: str) -> Any:
     return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
 
 
-def many_textures_table() -> str:
-    """Seconds and memory of scenes of 100 to 10,000 images."""
-    return many_textures.table(record("many_textures_llvmpipe")["rows"])
+def table(rows: Iterable[Row], *columns: str) -> str:
+    """Markdown of `rows` under `columns`, each "key", "key=heading" or "key=heading=digits after the point"."""
+    parts = [[*column.split("="), "", ""] for column in columns]
+    made = [Column(key, heading or key.replace("_", " "), int(digits or 2)) for key, heading, digits, *_ in parts]
+    return Table(made, list(rows)).markdown()
+
+
+def rows_of(name: str, *columns: str, **equal: Any) -> str:
+    """The table of a record's rows, those alone whose fields are one of `equal`."""
+    rows = record(name)["rows"]
+    return table([row for row in rows if all(row.get(key) in allowed for key, allowed in equal.items())], *columns)
+
+
+def beside_astc() -> str:
+    """Codec block less ASTC at equal bits, on three sets of textures."""
+    rows = []
+    for own in record("studies/block_against_astc")["sets"]:
+        astc = {point["setting"]: point for point in own["points"] if point["curve"] == "ASTC"}
+        rows += [
+            {
+                "textures": f"{own['source']}, {own['textures']}",
+                "grouping": f"`{row['grouping']}`",
+                "bits": astc[row["format"]]["bits_per_texel"],
+                "astc": astc[row["format"]]["mean_db"],
+                "block": astc[row["format"]]["mean_db"] + row["mean_db"],
+                **{key: row[key] for key in ("mean_db", "of_mean_mse_db", "ssim", "flip", "largest_loss_db")},
+                "worse": row["worse_by_over_1_db"],
+            }
+            for row in own["differences"]
+        ]
+    return table(
+        rows,
+        "textures",
+        "grouping",
+        "bits=bits per texel",
+        "astc=ASTC, dB",
+        "block=`block`, dB",
+        "mean_db=gain, dB",
+        "of_mean_mse_db=gain of the mean MSE, dB",
+        "ssim=SSIM gain=3",
+        "flip=FLIP change=4",
+        "largest_loss_db=largest loss of a texture, dB=1",
+        "worse=textures worse by over 1 dB",
+    )
+
+
+def unseen_textures() -> str:
+    """Grouping universal on textures that its tables were not fitted to, beside ASTC."""
+    rows = []
+    for row in record("studies/universal_unseen")["rows"]:
+        astc = next(value for key, value in row.items() if key.startswith("astc"))
+        rows.append(row | {"astc": astc["mean_db"], "own": row["universal"]["mean_db"]})
+    return table(
+        rows,
+        "bits_per_texel=bits per texel",
+        "unseen=textures",
+        "fitted_to=fitted to",
+        "astc=ASTC, dB",
+        "own=`universal`, dB",
+        "worse_by_over_1_db=textures worse by over 1 dB",
+    )
+
+
+def lit_pictures() -> str:
+    """Lit pictures of whole materials beside ASTC and BC7 with BC5."""
+    return rows_of(
+        "studies/lit_pictures",
+        "scene",
+        "format=compared with",
+        "bits_per_texel=bits per texel, all maps",
+        "hardware_db=its PSNR, dB",
+        "block_db=`block`, dB",
+        "more_db=gain, dB",
+        "hardware_flip=its FLIP=4",
+        "block_flip=FLIP of `block`=4",
+    )
+
+
+QUALITY = (
+    "variant=recipe",
+    "grouping",
+    "groups=decoders",
+    "mean_db=mean, dB",
+    "of_mean_mse_db=of mean MSE, dB",
+    "worst_share_db=worst 5 %, dB",
+    "ssim=SSIM=3",
+    "flip=FLIP=4",
+    "bits_per_texel=bits per texel",
+)
+"""Columns of the studies of recipes."""
+
+
+def clusters(scene: str) -> str:
+    """Groupings of a scene in 10 groups (jungle: 5), with what they cut on seen and on held-out views."""
+    rows = record(f"studies/clusters_{scene}_llvmpipe")["rows"]
+    groups = 5 if scene == "jungle" else 10
+    kept = [row for row in rows if row["groups"] == groups or row["grouping"] == "category"]
+    return table(
+        kept,
+        "grouping",
+        "features",
+        "largest_group=largest group",
+        "seen_cut_percent=cut on seen views, %=1",
+        "held_out_cut_percent=cut on held-out views, %=1",
+        "spread_percent=spread, %=1",
+    )
+
+
+def filtering() -> str:
+    """Means of the study of filtering: magnified, minified, straight on, tilted, moving, and flicker."""
+    rows = record("studies/study_courtyard_filtering")["rows"]
+    ways = dict.fromkeys(row["way"] for row in rows)
+
+    def mean(way: str, sweep: str, key: str, wanted: Callable[[float], bool]) -> float:
+        own = [row[key] for row in rows if row["way"] == way and row["sweep"] == sweep and wanted(row["value"])]
+        own = [value for value in own if value is not None]
+        return float(sum(own) / len(own))
+
+    return table(
+        [
+            {
+                "way": way,
+                "magnified": mean(way, "shrinking", "psnr_db", lambda value: value < 1),
+                "minified": mean(way, "shrinking", "psnr_db", lambda value: value > 1),
+                "straight": mean(way, "tilting", "psnr_db", lambda value: value == 0),
+                "tilted": mean(way, "tilting", "psnr_db", lambda value: value == 82),
+                "moving": mean(way, "moving", "psnr_db", math.isfinite),
+                "flicker": mean(way, "moving", "flicker", math.isfinite),
+            }
+            for way in ways
+        ],
+        "way",
+        "magnified=magnified, dB=1",
+        "minified=minified, dB=1",
+        "straight=straight on, dB=1",
+        "tilted=82 degrees, dB=1",
+        "moving=moving, dB=1",
+        "flicker=flicker, 8-bit steps=1",
+    )
+
+
+def stability() -> str:
+    """Largest errors against float64 by path, a column for each precision."""
+    rows: dict[str, dict[str, Any]] = {}
+    for row in record("studies/stability_llvmpipe")["worst"]:
+        rows.setdefault(row["path"], {"path": row["path"], "nan": 0})[row["precision"]] = row["largest"]
+        rows[row["path"]]["nan"] += row["not_finite"]
+    precisions = ("fp32", "fp16", "fp16-arithmetic", "fp16-accumulate")
+    return table(rows.values(), "path", *precisions, "nan=NaN, infinity")
+
+
+def trained_packs(name: str) -> str:
+    """What trained packs lose in each precision."""
+    kept = [row | {"error": f"{row['largest_error']:.1e}"} for row in record(f"studies/{name}")["trained"]]
+    return table(kept, "pack", "precision", "error=largest error", "largest_loss_db=largest loss of a texture, dB=4")
+
+
+def scene_bench(scene: str) -> str:
+    """Every pack, path and precision of a scene: time and error."""
+    rows = [
+        row | {"path": row["path"] or "-", "precision": row["precision"] or "-"}
+        for row in record(f"bench/bench_{scene}_llvmpipe")["scene"]["table"]
+    ]
+    return table(
+        rows,
+        "source=pack",
+        "path",
+        "precision",
+        "decode_ms=decode, ms=0",
+        "frame_ms=frame, ms=0",
+        "to_deferred=of deferred fp32",
+        "psnr_db=PSNR, dB",
+        "float64_millionths=largest error, millionths=1",
+    )
+
+
+def worst_case() -> str:
+    """All decoders in every block, 512x512."""
+    rows = [row for row in record("bench/worst_case_llvmpipe")["worst_case"]["rows"] if row["width"] == 512]
+    return table(
+        rows,
+        "decoders=decoders in a block",
+        "path",
+        "precision",
+        "median_ms=ms=0",
+        "to_shared=of the shared decoder",
+        "gigaflops=GFLOP/s=1",
+    )
+
+
+def shader_statistics() -> str:
+    """Registers, spills and instructions of compiled decoding programs of codec grid, recipe best, and of codec block."""
+    rows = [
+        row
+        for row in record("shaders/after")["rows"]
+        if row["codec"] in {"grid of best", "block"} and row["path"] in {"deferred", "deferred, shared", "cached"}
+    ]
+    return table(
+        rows,
+        "gpu=GPU",
+        "codec",
+        "path",
+        "precision",
+        "registers",
+        "spills",
+        "waves",
+        "vector instructions a texel=vector instructions per texel",
+    )
+
+
+def simulated_cluster() -> str:
+    """Hours of a simulated cluster over the number of machines."""
+    cases = {
+        "jobs of 4, as encode makes them": "as it is",
+        "and workers write shards": "workers",
+        "and ten lines of the index at a time": "lines",
+        "and storage of 40 GB/s": "storage",
+    }
+    rows: dict[int, dict[str, Any]] = {}
+    for row in record("simulated_cluster"):
+        if row["case"] in cases and row["nodes"] != 3:
+            rows.setdefault(row["nodes"], {"nodes": row["nodes"]})[cases[row["case"]]] = row["hours"]
+    return table(
+        rows.values(),
+        "nodes=machines",
+        "as it is=as it is, hours",
+        "workers=workers write shards",
+        "lines=and 10 index lines at a time",
+        "storage=and storage of 40 GB/s",
+    )
+
+
+def fuzzing() -> str:
+    """Files that the readers were fuzzed with, sums by reader."""
+    sums: dict[str, dict[str, Any]] = {}
+    for run in record("fuzz_readers")["readers"]:
+        own = sums.setdefault(run["reader"], {"reader": run["reader"], "files": 0, "seconds": 0.0, "found": 0, "mb": 0})
+        own["files"] += run["executions"]
+        own["seconds"] += run["seconds"]
+        own["found"] += len(run["findings"])
+        own["mb"] = max(own["mb"], run["peak_rss_mb"])
+    return table(sums.values(), "reader", "files", "seconds=seconds=0", "found=findings", "mb=peak memory, MB")
+
+
+def window_training() -> str:
+    """Frame times of a window that trains."""
+    kept = ("without training", "encoding", "retraining")
+    return rows_of(
+        "window_training_bistro_llvmpipe",
+        "phase",
+        "frames",
+        "p50 ms=median, ms=1",
+        "p99 ms=99th percentile, ms=1",
+        "longest ms=longest, ms=0",
+        "over 50 ms",
+        "over 100 ms",
+        phase=kept,
+    )
+
+
+def first_pictures() -> str:
+    """Seconds until a window shows the first decoded picture of a scene without a pack."""
+    rows = [
+        row | {"accepted": "after 10 s" if row["looked for"] > 1 else "at once"}
+        for row in record("window_first_picture_bistro_llvmpipe")["first_pictures"]
+    ]
+    return table(rows, "window", "accepted", "prepared", "first picture", "its tiles=all its tiles", "whole pack")
+
+
+def encoding_by_jobs() -> str:
+    """One worker, two workers and a Ray cluster."""
+    found = record("encoding_by_jobs")
+    names = {
+        "one_worker": "one worker",
+        "two_workers": "two workers",
+        "ray_two_machines": "Ray, two machines of one core",
+    }
+    return table(
+        [
+            found[key] | {"what": name, "up": found["one_worker"]["seconds"] / found[key]["seconds"]}
+            for key, name in names.items()
+        ],
+        "what=",
+        "seconds=seconds=1",
+        "up=speed-up",
+        "peak_mb=peak memory, MB=0",
+    )
+
+
+def tiny_textures() -> str:
+    """Memory of the process that hands out jobs, over the number of textures."""
+    found = record("encoding_by_jobs")["tiny_textures"]
+    return table(
+        [row | {"textures": int(count)} for count, row in found.items()],
+        "textures",
+        "peak_mb=peak memory, MB=0",
+        "cpu_seconds=processor seconds=0",
+    )
+
+
+TEXTURE_STUDIES: Sequence[tuple[str, str]] = (
+    ("recipes-bistro", "study_bistro_paper_scenes"),
+    ("recipes-polyhaven", "study_polyhaven_paper_textures"),
+    ("recipes-large", "study_large_paper_textures"),
+)
+REPORT_PARTS: Mapping[str, Callable[[], str]] = {
+    "astc": beside_astc,
+    "unseen": unseen_textures,
+    "rate": partial(
+        rows_of,
+        "studies/study_polyhaven_rate",
+        "curve=format",
+        "setting",
+        "bits_per_texel=bits per texel",
+        "mean_db=mean, dB=1",
+        "of_mean_mse_db=of mean MSE, dB=1",
+        "ssim=SSIM=3",
+        "flip=FLIP=3",
+        curve=("block 8x8, single", "block 4x4, single", "BC1", "BC7", "ASTC", "JPEG XL"),
+    ),
+    "materials": partial(
+        rows_of,
+        "studies/study_props_materials",
+        "curve=encoding",
+        "setting",
+        "bits_per_texel=bits per texel, all maps",
+        "mean_db=PSNR, all channels, dB",
+        "base_db=base, dB",
+        "normal_db=normal, dB",
+        "linear_db=roughness, metalness, occlusion, dB",
+        "degrees=angle of normals, degrees",
+    ),
+    "lit": lit_pictures,
+    **{name: partial(rows_of, f"studies/{file}", *QUALITY) for name, file in TEXTURE_STUDIES},
+    "recipes-rendered": partial(
+        rows_of,
+        "studies/study_bistro_paper_scenes_rendered",
+        "recipe",
+        "grouping",
+        "decoders",
+        "rendered_db=rendered, dB",
+        "worst_db=worst view, dB",
+        "excess",
+        "cut_percent=cut, %=1",
+    ),
+    "ablation": partial(
+        rows_of,
+        "studies/study_bistro_ablation",
+        "variant",
+        "mean_db=mean, dB",
+        "mean_gain_db=change, dB",
+        "mse_gain_db=change of mean MSE, dB",
+        "bits_per_texel=bits per texel",
+        "multiply_adds=multiply-adds",
+    ),
+    "freezing": partial(
+        rows_of, "studies/study_bistro_freezing", "variant", "mean_db=mean, dB", "of_mean_mse_db=of mean MSE, dB"
+    ),
+    "width": partial(
+        rows_of,
+        "studies/study_bistro_mlp_size",
+        "variant",
+        "grouping",
+        "mean_db=mean, dB",
+        "bits_per_texel=bits per texel",
+        "multiply_adds=multiply-adds",
+    ),
+    "mips": partial(
+        rows_of,
+        "studies/study_bistro_mips",
+        "level",
+        "side=texels a side",
+        "all_db=all levels by one decoder, dB",
+        "alone_db=each level alone, dB",
+    ),
+    "block-settings": partial(
+        rows_of,
+        "studies/study_polyhaven_ablation_block",
+        "variant",
+        "mean_db=mean, dB",
+        "of_mean_mse_db=of mean MSE, dB",
+        "minimum_db=worst, dB",
+        "bits_per_texel=bits per texel",
+        "multiply_adds=multiply-adds",
+    ),
+    **{f"clusters-{scene}": partial(clusters, scene) for scene in ("bistro", "courtyard", "jungle")},
+    "filtering": filtering,
+    "stability": stability,
+    "stability-trained": partial(trained_packs, "stability_llvmpipe"),
+    "stability-block": partial(trained_packs, "stability_block_llvmpipe"),
+    "bench-bistro": partial(scene_bench, "bistro"),
+    "worst-case": worst_case,
+    "weights": partial(
+        rows_of, "weights_in_image_llvmpipe", "path", "weights in", "decoders", "ms=ms=0", "times shared=of the fastest"
+    ),
+    "turns": partial(
+        rows_of,
+        "decode_in_turns_bistro_llvmpipe",
+        "way=path",
+        "pack=codec",
+        "processor ms=processor time, ms=0",
+        "microseconds each=µs per pixel or tile",
+    ),
+    "motion": partial(
+        rows_of,
+        "cached_motion_bistro_llvmpipe",
+        "camera",
+        "motion",
+        "deferred ms=deferred, ms=0",
+        "cached, from nothing ms=cached, empty, ms=0",
+        "cached, still ms=cached, still, ms=0",
+        "cached, moving ms=cached, moving, ms=0",
+        "% of deferred=% of deferred=1",
+        "tiles a frame=tiles per frame",
+    ),
+    "lighting": partial(
+        rows_of,
+        "lit_frame_courtyard_llvmpipe",
+        "camera",
+        "reference ms=base colours, ms=0",
+        "shade ms=lighting, ms=0",
+        "prefilter ms=sky, ms=0",
+        "shadow ms=shadow map, ms=0",
+    ),
+    "divergence-pass": partial(
+        rows_of,
+        "divergence_pass_bistro_llvmpipe",
+        "camera",
+        "visibility ms=visibility, ms=1",
+        "10 groups, compute ms=one grouping, ms=1",
+        "both at once, compute ms=two groupings, ms=1",
+    ),
+    "plain-loop": partial(
+        rows_of,
+        "plain_loop_bistro_llvmpipe",
+        "camera",
+        "plain ms=one draw per mesh, ms=0",
+        "viewer ms=reference path, ms=0",
+        "ratio",
+    ),
+    "shaders": shader_statistics,
+    "window-training": window_training,
+    "first-pictures": first_pictures,
+    "jobs": encoding_by_jobs,
+    "tiny": tiny_textures,
+    "grouping-scale": lambda: table(
+        record("grouping_scale"),
+        "textures",
+        "groups",
+        "largest_group=largest group",
+        "seconds=seconds=1",
+        "memory_mb=memory, MB=0",
+        "memory_of_all_features_mb=features alone, MB=0",
+    ),
+    "cluster": simulated_cluster,
+    "fuzzing": fuzzing,
+    "conformance": partial(
+        rows_of, "conformance_llvmpipe", "file", "result", "triangles", "textures", "seconds=load and draw, s=1"
+    ),
+    "twins": partial(
+        rows_of,
+        "twins_llvmpipe",
+        "scene",
+        "twin",
+        "megabytes=MB",
+        "values=may differ by, of 255",
+        "differing=pixels that differ, %",
+        "largest=largest difference",
+        "outside=outside the bound",
+    ),
+    "geometry": lambda: table(
+        record("geometry_llvmpipe")["scenes"],
+        "scene",
+        "file_mib=file, MiB=0",
+        "open_seconds=opened, s=1",
+        "first_picture_seconds=first picture, s=1",
+        "open_peak_mib=peak while opening, MiB=0",
+        "first_picture_peak_mib=peak to the first picture, MiB=0",
+    ),
+    "geometry-frames": lambda: table(
+        [
+            {"scene": own["scene"]} | row
+            for own in record("geometry_llvmpipe")["scenes"]
+            for row in own["rows"]
+            if row["camera"] == "street"
+        ],
+        "scene",
+        "culled_by=culled by",
+        "frame_ms=frame, ms=0",
+        "cull_ms=cull, ms=1",
+        "triangles=triangles drawn",
+        "commands",
+    ),
+    "many-textures": lambda: many_textures.table(record("many_textures_llvmpipe")["rows"]),
+}
+"""Tables by the name in the marks of a page."""

@@ -1,17 +1,76 @@
-"""README and docs: generated parts are those of the code, and links and paths lead somewhere."""
+"""README, CONTRIBUTING and docs: generated parts are those of the code; links, anchors and paths lead somewhere."""
+
+import re
+from pathlib import Path
 
 import pytest
 
 import ntc
 from lab.documentation.__main__ import ROOT, generated, pages
 
-PAGES = list(pages())
+PAGES = sorted({*pages(), *ROOT.glob("*.md")})
+LINK = re.compile(r"\]\(([^)\s]+)\)")
+CODE = re.compile(r"^```.*?^```|`[^`\n]*`|^(?: {4}|\t).*?$", re.DOTALL | re.MULTILINE)
+SOURCES = ("ntc", "viewer", "lab", "shaders", "tests", "assets")
+PATH_OF_A_PAGE = re.compile(r"\bdocs/[\w/-]+\.(?:md|ipynb|png|webp|script)\b")
+LONGEST_README_LINE, MOST_README_WORDS = 120, 800
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
-def test_generated_parts_are_up_to_date(page: object) -> None:
-    text = page.read_text(encoding="utf-8")  # type: ignore[attr-defined]
+def named(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of the headings of a page, as the site and GitHub make them; a second one of a text gets a number."""
+    found: set[str] = set()
+    for heading in re.findall(r"^#+ (.+)$", re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.M), re.M):
+        words = re.sub(r"[^\w\s-]", "", re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)).strip().lower()
+        found.add(re.sub(r"[-\s]+", "-", words))
+    return found
+
+
+@pytest.mark.parametrize("page", list(pages()), ids=named)
+def test_generated_parts_are_up_to_date(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
     assert generated(text) == text, "run: python -m lab.documentation"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_links_lead_somewhere(page: Path) -> None:
+    lost = []
+    for link in LINK.findall(CODE.sub("", page.read_text(encoding="utf-8"))):
+        if re.match(r"[a-z]+:", link):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (page.parent / path).resolve() if path else page
+        if not target.exists() or (anchor and anchor not in anchors(target)):
+            lost.append(link)
+    assert lost == []
+
+
+def test_pages_that_sources_name_are_there() -> None:
+    files = [
+        file for folder in SOURCES for file in (ROOT / folder).rglob("*") if file.suffix in {".py", ".md", ".glsl"}
+    ]
+    files += [ROOT / "CONTRIBUTING.md", ROOT / "README.md"]
+    lost = {
+        f"{named(file)}: {page}"
+        for file in files
+        for page in PATH_OF_A_PAGE.findall(file.read_text(encoding="utf-8"))
+        if not (ROOT / page).exists()
+    }
+    assert lost == set()
+
+
+def test_the_site_shows_every_page() -> None:
+    listed = re.findall(r"^ +- (?:[^:\n]+: )?([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.M)
+    assert sorted(listed) == sorted(str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md"))
+
+
+def test_the_readme_is_one_page() -> None:
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert len(text.split()) <= MOST_README_WORDS
+    assert [line for line in text.splitlines() if len(line) > LONGEST_README_LINE] == []
 
 
 def test_the_api_page_has_every_name() -> None:
