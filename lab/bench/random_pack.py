@@ -9,8 +9,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
 from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.config import WrapMode
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture
+from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, GridTexture
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import MapName, map_slices, plane_channels
 from ntc.codec.model import Grouping, Pack

@@ -13,8 +13,8 @@ from lab.bench.float64_error import float64_pixels
 from lab.bench.stability_cases import Requests, StabilityCase, as_single
 from lab.bench.tiles import Tiling
 from ntc.codec.config import Precision
-from ntc.codec.grid.accuracy.running_error import running_bounds
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.accuracy.error_bound import running_bounds
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none
 from ntc.codec.reference import decode_texels

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import WrapMode
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts
+from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, grid_parts
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.pack.schema import LARGEST_SIDE as LARGEST_PACK_SIDE

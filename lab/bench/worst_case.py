@@ -18,7 +18,7 @@ from lab.bench.fixture import (
 from lab.bench.interleaved import Progress, Spread, no_progress, time_interleaved
 from lab.bench.random_pack import square_pack
 from lab.bench.tiles import PictureLimits, Tiling, tiling
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from viewer.gl.context import GraphicsContext
 from viewer.render.gpu_packs import GpuPack
 from viewer.render.resources.decoding_shaders import EVERYWHERE

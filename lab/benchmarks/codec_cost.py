@@ -11,7 +11,7 @@ from typing import Any
 
 from lab.bench.scene import nudged
 from lab.benchmarks.measuring import arguments, chosen_cameras, median, report
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError

@@ -19,8 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.model import GridConfig, grid_parts
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import is_partial, write_text

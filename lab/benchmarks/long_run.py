@@ -23,7 +23,7 @@ import moderngl
 import numpy as np
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Pack
 from ntc.io import write_text
 from tests.gl.small_scenes import FRONT, objects

@@ -18,7 +18,7 @@ import torch
 from lab.benchmarks.plain_training import PlainTraining
 from lab.studies.settings import StudySettings
 from ntc.codec.config import GroupingConfig
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.batch import TrainingBatch
 from ntc.errors import InputError
 from ntc.grouping import GroupingInputs, make_grouping

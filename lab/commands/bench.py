@@ -17,7 +17,7 @@ from lab.bench.tables import scaling_table, scene_table, worst_case_table
 from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
 from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from lab.commands.options import BenchOptions
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import recipe_codec
 from ntc.codec.model import Pack
 from ntc.errors import InputError

@@ -17,7 +17,7 @@ from lab.bench.trained_loss import TrainedLoss, trained_loss
 from lab.commands.options import StabilityStudyOptions
 from lab.commands.study_output import check_output, write_study
 from lab.studies.bound_check import BoundCheck, check_bounds
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.cli.sources import open_scene, packs_for

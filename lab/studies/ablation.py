@@ -8,7 +8,7 @@ import numpy as np
 from lab.studies.quality_table import COLUMNS, by_key, quality_row, textures_db
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, in_the_manner_of, recipe_codec
 from ntc.codec.model import Grouping
 from viewer.cli.table import Cell, Column, Table

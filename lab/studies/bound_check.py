@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import Precision
-from ntc.codec.grid.accuracy.error_bound import texture_bounds
-from ntc.codec.grid.accuracy.half_reference import as_stored, run_decoder_in_half
+from ntc.codec.grid.accuracy.error_bound import running_bounds, texture_bounds
+from ntc.codec.grid.accuracy.precision_choice import as_stored, run_decoder_in_half
 from ntc.codec.grid.accuracy.rescale import stored_pack
-from ntc.codec.grid.accuracy.running_error import running_bounds
 from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.latents import latent_levels

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.mips import mip_chain

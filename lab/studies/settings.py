@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from ntc.codec.encoding import RecipeName
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec, recipe_config
 from ntc.errors import InputError
 

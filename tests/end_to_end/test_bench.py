@@ -12,7 +12,7 @@ import pytest
 from lab.bench.interleaved import time_interleaved, warm_up_rounds
 from lab.bench.random_pack import random_pack
 from lab.commands import bench as command
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli

@@ -10,7 +10,7 @@ import numpy as np
 from lab.bench.random_pack import random_block_pack, random_pack
 from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, Part, as_set, cube, placed, scene_of, texture

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture

@@ -15,7 +15,7 @@ import numpy as np
 import zstandard
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.pack.file import write_pack
 from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.meshopt_twins import meshopt_twin

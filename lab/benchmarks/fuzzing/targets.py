@@ -34,7 +34,7 @@ WATCHED = [
     "ntc.codec.model",
     "ntc.codec.block.storage",
     "ntc.codec.block.tensors",
-    "ntc.codec.grid.quantize",
+    "ntc.codec.grid.tensors",
     "ntc.codec.grid.tensors",
 ]
 WATCHED_SCRIPTS = [

@@ -7,7 +7,7 @@ from typing import Final, get_args
 from lab.bench.random_pack import random_block_pack, random_pack
 from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import recipe_codec
 from ntc.codec.model import Pack
 from viewer.gl.context import GraphicsContext

@@ -17,7 +17,7 @@ from lab.benchmarks.shaders.compiling import GPUS, compiled, find_compiler
 from lab.benchmarks.shaders.decoding_programs import CODECS, DecodingProgram, decoding_programs
 from lab.benchmarks.shaders.machine_code import MachineCode
 from ntc.codec.gpu import GPU, DecoderVariant
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import create_headless_context
 

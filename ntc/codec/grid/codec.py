@@ -24,11 +24,10 @@ from ntc.codec.grid import tensors as files
 from ntc.codec.grid.accuracy.error_bound import pack_bounds
 from ntc.codec.grid.accuracy.precision_choice import chosen_precision, sampled_bound
 from ntc.codec.grid.accuracy.rescale import stored_pack
-from ntc.codec.grid.config import GridConfig
 from ntc.codec.grid.gpu import GridTables
-from ntc.codec.grid.model import GridDecoder, GridTexture, grid_parts
+from ntc.codec.grid.model import GridConfig, GridDecoder, GridTexture, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
-from ntc.codec.grid.start import grey_pack
+from ntc.codec.grid.tensors import grey_pack
 from ntc.codec.grid.training.config import TrainingConfig, chosen_config, recipe_codec
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.targets import given_target

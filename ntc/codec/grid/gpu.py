@@ -1,18 +1,260 @@
-"""Packs of codec `grid` as shaders/ntc/grid.glsl reads them: cells of latents, and the network's weights in a precision."""
+"""Packs of codec `grid` as shaders/ntc/grid.glsl reads them: cells of latents, weights in a precision, and the network as GLSL."""
 
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import LARGEST_HALF, Precision
-from ntc.codec.gpu import DecoderVariant, GpuTables, StoredRows, TextureFields
-from ntc.codec.grid.config import LOD_INPUT_SCALE, GridConfig
-from ntc.codec.grid.model import GridDecoder, GridTexture
-from ntc.codec.grid.network import NetworkLayout, arrange_adapter, network_glsl, shared_network_glsl
-from ntc.codec.grid.quantize import packed_cells
+from ntc.codec.gpu import DecoderVariant, GpuTables, StoredRows, TextureFields, by_plane
+from ntc.codec.grid.model import LOD_INPUT_SCALE, Adapter, GridConfig, GridDecoder, GridTexture
+from ntc.codec.grid.tensors import packed_cells
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Decoder, EncodedTexture
+
+PARTS = "xyzw"
+
+
+def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: str) -> str:
+    """GLSL that adds the product of input `number` to a neuron block's sums (shaders/ntc/half.glsl)."""
+    if number % 2:
+        return f"ADD_ODD_PRODUCT({sum_name}, {odd_name}, {weight}, {value});"
+    return f"ADD_PRODUCT({sum_name}, {weight}, {value});"
+
+
+def _biases(result: str, channels: Mapping[int, int], fetch: Callable[..., str]) -> list[str]:
+    """GLSL that begins a plane's `result` with the biases of its components' channels; `fetch` reads four of them at once."""
+    parts = {component: f"float({fetch(channel // 4)}.{PARTS[channel % 4]})" for component, channel in channels.items()}
+    return [f"    vec4 {result} = vec4({', '.join(parts.get(component, '0.0') for component in range(4))});"]
+
+
+class NetworkLayout:
+    """Where the weights of one decoder lie, in blocks of four numbers.
+
+    First layer: for each block of outputs, for each input, the weights of the four outputs; then the biases. Second layer alike.
+    Third layer: for each output, for each block of hidden values, their four weights; then the biases.
+    """
+
+    def __init__(self, config: GridConfig) -> None:
+        self.inputs = config.decoder_inputs
+        self.hidden = config.hidden_width
+        self.hidden_blocks = config.hidden_width // 4
+        self.outputs = config.output_channels
+        self.first_bias = self.hidden_blocks * self.inputs
+        self.second = self.first_bias + self.hidden_blocks
+        self.second_bias = self.second + self.hidden_blocks * self.hidden
+        self.third = self.second_bias + self.hidden_blocks
+        self.third_bias = self.third + self.outputs * self.hidden_blocks
+        self.bias_blocks = -(-self.outputs // 4)
+        self.blocks = self.third_bias + self.bias_blocks
+        self.adapter_output = 4 * self.hidden_blocks
+        self.adapter_output_bias = self.adapter_output + self.outputs * self.hidden_blocks
+        output_blocks = self.outputs * self.hidden_blocks + self.bias_blocks if config.adapter_output else 0
+        self.adapter_blocks = self.adapter_output + output_blocks if config.adapters else 0
+
+    def arrange(self, decoder: GridDecoder) -> NDArray[np.float32]:
+        """[blocks, 4] float32: the weights of `decoder` in this order."""
+        first, second, third = decoder.weights
+        arranged = [
+            first.reshape(self.hidden_blocks, 4, self.inputs).transpose(0, 2, 1),
+            decoder.biases[0],
+            second.reshape(self.hidden_blocks, 4, self.hidden).transpose(0, 2, 1),
+            decoder.biases[1],
+            third,
+            np.pad(decoder.biases[2], (0, -self.outputs % 4)),
+        ]
+        return np.concatenate([part.reshape(-1, 4) for part in arranged]).astype(np.float32)
+
+
+def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
+    """[blocks, 4] float32: scales and biases of the first hidden layer, then of the second; then the output layer, if it has
+    one, as the decoder's lies."""
+    pairs = zip(adapter.scales, adapter.biases, strict=True)
+    parts = [part for pair in pairs for part in pair]
+    if adapter.output_weight is not None and adapter.output_bias is not None:
+        parts += [adapter.output_weight, np.pad(adapter.output_bias, (0, -len(adapter.output_bias) % 4))]
+    return np.concatenate([part.reshape(-1, 4) for part in parts]).astype(np.float32)
+
+
+def network_glsl(config: GridConfig) -> str:
+    """The include `generated/network.glsl`: `vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks)`.
+
+    `adapter` is the first block of the texture's adapter, unused where the codec has none. `blocks` is the number of
+    hidden blocks, or 0 to leave the decoder out. It must come from a uniform: a loop whose length the compiler knows is
+    unrolled into code that takes minutes to compile on llvmpipe.
+    """
+    layout = NetworkLayout(config)
+    slope = repr(float(config.leaky_slope))
+
+    def start(bias: int) -> list[str]:
+        first = "0.0" if config.adapters else f"weight(base + {bias} + k)"
+        return [f"        ACC_T sum = ACC_T({first});", "        ODD_ACCUMULATOR(odd)"]
+
+    def finish(hidden_layer: int) -> list[str]:
+        join = "        JOIN_ACCUMULATORS(sum, odd)"
+        if not config.adapters:
+            return [join]
+        scales = 2 * hidden_layer * layout.hidden_blocks
+        biases = scales + layout.hidden_blocks
+        return [join, f"        sum = ADAPTED(sum, weight(adapter + {scales} + k), weight(adapter + {biases} + k));"]
+
+    third, third_bias = f"base + {layout.third}", f"base + {layout.third_bias}"
+    if config.adapter_output:
+        third, third_bias = f"adapter + {layout.adapter_output}", f"adapter + {layout.adapter_output_bias}"
+    lines = [
+        "// Generated from ntc/codec/grid/gpu.py for one GridConfig.",
+        "vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks) {",
+        f"    int base = decoder * {layout.blocks};",
+        f"    MUL_T hidden[{layout.hidden_blocks}];",
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = base + k * {layout.inputs};",
+        *start(layout.first_bias),
+        *[
+            f"        {_add_product('sum', 'odd', i, f'MUL_T(weight(row + {i}))', f'MUL_SCALAR(x[{i}])')}"
+            for i in range(layout.inputs)
+        ],
+        *finish(0),
+        f"        hidden[k] = AS_MUL_T(LEAKY(sum, {slope}));",
+        "    }",
+        *by_plane(config, lambda _, channels: _biases("result", channels, f"weight({third_bias} + {{}})".format)),
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = base + {layout.second} + k * {layout.hidden};",
+        *start(layout.second_bias),
+    ]
+    for block in range(layout.hidden_blocks):
+        lines.append(f"        {{ MUL_T h = hidden[{block}];")
+        lines += [
+            "          "
+            + _add_product("sum", "odd", part, f"MUL_T(weight(row + {4 * block + part}))", f"h.{PARTS[part]}")
+            for part in range(4)
+        ]
+        lines.append("        }")
+    lines += [*finish(1), f"        sum = LEAKY(sum, {slope});"]
+    lines += by_plane(
+        config,
+        lambda _, channels: [
+            f"        result.{PARTS[component]} += PRODUCT_SUM(sum, weight({third} + {channel * layout.hidden_blocks} + k));"
+            for component, channel in channels.items()
+        ],
+    )
+    lines += ["    }", "    return result;", "}", ""]
+    return "\n".join(lines)
+
+
+def _first_results(config: GridConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
+    """GLSL that begins the result of each pixel with the biases of the output layer."""
+    found = []
+    for p in range(pixels):
+        own = f"weight(adapters[{p}] + {layout.adapter_output_bias} + {{}})"
+        fetch = own if config.adapter_output else f"decoder_weight({layout.third_bias} + {{}})"
+        found += _biases(f"result{p}", channels, fetch.format)
+    return found
+
+
+def _add_outputs(config: GridConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
+    """GLSL that adds the products of four hidden values with the weights of the output layer."""
+    found = []
+    for component, channel in channels.items():
+        offset = channel * layout.hidden_blocks
+        if not config.adapter_output:
+            found.append(f"        WEIGHT_T out{component} = decoder_weight({layout.third + offset} + k);")
+        for p in range(pixels):
+            own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
+            weight = own if config.adapter_output else f"out{component}"
+            found.append(f"        result{p}.{PARTS[component]} += PRODUCT_SUM(sum{p}, {weight});")
+    return found
+
+
+def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
+    """The include `generated/shared_decoder.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are bound
+    alone, so that their addresses do not depend on the pixel.
+
+    `void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS])`;
+    `blocks` as in `network_glsl`.
+    """
+    layout = NetworkLayout(config)
+    slope = repr(float(config.leaky_slope))
+    pixels = range(variant.pixels)
+    unrolled = math.gcd(layout.hidden_blocks, variant.unrolled)
+    is_whole = unrolled == layout.hidden_blocks
+    # Where all blocks are written out, each hidden value is stored once, or none is read.
+    unknown = "" if is_whole else " = MUL_T(0.0)"
+
+    def start(bias: int) -> list[str]:
+        first = "0.0" if config.adapters else f"decoder_weight({bias} + k)"
+        sums = [f"        ACC_T sum{p} = first; ODD_ACCUMULATOR(odd{p})" for p in pixels]
+        return [f"        ACC_T first = ACC_T({first});", *sums]
+
+    def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
+        """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
+        lines = []
+        for first in range(0, len(values[0]), variant.chunk):
+            numbers = range(first, min(first + variant.chunk, len(values[0])))
+            lines.append("        {")
+            lines += [f"          MUL_T w{i - first} = MUL_T(decoder_weight({row} + {i}));" for i in numbers]
+            lines += [
+                "          "
+                + " ".join(_add_product(f"sum{p}", f"odd{p}", i, f"w{i - first}", values[p][i]) for i in numbers)
+                for p in pixels
+            ]
+            lines.append("        }")
+        return lines
+
+    def finish(hidden_layer: int) -> list[str]:
+        lines = []
+        for p in pixels:
+            lines.append(f"        JOIN_ACCUMULATORS(sum{p}, odd{p})")
+            if config.adapters:
+                scales = 2 * hidden_layer * layout.hidden_blocks
+                biases = scales + layout.hidden_blocks
+                own = f"adapters[{p}]"
+                lines.append(
+                    f"        sum{p} = ADAPTED(sum{p}, weight({own} + {scales} + k), weight({own} + {biases} + k));"
+                )
+            lines.append(f"        sum{p} = LEAKY(sum{p}, {slope});")
+        return lines
+
+    lines = [
+        "// Generated from ntc/codec/grid/gpu.py for one GridConfig.",
+        f"#define DECODER_BLOCKS {layout.blocks}",
+        f"#define PIXELS {variant.pixels}",
+        '#include "ntc/decoder_weights.glsl"',
+        "void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS]) {",
+        *(f"    MUL_T hidden{p}_{k}{unknown};" for p in pixels for k in range(layout.hidden_blocks)),
+        f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
+    ]
+    for number in range(unrolled):
+        # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
+        stored = [
+            f"        hidden{p}_{k} = {'' if is_whole else f'k != {k} ? hidden{p}_{k} : '}AS_MUL_T(sum{p});"
+            for k in range(number, layout.hidden_blocks, unrolled)
+            for p in pixels
+        ]
+        lines += [
+            f"        {{ int k = {number if is_whole else f'step + {number}'};",
+            f"        int row = k * {layout.inputs};",
+            *start(layout.first_bias),
+            *products("row", [[f"MUL_SCALAR(x[{p}][{i}])" for i in range(layout.inputs)] for p in pixels]),
+            *finish(0),
+            *stored,
+            "        }",
+        ]
+    lines.append("    }")
+
+    lines += by_plane(config, lambda _, channels: _first_results(config, layout, channels, variant.pixels))
+    lines += [
+        "    for (int k = 0; k < blocks; ++k) {",
+        f"        int row = {layout.second} + k * {layout.hidden};",
+        *start(layout.second_bias),
+    ]
+    lines += products("row", [[f"hidden{p}_{i // 4}.{PARTS[i % 4]}" for i in range(layout.hidden)] for p in pixels])
+    lines += finish(1)
+
+    lines += by_plane(config, lambda _, channels: _add_outputs(config, layout, channels, variant.pixels))
+    lines += ["    }", *(f"    results[{p}] = result{p};" for p in pixels), "}", ""]
+    return "\n".join(lines)
 
 
 class GridTables(GpuTables):

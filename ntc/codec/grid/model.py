@@ -1,14 +1,113 @@
-"""What codec `grid` stores: grids of latents and an adapter of a texture, the network that a group shares."""
+"""The settings of codec `grid`, and what it stores: grids of latents and an adapter of a texture, the network that a group shares."""
 
 from dataclasses import dataclass
-from typing import cast
+from typing import ClassVar, Literal, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.model import Decoder, EncodedTexture, Pack
+from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Pack
 from ntc.errors import InputError
+
+
+@dataclass(frozen=True)
+class GridConfig(CodecSettings):
+    """The shape of latent grids and decoders, the same for every texture of a pack (paper, Sec. 4).
+
+    The decoder reads `latent_channels` + `positional_inputs` + `lod_inputs` numbers and has two hidden layers.
+    """
+
+    kind: ClassVar[str] = "grid"
+
+    latent_channels: int = 4
+    """Channels of a latent cell: a multiple of 4, at most 16."""
+    downscale: int = 4
+    """Texels per latent cell along one side: 4 gives 256x256 cells for 1024x1024 texels."""
+    levels: int | None = None
+    """Latent levels, one per texture mip. None: down to 4x4 cells. 1: mip 0 alone, as in the paper."""
+    positional_octaves: int = 3
+    """Octaves of the triangle-wave positional encoding, with periods of 2, 4, 8, ... texels."""
+    hidden_width: int = 64
+    """Neurons of each of the two hidden layers: a multiple of 4."""
+    leaky_slope: float = 0.01
+    """Slope of LeakyReLU for negative inputs."""
+    output_channels: int = 3
+    """Channels the decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
+    latent_bits: Literal[4, 8] = 8
+    """Bits of a stored latent value. 8 channels of 4 bits take the room of 4 channels of 8 bits."""
+    weight_bits: Literal[16, 32] = 32
+    """Bits of a stored decoder weight: half or single precision."""
+    adapters: bool = False
+    """Whether each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
+    adapter_output: bool = False
+    """Whether adapters hold an output layer too, in place of the decoder's."""
+    maps: tuple[MapName, ...] = BASE_ALONE
+    """Maps that the outputs stand for (`ntc.codec.maps`): all that any texture of the pack has."""
+
+    def __post_init__(self) -> None:
+        checks = {
+            "latent_channels": self.latent_channels in (4, 8, 12, 16),
+            "downscale": 1 <= self.downscale <= 64,
+            "levels": self.levels is None or 1 <= self.levels <= 16,
+            "positional_octaves": 1 <= self.positional_octaves <= 8,
+            "hidden_width": 4 <= self.hidden_width <= 256 and self.hidden_width % 4 == 0,
+            "leaky_slope": 0.0 <= self.leaky_slope < 1.0,
+            "maps": ordered_maps(self.maps),
+            "output_channels": maps_fit(self.maps, self.output_channels),
+            "latent_bits": self.latent_bits in (4, 8),
+            "weight_bits": self.weight_bits in (16, 32),
+            "adapters": isinstance(self.adapters, bool),
+            "adapter_output": isinstance(self.adapter_output, bool) and (self.adapters or not self.adapter_output),
+        }
+        for field, valid in checks.items():
+            if not valid:
+                raise ValueError(f"codec.{field} = {getattr(self, field)!r} is out of range")
+
+    @property
+    def positional_inputs(self) -> int:
+        """Numbers of the positional encoding: octaves x 2 phases x 2 axes."""
+        return self.positional_octaves * 4
+
+    @property
+    def lod_inputs(self) -> int:
+        """1 when textures have several latent levels, else 0 (paper parity)."""
+        return 0 if self.levels == 1 else 1
+
+    @property
+    def decoder_inputs(self) -> int:
+        """Inputs of the decoder, in the order latents, positional encoding, lod."""
+        return self.latent_channels + self.positional_inputs + self.lod_inputs
+
+    @property
+    def largest_stored(self) -> int:
+        """Stored latents run from 0 to this integer."""
+        return (1 << self.latent_bits) - 1
+
+    @property
+    def cell_bytes(self) -> int:
+        """Bytes of a stored latent cell."""
+        return self.latent_channels * self.latent_bits // 8
+
+    @property
+    def smallest_top_cells(self) -> int:
+        """The pyramid ends at the first level whose longer side is at most this many cells."""
+        return 4
+
+    @property
+    def layer_shapes(self) -> tuple[tuple[int, int], ...]:
+        """(outputs, inputs) of the three linear layers."""
+        width = self.hidden_width
+        return ((width, self.decoder_inputs), (width, width), (self.output_channels, width))
+
+    @property
+    def multiply_adds(self) -> int:
+        """Multiply-adds of one decode; 5312 for 16-64-64-3."""
+        return sum(outputs * inputs for outputs, inputs in self.layer_shapes)
+
+
+LOD_INPUT_SCALE = 0.125
+"""The decoder's lod input is lod * LOD_INPUT_SCALE, so that it stays near [0, 1] for textures up to 32768 texels."""
 
 
 @dataclass(frozen=True, eq=False)

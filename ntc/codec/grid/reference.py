@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
-from ntc.codec.grid.config import LOD_INPUT_SCALE
-from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture, grid_parts, specialised_layers
+from ntc.codec.grid.model import LOD_INPUT_SCALE, Adapter, GridDecoder, GridTexture, grid_parts, specialised_layers
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.sampling import Array, bilinear, clamped_lod, trilinear

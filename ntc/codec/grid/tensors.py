@@ -1,16 +1,67 @@
-"""The tensors of codec `grid` in a file (docs/reference/pack-format.md). "{}" in a name is the number of a texture or decoder."""
+"""Textures of codec `grid` as a file holds them (docs/reference/pack-format.md): rounded and packed latents, and tensors by name.
 
-from collections.abc import Mapping
+"{}" in names of tensors stands for the number of a texture or decoder.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.codec import Tensors, TensorShape
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture
-from ntc.codec.grid.quantize import packed_cells, unpacked_cells
+from ntc.codec.codec import Tensors, TensorShape, texture_fields
+from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, GridTexture
 from ntc.codec.latents import latent_cell_count
+from ntc.codec.model import Grouping, Pack
+from ntc.codec.textures import SourceTexture
+
+
+@dataclass(frozen=True, eq=False)
+class QuantizedLatents:
+    """value = offset + scale * stored."""
+
+    stored: NDArray[np.uint8]
+    """[cells, channels] uint8, one integer a byte whatever its bits."""
+    scale: NDArray[np.float32]
+    """[channels] float32, positive."""
+    offset: NDArray[np.float32]
+    """[channels] float32."""
+
+    def values(self) -> NDArray[np.float64]:
+        """[cells, channels] float64: the values that the stored integers stand for."""
+        return self.offset.astype(np.float64) + self.scale.astype(np.float64) * self.stored
+
+
+def quantize_latents(
+    values: NDArray[np.float32], low: NDArray[np.float32], high: NDArray[np.float32], largest: int
+) -> QuantizedLatents:
+    """Round `values` [cells, channels] to the integers 0 to `largest`, which stand for `low` to `high` [channels]; values
+    beyond are clamped.
+
+    Raises ValueError for values that are not finite.
+    """
+    if not (np.isfinite(values).all() and np.isfinite(low).all() and np.isfinite(high).all()):
+        raise ValueError("latents are not finite")
+    scale = (np.maximum(high - low, np.float32(1e-6)) / np.float32(largest)).astype(np.float32)
+    stored = np.clip(np.rint((values - low) / scale), 0, largest).astype(np.uint8)
+    return QuantizedLatents(stored, scale, low.astype(np.float32))
+
+
+def packed_cells(stored: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
+    """[cells, channels * bits / 8] uint8: `stored` [cells, channels] as it lies in files, for 4 bits two integers a byte, the
+    first in the low half."""
+    if bits == 8:
+        return np.ascontiguousarray(stored)
+    return np.ascontiguousarray(stored[:, 0::2] | (stored[:, 1::2] << 4))
+
+
+def unpacked_cells(packed: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
+    """[cells, channels] uint8, one integer a byte: the inverse of `packed_cells`."""
+    if bits == 8:
+        return packed
+    return np.stack([packed & 15, packed >> 4], axis=-1).reshape(len(packed), -1)
+
 
 HIDDEN_LAYERS = 2
 
@@ -90,3 +141,42 @@ def read_decoder(tensors: Tensors, config: GridConfig) -> GridDecoder:
         for part in ("weight", "bias")
     )
     return GridDecoder(weights, biases)
+
+
+def grid_texture(source: SourceTexture, group: int, latents: QuantizedLatents, adapter: Adapter | None) -> GridTexture:
+    """`source` in `group`, encoded as `latents` and, where the codec has them, `adapter`; its PSNR is not yet known."""
+    return GridTexture(
+        **texture_fields(source, group),
+        latents=latents.stored,
+        scale=latents.scale,
+        offset=latents.offset,
+        adapter=adapter,
+    )
+
+
+def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, config: GridConfig) -> Pack:
+    """A pack that decodes to mid-grey, in the groups of `grouping`: shown until the first snapshots.
+
+    Codes have their largest size, so that what comes fits into as much memory.
+    """
+    shapes = config.layer_shapes
+    outputs, width = shapes[-1]
+    zeros = [np.zeros(shape, np.float32) for shape in shapes]
+    biases = [np.zeros(shape[0], np.float32) for shape in shapes]
+    grey = np.full(outputs, 0.5, np.float32)
+    adapter = None
+    if config.adapters:
+        own = (zeros[-1], grey) if config.adapter_output else ()
+        hidden = len(shapes) - 1
+        adapter = Adapter(np.ones((hidden, width), np.float32), np.zeros((hidden, width), np.float32), *own)
+    last = np.zeros_like(grey) if config.adapter_output else grey
+    decoder = GridDecoder(tuple(zeros), (*biases[:-1], last))
+    channels = config.latent_channels
+    encoded = []
+    for texture, group in zip(textures, grouping.groups, strict=True):
+        cells = latent_cell_count(*texture.size, config)
+        latents = QuantizedLatents(
+            np.zeros((cells, channels), np.uint8), np.ones(channels, np.float32), np.zeros(channels, np.float32)
+        )
+        encoded.append(grid_texture(texture, group, latents, adapter))
+    return Pack(config, grouping, tuple(encoded), (decoder,) * grouping.group_count)

@@ -16,7 +16,7 @@ import trimesh
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.color import to_8bit, to_linear
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import map_slices
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import WrapMode
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import MAPS, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.accuracy.half_reference import decode_texels_in_half, to_half
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.accuracy.precision_choice import decode_texels_in_half, to_half
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from ntc.errors import InputError

@@ -6,7 +6,7 @@ import pytest
 
 from lab.bench.random_pack import square_pack
 from ntc.codec.gpu import SOFTWARE
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, WORD_BYTES, Limits

@@ -11,7 +11,7 @@ import pytest
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.gpu import SOFTWARE, DecodingBinding, DecodingImage, DecodingUniform
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderError, ShaderLibrary, set_uniforms
 from viewer.locations import shaders_folder

@@ -9,8 +9,7 @@ import pytest
 
 from lab.bench.float64_error import Float64Error, float64_pixels
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.model import GridConfig, grid_parts
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext

@@ -7,7 +7,7 @@ import pytest
 from lab.benchmarks.shaders.compiling import GPUS, find_compiler
 from lab.benchmarks.shaders.decoding_programs import CODECS, decoding_programs
 from lab.benchmarks.shaders.statistics import statistics
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 

@@ -9,7 +9,7 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.codec import reference
 from ntc.codec.config import WrapMode
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from tests.support.packs.parity import in_float32, largest_difference

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import CodecSettings, Pack
 from ntc.codec.registry import codec_of
 from tests.gl.small_scenes import FRONT, INSIDE, objects

@@ -7,7 +7,7 @@ import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.gpu import GPU, SOFTWARE
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from viewer.cli.doctor import examine

@@ -7,7 +7,7 @@ import pytest
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.gpu import GPU, LEVEL_RECORD
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import CodecSettings
 from ntc.codec.registry import codec_of
 from viewer.gl.context import GraphicsContext

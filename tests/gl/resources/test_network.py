@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
 from ntc.codec.gpu import SOFTWARE, DecoderVariant
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary

@@ -1,5 +1,9 @@
-"""Bounds of the distance of a decoded value from the exact one, from weights alone (docs/explanation/accuracy.md)."""
+"""Bounds of the distance of a decoded value from the exact one: of a texture from weights alone, of a texel from the numbers that its
+decoding meets (docs/explanation/accuracy.md). Arrays of neurons may have a leading axis of texels.
+"""
 
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import get_args
 
@@ -7,25 +11,178 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import LARGEST_HALF, Precision
-from ntc.codec.grid.accuracy.input_bounds import InputBounds, input_bounds
-from ntc.codec.grid.accuracy.rescale import stored_pack
-from ntc.codec.grid.accuracy.rounding_model import (
-    ARITHMETIC,
-    HALF,
-    LARGEST_SINGLE,
-    SMALLEST_SINGLE,
-    Arithmetic,
-    Layer,
-    decoder_layers,
-    effective_weight,
-    hidden_values,
-    layer_sums,
-    sums_of_values,
-)
-from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.accuracy.rescale import SINGLE_UNIT, InputBounds, input_bounds, stored_pack
+from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts, specialised_layers
+from ntc.codec.grid.reference import decoder_inputs
 from ntc.codec.model import Pack
 
 Array = NDArray[np.float64]
+HALF_UNIT = 2.0**-11 * (1.0 + 2.0**-10)
+"""Relative error of a rounding to a half, and a little more: emulated halves round to fp32 first."""
+SMALLEST_HALF_ERROR = 2.0**-25
+"""Error of a half below 2^-14, where halves lie 2^-24 apart."""
+SMALLEST_SINGLE = 2.0**-126
+"""fp32 numbers below this may count as 0."""
+LARGEST_SINGLE = 3.0e38
+
+
+@dataclass(frozen=True)
+class Rounding:
+    """A result is off by at most `unit` of its magnitude plus `smallest`."""
+
+    unit: float
+    smallest: float
+
+
+SINGLE = Rounding(SINGLE_UNIT, SMALLEST_SINGLE)
+HALF = Rounding(HALF_UNIT, SMALLEST_HALF_ERROR)
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """What a precision rounds to what."""
+
+    stored_as_half: bool
+    products: Rounding
+    sums: Rounding
+
+    @property
+    def factors_are_half(self) -> bool:
+        """Whether inputs and hidden values are rounded before they are multiplied."""
+        return self.products is HALF
+
+
+ARITHMETIC: Mapping[Precision, Arithmetic] = {
+    "fp32": Arithmetic(False, SINGLE, SINGLE),
+    "fp16": Arithmetic(True, SINGLE, SINGLE),
+    "fp16-arithmetic": Arithmetic(True, HALF, SINGLE),
+    "fp16-accumulate": Arithmetic(True, HALF, HALF),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """scale * (weight x) + bias, exactly and as it is stored."""
+
+    weight: Array
+    bias: Array
+    scale: Array | None
+    stored_weight: Array
+    stored_bias: Array
+    stored_scale: Array | None
+
+
+def _stored(values: NDArray[np.float32], arithmetic: Arithmetic) -> Array:
+    if not arithmetic.stored_as_half:
+        return values.astype(np.float64)
+    return np.clip(values, -LARGEST_HALF, LARGEST_HALF).astype(np.float16).astype(np.float64)
+
+
+def decoder_layers(decoder: GridDecoder, adapter: Adapter | None, arithmetic: Arithmetic) -> list[Layer]:
+    """The three layers of `decoder` as `adapter` specialises them."""
+    layers = []
+    for weight, scale, bias in specialised_layers(decoder, adapter):
+        exact = (weight.astype(np.float64), bias.astype(np.float64), None if scale is None else scale.astype(float))
+        stored_scale = None if scale is None else _stored(scale, arithmetic)
+        layers.append(Layer(*exact, _stored(weight, arithmetic), _stored(bias, arithmetic), stored_scale))
+    return layers
+
+
+@dataclass(frozen=True, eq=False)
+class LayerSums:
+    """Of a layer's computed sums."""
+
+    local: Array
+    """[outputs] what storage and rounding of this layer add to their error."""
+    largest: Array
+    """[outputs] bound of every partial sum."""
+
+
+def layer_sums(layer: Layer, products: Array, storage: Array, inputs: int, arithmetic: Arithmetic) -> LayerSums:
+    """`products` [outputs]: sums of magnitudes of stored weights times inputs; `storage` alike of what storing changed."""
+    own = layer.scale is None or layer.stored_scale is None
+    bias = np.abs(layer.stored_bias)
+    total = products + bias if own else products
+    of_products = arithmetic.products.unit * products + inputs * arithmetic.products.smallest
+    # Any order of n additions: each rounding is of a partial sum, and no path through them is longer than n.
+    unit = inputs * arithmetic.sums.unit
+    growth = unit / (1.0 - unit) if unit < 1.0 else math.inf
+    of_sums = growth * (total + of_products) + inputs * SMALLEST_SINGLE
+    changed_bias = np.abs(layer.bias - layer.stored_bias) + SMALLEST_SINGLE
+    local, largest = storage + of_products + of_sums, total + of_products + of_sums
+    if layer.scale is None or layer.stored_scale is None:
+        return LayerSums(local + changed_bias, largest)
+    scale, rounding = np.abs(layer.stored_scale), arithmetic.sums
+    changed_scale = np.abs(layer.scale - layer.stored_scale) + SMALLEST_SINGLE
+    scaled = scale * largest
+    of_scaling = rounding.unit * scaled + rounding.smallest
+    adapted = scaled + of_scaling + bias
+    of_bias = rounding.unit * adapted + rounding.smallest
+    own_error = np.abs(layer.scale) * local + changed_scale * largest + of_scaling + of_bias + changed_bias
+    return LayerSums(own_error, np.maximum(largest, adapted + of_bias))
+
+
+def sums_of_values(layer: Layer, largest: Array, arithmetic: Arithmetic) -> LayerSums:
+    """Sums of a layer that reads values of at most the magnitudes `largest` [..., inputs]."""
+    changed = np.abs(layer.weight - layer.stored_weight) + SMALLEST_SINGLE
+    products, storage = largest @ np.abs(layer.stored_weight).T, largest @ changed.T
+    return layer_sums(layer, products, storage, layer.weight.shape[1], arithmetic)
+
+
+@dataclass(frozen=True, eq=False)
+class Hidden:
+    """Hidden values after LeakyReLU."""
+
+    low: Array
+    high: Array
+    slope_low: Array
+    """[neurons] smallest slope that an error in the sum can meet on its way out: 1 or the leaky slope."""
+    slope_high: Array
+    rounding: Array
+    """[neurons] what the activation itself adds to the error."""
+    largest: Array
+    """[neurons] largest magnitude of the computed value."""
+
+    @property
+    def slope(self) -> Array:
+        """[neurons] slope that an error meets, up to `slope_doubt`."""
+        return (self.slope_low + self.slope_high) / 2.0
+
+    @property
+    def slope_doubt(self) -> Array:
+        """[neurons] half the range of slopes."""
+        return (self.slope_high - self.slope_low) / 2.0
+
+
+def _leaky(values: Array, slope: float) -> Array:
+    return np.where(values > 0.0, values, slope * values)
+
+
+def hidden_values(low: Array, high: Array, error: Array, slope: float, arithmetic: Arithmetic) -> Hidden:
+    """The activation of sums in [`low`, `high`] that are off by at most `error`."""
+    rounding = arithmetic.sums
+    kept = float(np.float16(slope)) if rounding is HALF else float(np.float32(slope))
+    below = np.maximum(error - low, 0.0)
+    of_slope = below * (abs(kept - slope) + rounding.unit * kept) + rounding.smallest
+    ends = np.stack([_leaky(low - error, slope), _leaky(high + error, slope)])
+    largest = np.abs(ends).max(axis=0) + of_slope
+    # Sums that are halves already are not rounded again.
+    of_factor = HALF.unit * largest + HALF.smallest if arithmetic.factors_are_half and rounding is not HALF else 0.0
+    return Hidden(
+        _leaky(low, slope),
+        _leaky(high, slope),
+        np.where(low - error >= 0.0, 1.0, slope),
+        np.where(high + error <= 0.0, slope, 1.0),
+        of_slope + of_factor,
+        largest + of_factor,
+    )
+
+
+def effective_weight(layer: Layer) -> Array:
+    """[outputs, inputs] exact weights, scales multiplied in."""
+    return layer.weight if layer.scale is None else layer.scale[:, None] * layer.weight
+
+
 OWN_ROUNDING = 1.0 + 1e-9
 """Factor for the roundings of these float64 sums themselves."""
 
@@ -147,3 +304,56 @@ def texture_bounds(pack: Pack, precision: Precision, rescale: bool = True) -> li
 def pack_bounds(pack: Pack) -> dict[Precision, ErrorBound]:
     """The worst of all textures of `pack`, by precision."""
     return {precision: worst_of(texture_bounds(pack, precision)) for precision in get_args(Precision)}
+
+
+def _running(layers: list[Layer], inputs: Array, error: Array, slope: float, arithmetic: Arithmetic) -> Array:
+    """[N, outputs] bounds for exact `inputs` [N, decoder_inputs] that are read with at most `error` [decoder_inputs]."""
+    first, second, third = layers
+    weight_1, weight_2 = effective_weight(first), effective_weight(second)
+    read = np.broadcast_to(error, inputs.shape)
+    if arithmetic.factors_are_half:
+        read = read + HALF.unit * (np.abs(inputs) + read) + HALF.smallest
+    magnitude = np.abs(inputs) + read
+    sums_1 = sums_of_values(first, magnitude, arithmetic)
+    exact = inputs @ weight_1.T + first.bias
+    error_1 = read @ np.abs(weight_1).T + sums_1.local
+    hidden_1 = hidden_values(exact, exact, error_1, slope, arithmetic)
+    sums_2 = sums_of_values(second, hidden_1.largest, arithmetic)
+    exact = hidden_1.low @ weight_2.T + second.bias
+    error_2 = (hidden_1.slope_high * error_1 + hidden_1.rounding) @ np.abs(weight_2).T + sums_2.local
+    hidden_2 = hidden_values(exact, exact, error_2, slope, arithmetic)
+    sums_3 = sums_of_values(third, hidden_2.largest, arithmetic)
+    # Where a sum is so near 0 that its sign may differ, the slope is known up to `doubt` only.
+    slope_1, doubt_1 = hidden_1.slope, hidden_1.slope_doubt
+    slope_2, doubt_2 = hidden_2.slope, hidden_2.slope_doubt
+    own_1 = slope_1 * sums_1.local + doubt_1 * error_1 + hidden_1.rounding
+    own_2 = slope_2 * sums_2.local + doubt_2 * error_2 + hidden_2.rounding
+    result = sums_3.local + own_2 @ np.abs(third.weight).T
+    for output, weight_3 in enumerate(third.weight):
+        reach_1 = (slope_2 * weight_3) @ weight_2
+        reach_0 = (slope_1 * reach_1) @ weight_1
+        result[:, output] += np.einsum("ni,ni->n", np.abs(reach_0), read)
+        result[:, output] += np.einsum("ni,ni->n", np.abs(reach_1), own_1)
+    limit = LARGEST_HALF if arithmetic.factors_are_half else LARGEST_SINGLE
+    largest = np.max([sums.largest.max(axis=1) for sums in (sums_1, sums_2, sums_3)], axis=0)
+    fits = (largest <= limit) & (magnitude.max(axis=1) <= limit)
+    return np.where(fits[:, None] & (result < 1.0), result * OWN_ROUNDING, 1.0)
+
+
+def running_bounds(
+    stored: Pack, texture_index: int, uv: Array, lod: Array, precision: Precision, lod_error: float = 0.0
+) -> Array:
+    """[N, channels] largest differences from the exact decode at `uv` [N, 2] and `lod` [N], where both are fp32 numbers.
+
+    `stored` is what `ntc.codec.grid.accuracy.rescale.stored_pack` gave; a decoder may read a `lod` that is off by `lod_error`.
+    1 where numbers may overflow.
+    """
+    texture = grid_parts(stored).textures[texture_index]
+    arithmetic = ARITHMETIC[precision]
+    layers = decoder_layers(grid_parts(stored).decoders[texture.group], texture.adapter, arithmetic)
+    inputs = decoder_inputs(stored, texture, uv, lod, texture.wrap)
+    error = input_bounds(texture, grid_parts(stored).config, lod_error).error
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _running(layers, inputs, error, grid_parts(stored).config.leaky_slope, arithmetic)[
+            :, texture.places(stored.config)
+        ]

@@ -10,16 +10,12 @@ import torch
 from torch import Tensor
 
 from ntc.codec.encoding import Interruption, no_interruption
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import Adapter, GridDecoder, GridTexture
-from ntc.codec.grid.quantize import QuantizedLatents, quantize_latents
-from ntc.codec.grid.stacks import AdapterStack, DecoderStack
-from ntc.codec.grid.training.config import TrainingConfig
-from ntc.codec.grid.training.data import Samples, TrainingData
-from ntc.codec.grid.training.latents import LatentTable, image_latents, random_latents
-from ntc.codec.grid.training.loss import squared_error
-from ntc.codec.grid.training.optimizers import optimizer_parts
-from ntc.codec.grid.training.schedule import freezing_scale, rate_scale
+from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, GridTexture
+from ntc.codec.grid.tensors import QuantizedLatents, quantize_latents
+from ntc.codec.grid.torch_twin import AdapterStack, DecoderStack
+from ntc.codec.grid.training.config import TrainingConfig, freezing_scale, rate_scale
+from ntc.codec.grid.training.data import LatentTable, Samples, TrainingData, image_latents, random_latents
+from ntc.codec.grid.training.optimizers import optimizer_parts, squared_error
 from ntc.codec.textures import SourceTexture
 from ntc.errors import NotFiniteError
 

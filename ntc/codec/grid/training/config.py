@@ -1,10 +1,11 @@
-"""The settings of training, and the recipes."""
+"""The settings of training, the recipes, and learning rates over a training."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
 from ntc.codec.encoding import EncodingChoices, EncodingOptions, RecipeName
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import BASE_ALONE, MapName
 
 
@@ -41,7 +42,7 @@ class TrainingConfig(EncodingOptions):
     latent_start: Literal["chance", "image"] = "image"
     """Where latents start: at random numbers (`chance`), or at a small copy of the texture (`image`)."""
     schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
-    """How the learning rates change over the training (`ntc.codec.grid.training.schedule.rate_scale`)."""
+    """How the learning rates change over the training (`ntc.codec.grid.training.config.rate_scale`)."""
     latent_clip: float | None = 2.5
     """Latents of 4 bits are kept within so many standard deviations of their mean, texture by texture and channel by channel,
     so that the steps of rounding are not spent on a few outliers. None: as they are."""
@@ -122,3 +123,33 @@ def recipe_codec(
         adapters=True,
         adapter_output=True,
     )
+
+
+def freezing_scale(progress: float, freezing: FreezingConfig | None) -> float:
+    """Scale of the decoder's updates (paper, Sec. 3): 1 before e_s, then 0.5 (1 + cos(pi p)), 0 after e_s + T."""
+    if freezing is None:
+        return 1.0
+    if freezing.duration <= 0.0:
+        return 1.0 if progress < freezing.start else 0.0
+    share = min(max((progress - freezing.start) / freezing.duration, 0.0), 1.0)
+    return 0.5 * (1.0 + math.cos(math.pi * share))
+
+
+FIRST_STEP = 1e-3
+"""Added to the progress of a rising rate, so that the first step is one."""
+WARM_UP = 1 / 30
+"""Share of the training in which the rates of a trapezoid rise."""
+FALL_FROM = 0.6
+"""Share of the training after which they fall."""
+
+
+def rate_scale(progress: float, training: TrainingConfig) -> float:
+    """Scale of all learning rates: 1 for constant, half a cosine from 1 to 0 for cosine; for trapezoid a straight line up to 1,
+    then 1, then a straight line down to 0.
+    """
+    share = min(max(progress, 0.0), 1.0)
+    if training.schedule == "constant":
+        return 1.0
+    if training.schedule == "cosine":
+        return 0.5 * (1.0 + math.cos(math.pi * share))
+    return max(0.0, min(1.0, (share + FIRST_STEP) / WARM_UP, (1.0 - share) / (1.0 - FALL_FROM)))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.latents import latent_cell_count, latent_levels
 
 SIZES = [(1024, 1024), (1024, 256), (17, 33), (200, 3), (1, 1), (2, 5000), (16, 16), (20, 20)]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.color import srgb_to_linear
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain

@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.model import GridConfig, grid_parts
 from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import expected_tensors, read_pack, write_pack

@@ -5,9 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import grid_parts
-from ntc.codec.grid.start import grey_pack
+from ntc.codec.grid.model import GridConfig, grid_parts
+from ntc.codec.grid.tensors import grey_pack
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image

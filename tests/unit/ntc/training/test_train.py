@@ -12,9 +12,8 @@ import torch
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace, WrapMode
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import grid_parts
-from ntc.codec.grid.stacks import AdapterStack, DecoderStack
+from ntc.codec.grid.model import GridConfig, grid_parts
+from ntc.codec.grid.torch_twin import AdapterStack, DecoderStack
 from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, recipe_codec, recipe_config
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping
 from ntc.errors import InputError, TrainingCancelledError

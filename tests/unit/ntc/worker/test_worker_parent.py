@@ -25,7 +25,7 @@ def test_nothing_is_left_of_a_program_that_ends_or_is_killed(tmp_path: Path, clo
         f"""
 import sys, time
 import numpy as np
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.codec.grid.training.config import TrainingConfig

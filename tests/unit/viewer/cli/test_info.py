@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.pack.file import read_pack, write_pack
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from viewer import cli

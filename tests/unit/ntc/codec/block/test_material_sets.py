@@ -18,7 +18,7 @@ from ntc.codec.block.tensors import read_texture, texture_tensors
 from ntc.codec.block.torch_twin import TorchBlock
 from ntc.codec.codec import texture_fields
 from ntc.codec.encoding import texture_set
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import (
     BASE_ALONE,
     EQUAL_WEIGHTS,

@@ -14,7 +14,7 @@ from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, un
 from ntc.codec.checks import check_textures
 from ntc.codec.config import GroupingConfig
 from ntc.codec.encoding import texture_set
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 
 
 @pytest.mark.parametrize(

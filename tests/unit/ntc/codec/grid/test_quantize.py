@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from ntc.codec.grid.quantize import packed_cells, quantize_latents, unpacked_cells
+from ntc.codec.grid.tensors import packed_cells, quantize_latents, unpacked_cells
 
 
 @pytest.mark.parametrize("largest", [15, 255])

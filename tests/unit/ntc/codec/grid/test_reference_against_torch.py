@@ -8,8 +8,7 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import WrapMode
-from ntc.codec.grid.config import LOD_INPUT_SCALE, GridConfig
-from ntc.codec.grid.model import grid_parts
+from ntc.codec.grid.model import LOD_INPUT_SCALE, GridConfig, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels

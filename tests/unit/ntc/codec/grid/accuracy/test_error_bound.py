@@ -8,13 +8,16 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import Precision
-from ntc.codec.grid.accuracy.error_bound import pack_bounds, texture_bounds
-from ntc.codec.grid.accuracy.half_reference import decode_texels_in_half
-from ntc.codec.grid.accuracy.precision_choice import HALF_STEP, chosen_precision, measured_error, sampled_bound
+from ntc.codec.grid.accuracy.error_bound import pack_bounds, running_bounds, texture_bounds
+from ntc.codec.grid.accuracy.precision_choice import (
+    HALF_STEP,
+    chosen_precision,
+    decode_texels_in_half,
+    measured_error,
+    sampled_bound,
+)
 from ntc.codec.grid.accuracy.rescale import Exponents, exponents, rescaled_pack, stored_pack
-from ntc.codec.grid.accuracy.running_error import running_bounds
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.model import GridDecoder, grid_parts
+from ntc.codec.grid.model import GridConfig, GridDecoder, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack

@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.stacks import AdapterStack, DecoderStack
-from ntc.codec.grid.training import loss as decoder_loss
-from ntc.codec.grid.training.loss import squared_error
+from ntc.codec.grid.model import GridConfig
+from ntc.codec.grid.torch_twin import AdapterStack, DecoderStack
+from ntc.codec.grid.training import optimizers as decoder_loss
+from ntc.codec.grid.training.optimizers import squared_error
 
 CONFIG = GridConfig(hidden_width=16, adapters=True, adapter_output=True)
 

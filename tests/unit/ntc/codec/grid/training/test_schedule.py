@@ -4,8 +4,7 @@ import math
 
 import pytest
 
-from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, recipe_config
-from ntc.codec.grid.training.schedule import freezing_scale, rate_scale
+from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, freezing_scale, rate_scale, recipe_config
 
 
 def test_freezing_follows_the_paper() -> None:

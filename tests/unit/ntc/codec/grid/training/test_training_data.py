@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from ntc.codec.color import linear_to_srgb, srgb_to_linear
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.torch_inputs import codec_features
+from ntc.codec.grid.model import GridConfig
+from ntc.codec.grid.torch_twin import codec_features
 from ntc.codec.grid.training.data import TrainingData
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain

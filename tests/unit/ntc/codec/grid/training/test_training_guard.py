@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training import batch as training_batch
 from ntc.codec.grid.training.config import TrainingConfig
-from ntc.codec.grid.training.loss import squared_error
+from ntc.codec.grid.training.optimizers import squared_error
 from ntc.codec.model import Grouping
 from ntc.errors import TrainingFailedError
 from ntc.training.encode import encode_textures

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import torch
 
-from ntc.codec.grid.config import GridConfig
-from ntc.codec.grid.training.latents import IMAGE_DEVIATION, LATENT_SPREAD, image_latents, random_latents
+from ntc.codec.grid.model import GridConfig
+from ntc.codec.grid.training.data import IMAGE_DEVIATION, LATENT_SPREAD, image_latents, random_latents
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.textures import SourceTexture
 
