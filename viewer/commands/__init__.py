@@ -40,7 +40,7 @@ _MODULES = (
 )
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.menu is not None)
-"""What has a text form: in menus, the palette, scripts and tables. The others are gestures of mouse and widgets."""
+"""Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have none."""
 _BY_ID = {command.id: command for command in _ALL}
 PICTURE_HINTS = (
     ("left drag", "orbit, or look round when flying"),
@@ -56,11 +56,11 @@ PICTURE_HINTS = (
     ("Shift + left drag", "move the sun, in the lit view"),
     ("drop a file", "open a .gltf, .glb or .ntc, or light the scene by an .hdr or .exr"),
 )
-"""What the mouse does, for the help."""
+"""(gesture, effect) of the mouse over the picture, for the sheet of keys."""
 
 
 def find_command(command_id: str) -> Command:
-    """The command with this id and a text form. Raises InputError that names the nearest ones."""
+    """Return the command with this id. Raises InputError that names similar ids."""
     for command in COMMANDS:
         if command.id == command_id:
             return command
@@ -70,9 +70,9 @@ def find_command(command_id: str) -> Command:
 
 
 def run(context: Context, command_id: str, *values: Any) -> None:
-    """Run a command with typed values, and have its effect carried out; parameters that are left out take their defaults.
+    """Run a command with typed values and carry out its effect. Missing values take their defaults.
 
-    Raises InputError for values that do not fit, and where files fail.
+    Raises InputError for wrong values, and where a file cannot be read or written.
     """
     command, session, training = _BY_ID[command_id], context.session, context.training
     before = present_state(session, training)
@@ -88,12 +88,12 @@ def run(context: Context, command_id: str, *values: Any) -> None:
 
 
 def why_not(context: Context, command_id: str) -> str:
-    """Why a command cannot run now, in a line; "" where it can."""
+    """Return in a line why a command cannot run now; "" where it can."""
     return _BY_ID[command_id].why_not(context)
 
 
 def run_or_notify(context: Context, command_id: str, *values: Any) -> None:
-    """Run a command with typed values; what keeps it from being carried out becomes a message."""
+    """Run a command with typed values; an error becomes a message."""
     try:
         run(context, command_id, *values)
     except InputError as error:
@@ -101,37 +101,37 @@ def run_or_notify(context: Context, command_id: str, *values: Any) -> None:
 
 
 def run_line(context: Context, line: str) -> None:
-    """Run a command as it is typed; nothing for an empty line or a comment. Raises InputError."""
+    """Run a typed command; an empty line or a comment does nothing. Raises InputError."""
     parts = words(line)
     if parts:
         run(context, parts[0], *find_command(parts[0]).parse(parts[1:]))
 
 
 def bindings(keys: Mapping[str, str]) -> Bindings:
-    """Which key runs which command, with the user's `keys` (command id: key) in the place of the commands' own."""
+    """Return the keys of all commands; the user's `keys` (command id: key) replace the default ones."""
     return _bindings(tuple(sorted(keys.items())))
 
 
 @lru_cache(maxsize=8)
 def _bindings(keys: tuple[tuple[str, str], ...]) -> Bindings:
-    """Asked for in every frame, and the same until the settings change."""
+    """Bind the keys once for each state of the settings: every frame asks for them."""
     return bind_keys(COMMANDS, dict(keys))
 
 
 def key_table(bound: Bindings) -> tuple[tuple[str, str], ...]:
-    """(key, what it does) of everything that has a key or is done with the mouse, keys first."""
+    """Return (key, effect) of all keys and mouse gestures, keys first."""
     keys = tuple((bound.text(command.id), command.help) for command in COMMANDS if bound.text(command.id))
     return ((HOLD_KEY, "hold: show the other slot"), *keys, ("1 to 9", "go to a camera of the scene"), *PICTURE_HINTS)
 
 
 def key_table_markdown() -> str:
-    """The key table of README."""
+    """Return the table of keys and mouse gestures for the documentation."""
     rows = [f"| {key} | {description} |" for key, description in key_table(bindings({}))]
     return "\n".join(["| key or mouse | what it does |", "|---|---|", *rows])
 
 
 def command_table_markdown() -> str:
-    """The table of commands of docs/reference/commands.md."""
+    """Return the table of commands for docs/reference/commands.md."""
     bound = bindings({})
     rows = [f"| `{c.usage}` | {c.help} | {_parameters(c)} | {bound.text(c.id)} |" for c in COMMANDS]
     return "\n".join(["| command | what it does | parameters | key |", "|---|---|---|---|", *rows])

@@ -27,7 +27,7 @@ FIELD_OF_VIEW = Arg(
 
 
 def place_camera(session: Session, camera: Camera) -> None:
-    """Look from `camera`; what moved it before ends."""
+    """Place the camera, and end any motion."""
     session.navigation.motion = None
     session.view = replace(session.view, camera=camera)
 
@@ -76,7 +76,7 @@ def go(session: Session, name: Annotated[str, Arg("camera of the scene", _camera
 
 
 def _place(which: Literal["eye", "target"], axis: int) -> Arg:
-    """A coordinate; the present one is suggested."""
+    """Return the description of a coordinate; the palette suggests the present value."""
     what = "eye, where the camera is" if which == "eye" else "target, what it looks at"
     return Arg(
         f"{what}; scene units, Y up", suggestion=lambda session: f"{getattr(session.view.camera, which)[axis]:.6g}"

@@ -1,4 +1,4 @@
-"""What a command is. Its parameters are declared once, by the types of a function, for scripts, widgets, help and tables."""
+"""Commands and their parameters. The types of a function declare them once, for scripts, widgets, help and tables."""
 
 import inspect
 import shlex
@@ -22,7 +22,7 @@ REQUIRED: Any = inspect.Parameter.empty
 
 
 class Context:
-    """What commands change, and what they use for it."""
+    """The state that commands change, and the services that they use."""
 
     def __init__(
         self,
@@ -31,35 +31,35 @@ class Context:
         write_clipboard: Callable[[str], object] = len,
         kept: KeptRuns | None = None,
     ) -> None:
-        """Without a clipboard, an empty one is read and what is written is lost; without `kept`, so are undecided runs."""
+        """Make a context. Without clipboard functions copied text is lost, without `kept` undecided runs are."""
         self.session, self.training = session, LiveTraining(partial(apply_event, session), kept)
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
         self.history = History()
         self.perform: Callable[[Effect], object] = lambda _effect: None
-        """Carries out what commands return. Raises InputError. Without a window nothing does."""
+        """Function that carries out an effect; without a window it does nothing. Raises InputError."""
 
 
 @dataclass(frozen=True)
 class Arg:
-    """How a parameter of a command is described and checked, as `Annotated[type, Arg(...)]`."""
+    """Description and limits of a command's parameter, written as `Annotated[type, Arg(...)]`."""
 
     help: str = ""
     choices: Callable[[Session], tuple[str, ...]] | None = None
-    """What it can be now, where that depends on what is open; a Literal declares choices that are always the same."""
+    """Function that lists the choices, where they depend on what is open. A Literal declares choices that never change."""
     minimum: float | None = None
     maximum: float | None = None
-    """Both or neither; a value beyond them is an error."""
+    """Range of a number, `minimum` to `maximum`: both or neither is given. A value outside is an error."""
     clamp: bool = False
-    """Take the nearer of minimum and maximum in place of a value beyond them."""
+    """Replace a value outside the range by the nearer end, instead of refusing it."""
     suggestion: Callable[[Session], str] | None = None
-    """What the palette has in its field to begin with; None: nothing."""
+    """Function that gives the text with which the palette's field begins; None leaves it empty."""
     refuses: Callable[[Session, str], str] | None = None
-    """Why a choice, as it is typed, cannot be taken now; "" where it can. Menus, lists and palette show such a choice in grey, with
-    the reason; a script gets it as the error."""
+    """Function that says why a typed choice cannot be taken now, "" where it can. Menus, lists and palette grey the choice out
+    and show the reason; a script gets the reason as its error."""
 
 
 def typed_path(text: str) -> Path:
-    """A path as it is typed, with ~. Raises InputError for what no file can be called."""
+    """Return a typed path with `~` expanded. Raises InputError for names that no file can have."""
     try:
         if "\0" in text:
             raise InputError(f"{text!r}: is no name of a file")
@@ -70,34 +70,34 @@ def typed_path(text: str) -> Path:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One argument of a command."""
+    """Argument of a command."""
 
     name: str
     type: Any
-    """str, Path, float, int, bool (written as `on` and `off`) or a Literal; any other for commands without a text form."""
+    """Type of the value: str, Path, float, int, bool (typed as `on` or `off`) or a Literal; any type for gestures."""
     arg: Arg
     default: Any = REQUIRED
 
     @property
     def help(self) -> str:
-        """What it is, in a few words."""
+        """Description of the parameter in a few words."""
         return self.arg.help
 
     @property
     def fixed(self) -> dict[str, Any]:
-        """Values by their text, where they do not depend on what is open; else empty."""
+        """Values by their text, for a bool or a Literal; empty for other types."""
         if self.type is bool:
             return SWITCH
         return {str(value): value for value in get_args(self.type)} if get_origin(self.type) is Literal else {}
 
     @property
     def is_choice(self) -> bool:
-        """Whether it is one of a list."""
+        """True where the value is one of a list."""
         return self.arg.choices is not None or bool(self.fixed)
 
     @property
     def default_text(self) -> str | None:
-        """The default as it is typed; None where it must be given."""
+        """Default value as it is typed; None where a value must be given."""
         if self.default is REQUIRED:
             return None
         if isinstance(self.default, bool):
@@ -107,7 +107,7 @@ class Parameter:
         return "" if self.default == Path() else str(self.default)
 
     def options(self, session: Session) -> tuple[str, ...]:
-        """The texts that it can be now; empty unless it is a choice."""
+        """Return the choices as texts; empty where the parameter is not a choice."""
         return self.arg.choices(session) if self.arg.choices is not None else tuple(self.fixed)
 
     def refusal(self, session: Session, text: str) -> str:
@@ -115,7 +115,7 @@ class Parameter:
         return self.arg.refuses(session, text) if self.arg.refuses is not None else ""
 
     def parse(self, text: str) -> Any:
-        """The value of `text`. Raises InputError where it is wrong whatever is open."""
+        """Parse a typed text. Raises InputError for texts that are wrong whatever is open."""
         if self.fixed:
             if text not in self.fixed:
                 raise InputError(f"{self.name} {text!r}: must be one of {', '.join(self.fixed)}")
@@ -133,10 +133,10 @@ class Parameter:
         return number
 
     def checked(self, value: Any, session: Session) -> Any:
-        """`value`, or what is taken in its place. Raises InputError where it cannot be now."""
+        """Return `value`, clamped where the parameter says so. Raises InputError for a value that cannot be taken now."""
         if self.is_choice:
             options = self.options(session) if self.arg.choices is not None else tuple(self.fixed.values())
-            # Nothing stands for what the command takes by itself, where that may be left out.
+            # An empty text stands for the default of the command.
             if value not in options and not value == self.default == "":
                 raise InputError(
                     f"{self.name} {value!r}: must be one of {', '.join(map(str, options)) or 'nothing yet'}"
@@ -162,51 +162,51 @@ class Command:
     """Something the user can do. One definition feeds menus, keys, the palette, the help, scripts and README's table."""
 
     id: str
-    """How scripts call it: `noun.verb`, lower case."""
+    """Name of the command in scripts: `noun.verb`, lower case."""
     title: str
-    """A few words, for menus and the palette."""
+    """Title in menus and the palette: a few words."""
     help: str
-    """One line."""
+    """Description of the command in one line, lower case, without a full stop."""
     menu: Menu | None
-    """None: a gesture of the mouse or a widget, which menus, palette, scripts and tables do not show."""
+    """Menu that shows the command. None for a gesture of mouse or widgets, which has no text form."""
     function: Callable[..., Effect | None]
-    """Takes a Session, or a Context where it needs more than that, and the values of the parameters. Returns what is to be done
-    outside the session. Raises InputError."""
+    """Function that carries the command out. It takes a Session or a Context, and the values of the parameters. It returns the
+    effect outside the session, None without one. Raises InputError."""
     parameters: tuple[Parameter, ...]
     key: str = ""
-    """Default key as `viewer.commands.keys` spells it; "" for none. Only for commands that need no arguments."""
+    """Default key as `viewer.commands.keys` spells it; "" for none."""
     second_key: str = ""
-    """Another one."""
+    """Second default key; "" for none."""
     unavailable: Callable[[Context], str] | None = None
-    """Why it cannot run now, in a line; "" where it can. Menus, palette and buttons are grey then, with the reason as a tooltip; a
-    script gets it as the error."""
+    """Function that says in a line why the command cannot run now, "" where it can. Menus, palette and buttons are grey then, with
+    the reason as tooltip; a script gets the reason as its error."""
     current: Callable[..., str | None] | None = None
-    """What is chosen now, as it is typed: takes the session and the texts of all parameters but the last. `on` and `off` for a command
-    without parameters that switches something. Menus tick it."""
+    """Function that returns the present choice as it is typed; menus tick it. It takes the session and the texts of all parameters
+    but the last. A command without parameters that switches something returns `on` or `off`."""
 
     @property
     def usage(self) -> str:
-        """The command as it is typed."""
+        """Command line with the names of the parameters, optional ones in brackets."""
         parts = [p.name if p.default is REQUIRED else f"[{p.name}]" for p in self.parameters]
         return " ".join([self.id, *(part.upper() for part in parts)])
 
     @property
     def needs_arguments(self) -> bool:
-        """Whether a parameter has no default."""
+        """True where a parameter has no default."""
         return any(parameter.default is REQUIRED for parameter in self.parameters)
 
     @property
     def is_switch(self) -> bool:
-        """Whether it switches something on and off, and tells which of them is so now."""
+        """True for a command that switches something on and off and tells its state."""
         own = not self.parameters or (len(self.parameters) == 1 and self.parameters[0].type is bool)
         return own and self.current is not None
 
     def is_on(self, session: Session) -> bool:
-        """Of a switch: whether what it switches is on."""
+        """Return True where a switch is on now."""
         return self.current is not None and self.current(session) == "on"
 
     def why_not(self, context: Context) -> str:
-        """Why it cannot run now; "" where it can."""
+        """Return why the command cannot run now; "" where it can."""
         return self.unavailable(context) if self.unavailable is not None else ""
 
     @cached_property
@@ -214,12 +214,12 @@ class Command:
         return "context" in inspect.signature(self.function).parameters
 
     def parse(self, texts: Sequence[str]) -> tuple[Any, ...]:
-        """Values from texts. Raises InputError where they are wrong whatever is open."""
+        """Parse typed arguments. Raises InputError for arguments that are wrong whatever is open."""
         self._require_all(len(texts))
         return tuple(self._each(lambda parameter, text: parameter.parse(text), texts))
 
     def run(self, context: Context, values: Sequence[Any]) -> Effect | None:
-        """Check the values, and change the session; what is to be done outside it. Raises InputError."""
+        """Check the values, change the session, and return the effect outside it. Raises InputError."""
         self._require_all(len(values))
         if reason := self.why_not(context):
             raise InputError(f"{self.id}: {reason}")
@@ -252,19 +252,19 @@ def command(
     unavailable: Callable[[Context], str] | None = None,
     current: Callable[..., str | None] | None = None,
 ) -> Callable[[Callable[..., Effect | None]], Command]:
-    """Make a command of a function: its parameters after the first are the command's. The rest as `Command` says."""
+    """Return a decorator that makes a `Command` of a function; the parameters after its first are the command's."""
     return lambda function: Command(
         command_id, title, help_line, menu, function, _parameters(function), key, second_key, unavailable, current
     )
 
 
 def switch(is_on: Callable[[Session], bool]) -> Callable[[Session], str]:
-    """What is chosen now, for `current` of a command that switches something on and off."""
+    """Return a function for `Command.current` that tells the state of a switch as `on` or `off`."""
     return lambda session: "on" if is_on(session) else "off"
 
 
 def gesture(command_id: str, title: str = "") -> Callable[[Callable[..., Effect | None]], Command]:
-    """Make a command of a function that widgets and the mouse call, with values that have no text; `title` is what undo calls it."""
+    """Return a decorator for commands of mouse and widgets, whose values have no text; undo shows `title`."""
     return lambda function: Command(command_id, title, "", None, function, _parameters(function))
 
 
@@ -278,7 +278,7 @@ def _parameters(function: Callable[..., Effect | None]) -> tuple[Parameter, ...]
 
 
 def words(line: str) -> list[str]:
-    """Words of a line, quoted as in a shell; none for an empty line or a comment. Raises InputError."""
+    """Split a line into words, quoted as in a shell; a comment has none. Raises InputError."""
     try:
         return shlex.split(line, comments=True)
     except ValueError as error:

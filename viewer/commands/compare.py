@@ -175,7 +175,7 @@ Source = Annotated[
 
 
 def show_source(session: Session, side: Side, source: str) -> None:
-    """Show `source` in a slot; a block format when its textures have been encoded, which is asked for here."""
+    """Show `source` in a slot. A block format is shown when its textures have been encoded, which begins now."""
     others = {other: name for other, name in session.awaited_formats.items() if other != side}
     block_format = named_format(source)
     if block_format is None or block_format in session.compressed:
@@ -187,7 +187,7 @@ def show_source(session: Session, side: Side, source: str) -> None:
 
 @gesture("slot.leave-format")
 def leave_formats(session: Session) -> None:
-    """Slots that wait for a block format keep what they show."""
+    """Cancel the encoding of block formats; slots keep what they show."""
     session.awaited_formats = {}
 
 

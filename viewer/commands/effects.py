@@ -1,4 +1,4 @@
-"""What a command asks to be done outside the session. `viewer/app/effects.py` does each at its point of a frame."""
+"""Effects of commands outside the session. `viewer/app/effects.py` carries each out at its point of a frame."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ class RunCommand:
     command_id: str
     values: tuple[Any, ...] = ()
     announced: str = ""
-    """What a frame says before it is run, for a command that holds up the window; "" to run it at once."""
+    """Text that a frame shows before a slow command runs; "" runs the command at once."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class OpenScene:
 
     path: Path
     decision: Decision | None = None
-    """What becomes of the runs of the scene before; None where nobody was asked."""
+    """Decision about the undecided runs of the scene before; None where the user was not asked."""
     then: RunCommand | None = None
-    """What is run when the scene is open."""
+    """Command to run when the scene is open."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class WriteText:
     path: Path
     text: str
     message: str
-    """What is shown once it is written."""
+    """Message to show when the file is written."""
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,11 @@ class TakePicture:
     """Write the next whole picture as a PNG."""
 
     kind: PictureKind = "window"
-    """The window's content, or the picture alone: as shown, of one side, of both with the divider, without overlay."""
+    """Content of the picture: the whole window, or only the picture (`PictureAlone`)."""
     file: Path | None = None
-    """Relative to the folder of pictures; None: a name with the time in it."""
+    """File to write, relative to the folder of pictures; None makes a name from scene and time."""
     quiet: bool = False
-    """Show no message when it has been written: it would be in the next picture."""
+    """Write without a message, which the next picture would show."""
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class TakeFilm:
     """Film the window's content from now on."""
 
     file: Path | None
-    """Relative to the folder of pictures; None ends the film and writes it."""
+    """File to write, relative to the folder of pictures; None ends the film and writes it."""
 
 
 @dataclass(frozen=True)

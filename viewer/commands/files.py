@@ -46,7 +46,7 @@ def open_any(context: Context, file: OpenedFile = Path()) -> Effect | None:
 
 @gesture("file.open-now", "Open...")
 def open_now(session: Session, file: Path) -> None:
-    """Open what is added to the open scene: a pack, a library or a panorama."""
+    """Open a pack, a library or a panorama for the open scene."""
     if file.suffix.lower() in PANORAMA_SUFFIXES:
         use_environment(session, file)
         session.view = replace(session.view, material_view="lit")

@@ -1,4 +1,4 @@
-"""What commands have changed of the view, the settings and the panels, so that it can be undone and done again."""
+"""Undo and redo: the changes that commands have made to the view, the settings and the panels."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
@@ -12,13 +12,13 @@ from viewer.state.view_state import Slot
 from viewer.training.live_training import LiveTraining
 
 SECONDS_TOGETHER = 1.0
-"""The same command again within this time, as by a drag, is undone together with the one before."""
+"""Time within which repetitions of one command, as by a drag, count as one change."""
 MOST_CHANGES = 200
 NOT_UNDONE = (
     "view.size",
     *(f"settings.{name}" for name in ("window_size", "column_folded", "keys", "first_steps", "recent_files")),
 )
-"""What follows the window, or only remembers what was done."""
+"""Fields that undo leaves alone: they follow the window, or only record history."""
 VALUES = ("view", "settings")
 """Attributes of the session whose fields are undone one by one."""
 NAMES = (
@@ -35,12 +35,12 @@ _read = attrgetter(*NAMES)
 
 
 def present_state(session: Session, training: LiveTraining) -> tuple[Any, ...]:
-    """References to all that can be undone, in the order of NAMES, and the discarded runs."""
+    """Return references to all values that can be undone, in the order of NAMES, and the discarded runs."""
     return (*_read(session), training.discarded)
 
 
 def _changed(before: tuple[Any, ...], after: tuple[Any, ...]) -> Iterator[tuple[str, Any, Any]]:
-    """(name, value before, value after) of what differs; only values that are other objects are compared."""
+    """Yield (name, value before, value after) of each difference; only different objects are compared."""
     for name, old, new in zip((*NAMES, DISCARDED), before, after, strict=True):
         if old is new:
             continue
@@ -54,14 +54,14 @@ def _changed(before: tuple[Any, ...], after: tuple[Any, ...]) -> Iterator[tuple[
 
 @dataclass(frozen=True)
 class Change:
-    """What one command, or the same one several times in a row, has changed."""
+    """Changes by one command, or by the same one several times in a row."""
 
     command_id: str
     title: str
     values: Mapping[str, tuple[Any, Any]]
-    """(value before, value after) of what differs, by name."""
+    """(value before, value after) by name."""
     when: float
-    """Monotonic seconds of the last of them."""
+    """Monotonic time of the last repetition, in seconds."""
 
 
 class History:
@@ -73,15 +73,15 @@ class History:
         self._scene: Scene | None = None
 
     def can_undo(self, session: Session) -> bool:
-        """Whether there is anything to undo."""
+        """Return True where there is a change to undo."""
         return bool(self._done) and self._scene is session.scene
 
     def can_redo(self, session: Session) -> bool:
-        """Whether something was undone, and nothing else done since."""
+        """Return True where a change was undone and nothing else was done since."""
         return bool(self._undone) and self._scene is session.scene
 
     def note(self, command_id: str, title: str, before: tuple[Any, ...], after: tuple[Any, ...], scene: Scene) -> None:
-        """Note that a command has changed `before` to `after` (`present_state`) in `scene`: the history of another begins anew."""
+        """Record that a command has changed `before` to `after` (`present_state`). Another `scene` begins an empty history."""
         if scene is not self._scene:
             self._done, self._undone, self._scene = (), (), scene
         values = {name: (old, new) for name, old, new in _changed(before, after) if old != new}
@@ -95,14 +95,14 @@ class History:
         self._done = (*self._done, Change(command_id, title, values, now))[-MOST_CHANGES:]
 
     def undo(self, session: Session, training: LiveTraining) -> str:
-        """Undo the last change; its title. There must be one."""
+        """Undo the last change, which must exist, and return its title."""
         change, self._done = self._done[-1], self._done[:-1]
         self._undone = (*self._undone, change)
         _restore(session, training, {name: (new, old) for name, (old, new) in change.values.items()})
         return change.title
 
     def redo(self, session: Session, training: LiveTraining) -> str:
-        """Do again what was undone last; its title. There must be something."""
+        """Redo the change that was undone last, which must exist, and return its title."""
         change, self._undone = self._undone[-1], self._undone[:-1]
         self._done = (*self._done, replace(change, when=0.0))
         _restore(session, training, change.values)
@@ -110,7 +110,7 @@ class History:
 
 
 def _restore(session: Session, training: LiveTraining, values: Mapping[str, tuple[Any, Any]]) -> None:
-    """Put the second of each of `values` in the place of the first."""
+    """Set each attribute in `values` (present value, wanted value) to the wanted value."""
     # First: slots can show the packs of these runs again then.
     present, wanted = values.get(DISCARDED, (frozenset(), frozenset()))
     for number in wanted ^ present:

@@ -117,7 +117,7 @@ def sort_errors(
 
 
 def _textures_of_decoder(session: Session, decoder: int) -> tuple[int, ...]:
-    """Ids of the textures that a decoder of the compared pack decodes."""
+    """Return the ids of the textures that a decoder of the compared pack decodes."""
     pack = session.packs.get(compared_source(session.view))
     if pack is None or decoder < 0:
         return ()
@@ -172,7 +172,7 @@ def _none_flat(context: Context) -> str:
 
 
 def _texture(session: Session, named: str) -> int:
-    """The texture id that a number, else a name, stands for. Raises InputError."""
+    """Return the texture id that a number or a name stands for. Raises InputError."""
     textures = session.scene.textures
     if named.isdecimal() and len(named) < 10 and int(named) < len(textures):
         return int(named)

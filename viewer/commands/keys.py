@@ -15,16 +15,16 @@ NAMED_KEYS = (
     *("Up", "Down", "Left", "Right"),
     *("/", ",", ".", ";", "'", "[", "]", "\\", "-", "=", "`"),
 )
-"""Every key that a chord can end with; letters stand for the key, whatever the case."""
+"""Names of all keys that a chord can end with; upper and lower case are the same key."""
 _BY_LOWER = {name.lower(): name for name in NAMED_KEYS}
 
 
 @dataclass(frozen=True)
 class Chord:
-    """A key, and the modifiers that are held with it: exactly these."""
+    """A key with exactly the modifiers that must be held."""
 
     key: str
-    """One of NAMED_KEYS."""
+    """Name of the key, one of NAMED_KEYS."""
     ctrl: bool = False
     shift: bool = False
     alt: bool = False
@@ -35,12 +35,12 @@ class Chord:
 
     @property
     def is_function_key(self) -> bool:
-        """Whether it types nothing, so that it also works while a field is active."""
+        """True for F1 to F12, which type nothing and so work while a text field is active."""
         return len(self.key) > 1 and self.key[0] == "F" and self.key[1:].isdigit()
 
 
 def parse_chord(text: str) -> Chord:
-    """The chord that `text` names; `?` stands for `Shift+/`. Raises InputError for an unknown key."""
+    """Parse a chord; `?` stands for `Shift+/`. Raises InputError for an unknown key."""
     *held, key = ("Shift+/" if text.strip() == "?" else text).split("+")
     modifiers = [part.strip().capitalize() for part in held]
     named = _BY_LOWER.get(key.strip().lower())
@@ -50,26 +50,26 @@ def parse_chord(text: str) -> Chord:
 
 
 HOLD_KEY = "Space"
-"""While held, the other slot is shown."""
+"""Key that shows the other slot while it is held."""
 RESERVED = {
     HOLD_KEY: "showing the other slot",
     **dict.fromkeys("WASDQE", "flying"),
     **dict.fromkeys("123456789", "cameras of the scene"),
 }
-"""Keys that are no commands', and what they do."""
+"""Keys that commands cannot have, and their use."""
 
 
 @dataclass(frozen=True)
 class Bindings:
-    """Keys of commands."""
+    """Keys of all commands."""
 
     chords: Mapping[str, tuple[Chord, ...]]
-    """Of each command that has any, by its id."""
+    """Chords by command id; commands without a key are absent."""
     problems: tuple[str, ...] = ()
-    """What of the user's keys was refused, one line each; the command keeps its own key there."""
+    """Reasons why keys of the user were refused, one line each; those commands keep their default keys."""
 
     def text(self, command_id: str) -> str:
-        """The keys of a command as they are shown; "" for none."""
+        """Return the keys of a command as text; "" for none."""
         return ", ".join(str(chord) for chord in self.chords.get(command_id, ()))
 
 
@@ -78,7 +78,7 @@ def _own_chords(command: Command) -> tuple[Chord, ...]:
 
 
 def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list[str]) -> dict[str, tuple[Chord, ...]]:
-    """The user's chords by command id, without those that cannot be read or have another use."""
+    """Return the user's chords by command id, without those that cannot be read or have another use."""
     ids = {command.id for command in commands}
     wanted: dict[str, tuple[Chord, ...]] = {}
     for command_id, text in keys.items():
@@ -101,10 +101,10 @@ def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list
 def _conflict(
     commands: Sequence[Command], wanted: Mapping[str, tuple[Chord, ...]]
 ) -> tuple[dict[str, tuple[Chord, ...]], tuple[str, str, Chord] | None]:
-    """All chords with the `wanted` ones in place, and the first conflict: (id that is refused, id that keeps the chord, chord)."""
+    """Return all chords with the `wanted` ones, and the first conflict as (refused id, id that keeps the chord, chord)."""
     chords: dict[str, tuple[Chord, ...]] = {}
     owners: dict[Chord, str] = {}
-    # Those that the user did not change first: they keep what is theirs.
+    # Commands that the user did not change come first: they keep their keys.
     for command in sorted(commands, key=lambda command: command.id in wanted):
         mine = wanted.get(command.id, _own_chords(command))
         for chord in mine:
@@ -118,9 +118,9 @@ def _conflict(
 
 
 def bind_keys(commands: Sequence[Command], keys: Mapping[str, str]) -> Bindings:
-    """The chords of all commands, those of `keys` (command id: key; "" for none) in the place of their own ones.
+    """Return the chords of all commands; `keys` (command id: key, "" for none) replace the default ones.
 
-    A key that two commands would have is refused, with a problem that names both; keys may be exchanged.
+    A key that two commands would share is refused, and the problem names both. Two commands may exchange their keys.
     """
     problems: list[str] = []
     wanted = _wanted(commands, keys, problems)

@@ -1,4 +1,4 @@
-"""Commands: questions and their answers; quitting, and opening another scene, which end what is trained; closing what is on top."""
+"""Commands: questions and answers, quitting and opening another scene while runs are undecided, and closing what is on top."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -16,9 +16,9 @@ KEEP, DISCARD = "Keep", "Discard"
 
 
 def asks_about_runs(context: Context, before: str, command_id: str, *values: Any) -> bool:
-    """Ask what becomes of runs that are not decided, or under way, where there are any; whether it was asked.
+    """Ask what to do with undecided and running trainings. Returns False where there are none, and asks nothing.
 
-    `before` says what is about to be done. The command is run with `values` and the decision once that is known.
+    `before` names what is about to happen. The command is run with `values` and the decision once the user has answered.
     """
     lines = _undecided(context.training)
     if not lines:
@@ -42,7 +42,7 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
 
 
 def _undecided(training: LiveTraining) -> tuple[str, ...]:
-    """One line for each run that leaving the scene would end or leave undecided."""
+    """Return one line for each run that leaving the scene would end or leave undecided."""
     lines = []
     for run in training.undecided_runs:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
@@ -54,7 +54,7 @@ def _undecided(training: LiveTraining) -> tuple[str, ...]:
 
 
 def ask(session: Session, question: Question) -> None:
-    """Show a question; whatever else asked for attention before is closed."""
+    """Show a question, and close the palette."""
     session.window.question, session.window.palette = question, None
 
 
@@ -104,11 +104,11 @@ LAYERS = {
     "window.show_first_steps": False,
     "inspection.flat_texture": None,
 }
-"""What lies over the picture and the panels, topmost first: where the session holds it, and its value while it is closed."""
+"""Windows over the picture, topmost first: the session's attribute that opens each, and its value while closed."""
 
 
 def _close(session: Session, layer: str) -> bool:
-    """Close one of LAYERS; whether it was open."""
+    """Close one of LAYERS, and return True where it was open."""
     group, _, name = layer.partition(".")
     is_open = bool(getattr(getattr(session, group), name) != LAYERS[layer])
     setattr(getattr(session, group), name, LAYERS[layer])

@@ -25,10 +25,10 @@ VIEWS: dict[MaterialView, str] = {
     "orm": "occlusion, roughness and metalness as red, green and blue",
     "emissive": "emitted light",
 }
-"""What each view shows, in a few words."""
+"""Description of each view in a few words."""
 
 OWN_MATERIALS = "default"
-"""Stands for the materials that primitives name themselves."""
+"""Name of the variant in which primitives have their own materials."""
 
 
 def _light(session: Session, **changes: Any) -> None:
@@ -93,7 +93,7 @@ def set_sun(
 
 @gesture("light.move-sun")
 def move_sun(session: Session, azimuth: float, elevation: float) -> None:
-    """Turn the sun by so many degrees."""
+    """Turn the sun by these angles, in degrees."""
     lighting = session.view.lighting
     low, high = ELEVATION_RANGE
     raised = min(max(lighting.sun_elevation + elevation, low), high)
@@ -133,7 +133,7 @@ def set_tone_map(
 
 
 def use_environment(session: Session, file: Path) -> None:
-    """Light the scene by the panorama in `file`. Raises InputError for whatever is wrong with it; the light stays as it is then."""
+    """Light the scene by the panorama in `file`. Raises InputError for a file that cannot be used; the light then stays."""
     path = session.file_to_read(file)
     load_panorama(path)
     # A panorama has lights of its own.

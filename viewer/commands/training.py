@@ -50,7 +50,7 @@ PackFile = Annotated[Path, Arg("a .ntc file; without one SCENE.GROUPING.ntc besi
 
 
 def _runs(context: Context) -> LiveTraining:
-    """The training, with the runs of the scene that is open now."""
+    """Return the training with the runs of the open scene."""
     context.training.enter(context.session.scene)
     return context.training
 
@@ -63,22 +63,22 @@ def _start(context: Context, job: TrainingJob) -> Effect:
     session = context.session
     name = base_pack_name(session.view, session.packs)
     context.training.start(job, session.scene, None if name is None else (name, session.packs[name]))
-    # It shows the progress.
+    # The panel shows the progress.
     return RaisePanel("Training")
 
 
 def _show_where(context: Context, pack: Pack, groups: Collection[int], textures: Collection[int] = ()) -> None:
-    """Point out, in the picture, the textures of `groups` of `pack`, and those of these numbers in the pack."""
+    """Highlight textures of the picture for a moment: those of `groups`, and `textures` by their number in `pack`."""
     found = match_scene(pack, context.session.scene)
     members = {n for n, texture in enumerate(pack.textures) if texture.group in groups} | set(textures)
     ids = tuple(texture for texture, index in enumerate(found.texture_index) if index in members)
-    # Where that is all there is, nothing would be told apart.
+    # All textures of the pack: dimming the rest would show nothing.
     point_out(context.session, ids if len(ids) < len(found.texture_index) else ())
 
 
 @gesture("training.point-out")
 def point_out_groups(context: Context, groups: frozenset[int]) -> None:
-    """While the mouse is on their names; none when it has left them."""
+    """Highlight the textures of groups whose names are under the mouse; an empty set ends that."""
     _show_where(context, _base(context), groups)
 
 
@@ -338,7 +338,7 @@ def decide(
         notify(context.session, f"wrote {context.training.waiting.write(run.key)}")
     elif action == "discard":
         choices = (Choice(CANCEL), Choice(DISCARD, "training.discard-kept-back", (run.key,)))
-        # The last choice is that of Escape.
+        # Escape takes the last choice.
         ask(context.session, Question(f"Discard {run.line}?", "Its pack is removed for good.", choices[::-1]))
     elif run.is_of(context.session.scene.path):
         return RunCommand("training.show-kept-back", (run.key,))
@@ -354,7 +354,7 @@ def discard_kept(context: Context, key: str) -> None:
 
 @gesture("training.open-kept-back")
 def open_leaving(context: Context, key: str, decision: Decision) -> Effect:
-    """Open the scene of a waiting run, and then the run."""
+    """Open the scene of an undecided run, then show the run."""
     run = context.training.waiting[key]
     if not run.scene_path:
         raise InputError(f"{run.line}: its scene was not read from a file")
@@ -363,11 +363,11 @@ def open_leaving(context: Context, key: str, decision: Decision) -> Effect:
 
 @gesture("training.show-kept-back", "Kept back run")
 def show_kept(context: Context, key: str) -> Effect:
-    """Show a waiting run of the open scene in slot A."""
+    """Show an undecided run of the open scene in slot A."""
     session = context.session
     name = context.training.adopt(key, session.scene)
     if {slot.source for slot in session.view.slots.values()} == {REFERENCE}:
-        # As when a training begins: both are seen.
+        # As when a training begins: A and B are both visible.
         session.view = replace(session.view, compare="wipe")
     slot = session.view.slot_a
     path = "cached" if is_image_source(slot.source) else slot.path

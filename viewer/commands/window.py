@@ -11,7 +11,7 @@ from viewer.state.settings import UI_SCALE_RANGE, Theme
 from viewer.state.view_state import WHOLE
 
 OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
-"""Titles of the panels that stay closed until they are asked for."""
+"""Titles of the panels that are closed until the user opens them."""
 State = Annotated[bool, Arg("on or off")]
 
 
@@ -86,12 +86,12 @@ def fit_column(session: Session, folded: bool) -> None:
 
 
 def toggle_panel(session: Session, title: str) -> None:
-    """Open a panel of OPENED_ON_REQUEST, or close it."""
+    """Open a panel of OPENED_ON_REQUEST that is closed, or close an open one."""
     session.window.open_panels ^= {title}
 
 
 def panel_switch(title: str) -> Callable[[Session], str]:
-    """Whether a panel of OPENED_ON_REQUEST is open, for its command."""
+    """Return a function for `Command.current` of the command that opens a panel."""
     return switch(lambda session: title in session.window.open_panels)
 
 
@@ -144,7 +144,7 @@ Title = Annotated[str, Arg("title of the panel", lambda session: session.window.
 @command("window.panel", "Show panel", "bring a panel to the front, or close it", "Window")
 def show_panel(session: Session, name: Title, state: State = True) -> Effect | None:
     hidden = tuple(title for title in session.settings.hidden_panels if title != name)
-    # Those that open on request are closed until then anyway, and open again when they are asked for in another way.
+    # Panels that open on request are not hidden: check boxes and keys open them again.
     closed = state or name in OPENED_ON_REQUEST
     session.settings = replace(session.settings, hidden_panels=hidden if closed else (*hidden, name))
     others = session.window.open_panels - {name}

@@ -1,1 +1,1 @@
-"""What is open and how it is looked at, as plain data. No OpenGL, no UI."""
+"""State of the program as plain data: open files, view, settings. No OpenGL, no UI."""

@@ -14,7 +14,7 @@ NEAREST_SHARE = 2e-4
 
 
 def frame_all(bounds: NDArray[np.float32], fov_degrees: float = 60.0) -> Camera:
-    """A camera that sees the whole of `bounds` [2, 3] from the front, a little from above and from the right."""
+    """Return a camera that sees all of `bounds` [2, 3] from the front, a little from above and from the right."""
     low, high = bounds.astype(np.float64)
     centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-6)
     direction = np.array([0.45, 0.35, 1.0]) / np.linalg.norm([0.45, 0.35, 1.0])
@@ -23,20 +23,20 @@ def frame_all(bounds: NDArray[np.float32], fov_degrees: float = 60.0) -> Camera:
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Of two vectors [3]; numpy's own takes ten times as long for so few numbers."""
+    """Return the cross product of two vectors [3]; numpy's own takes ten times as long for so few numbers."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
 @lru_cache(maxsize=16)
 def view_matrix(camera: Camera) -> Matrix:
-    """[4, 4] float64 world-to-camera matrix, looking along -Z, for column vectors; read-only."""
+    """Return the [4, 4] float64 world-to-camera matrix for column vectors, looking along -Z; read-only."""
     eye, target, up = (np.array(vector, np.float64) for vector in (camera.eye, camera.target, camera.up))
     backward = eye - target
     backward /= max(float(np.linalg.norm(backward)), 1e-30)
     right = _cross(up, backward)
     if np.linalg.norm(right) < 1e-9:
-        # Looking straight along `up`: any horizontal direction will do.
+        # The view looks straight along `up`: any horizontal direction will do.
         right = _cross(np.array([0.0, 0.0, 1.0] if abs(backward[2]) < 0.9 else [1.0, 0.0, 0.0]), backward)
     right /= np.linalg.norm(right)
     rotation = np.stack([right, _cross(backward, right), backward])
@@ -48,7 +48,7 @@ def view_matrix(camera: Camera) -> Matrix:
 
 
 def clip_distances(camera: Camera, bounds: NDArray[np.float32]) -> tuple[float, float]:
-    """(near, far) distances: the camera's own, else fitted to `bounds` [2, 3]."""
+    """Return (near, far) distances: the camera's own, else fitted to `bounds` [2, 3]."""
     view = view_matrix(camera)
     corners = np.array(
         [[bounds[i, 0], bounds[j, 1], bounds[k, 2], 1.0] for i in (0, 1) for j in (0, 1) for k in (0, 1)]
@@ -60,7 +60,7 @@ def clip_distances(camera: Camera, bounds: NDArray[np.float32]) -> tuple[float, 
 
 
 def projection_matrix(camera: Camera, size: tuple[int, int], near: float, far: float) -> Matrix:
-    """[4, 4] float64 OpenGL projection for a picture of `size` (width, height) pixels."""
+    """Return the [4, 4] float64 OpenGL projection for a picture of `size` (width, height) pixels."""
     aspect = size[0] / size[1]
     matrix = np.zeros((4, 4))
     if camera.orthographic_height is not None:
@@ -77,13 +77,13 @@ def projection_matrix(camera: Camera, size: tuple[int, int], near: float, far: f
 
 
 def view_projection(camera: Camera, size: tuple[int, int], bounds: NDArray[np.float32]) -> Matrix:
-    """[4, 4] float64 world-to-clip matrix."""
+    """Return the [4, 4] float64 world-to-clip matrix."""
     near, far = clip_distances(camera, bounds)
     return projection_matrix(camera, size, near, far) @ view_matrix(camera)
 
 
 def frustum_planes(matrix: Matrix) -> Matrix:
-    """[6, 4] planes of a world-to-clip matrix: a point p is inside where plane . (p, 1) >= 0; normals have length 1."""
+    """Return the [6, 4] planes of a world-to-clip matrix: a point p is inside where plane . (p, 1) >= 0; normals have length 1."""
     planes = np.stack([matrix[3] + sign * matrix[axis] for axis in range(3) for sign in (1.0, -1.0)])
     normalized: Matrix = planes / np.maximum(np.linalg.norm(planes[:, :3], axis=1, keepdims=True), 1e-30)
     return normalized

@@ -1,4 +1,4 @@
-"""Which slot is shown where in the picture, and which part of it: one rule for the shader, the mouse and the labels."""
+"""Layout of the comparison: which slot fills which part of the picture. One rule for shader, mouse and labels."""
 
 from dataclasses import dataclass
 
@@ -9,26 +9,26 @@ WIPES: tuple[CompareMode, ...] = ("wipe", "wipe-horizontal")
 
 @dataclass(frozen=True)
 class CompareLayout:
-    """A line that parts the picture."""
+    """A line that divides the picture between two slots."""
 
     vertical: bool
-    """Whether the line is: first left of it, second right; else first above it, second below."""
+    """True for a vertical line, with the first slot left of it; else the first slot is above a horizontal line."""
     position: float
-    """As a share of the width or height."""
+    """Position of the line as a share of the picture's width or height."""
     shift: float = 0.0
-    """As a share of the width: how much further to the right of the picture the first part looks, the second to the left."""
+    """Shift of what the first part shows to the right, and of what the second shows to the left, as a share of the width."""
 
 
 def layout_of(view: ViewState) -> CompareLayout | None:
-    """The line of a view; None where one slot, or the difference, fills the picture."""
+    """Return the line of a view; None where one slot or the difference fills the picture."""
     if view.compare == "side-by-side":
-        # Each half shows the middle of the same picture, pixel by pixel: nothing need be drawn at another size.
+        # Each half shows the middle of the same picture, pixel by pixel: nothing is drawn at another size.
         return CompareLayout(True, 0.5, 0.25)
     return CompareLayout(view.compare == "wipe", view.wipe_position) if view.compare in WIPES else None
 
 
 def shown_slots(view: ViewState) -> tuple[Slot, Slot]:
-    """What fills the first and the second part; twice the same where one slot fills the picture."""
+    """Return the slots of the first and the second part; twice the same where one slot fills the picture."""
     if view.compare in ("a", "b"):
         slot = view.slot_a if view.compare == "a" else view.slot_b
         return slot, slot
@@ -36,7 +36,7 @@ def shown_slots(view: ViewState) -> tuple[Slot, Slot]:
 
 
 def shown_sides(view: ViewState) -> tuple[Side, Side]:
-    """Which slots those are."""
+    """Return the sides of `shown_slots`."""
     if view.compare in ("a", "b"):
         return ("a", "a") if view.compare == "a" else ("b", "b")
     return ("b", "a") if view.flipped else ("a", "b")
@@ -53,15 +53,15 @@ def _is_second(split: CompareLayout | None, x: float, y: float) -> bool:
 
 
 def window_to_image(view: ViewState, x: float, y: float) -> tuple[float, float]:
-    """What of the picture is shown at (x, y) of the window; both as shares from the upper left corner."""
+    """Return the place of the picture that is shown at (x, y) of the window; both are shares from the upper left corner."""
     split = layout_of(view)
     return view.zoom.window_to_image(x + _shift_at(split, _is_second(split, x, y)), y)
 
 
 def image_to_window(view: ViewState, x: float, y: float) -> tuple[tuple[float, float], ...]:
-    """Where (x, y) of the picture is shown in the window: the inverse of `window_to_image`, at one place, or at two side by side.
+    """Return the places in the window that show (x, y) of the picture: one, or two side by side. Inverse of `window_to_image`.
 
-    A place outside the window is none.
+    Side by side, a place outside its part of the window is left out.
     """
     split = layout_of(view)
     shown_x, shown_y = view.zoom.image_to_window(x, y)

@@ -1,4 +1,4 @@
-"""Changes the session for events of jobs and of the renderer, and for the steps of a frame."""
+"""Changes of the session by events of jobs and the renderer, and by the steps of a frame."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -13,11 +13,11 @@ from viewer.state.view_state import REFERENCE, Side, Slot, is_image_source
 TOAST_SECONDS = 6.0
 MOST_TOASTS = 5
 NARROWEST_A = 0.4
-"""Of the picture: where the divider leaves slot A less, it goes back to the middle when a training begins to show there."""
+"""Smallest share of the picture for slot A in which a training begins to show; below it the divider moves to the middle."""
 POINTING_SECONDS = 2.5
-"""Textures that a command is about are pointed out for so long."""
+"""Time for which a command highlights its textures, in seconds."""
 LONGEST_PATH = 10_000
-"""Cameras of a recorded path."""
+"""Largest number of cameras in a recorded path."""
 
 
 def apply_event(session: Session, event: Event) -> None:
@@ -86,7 +86,7 @@ def _run_started(event: events.RunStarted, session: Session) -> None:
     previous = PreviousView(view.slot_a, view.slot_b, view.compare)
     session.previous_views = {**session.previous_views, event.name: previous}
     path = "cached" if is_image_source(view.slot_a.source) else view.slot_a.path
-    # What is trained is to be seen, and beside it what it is compared with.
+    # Show what is trained, and beside it what it is compared with.
     alone = view.compare == "b" or (view.slot_a.source == REFERENCE and view.slot_b.source == REFERENCE)
     compare = "wipe" if alone else view.compare
     position = 0.5 if view.wipe_position < NARROWEST_A else view.wipe_position
@@ -119,7 +119,7 @@ def _textures_compressed(event: events.TexturesCompressed, session: Session) -> 
 @_apply.register
 def _view_changed(event: events.ViewChanged, session: Session) -> None:
     if event.view.pose != session.view.pose:
-        # What cannot be drawn in a pose does not play on.
+        # A pose that cannot be drawn ends the animation.
         session.playback = replace(session.playback, is_playing=False)
     session.view = event.view
 
@@ -153,7 +153,7 @@ def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
 
 
 def start_frame(session: Session, seconds: float, picture_size: tuple[int, int]) -> None:
-    """A frame begins `seconds` after the last one; panels leave `picture_size` (width, height) pixels to the picture."""
+    """Begin a frame `seconds` after the last one; panels leave `picture_size` (width, height) pixels to the picture."""
     session.window.picture_size = picture_size
     if session.navigation.motion is not None:
         moved = session.navigation.motion.advance(session.view.camera, session.scene.bounds, seconds)
@@ -165,28 +165,28 @@ def start_frame(session: Session, seconds: float, picture_size: tuple[int, int])
 
 
 def set_unsupported(session: Session, reasons: Mapping[str, str]) -> None:
-    """Precisions and decode paths that this driver lacks, each with the reason."""
+    """Set the precisions and decode paths that this driver lacks, each with the reason."""
     session.unsupported = reasons
 
 
 def set_panel_titles(session: Session, titles: tuple[str, ...]) -> None:
-    """The window has these panels."""
+    """Set the titles of the window's panels."""
     session.window.panel_titles = titles
 
 
 def set_flicker_phase(session: Session, shows_other: bool) -> None:
-    """While A and B take turns: whether it is the other slot's turn."""
+    """Set whether the flicker shows the other slot now."""
     session.window.flicker_phase = shows_other
 
 
 def expire_toasts(session: Session, now: float) -> None:
-    """Drop the messages that have been on screen for long enough; `now` in monotonic seconds."""
+    """Remove messages whose time on screen has ended; `now` is in monotonic seconds."""
     dated = (replace(toast, until=toast.until or now + TOAST_SECONDS) for toast in session.window.toasts)
     session.window.toasts = tuple(toast for toast in dated if toast.until is not None and toast.until > now)
 
 
 def sample_camera(session: Session) -> None:
-    """Add the camera to the path that is recorded, if one is and the camera has moved."""
+    """Add the camera to the path being recorded, where it has moved."""
     path = session.navigation.recording
     if path is None or len(path) >= LONGEST_PATH:
         return
@@ -196,12 +196,12 @@ def sample_camera(session: Session) -> None:
 
 
 def point_out(session: Session, textures: tuple[int, ...], seconds: float = POINTING_SECONDS) -> None:
-    """Dim everything but these textures (by id) for a while; nothing for none."""
+    """Dim everything but these textures (by id) for some seconds; an empty tuple ends that."""
     session.inspection.pointed_out = PointedOut(textures, seconds) if textures else None
 
 
 def expire_pointing(session: Session, now: float) -> None:
-    """End the pointing out of textures that has lasted for long enough; `now` in monotonic seconds."""
+    """End the highlight of `point_out` when its time is over; `now` is in monotonic seconds."""
     pointed = session.inspection.pointed_out
     if pointed is not None:
         until = pointed.until or now + pointed.seconds
@@ -209,5 +209,5 @@ def expire_pointing(session: Session, now: float) -> None:
 
 
 def set_measurements(session: Session, measurements: Mapping[Side, SlotMeasurement]) -> None:
-    """Both slots were measured in the present view."""
+    """Store the measurements of both slots in the present view."""
     session.inspection.measurements, session.inspection.measured_view = measurements, session.view

@@ -1,4 +1,4 @@
-"""What jobs and the renderer report. They are given an `EmitEvent`, which applies each event to the session.
+"""Events that jobs and the renderer report through an `EmitEvent`, which applies each to the session.
 
 The functions of `viewer.state.event_handlers` are the only code besides the commands that changes a session.
 """
@@ -17,18 +17,18 @@ from viewer.state.view_state import Side, ViewState
 
 @dataclass(frozen=True)
 class Notification:
-    """A message that is shown for some seconds and kept in the log."""
+    """Message that is shown for some seconds and kept in the log."""
 
     text: str
-    """One line."""
+    """Message in one line."""
     kind: MessageKind = "message"
     details: str = ""
-    """More lines, shown on request: the causes of an error."""
+    """Further lines, shown on request, such as the causes of an error."""
 
 
 @dataclass(frozen=True, eq=False)
 class PackUpdated:
-    """A pack was opened under a name, or replaces the one that was open under it."""
+    """A pack that was opened under a name, or that replaces the pack of that name."""
 
     name: str
     pack: Pack
@@ -36,14 +36,14 @@ class PackUpdated:
 
 @dataclass(frozen=True)
 class PackClosed:
-    """A pack is to be closed. Slots that show it show again what they did when its run began, else the reference."""
+    """Request to close a pack. Slots that show it go back to what they showed before its run, else to the reference."""
 
     name: str
 
 
 @dataclass(frozen=True)
 class PackRenamed:
-    """An open pack is called otherwise from now on: its run was accepted, and it has a file. No effect where that name is taken."""
+    """New name of an open pack whose run was accepted into a file. No effect where the name is taken."""
 
     name: str
     new_name: str
@@ -51,42 +51,42 @@ class PackRenamed:
 
 @dataclass(frozen=True)
 class RunStarted:
-    """The first pack of a training run is open: slot A is to show it; slot B keeps what it shows."""
+    """First pack of a training run: slot A shows it, slot B keeps what it shows."""
 
     name: str
-    """Under which the run's pack is open."""
+    """Name under which the run's pack is open."""
 
 
 @dataclass(frozen=True)
 class PrecisionFound:
-    """The search for the cheapest precision of a slot has ended."""
+    """Result of the search for the fastest precision of a slot."""
 
     side: Side
     precision: Precision | None
-    """None where there is none: the slot keeps its own."""
+    """Precision found; None without a result: the slot keeps its own."""
 
 
 @dataclass(frozen=True, eq=False)
 class TexturesCompressed:
-    """Textures in a format of graphics hardware that slots wait for."""
+    """Textures in a block format of graphics hardware that slots wait for."""
 
     scene: Scene
-    """Whose textures they are."""
+    """Scene of the textures."""
     block_format: BlockFormat
     textures: CompressedTextures | None
-    """None where they could not be encoded: slots keep what they show."""
+    """Encoded textures; None where encoding failed: slots keep what they show."""
 
 
 @dataclass(frozen=True)
 class ViewChanged:
-    """The view that can be drawn in place of the one that was asked for."""
+    """View to draw in place of one that cannot be drawn."""
 
     view: ViewState
 
 
 @dataclass(frozen=True, eq=False)
 class Reverted:
-    """What was opened cannot be drawn: what was open before is open again."""
+    """State before an opened file that cannot be drawn: it is restored."""
 
     scene: Scene
     packs: Mapping[str, Pack]
@@ -95,11 +95,11 @@ class Reverted:
 
 @dataclass(frozen=True, eq=False)
 class FirstViewFound:
-    """The first view of a scene that has no cameras was looked for."""
+    """Result of the search for a first view in a scene without cameras."""
 
     scene: Scene
     camera: Camera | None
-    """None: all of the scene stays in view."""
+    """Camera found; None keeps the view of the whole scene."""
 
 
 Event = (

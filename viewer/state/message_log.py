@@ -1,4 +1,4 @@
-"""The log of messages with their times; the oldest are dropped."""
+"""Log of messages with their times; the oldest are dropped."""
 
 import time
 from collections import deque
@@ -8,24 +8,24 @@ from typing import Literal
 
 LONGEST_LOG = 1000
 LONGEST_DETAILS = 20_000
-"""Characters: a shader's whole text fits, a dump does not."""
+"""Longest details in characters: a shader's whole text fits, a dump does not."""
 MessageKind = Literal["message", "error"]
 
 
 @dataclass(frozen=True)
 class LogEntry:
-    """One message."""
+    """Message of the log."""
 
     number: int
-    """Counts from 0 over all messages, including those that were dropped."""
+    """Number of the message, from 0 over all messages, dropped ones included."""
     seconds: float
     """Time of day, in seconds since the epoch."""
     text: str
     kind: MessageKind
     details: str = ""
-    """More of it than one line: the causes of an error."""
+    """Further lines, such as the causes of an error."""
     repeats: int = 1
-    """How often it came in a row."""
+    """Number of times that the message came in a row."""
 
     @property
     def clock(self) -> str:
@@ -33,17 +33,17 @@ class LogEntry:
         return time.strftime("%H:%M:%S", time.localtime(self.seconds))
 
     def line(self) -> str:
-        """Time, kind and text."""
+        """Return time, kind and text in one line."""
         again = f" ({self.repeats} times)" if self.repeats > 1 else ""
         return f"{self.clock} {'ERROR ' if self.kind == 'error' else ''}{self.text}{again}"
 
     def whole(self) -> str:
-        """The line, and the details below it."""
+        """Return the line with the details below it."""
         return self.line() + (f"\n{self.details}" if self.details else "")
 
 
 def details_of(error: BaseException) -> str:
-    """The causes of an error, one a line; "" where there is nothing beside the error's own single line."""
+    """Return the causes of an error, one a line; "" where the error is one line without causes."""
     lines = [str(error)] if "\n" in str(error).strip() else []
     cause = error.__cause__ or error.__context__
     # Chains are short; a ring of causes must not hang the window.
@@ -58,15 +58,15 @@ def details_of(error: BaseException) -> str:
 
 
 class MessageLog:
-    """The last messages, oldest first."""
+    """Last LONGEST_LOG messages, oldest first."""
 
     def __init__(self) -> None:
         self._entries: deque[LogEntry] = deque(maxlen=LONGEST_LOG)
         self.count = 0
-        """Messages so far, including those that were dropped."""
+        """Number of messages so far, dropped ones included."""
 
     def add(self, text: str, kind: MessageKind, details: str = "") -> None:
-        """Remember a message; one that repeats the last is counted."""
+        """Add a message; one that repeats the last only counts it up."""
         last = self._entries[-1] if self._entries else None
         if last is not None and (last.text, last.kind, last.details) == (text, kind, details):
             self._entries[-1] = replace(last, seconds=time.time(), repeats=last.repeats + 1)
@@ -84,5 +84,5 @@ class MessageLog:
         return self._entries[index]
 
     def text(self) -> str:
-        """All messages with their details."""
+        """Return all messages with their details."""
         return "\n".join(entry.whole() for entry in self._entries)

@@ -1,4 +1,4 @@
-"""What moves by itself, as pure functions of a time step: cameras (turntable, recorded path) and the scene's animation."""
+"""Motion as pure functions of a time step: turntable, recorded path of the camera, and the scene's animation."""
 
 import math
 from collections.abc import Sequence
@@ -12,17 +12,17 @@ from viewer.state.navigation import FREE, rotated
 
 VERTICAL = np.array([0.0, 1.0, 0.0])
 PATH_SECONDS = 0.25
-"""From one camera of a path to the next; a recorded path has one so often."""
+"""Time between two cameras of a path, in seconds; recording uses the same."""
 
 
 @dataclass(frozen=True)
 class Turntable:
-    """Turns about the vertical through the scene's centre."""
+    """Turn of the camera about the vertical through the scene's centre."""
 
     degrees_per_second: float
 
     def advance(self, camera: Camera, bounds: NDArray[np.float32], seconds: float) -> "tuple[Camera, Motion | None]":
-        """The camera `seconds` later, and what goes on moving it; `bounds` [2, 3] in scene units."""
+        """Return the camera `seconds` later and the motion that continues; `bounds` [2, 3] in scene units."""
         angle = math.radians(self.degrees_per_second * seconds)
         centre = bounds.astype(np.float64).mean(axis=0)
         places = centre + rotated(np.array([camera.eye, camera.target]) - centre, VERTICAL, angle)
@@ -34,15 +34,15 @@ class Turntable:
 
 @dataclass(frozen=True)
 class Playback:
-    """Goes along a path of cameras, in straight lines between them."""
+    """Motion along a path of cameras, in straight lines between them."""
 
     cameras: tuple[Camera, ...]
-    """At least one."""
+    """Cameras of the path, at least one."""
     elapsed: float = 0.0
-    """Seconds since the first one."""
+    """Time since the first camera, in seconds."""
 
     def advance(self, _camera: Camera, _bounds: NDArray[np.float32], seconds: float) -> "tuple[Camera, Motion | None]":
-        """The camera `seconds` later, and what goes on moving it: nothing after the last one."""
+        """Return the camera `seconds` later and the motion that continues, None after the last camera."""
         elapsed = self.elapsed + seconds
         position = elapsed / PATH_SECONDS
         index = int(position)
@@ -55,7 +55,7 @@ Motion = Turntable | Playback
 
 
 def between(first: Camera, second: Camera, share: float) -> Camera:
-    """The camera at `share` (0 to 1) of the way; where eye and target would meet, `first`."""
+    """Return the camera at `share` (0 to 1) of the way; `first` where eye and target would meet."""
 
     def mixed(one: tuple[float, float, float], other: tuple[float, float, float]) -> tuple[float, float, float]:
         x, y, z = (a + (b - a) * share for a, b in zip(one, other, strict=True))
@@ -70,18 +70,18 @@ def between(first: Camera, second: Camera, share: float) -> Camera:
 
 @dataclass(frozen=True)
 class AnimationPlayback:
-    """Whether the scene's animation plays, and how."""
+    """State of the playing animation."""
 
     is_playing: bool = False
     speed: float = 1.0
-    """Seconds of the animation in a second."""
+    """Speed: seconds of the animation per second."""
     repeats: bool = True
-    """Whether it begins again at its end."""
+    """True where the animation begins again at its end."""
 
     def advance(
         self, animations: Sequence[AnimationFacts], pose: Pose | None, seconds: float
     ) -> "tuple[Pose, AnimationPlayback]":
-        """The pose `seconds` after `pose`, and what goes on playing: nothing after the end of what does not repeat."""
+        """Return the pose `seconds` after `pose`, and the next state: paused at the end of an animation that does not repeat."""
         shown = chosen_animation(animations, pose)
         at = (pose.seconds if pose is not None else 0.0) + seconds * self.speed
         if at < shown.seconds:
@@ -92,6 +92,6 @@ class AnimationPlayback:
 
 
 def chosen_animation(animations: Sequence[AnimationFacts], pose: Pose | None) -> AnimationFacts:
-    """The animation of a pose; the first one for None, and where none has the name."""
+    """Return the animation of a pose; the first one for None and for an unknown name."""
     named = (animation for animation in animations if pose is not None and animation.name == pose.animation)
     return next(named, animations[0])

@@ -10,23 +10,23 @@ from viewer.scene.model import Camera
 
 Vector = NDArray[np.float64]
 RADIANS_PER_HEIGHT = math.pi
-"""A drag over the whole height of the picture turns by half a circle."""
+"""Turn by a drag over the whole height of the picture: half a circle."""
 POLE_MARGIN = math.radians(1.0)
-"""The view direction stays this far from straight up and down."""
+"""Smallest angle between the view direction and straight up or down, in radians."""
 ZOOM_STEP = 1.12
 """Factor of distance for one notch of the wheel."""
 FASTER_STEP = 1.25
 """Factor of the speed of flight for one notch of the wheel."""
 NEAR_SHARE = 1.5
-"""Of the distance to what is nearest, flown in a second: walking where the ground is at eye height."""
+"""Speed of flight: multiples of the distance to the nearest surface, per second. Near the ground that is walking speed."""
 FARTHEST = 1.5
-"""Flying ends this many diagonals of the scene away from it."""
+"""Largest distance of flight from the scene, in diagonals of the scene."""
 FREE = "free"
 """Name of a camera that was moved by hand."""
 
 
 def rotated(vectors: Vector, axis: Vector, radians: float) -> Vector:
-    """`vectors` [..., 3] turned about `axis` [3], which has length 1, anticlockwise as seen from its tip (Rodrigues)."""
+    """Return `vectors` [..., 3] turned about `axis` [3] of length 1, anticlockwise as seen from its tip (Rodrigues)."""
     along = (vectors @ axis)[..., None] * axis
     turned: Vector = along + (vectors - along) * math.cos(radians) + np.cross(axis, vectors) * math.sin(radians)
     return turned
@@ -47,7 +47,7 @@ def _tuple(vector: Vector) -> tuple[float, float, float]:
 
 
 def _axes(camera: Camera) -> tuple[Vector, Vector, Vector]:
-    """(right, up, forward) of the view, each of length 1."""
+    """Return the vectors (right, up, forward) of the view, each of length 1."""
     forward = _unit(_vector(camera.target) - _vector(camera.eye))
     right = np.cross(forward, _unit(_vector(camera.up)))
     if np.linalg.norm(right) < 1e-9:
@@ -57,7 +57,7 @@ def _axes(camera: Camera) -> tuple[Vector, Vector, Vector]:
 
 
 def _turned(camera: Camera, yaw: float, pitch: float) -> Vector:
-    """The view direction after a turn to the left by `yaw` and upwards by `pitch` radians, kept off the poles."""
+    """Return the view direction after a turn to the left by `yaw` and upwards by `pitch` radians, kept off the poles."""
     up = _unit(_vector(camera.up))
     right, _, forward = _axes(camera)
     level = np.cross(up, right)
@@ -74,7 +74,7 @@ def _free(camera: Camera, eye: Vector, target: Vector) -> Camera:
 
 
 def orbit(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
-    """Turn round the target by a drag of (right, down) pixels in a picture of `height` pixels: the scene follows the hand."""
+    """Orbit around the target by a drag of (right, down) pixels in a picture of `height` pixels: the scene follows the mouse."""
     angle = RADIANS_PER_HEIGHT / max(height, 1.0)
     target = _vector(camera.target)
     distance = float(np.linalg.norm(target - _vector(camera.eye)))
@@ -83,7 +83,7 @@ def orbit(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
 
 
 def look(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
-    """Turn the head by a drag of (right, down) pixels: the view goes where the mouse goes."""
+    """Turn the view by a drag of (right, down) pixels: it follows the mouse."""
     angle = RADIANS_PER_HEIGHT / max(height, 1.0) * 0.5
     eye = _vector(camera.eye)
     distance = float(np.linalg.norm(_vector(camera.target) - eye))
@@ -92,14 +92,14 @@ def look(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
 
 
 def turned(camera: Camera, degrees: float) -> Camera:
-    """`camera` looking further to the left by so much, from the same place. It keeps its name and clip distances."""
+    """Turn the camera to the left, at the same place. It keeps its name and clip distances."""
     eye = _vector(camera.eye)
     direction = rotated(_vector(camera.target) - eye, _unit(_vector(camera.up)), math.radians(degrees))
     return replace(camera, target=_tuple(eye + direction))
 
 
 def pan(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
-    """Shift eye and target so that the point looked at follows a drag of (right, down) pixels."""
+    """Shift eye and target so that the target follows a drag of (right, down) pixels."""
     right, up, _ = _axes(camera)
     eye, target = _vector(camera.eye), _vector(camera.target)
     if camera.orthographic_height is not None:
@@ -112,7 +112,7 @@ def pan(camera: Camera, drag: tuple[float, float], height: float) -> Camera:
 
 
 def zoom(camera: Camera, steps: float) -> Camera:
-    """Go nearer to the target by `steps` notches (farther for negative ones); an orthographic view shrinks."""
+    """Move towards the target by `steps` notches (away for negative ones); an orthographic view shrinks."""
     factor = ZOOM_STEP**-steps
     eye, target = _vector(camera.eye), _vector(camera.target)
     moved = _free(camera, target + (eye - target) * factor, target)
@@ -133,7 +133,7 @@ def fly(camera: Camera, direction: tuple[float, float, float], distance: float) 
 
 
 def frame(camera: Camera, bounds: NDArray[np.float32], aspect: float) -> Camera:
-    """See the whole of `bounds` [2, 3] from the present direction; `aspect` is width over height of the picture."""
+    """Frame all of `bounds` [2, 3] from the present direction; `aspect` is width over height of the picture."""
     low, high = bounds.astype(np.float64)
     centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-6)
     _, _, forward = _axes(camera)
@@ -146,10 +146,10 @@ def frame(camera: Camera, bounds: NDArray[np.float32], aspect: float) -> Camera:
 
 
 def fly_speed(bounds: NDArray[np.float32], near: float, notches: float, fast: bool) -> float:
-    """Scene units a second: NEAR_SHARE of `near`, the distance to what is nearest to the eye.
+    """Return the speed of flight in scene units per second: NEAR_SHARE times `near`, the distance to the nearest surface.
 
-    At least a thousandth of the scene a second, so that walls are no ends, at most a twelfth of it. FASTER_STEP times faster a notch,
-    4 times with Shift.
+    It is at least a thousandth of the scene per second, so that walls can be passed, and at most a twelfth. A notch is FASTER_STEP
+    times faster, Shift 4 times.
     """
     size = max(float(np.linalg.norm(bounds[1].astype(np.float64) - bounds[0])), 1e-6)
     usual = min(max(NEAR_SHARE * near, size / 1000.0), size / 12.0)
@@ -157,7 +157,7 @@ def fly_speed(bounds: NDArray[np.float32], near: float, notches: float, fast: bo
 
 
 def kept_in_sight(before: Camera, moved: Camera, bounds: NDArray[np.float32]) -> Camera:
-    """`moved`, or `before` where that would go on flying away from a scene in `bounds` [2, 3] that lies far behind."""
+    """Return `moved`; `before` where it would fly on away from a scene in `bounds` [2, 3] that is already far."""
     low, high = bounds.astype(np.float64)
     reach = max(float(np.linalg.norm(high - low)), 1e-6) * FARTHEST
 

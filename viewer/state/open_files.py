@@ -1,4 +1,4 @@
-"""Opening scenes and packs: a session begins with a scene, and goes on with others."""
+"""Opening scenes and packs, for a new session and in one that is open."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -43,28 +43,28 @@ from viewer.state.view_state import (
 
 @dataclass(frozen=True)
 class InitialView:
-    """What slot A shows when a scene is opened."""
+    """Choices for the view that a scene opens with."""
 
     grouping: str | None = None
-    """REFERENCE, the grouping of an open pack, or a block format, which is shown once it is encoded; None: clustered, else the
-    first pack, else the reference."""
+    """Source of slot A: REFERENCE, the grouping of an open pack, or a block format. None: the clustered pack, else the first
+    pack, else the reference."""
     path: PathChoice = "deferred"
     precision: PrecisionChoice = "fp32"
-    """`auto`: fp32 until the cheapest that does not show has been found."""
+    """Precision of slot A; `auto` begins with fp32 and measures."""
     filter: TexelFilter | None = None
-    """None: as the settings say."""
+    """Texel filter of slot A; None takes the one of the settings."""
     material_view: MaterialView = "lit"
     lighting: Lighting = DEFAULT_LIGHTING
     decoder_variant: str = ""
-    """As `Session.decoder_variant`."""
+    """Layout of decoders on the GPU (`VariantChoice`); empty takes the one of the environment."""
 
 
 def new_session(
     scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, initial: InitialView, pictures: Path = Path()
 ) -> Session:
-    """A session that begins with `scene`; `pictures` is the folder where it writes pictures, views and camera paths.
+    """Make a session with `scene`; `pictures` is the folder for pictures, views and camera paths.
 
-    Cameras of a file beside the scene are added to its own; one that cannot be read is a message.
+    Cameras of a file beside the scene are added to its own. A file that cannot be read becomes a message.
     """
     scene, problem = _with_cameras(scene)
     session = Session(scene, dict(packs), _initial_view(scene, packs, settings, initial), settings, pictures)
@@ -87,7 +87,7 @@ def _with_cameras(scene: Scene) -> tuple[Scene, InputError | None]:
 
 
 def _begin(session: Session, problems: Sequence[InputError]) -> None:
-    """Tell what went wrong while the scene was read, and put it first among those that can be opened again."""
+    """Report the problems of reading the scene, and put it first in the list of recent files."""
     for problem in problems:
         notify(session, str(problem), "error", details_of(problem))
     if session.scene.path is not None and not is_builtin(session.scene.path):
@@ -115,12 +115,12 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
 
 @dataclass(frozen=True, eq=False)
 class ReadScene:
-    """A scene with the packs and cameras beside it, as read from its files."""
+    """Scene with the packs and cameras beside it, as read from files."""
 
     scene: Scene
     packs: Mapping[str, Pack]
     problems: tuple[InputError, ...]
-    """What keeps packs and cameras beside the scene from being read."""
+    """Errors of packs and cameras beside the scene."""
 
 
 def read_scene(path: Path, report: ProgressReport | None = None) -> ReadScene:
@@ -134,10 +134,10 @@ def read_scene(path: Path, report: ProgressReport | None = None) -> ReadScene:
                 pack, _ = _matching_pack(pack_path, scene)
                 packs[unused_name(pack.grouping.name, pack_path, packs)] = pack
             except InputError as error:
-                # A pack that cannot be read, or is of another scene, does not keep the scene closed.
+                # The scene opens without a pack that cannot be read or is of another scene.
                 problems.append(error)
     except (OSError, ValueError) as error:
-        # Names that no file can have, and what fails where reading does not expect it.
+        # Names that no file can have, and failures that reading does not expect.
         raise _cannot_open(path, error) from error
     return ReadScene(scene, packs, (*problems, *([problem] if problem is not None else [])))
 
@@ -147,7 +147,7 @@ def _cannot_open(path: Path, error: Exception) -> InputError:
 
 
 def open_scene(session: Session, read: ReadScene) -> None:
-    """Close the scene that is open, and open another one."""
+    """Replace the open scene by another one."""
     scene = session.scene = read.scene
     session.packs, session.compressed, session.previous_views = read.packs, {}, {}
     before = InitialView(material_view=session.view.material_view, lighting=session.view.lighting)
@@ -170,7 +170,7 @@ def read_variant(scene: Scene, variant: str, report: ProgressReport | None = Non
 
 
 def show_variant(session: Session, scene: Scene) -> None:
-    """Open the scene of the session as it was read in another material variant; packs and view stay."""
+    """Show the scene as read in another material variant; packs and view stay."""
     if scene is not session.scene:
         session.scene, variant = scene, scene.variant
         named = f"material variant {variant}" if variant else "the materials that the scene's parts name themselves"
@@ -178,7 +178,7 @@ def show_variant(session: Session, scene: Scene) -> None:
 
 
 def open_pack(session: Session, path: Path) -> None:
-    """Open a pack or library with textures of the open scene in slot A. Raises InputError; all stays as it is then."""
+    """Open a pack or library with textures of the open scene in slot A. Raises InputError, and then changes nothing."""
     try:
         pack, match = _matching_pack(path, session.scene)
     except (OSError, ValueError) as error:
@@ -192,7 +192,7 @@ def open_pack(session: Session, path: Path) -> None:
 
 
 def _matching_pack(path: Path, scene: Scene) -> tuple[Pack, PackMatch]:
-    """Read a pack that holds textures of `scene`, of a library the one that holds the most. Raises InputError for any other."""
+    """Read a pack with textures of `scene`; of a library the fullest one. Raises InputError for a pack of another scene."""
     packs = read_packs(path, wanted_textures(scene))
     if not packs:
         raise InputError(f"{path}: the library holds no texture of {scene.name}; encode the scene with --out {path}")

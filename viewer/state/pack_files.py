@@ -1,4 +1,4 @@
-"""Which packs are open for a scene: those named, and `NAME.*.ntc` beside `NAME.glb`."""
+"""Packs of a scene: those that are named, and `NAME.*.ntc` beside `NAME.glb`."""
 
 import os
 from collections.abc import Container, Iterable, Mapping
@@ -17,11 +17,11 @@ from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
 PREFERRED_GROUPING = "clustered"
 MOST_OF_A_LIBRARY = 4
-"""Packs that a library gives at most: one for each way in which it holds a scene's textures."""
+"""Largest number of packs from a library: one for each way in which it holds a scene's textures."""
 
 
 def match_scene(pack: Pack, scene: Scene) -> PackMatch:
-    """Which textures of `scene` are in `pack`."""
+    """Return which textures of `scene` are in `pack`."""
     textures = scene.textures
     identities = [
         [own for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own] for texture in textures
@@ -30,31 +30,31 @@ def match_scene(pack: Pack, scene: Scene) -> PackMatch:
 
 
 def source_of_grouping(packs: Mapping[str, Pack], grouping: str) -> str | None:
-    """Name of the open pack that is called `grouping` or has that grouping; None without one."""
+    """Return the name of the open pack that is called `grouping` or has that grouping; None without one."""
     return next((name for name, pack in packs.items() if grouping in (name, pack.grouping.name)), None)
 
 
 def preferred_source(packs: Mapping[str, Pack]) -> str:
-    """The default source: the clustered pack, else the first, else the reference."""
+    """Return the default source: the clustered pack, else the first, else the reference."""
     return PREFERRED_GROUPING if PREFERRED_GROUPING in packs else next(iter(packs), REFERENCE)
 
 
 def base_pack_name(view: ViewState, packs: Mapping[str, Pack]) -> str | None:
-    """Name of the pack that a training goes on from: slot A's, else slot B's, else the first that is open; None without one."""
+    """Return the name of the pack that a training continues: slot A's, else slot B's, else the first open one; None without one."""
     shown = (slot.source for slot in (view.slot_a, view.slot_b))
     return next((source for source in shown if source in packs), next(iter(packs), None))
 
 
 def packs_of(scene: Scene) -> tuple[Path, ...]:
-    """The packs that a scene is opened with, each once: those that its file names, then those that lie beside it."""
+    """Return the packs that open with a scene, each once: those that its file names, then those beside it."""
     paths = (*scene.packs, *(packs_beside(scene.path) if scene.path is not None else ()))
     return tuple({os.path.realpath(path): path for path in reversed(paths)}.values())[::-1]
 
 
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
-    """The packs that lie beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order.
+    """Return the packs beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order.
 
-    Those of a built-in scene come first, and then those that the user has accepted for it.
+    For a built-in scene, packs that the user has accepted follow.
     """
     folders = dict.fromkeys((scene_path.parent, packs_folder(scene_path)))
     return tuple(path for folder in folders for path in _packs_in(folder, scene_path.stem))
@@ -77,27 +77,27 @@ def _packs_in(folder: Path, stem: str) -> tuple[Path, ...]:
 
 
 def same_place(first: Path, second: Path) -> bool:
-    """Whether both are the same file once links are resolved."""
+    """Return True where both paths are the same file once links are resolved."""
     return os.path.realpath(first) == os.path.realpath(second)
 
 
 def wanted_textures(scene: Scene) -> frozenset[str]:
-    """The hashes by which a pack may hold a texture of `scene`."""
+    """Return the hashes by which a pack may hold a texture of `scene`."""
     return frozenset(
         own for texture in scene.textures for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own
     )
 
 
 def read_packs(path: Path, wanted: Container[str]) -> list[Pack]:
-    """The pack at `path`; of a library there, packs of the textures whose pixel hash is `wanted`, the fullest first.
+    """Read the pack at `path`, or packs of the textures with `wanted` hashes from a library there, the fullest first.
 
-    Raises InputError where it cannot be read.
+    Raises InputError for a file that cannot be read.
     """
     return library_packs(path, wanted, MOST_OF_A_LIBRARY) if is_library(path) else [read_pack(path)]
 
 
 def open_packs(paths: Iterable[Path], wanted: Container[str] = ()) -> dict[str, Pack]:
-    """Read packs and name each by its grouping; a second pack of one grouping gets its file name as name. Libraries give what is
+    """Read packs and name each by its grouping; a second pack of one grouping is named by its file. Libraries give what is
     `wanted` (`read_packs`).
 
     Raises InputError where a file cannot be read.
@@ -115,7 +115,7 @@ def open_packs(paths: Iterable[Path], wanted: Container[str] = ()) -> dict[str, 
 
 
 def unused_name(grouping: str, path: Path, packs: Container[str]) -> str:
-    """Name for a pack read from `path` that no other open pack has."""
+    """Return a name for the pack read from `path` that no other open pack has."""
     candidates = (grouping, path.stem, str(path))
     numbered = (f"{path} ({number})" for number in count(2))
     return next(name for name in chain(candidates, numbered) if name not in packs and not is_image_source(name))

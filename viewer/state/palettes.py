@@ -1,4 +1,4 @@
-"""Colours of the divergence map: one definition for the shader, the colour bar and the plots."""
+"""Colours of the divergence map: one definition for shader, legend and plots."""
 
 from typing import Final, Literal
 
@@ -21,17 +21,17 @@ PALETTES: Final[dict[PaletteName, tuple[tuple[float, float, float], ...]]] = {
         (0.9932, 0.9062, 0.1439),
     ),
 }
-"""sRGB points at equal distances from one decoder to the most. `green-red` has the colours of the paper's Fig. 1;
+"""Colours in sRGB at equal distances from one decoder to the most. `green-red` has the colours of the paper's Fig. 1;
 `viridis` (S. van der Walt and N. Smith, CC0) also tells them apart for the colour-blind, by brightness alone."""
 
 
 def palette_colors(name: PaletteName, shares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[..., 3] sRGB in [0, 1] for `shares` of the way from one decoder (0) to the most (1)."""
+    """Return [..., 3] sRGB in [0, 1] for `shares` of the way from one decoder (0) to the most (1)."""
     points = np.array(PALETTES[name])
     places = np.linspace(0.0, 1.0, len(points))
     return np.stack([np.interp(shares, places, points[:, channel]) for channel in range(3)], axis=-1)
 
 
 def share_of_most(decoders: float, most: int) -> float:
-    """Where a number of decoders lies between one and the most, 0 to 1."""
+    """Return the place of a number of decoders between one (0) and the most (1)."""
     return min(max((decoders - 1.0) / max(most - 1.0, 1.0), 0.0), 1.0)

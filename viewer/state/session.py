@@ -1,4 +1,4 @@
-"""The state of the window: plain data that commands and events change, and everything else reads. No OpenGL, no UI."""
+"""State of the window: plain data that commands and events change and everything else reads. No OpenGL, no UI."""
 
 import time
 from collections.abc import Mapping
@@ -22,26 +22,26 @@ CANCEL = "Cancel"
 
 @dataclass(frozen=True)
 class Choice:
-    """An answer, and the command that carries it out."""
+    """Answer to a question, with the command that carries it out."""
 
     label: str
-    """What its button says, one or two words."""
+    """Text of the button, one or two words."""
     command: str = ""
-    """Id of the command; "" for none: the question is closed, and nothing else happens."""
+    """Id of the command; "" only closes the question."""
     values: tuple[Any, ...] = ()
-    """Of the command's parameters."""
+    """Values of the command's parameters."""
 
 
 @dataclass(frozen=True)
 class Question:
-    """What is asked. Everything else waits until it is answered; Escape takes the last choice."""
+    """Question of the window before an action that cannot be undone. Everything else waits; Escape takes the last choice."""
 
     title: str
-    """One line."""
+    """Title in one line."""
     text: str
-    """What is at stake, one or more lines."""
+    """Explanation in one or more lines."""
     choices: tuple[Choice, ...]
-    """The first is the safe one; the last leaves everything as it is."""
+    """Answers; the first is the safe one, the last changes nothing."""
 
 
 ErrorsBy = Literal["texture", "decoder"]
@@ -50,33 +50,33 @@ ErrorColumn = Literal["name", "decoder", "pixels", "psnr", "mean", "max"]
 
 @dataclass(frozen=True)
 class Toast:
-    """A message that fades after a while."""
+    """Message over the picture that disappears after some seconds."""
 
     text: str
     kind: MessageKind
     until: float | None = None
-    """Monotonic time in seconds; None until a frame has shown it, so that a slow frame does not use up its time."""
+    """Monotonic time of its end in seconds; None until a frame has shown it, so that a slow frame does not use up its time."""
 
 
 @dataclass(frozen=True)
 class SlotMeasurement:
-    """The figures of one slot's picture."""
+    """Figures of one slot's picture."""
 
     source: str
     psnr_db: float | None
-    """Against the reference picture, covered pixels, 8-bit sRGB; None for the reference itself."""
+    """PSNR in dB against the reference picture, over covered pixels in 8-bit sRGB; None for the reference itself."""
     divergence: DivergenceStatistics | None
-    """None for images."""
+    """Divergence of the decoders; None for images."""
     gpu_bytes: int | None
-    """Latents, decoders and tables on the GPU; blocks of a block format, as hardware would take them; None for the reference."""
+    """Bytes on the GPU: latents, decoders and tables, or the blocks of a block format; None for the reference."""
     psnr_by_map: Mapping[DecodedMaps, float | None] = field(default_factory=dict)
-    """The same PSNR with one map decoded among the original ones, by map; None where that shows no error. Empty in the view `base`,
-    and for images."""
+    """PSNR in dB with only one map decoded and all others original, by map; None without an error. Empty in the view `base`, and
+    for images."""
 
 
 @dataclass(frozen=True)
 class PreviousView:
-    """What was shown before a training run replaced it."""
+    """Slots and mode of the view before a training run replaced them."""
 
     slot_a: Slot
     slot_b: Slot
@@ -85,55 +85,55 @@ class PreviousView:
 
 @dataclass(frozen=True)
 class PointedOut:
-    """Textures that are shown for a while where they are in the picture: everything else is dimmed."""
+    """Textures that are highlighted for some seconds: everything else is dimmed."""
 
     textures: tuple[int, ...]
-    """Their ids."""
+    """Ids of the textures."""
     seconds: float
     until: float | None = None
-    """Monotonic time in seconds; None until a frame has shown them."""
+    """Monotonic time of the end in seconds; None until a frame has shown them."""
 
 
 @dataclass(frozen=True)
 class ErrorTable:
-    """What the panel Errors lists, and in which order."""
+    """Rows and order of the panel Errors."""
 
     by: ErrorsBy = "texture"
     column: ErrorColumn = "psnr"
-    """By which the table is sorted."""
+    """Column by which the table is sorted."""
     descending: bool = False
     highlighted_decoder: int | None = None
-    """The decoder whose textures are highlighted; None also where a texture is."""
+    """Decoder whose textures are highlighted; None where a texture or nothing is."""
 
 
 @dataclass
 class NavigationState:
-    """How the camera moves."""
+    """State of moving, recording and bookmarking the camera."""
 
     motion: Motion | None = None
-    """What moves the camera; None while it rests, or is moved by hand."""
+    """Motion of the camera; None while it rests or is moved by hand."""
     recording: tuple[Camera, ...] | None = None
-    """The camera's path so far; None while it is not recorded."""
+    """Cameras of the path being recorded; None while none is."""
     last_path: tuple[Camera, ...] = ()
-    """The path that was recorded last."""
+    """Cameras of the path that was recorded last."""
     bookmarks: Mapping[str, Mapping[str, Camera]] = field(default_factory=dict)
-    """Cameras that the user has named, by scene (its path, else its name) and by their own name."""
+    """Bookmarked cameras by scene (its path, else its name) and by their own name."""
     speed_notches: float = 0.0
-    """Notches of the wheel by which flying is faster than usual."""
+    """Notches of the wheel by which flying is faster than usual; negative is slower."""
 
 
 @dataclass
 class InspectionState:
-    """What panels show details of. Places are shares of the picture's width and height from its upper left corner."""
+    """Subjects of the panels' details. Places are shares of the picture's width and height from its upper left corner."""
 
     selected_texture: int | None = None
-    """Texture id that panels highlight."""
+    """Id of the texture that panels highlight."""
     flat_texture: int | None = None
-    """Texture id that is shown flat in a window of its own."""
+    """Id of the texture in the flat view."""
     block: tuple[float, float] | None = None
-    """Place of the block that stays in the panel Divergence."""
+    """Place of the block kept in the panel Divergence."""
     pixel: tuple[float, float] | None = None
-    """Place of the pixel that stays in the panel Pixel."""
+    """Place of the pixel kept in the panel Pixel."""
     hovered: tuple[float, float] | None = None
     """Place of the mouse over the picture."""
     pointed_out: PointedOut | None = None
@@ -144,65 +144,65 @@ class InspectionState:
 
 @dataclass
 class WindowState:
-    """The window around the picture."""
+    """State of the window around the picture."""
 
     log: MessageLog = field(default_factory=MessageLog)
-    """All messages, toasts that have faded included."""
+    """Log of all messages."""
     toasts: tuple[Toast, ...] = ()
     panel_titles: tuple[str, ...] = ()
-    """Of all panels, shown or not."""
+    """Titles of all panels, shown or not."""
     open_panels: frozenset[str] = frozenset()
-    """Titles of those panels that are closed until they are asked for, and have been."""
+    """Titles of the open panels among those that are closed until the user opens them."""
     show_panels: bool = True
     column_folded: bool = False
-    """Whether panels are folded to a strip at the edge of the window."""
+    """True where panels are folded to a strip at the edge of the window."""
     show_help: bool = False
     show_glossary: bool = False
     show_first_steps: bool = False
-    """Whether the card of first steps is shown."""
+    """True where the card of first steps is shown."""
     file_dialog: bool = False
-    """Whether the dialog is open that chooses a file to open."""
+    """True where the dialog for opening a file is shown."""
     question: Question | None = None
-    """What is to be answered before anything else; None for nothing."""
+    """Question that must be answered before anything else; None for none."""
     palette: str | None = None
     """Id of the command whose arguments the palette asks for; "" while it lists all; None while it is closed."""
     show_other: bool = False
-    """While a key is held: the other slot is shown."""
+    """True while a held key shows the other slot."""
     flickers: bool = False
-    """Whether A and B take turns."""
+    """True while the picture flickers between A and B."""
     flicker_phase: bool = False
-    """Whether it is the other slot's turn."""
+    """True while the flicker shows the other slot."""
     picture_size: tuple[int, int] = (1, 1)
-    """(width, height) in pixels that panels leave to the picture."""
+    """Size (width, height) of the picture in pixels, as panels leave it."""
 
 
 @dataclass(eq=False)
 class Session:
-    """What is open, the view of it, and the state of the window around it."""
+    """Open files, the view of them, and the state of the window."""
 
     scene: Scene
     packs: Mapping[str, Pack]
-    """Open packs by their names; another object whenever one of them changes."""
+    """Open packs by name; a new mapping whenever one changes."""
     view: ViewState
     settings: ViewerSettings
     pictures_folder: Path = Path()
-    """Where pictures, views and camera paths are written."""
+    """Folder for pictures, views and camera paths."""
     resolution: float = 1.0
-    """Pixels of the picture along one side, as a share of the window's."""
+    """Resolution: drawn pixels along one side, as a share of the window's."""
     compressed: Mapping[BlockFormat, CompressedTextures] = field(default_factory=dict)
-    """The scene's textures in block formats that slots have shown; another object whenever one is added."""
+    """Scene's textures in block formats that slots have shown; a new mapping whenever one is added."""
     awaited_formats: Mapping[Side, BlockFormat] = field(default_factory=dict)
-    """Block formats that slots show once the textures are encoded."""
+    """Block formats that slots show as soon as the textures are encoded."""
     precision_searches: frozenset[Side] = frozenset()
-    """Slots whose cheapest precision that does not show is being searched."""
+    """Slots whose fastest precision is being searched."""
     seeks_first_view: bool = False
-    """Whether a place in the scene is looked for that shows more than a view of all of it."""
+    """True while a first view inside the scene is searched, which may show more than a view of all of it."""
     decoder_variant: str = ""
-    """How decoders are laid out on the GPU, as the command line asks (`VariantChoice`); empty: as the environment says."""
+    """Layout of decoders on the GPU (`VariantChoice`) from the command line; empty takes the one of the environment."""
     unsupported: Mapping[str, str] = field(default_factory=dict)
-    """Precisions and decode paths that the graphics driver cannot compute in, each with the reason in a line."""
+    """Precisions and decode paths that the graphics driver lacks, each with the reason in a line."""
     previous_views: Mapping[str, PreviousView] = field(default_factory=dict)
-    """What was shown before the first pack of each training run, by the name of its pack."""
+    """Views before the first pack of each training run, by the name of its pack."""
     playback: AnimationPlayback = field(default_factory=AnimationPlayback)
     navigation: NavigationState = field(default_factory=NavigationState)
     inspection: InspectionState = field(default_factory=InspectionState)
@@ -210,14 +210,14 @@ class Session:
 
     @property
     def is_moving(self) -> bool:
-        """Whether the camera or the scene moves by itself."""
+        """True while the camera moves by itself or an animation plays."""
         return self.navigation.motion is not None or (self.playback.is_playing and bool(self.scene.animations))
 
     @property
     def shown_view(self) -> ViewState:
-        """The view to draw now: held key, flicker, and textures that are pointed out taken into account.
+        """View to draw now, with held key, flicker and highlight applied.
 
-        One slot becomes the other; two change places; instead of the difference the slots themselves are shown.
+        A single slot is replaced by the other; two slots change places; the difference is replaced by the slots.
         """
         view, window, pointed = self.view, self.window, self.inspection.pointed_out
         if pointed is not None and max(pointed.textures) < len(self.scene.textures):
@@ -233,32 +233,32 @@ class Session:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """What a slot can be asked to show."""
+        """Sources that a slot can be asked to show."""
         return (REFERENCE, *self.packs, *BLOCK_FORMATS)
 
     @property
     def open_sources(self) -> tuple[str, ...]:
-        """What a slot can show at once."""
+        """Sources that a slot can show without encoding first."""
         return (REFERENCE, *self.packs, *self.compressed)
 
     def compressed_as(self, source: str) -> CompressedTextures | None:
-        """The scene's textures in a block format, by the name of the source; None where it is none that is there."""
+        """Return the scene's textures in the block format `source`; None for other sources and before they are encoded."""
         block_format = named_format(source)
         return self.compressed.get(block_format) if block_format is not None else None
 
     @property
     def scene_key(self) -> str:
-        """Identifies the scene among those that were open: its path, else its name."""
+        """Key of the scene among those that were open: its path, else its name."""
         return str(self.scene.path or self.scene.name)
 
     @property
     def bookmarks(self) -> Mapping[str, Camera]:
-        """Cameras that the user has named, of this scene."""
+        """Bookmarked cameras of this scene by name."""
         return self.navigation.bookmarks.get(self.scene_key, {})
 
     @property
     def present_settings(self) -> ViewerSettings:
-        """The settings to remember."""
+        """Settings to save, with the present values of view and window."""
         return replace(
             self.settings,
             show_panels=self.window.show_panels,
@@ -269,9 +269,9 @@ class Session:
         )
 
     def file_to_read(self, file: Path) -> Path:
-        """A file as given, else in the folder of pictures, where views and paths are written."""
+        """Return `file` where it exists, else the file of that name in the folder of pictures."""
         return file if file.is_absolute() or file.exists() else self.pictures_folder / file
 
     def dated_file(self, what: str, suffix: str) -> Path:
-        """A file to write in the folder of pictures that is not there yet: the scene's name, `what`, and the time."""
+        """Return a new file in the folder of pictures, named by the scene, `what` and the time."""
         return numbered_path(self.pictures_folder / f"{self.scene.name}{what}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}")

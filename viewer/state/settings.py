@@ -1,4 +1,4 @@
-"""Settings that the window keeps from one run to the next, as JSON in the user's configuration folder."""
+"""Settings that the window keeps between runs, as JSON in the user's configuration folder."""
 
 import json
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ ANISOTROPIES = get_args(Anisotropy)
 FOV_RANGE = (10.0, 120.0)
 UI_SCALE_RANGE = (0.5, 3.0)
 FLICKER_RANGE = (0.2, 30.0)
-"""Hz."""
+"""Range of the flicker's frequency in Hz."""
 TILE_CACHE_MEGABYTES = (1, 16384)
 MOST_PANELS = 64
 LONGEST_TITLE = 64
@@ -33,7 +33,7 @@ MOST_KEYS = 1000
 MOST_RECENT = 10
 LONGEST_PATH = 4096
 LARGEST_FILE = 1 << 20
-"""Bytes: a settings file is a few hundred; anything beyond this is not one."""
+"""Largest settings file in bytes; a usual one has a few hundred."""
 REMEDY = "it will be overwritten when the window closes"
 
 
@@ -44,7 +44,7 @@ class ViewerSettings:
     show_panels: bool = True
     """Show the panels when the window opens."""
     camera_mode: CameraMode = "orbit"
-    """What the mouse does with the camera: orbit around a point, or fly."""
+    """Mode of the camera: the mouse orbits around a point, or looks around while keys fly."""
     fov_degrees: Annotated[float, Meta(ge=FOV_RANGE[0], le=FOV_RANGE[1])] = 60.0
     """Vertical field of view of the free camera, degrees."""
     anisotropy: int = 1
@@ -52,9 +52,9 @@ class ViewerSettings:
     texel_filter: TexelFilter = "exact"
     """Filter of slot A, of the paths that decode every pixel."""
     wipe_position: Share = 0.5
-    """Divider of the wipe as a share of the picture's width."""
+    """Position of the divider as a share of the picture's width or height."""
     overlay: Overlay = NO_OVERLAY
-    """How maps over the picture look. A start shows none: its `kind` is "none"."""
+    """Appearance of maps over the picture. Its `kind` is "none": a start shows no map."""
     window_size: tuple[
         Annotated[int, Meta(ge=320, le=LARGEST_WINDOW_SIDE)], Annotated[int, Meta(ge=200, le=LARGEST_WINDOW_SIDE)]
     ] = (1280, 720)
@@ -62,15 +62,15 @@ class ViewerSettings:
     coarse_while_moving: bool = True
     """Draw fewer pixels while the camera moves, where a whole frame takes long."""
     tile_cache_megabytes: Annotated[int, Meta(ge=TILE_CACHE_MEGABYTES[0], le=TILE_CACHE_MEGABYTES[1])] = 256
-    """Memory that path `cached` may keep decoded tiles in, for each pack that is shown with it."""
+    """Memory in MB for decoded tiles of path `cached`, for each pack that uses it."""
     live_figures: bool = True
     """Draw the hidden slot and compare A with B while the view does not change."""
     prepare_encoding: bool = True
-    """Start the training process, and prepare the encoding that a scene without a pack is offered, before it is asked for."""
+    """Start the training process and prepare encoding as soon as a scene without a pack is open."""
     flicker_hz: Annotated[float, Meta(ge=FLICKER_RANGE[0], le=FLICKER_RANGE[1])] = 2.0
-    """Frequency in Hz of switching between A and B while they flicker."""
+    """Frequency of the flicker between A and B in Hz."""
     ui_scale: Annotated[float, Meta(ge=UI_SCALE_RANGE[0], le=UI_SCALE_RANGE[1])] = 1.0
-    """Size of text and widgets; 1 is the normal one."""
+    """Scale of text and widgets; 1 is the normal size."""
     theme: Theme = "dark"
     """Colours of the panels: dark or light."""
     hidden_panels: Annotated[
@@ -82,29 +82,29 @@ class ViewerSettings:
     ] = ()
     """Titles of panels whose stacks are folded to their tabs."""
     column_folded: bool | None = None
-    """Whether the column of panels is folded to a strip; None: as the width of the window suggests."""
+    """True where the column of panels is folded to a strip; None folds it in a narrow window."""
     keys: Annotated[Mapping[str, str], Meta(max_length=MOST_KEYS)] = field(default_factory=dict)
-    """Keyboard shortcuts that replace the default ones, by command id; "" for none."""
+    """Keys that replace the default ones, by command id; "" removes the key."""
     first_steps: bool = True
-    """Show the card of first steps when the window opens; closing the card turns it off."""
+    """Show the card of first steps when the window opens. Closing the card turns this off."""
     recent_files: Annotated[
         tuple[Annotated[str, Meta(max_length=LONGEST_PATH)], ...], Meta(max_length=MOST_RECENT)
     ] = ()
     """Absolute paths of scenes and packs that were opened, the last one first."""
 
     def __post_init__(self) -> None:
-        """Raises ValueError for an anisotropy that is not offered."""
+        """Check the anisotropy. Raises ValueError for a value that is not offered."""
         if self.anisotropy not in ANISOTROPIES:
             raise ValueError(f"anisotropy: must be one of {', '.join(map(str, ANISOTROPIES))}")
 
 
 def parse_settings(text: str | bytes, file: str) -> ViewerSettings:
-    """Settings from JSON text; unknown fields are ignored, absent ones take their default. Raises InputError."""
+    """Parse settings from JSON; unknown fields are ignored, absent ones take their default. Raises InputError."""
     return convert(parse_json(text, file, REMEDY), ViewerSettings, file, REMEDY)
 
 
 def with_recent(settings: ViewerSettings, path: Path) -> ViewerSettings:
-    """`settings` with `path` as the file that was opened last; unchanged where its name is no text or too long."""
+    """Return `settings` with `path` first in the recent files; unchanged for a path that is not printable or too long."""
     name = str(path.absolute())
     if len(name) > LONGEST_PATH or not name.isprintable():
         return settings
@@ -113,7 +113,7 @@ def with_recent(settings: ViewerSettings, path: Path) -> ViewerSettings:
 
 
 def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:
-    """(settings in `folder`, problem): a broken file gives the defaults and one line that says why, else None."""
+    """Load (settings, problem) from `folder`; a broken file gives the defaults and the reason in a line, else None."""
     file = folder / SETTINGS_FILE
     try:
         if not file.exists():
@@ -126,7 +126,7 @@ def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:
 
 
 def make_config_folder(folder: Path) -> None:
-    """Make `folder` unless it is there. Raises InputError if it cannot be made."""
+    """Create `folder` where it is absent. Raises InputError where that fails."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -134,6 +134,6 @@ def make_config_folder(folder: Path) -> None:
 
 
 def save_settings(folder: Path, settings: ViewerSettings) -> None:
-    """Write `settings` into `folder`, atomically. Raises InputError if it cannot be written."""
+    """Write `settings` into `folder`, atomically. Raises InputError where that fails."""
     make_config_folder(folder)
     write_text(folder / SETTINGS_FILE, json.dumps(asdict(settings), indent=2) + "\n")

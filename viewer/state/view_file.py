@@ -1,4 +1,4 @@
-"""A saved view as JSON: what `view.save` writes and `view.load` reads."""
+"""Saved views as JSON, written by `view.save` and read by `view.load`."""
 
 import json
 import math
@@ -33,7 +33,7 @@ from viewer.state.view_state import (
 FORMAT = "ntc-viewer view"
 VERSION = 1
 LARGEST_VIEW = 1 << 20
-"""Bytes: a view is about a thousand, a bookmark 200."""
+"""Largest saved view in characters; a view has about a thousand, a bookmark 200."""
 MOST_BOOKMARKS = 1000
 SMALLEST_RESOLUTION = 0.05
 REMEDY = "give what view.save or view.copy made"
@@ -43,18 +43,18 @@ Distance = Annotated[float, Meta(ge=1e-12, le=1e30)]
 
 @dataclass(frozen=True)
 class SavedView:
-    """A view with its scene, resolution and bookmarks."""
+    """Saved view with the scene's name, resolution and bookmarks."""
 
     scene: str
     """Name of the scene that was open."""
     view: ViewState
     resolution: float
-    """Rendered pixels along one side, as a share of the window's."""
+    """Resolution: drawn pixels along one side, as a share of the window's."""
     bookmarks: Mapping[str, Camera]
 
 
 def present_view(session: Session) -> SavedView:
-    """The current view of a session."""
+    """Return the current view of a session."""
     return SavedView(session.scene.name, session.view, session.resolution, session.bookmarks)
 
 
@@ -78,7 +78,7 @@ def _camera_fields(camera: Camera) -> dict[str, Any]:
 
 
 def view_json(saved: SavedView) -> str:
-    """The text that `parse_view` reads back."""
+    """Return a view as the JSON text that `parse_view` reads."""
     view = saved.view
     content = {
         "format": FORMAT,
@@ -169,17 +169,17 @@ class _ViewFile(msgspec.Struct):
 
 
 def _merged(defaults: Any, given: Any) -> Any:
-    """`given`; where both are objects, with the fields that only `defaults` has, at every depth."""
+    """Return `given` with the fields that only `defaults` has, at every depth of JSON objects."""
     if not (isinstance(defaults, dict) and isinstance(given, dict)):
         return given
     return {**defaults, **{name: _merged(defaults.get(name), value) for name, value in given.items()}}
 
 
 def parse_view(text: str, where: str, present: SavedView) -> SavedView:
-    """The view that `text` describes; fields that are absent are as in `present`, unknown ones are ignored.
+    """Parse a view; absent fields are taken from `present`, unknown ones are ignored.
 
-    `where` names the text in messages. Raises InputError, one line, for text that is no view and for values that are
-    out of range. Whether its sources are open is not checked.
+    `where` names the text in messages. Raises InputError in one line for text that is not a view and for values
+    out of range. Sources are not checked.
     """
     if len(text) > LARGEST_VIEW:
         raise InputError(f"{where}: too long for a view ({len(text)} characters)")
@@ -222,7 +222,7 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
 
 
 def with_open_sources(view: ViewState, present: ViewState, sources: tuple[str, ...]) -> tuple[ViewState, list[str]]:
-    """`view` with the slots of `present` where a source is not open, and the names of those sources."""
+    """Return `view` with slots of `present` in place of sources that are not open, and the names of those sources."""
     missing = list(
         dict.fromkeys(slot.source for slot in (view.slot_a, view.slot_b) if slot.source not in (REFERENCE, *sources))
     )
@@ -234,6 +234,6 @@ def with_open_sources(view: ViewState, present: ViewState, sources: tuple[str, .
 
 
 def with_known_pose(view: ViewState, animations: Sequence[AnimationFacts]) -> ViewState:
-    """`view` at rest where its pose is of none of `animations`."""
+    """Return `view`, without its pose where that is of none of `animations`."""
     known = view.pose is None or any(animation.name == view.pose.animation for animation in animations)
     return view if known else replace(view, pose=None)
