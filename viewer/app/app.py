@@ -1,4 +1,4 @@
-"""What the window and its content without one have in common: a session, what trains for it, and what draws it."""
+"""Shared part of the window and its content without a window: session, training, drawing."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -20,12 +20,12 @@ from viewer.ui.widgets import WidgetRects
 
 
 class App:
-    """A session that is shown, and driven by commands. An ImGui context is current in all calls."""
+    """Session that is shown and driven by commands. An ImGui context is current in all calls."""
 
     prepares_ahead = False
-    """Whether a person may ask for an encoding at any moment; scripts and tests would start processes for nothing."""
+    """True where a person may start an encoding at any moment; for scripts and tests the processes would be wasted."""
     keeps_runs = False
-    """Whether runs that nobody has decided about are kept in the user's data folder."""
+    """True where undecided runs are kept in the user's data folder."""
 
     def __init__(self, graphics: GraphicsContext, session: Session) -> None:
         self.session = session
@@ -41,27 +41,27 @@ class App:
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) of the content in pixels."""
+        """Size (width, height) of the content in pixels."""
         raise NotImplementedError
 
     @property
     def is_settled(self) -> bool:
-        """Whether nothing is to come that the next frames would show."""
+        """True where further frames would show nothing new."""
         return not self.frontend.reasons(self.size)
 
     @property
     def is_opening(self) -> bool:
-        """Whether a file is still to be opened."""
+        """True while a file is being opened."""
         return self.effects.opening.is_under_way
 
     @property
     def is_closing(self) -> bool:
-        """Whether the window is to be closed."""
+        """True where the window is to be closed."""
         return self.effects.is_closing
 
     @property
     def widgets(self) -> WidgetRects:
-        """The labelled widgets of the last frame."""
+        """Labelled widgets of the last frame."""
         return self.frontend.interface.rects
 
     def resize(self, size: tuple[int, int]) -> None:
@@ -69,7 +69,7 @@ class App:
         raise NotImplementedError
 
     def run(self, command_id: str, *values: object) -> None:
-        """Run a command with typed values; what keeps it from being carried out becomes a message."""
+        """Run a command with typed values; an error becomes a message."""
         run_or_notify(self.context, command_id, *values)
 
     def open_files(self, paths: list[Path]) -> None:
@@ -78,9 +78,9 @@ class App:
             self.run("file.open", path)
 
     def played(self, script: Script) -> Iterator[Turn]:
-        """Plays a script: yields for every frame that it needs, and while it waits. Raises InputError with its file and line."""
+        """Play a script: yield for every frame that it needs, and while it waits. Raises InputError with file and line."""
         return play_script(script, self)
 
     def _apply_appearance(self, monitor_scale: float) -> None:
-        """To be called before a frame begins. `monitor_scale`: pixels per window unit that the monitor asks for."""
+        """Apply theme and scale before a frame. `monitor_scale` is the monitor's pixels per window unit."""
         self._appearance.apply(self.session.settings.theme, self.session.settings.ui_scale, monitor_scale)

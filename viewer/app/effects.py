@@ -1,4 +1,4 @@
-"""Carries out what commands ask for outside the session: slow work beside the frames, the rest at its point of a frame."""
+"""Effects of commands outside the session: slow ones run in the background, others at their point of a frame."""
 
 import time
 from concurrent.futures import CancelledError
@@ -49,33 +49,33 @@ def _title(effect: Slow) -> str:
 
 
 class Opening:
-    """Carries out slow effects, the first one first. Frames go on with the scene before while another one is read."""
+    """Slow effects in their order. Frames show the scene before while another one is read."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
         self._waiting: list[Slow] = []
         self._job: Job[ReadScene] | Job[Scene] | None = None
-        """What reads for the first of `_waiting`."""
+        """Job that reads files for the first of `_waiting`."""
         self._is_shown = False
-        """Whether a frame shows what is waiting."""
+        """True where a frame has shown what is waiting."""
         self._began = 0.0
 
     def add(self, effect: Slow) -> None:
-        """Have an effect wait for its turn."""
+        """Add an effect to the queue."""
         self._waiting.append(effect)
 
     @property
     def is_under_way(self) -> bool:
-        """Whether something is still to be opened."""
+        """True while something is being opened."""
         return bool(self._waiting)
 
     @property
     def is_due(self) -> bool:
-        """Whether the next frame begins or ends something."""
+        """True where the next frame begins or ends an effect."""
         return self.is_under_way and (self._job is None or self._job.done)
 
     def advance(self) -> None:
-        """Before a frame: go on with what the last one has shown."""
+        """Continue, before a frame, with what the last frame has shown."""
         while self._is_shown and self._waiting:
             effect, job = self._waiting[0], self._job
             if job is None and not isinstance(effect, RunCommand):
@@ -99,7 +99,7 @@ class Opening:
         return Job(partial(read_variant, self._context.session.scene, effect.variant))
 
     def _finish(self, effect: Slow, found: ReadScene | Scene | None) -> None:
-        """Open what was read. Raises InputError."""
+        """Open the files that were read. Raises InputError."""
         context = self._context
         if isinstance(effect, RunCommand):
             run(context, effect.command_id, *effect.values)
@@ -107,7 +107,7 @@ class Opening:
             show_variant(context.session, found)
         elif isinstance(effect, OpenScene) and isinstance(found, ReadScene):
             what = f"{effect.path.name} is opened"
-            # Runs may have begun while it was read.
+            # Runs may have begun during the reading.
             if effect.decision is None and asks_about_runs(context, what, "file.open-leaving", effect.path):
                 return
             open_scene(context.session, found)
@@ -117,17 +117,17 @@ class Opening:
                 run(context, effect.then.command_id, *effect.then.values)
 
     def note_shown(self) -> None:
-        """A frame has shown `work`."""
+        """Note that a frame has shown `work`."""
         self._is_shown = self.is_under_way
 
     def cancel(self) -> None:
-        """End what is read."""
+        """Cancel the reading."""
         if self._job is not None:
             self._job.cancel()
 
     @property
     def work(self) -> tuple[Work, ...]:
-        """What is done, and about to be done, for the status bar."""
+        """Present and waiting work, for the status bar."""
         found = [Work(_title(effect)) for effect in self._waiting]
         if self._job is not None:
             share = self._job.report.share
@@ -141,24 +141,24 @@ REASONS = {
     Measure: "the picture is measured",
     TakePicture: "a picture is written",
 }
-"""What a frame is drawn for, by the effect that waits for it."""
+"""Reason of a frame, by the effect that waits for it."""
 Kind = TypeVar("Kind")
 
 
 class Effects:
-    """What is still to be done for commands. It outlives the OpenGL context: what a lost one leaves undone is done in the next."""
+    """Effects that are still to be carried out. They outlive a lost OpenGL context, and continue in the next one."""
 
     def __init__(self, context: Context) -> None:
         self._session, self._context = context.session, context
         self.opening = Opening(context)
         self.is_closing = False
-        """Whether the window is to be closed."""
+        """True where the window is to be closed."""
         self._waiting: tuple[Effect, ...] = ()
         self._film: Film | None = None
         context.perform = self.perform
 
     def perform(self, effect: Effect) -> None:
-        """Carry an effect out, or keep it until its point of a frame. Raises InputError."""
+        """Carry out an effect, or keep it until its point of a frame. Raises InputError."""
         match effect:
             case OpenScene() | ReadVariant():
                 self.opening.add(effect)
@@ -181,23 +181,23 @@ class Effects:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What waits for the next frame, as lines."""
+        """Reasons for the next frame, as lines."""
         opened = ("what was read is opened",) if self.opening.is_due else ()
         return (*dict.fromkeys(REASONS[type(effect)] for effect in self._waiting), *opened)
 
     @property
     def need_whole_picture(self) -> bool:
-        """Whether the next picture must not be coarse."""
+        """True where the next picture must have full resolution."""
         return any(isinstance(effect, Measure | TakePicture) for effect in self._waiting)
 
     def take(self, kind: type[Kind]) -> list[Kind]:
-        """The effects of one kind that wait, which the caller carries out."""
+        """Take the waiting effects of one kind, which the caller carries out."""
         taken: list[Kind] = [effect for effect in self._waiting if isinstance(effect, kind)]
         self._waiting = tuple(effect for effect in self._waiting if not isinstance(effect, kind))
         return taken
 
     def write_pictures(self, graphics: GraphicsContext, framebuffer: moderngl.Framebuffer, picture: Viewport) -> None:
-        """Once a frame is on its framebuffer: write and film it. Raises ContextLostError; what is not written still waits then."""
+        """Write and film the frame on its framebuffer. Raises ContextLostError; the rest waits for the next frame."""
         if self._film is not None and self._film.wants(now := time.monotonic()):
             self._film.add(read_pixels(framebuffer), now)
         for effect in [effect for effect in self._waiting if isinstance(effect, TakePicture)]:
@@ -216,7 +216,7 @@ class Effects:
             path = session.pictures_folder / effect.file
         else:
             path = session.dated_file("" if kind == "window" else f"-{kind}", ".png")
-        # Scripts say exactly which file they mean, and write it anew each time that they are played.
+        # Scripts name the exact file, and overwrite it each time.
         path = path if effect.quiet else numbered_path(path)
         shown = read_pixels(framebuffer) if kind == "window" else picture.alone(kind, session.window.picture_size)
         graphics.reset.check()
@@ -235,6 +235,6 @@ class Effects:
             notify(self._session, f"{film.path}: cannot be written ({error})", "error")
 
     def close(self) -> None:
-        """End what is under way: a film is written, a scene is not opened."""
+        """End all effects: a film is written, a scene is not opened."""
         self._end_film()
         self.opening.cancel()

@@ -1,4 +1,4 @@
-"""What panels show of the last frame: gathered from the picture, and read back from it where a panel asks for it."""
+"""Facts of the last frame for panels, read back from the GPU only where a panel shows them."""
 
 from collections.abc import Mapping
 
@@ -21,7 +21,7 @@ from viewer.ui.facts import FrameFacts
 
 
 class FactsReader:
-    """Reads a picture for the panels, and no more of it than they show."""
+    """Reader of the picture for panels, which reads only what they show."""
 
     def __init__(self, context: GraphicsContext, session: Session, picture: Viewport, times: FrameTimes) -> None:
         self._renderer_name = context.info.renderer
@@ -33,11 +33,11 @@ class FactsReader:
 
     @property
     def is_pending(self) -> bool:
-        """Whether something for a panel is on its way from the GPU."""
+        """True while something for a panel is on its way from the GPU."""
         return self.pixels.is_pending or self._blocks.is_pending
 
     def read(self, live: LiveFigures, is_training: bool, encoding: Mapping[BlockFormat, float]) -> FrameFacts:
-        """The facts of the last frame; `live` is what comparing A with B has found, `encoding` how far block formats are."""
+        """Return the facts of the last frame; `live` is the result of comparing A with B, `encoding` the progress of block formats."""
         last, renderer, thumbnails = self._picture.last, self._picture.renderer, self._picture.thumbnails
         slots = (self._session.view.slot_a, self._session.view.slot_b)
         memory = {slot: found for slot in slots if renderer and (found := renderer.memory(slot)) is not None}
@@ -77,19 +77,19 @@ class FactsReader:
         return view is not None and view.coarseness > 1
 
     def _divergence(self) -> Mapping[str, DivergenceStatistics]:
-        """Of the last picture that was no preview: a preview counts fewer pixels of each block."""
+        """Return the divergence of the last whole picture: a preview counts fewer pixels of each block."""
         last = self._picture.last
         if last is not None and not (self._is_preview and last.divergence.keys() == self._counted.keys()):
             self._counted = last.divergence
         return self._counted
 
     def thumbnail(self, texture_id: int) -> imgui.ImTextureRef:
-        """A small picture of a texture of the scene."""
+        """Return the thumbnail of a texture of the scene."""
         assert self._picture.thumbnails is not None
         return imgui.ImTextureRef(self._picture.thumbnails[texture_id].glo)
 
     def measurements(self) -> Mapping[Side, SlotMeasurement] | None:
-        """Both slots of the present view, measured now; None while there is no picture of it."""
+        """Measure both slots of the present view now; None without a picture of it."""
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
             return None
@@ -111,7 +111,7 @@ class FactsReader:
         return results
 
     def take_problems(self) -> tuple[str, ...]:
-        """What could not be shown for want of memory since the last call: lines."""
+        """Return in lines what could not be shown for lack of memory since the last call."""
         thumbnails = self._picture.thumbnails
         fallbacks = [self._images.fallback, *([] if thumbnails is None else [thumbnails.fallback])]
         return tuple(problem for fallback in fallbacks if (problem := fallback.take_problem()) is not None)
@@ -125,7 +125,7 @@ class FactsReader:
         return imgui.ImTextureRef(self._images.get(name, pixels).glo)
 
     def _pixel(self) -> PixelContent | None:
-        """The pixel that the panel Pixel shows, while it is open."""
+        """Return the pixel of the panel Pixel, while it is open."""
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
         at = session.inspection.pixel or session.inspection.hovered
         if (
@@ -139,14 +139,14 @@ class FactsReader:
         return read_pixel(self.pixels, renderer, view, at)
 
     def _block(self) -> BlockContent | None:
-        """The block that the panel Divergence shows, while the map is shown."""
+        """Return the block of the panel Divergence, while the map is shown."""
         session, renderer, view = self._session, self._picture.renderer, self._picture.last_view
         at = session.inspection.block or session.inspection.hovered
         if renderer is None or view is None or view.overlay.kind != "divergence" or at is None:
             self._blocks.forget()
             return None
         if view.coarseness > 1:
-            # Its few pixels would say that it has fewer textures than at rest.
+            # A preview has fewer pixels, and so fewer textures in a block than at rest.
             self._blocks.forget()
             return None
         return read_block(self._blocks, renderer, session.packs, view, at)

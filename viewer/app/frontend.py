@@ -1,4 +1,4 @@
-"""Picture and user interface in one framebuffer: the same for the window and for tests without one."""
+"""Picture and user interface in one framebuffer, for the window and for tests without a window."""
 
 import math
 import time
@@ -45,23 +45,23 @@ from viewer.viewpoints.first_view import FirstView
 
 BACKGROUND = (0.05, 0.055, 0.06, 1.0)
 RECORDING_SECONDS = 0.25
-"""A recorded path has a camera so often."""
+"""Time between two cameras of a recorded path, in seconds."""
 LONGEST_STEP = 0.1
-"""Seconds that a camera moves by itself in one frame: a slow one must not make it jump."""
+"""Longest motion of the camera in one frame, in seconds: a slow frame must not make it jump."""
 SECONDS_BETWEEN_FIGURES = 0.25
-"""The figures of a training are drawn no more often while nothing else changes."""
+"""Least time between two frames for the figures of a training, in seconds."""
 POLL_SECONDS = 0.05
-"""What is under way in another process is asked for news so often."""
+"""Time between two looks for news of another process, in seconds."""
 
 
 class Frontend:
-    """Draws a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
+    """Drawing of a session. All calls belong to the thread of the OpenGL context, with an ImGui context current."""
 
     def __init__(
         self, graphics: GraphicsContext, context: Context, effects: Effects, prepares_ahead: bool = False
     ) -> None:
-        """`effects` carries out what the commands of `context` ask for. `prepares_ahead`: whether the encoding of a scene without a
-        pack is prepared once it is drawn.
+        """Make a frontend. `effects` are those of `context`'s commands. With `prepares_ahead`, encoding is prepared as soon as a scene
+        without a pack is drawn.
         """
         session = context.session
         self._graphics, self._context, self._effects, self.session = graphics, context, effects, session
@@ -84,29 +84,29 @@ class Frontend:
         self.live = LiveComparison()
         self._work = WorkUnderWay()
         self._news = False
-        """Whether jobs have found something since the last frame."""
+        """True where jobs have had a result since the last frame."""
         self._built_at = -math.inf
-        """Monotonic seconds."""
+        """Monotonic time of the last frame in seconds."""
         self._training_shown: tuple[object, ...] = ()
-        """Of the last frame."""
+        """Facts of a training in the last frame."""
         self._is_announced = False
-        """Whether a frame has shown that the first picture is being made."""
+        """True where a frame has announced the first picture."""
         self._because: tuple[str, ...] = ()
-        """What the last frame was drawn for."""
+        """Reasons of the last frame."""
 
     def facts(self) -> FrameFacts:
-        """What the panels show of the last frame."""
+        """Return the facts of the last frame for the panels."""
         encoding, to_come = self._formats.progress, self.picture.to_come
         first = (Work(FIRST_PICTURE),) if self.picture.last is None else ()
         beside = self._work.read(self.session, encoding, self.live.is_computing, to_come)
         work = (*first, *self._effects.opening.work, *training_work(self._context.training), *beside)
-        # Beside a picture that lacks something a figure would be wrong.
+        # Figures of an incomplete picture would be wrong.
         live = LiveFigures(problem=to_come[0].line) if to_come else self.live.figures
         found = self.reader.read(live, self._is_training, encoding)
         return replace(found, work=work, drawn_because=self._because)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
-        """Draw the picture as large as panels leave room for it, and build the UI, between new_frame and render.
+        """Draw the picture in the room that panels leave, and build the UI, between new_frame and render.
 
         `size` (width, height) in pixels is the window's.
         """
@@ -135,7 +135,7 @@ class Frontend:
         picture = imgui.ImTextureRef(last.image.glo) if last is not None else None
         reason = partial(why_not, self._context)
         facts = self.facts()
-        # Before the panels are drawn: what they ask for is shown by the next frame only.
+        # Before the panels are drawn: the next frame shows what they ask for.
         self._effects.opening.note_shown()
         for panel in self._effects.take(RaisePanel):
             self.interface.raise_panel(panel.title)
@@ -150,7 +150,7 @@ class Frontend:
         return imgui.get_draw_data()
 
     def paint(self, framebuffer: moderngl.Framebuffer, draw_data: imgui.ImDrawData) -> None:
-        """Put what `build` made onto a framebuffer. Raises ContextLostError; pictures that were asked for still are then."""
+        """Draw the result of `build` onto a framebuffer. Raises ContextLostError; requested pictures wait for the next frame."""
         framebuffer.use()
         framebuffer.clear(*BACKGROUND)
         imgui.backends.opengl3_render_draw_data(draw_data)
@@ -162,23 +162,23 @@ class Frontend:
         self._effects.write_pictures(self._graphics, framebuffer, self.picture)
 
     def presented(self) -> None:
-        """The frame has been handed to the window system."""
+        """Note that the window system has the frame."""
         if not self._graphics.waits:
             self._times.end()
 
     def reasons(self, size: tuple[int, int]) -> tuple[str, ...]:
-        """Why the window draws another frame now, or will as soon as something has ended, in plain lines; empty while it rests.
+        """Return why the window draws another frame now, or will when some work ends, in plain lines; empty while it rests.
 
-        `size` (width, height) in pixels is the window's. A training draws frames by its news, and is none of the reasons.
+        `size` (width, height) in pixels is the window's. A training is not a reason: its news draw frames.
         """
         return tuple(dict.fromkeys((*self._due(size), *self._awaited())))
 
     def needs_frame(self, size: tuple[int, int]) -> bool:
-        """Whether a frame is to be drawn now."""
+        """Return True where a frame must be drawn now."""
         return self.frames_needed(size) > 0
 
     def frames_needed(self, size: tuple[int, int]) -> int:
-        """How many frames show what has changed: as many as the layout needs, one for news of what is under way, 0 for none."""
+        """Return how many frames must be drawn: as many as the layout needs, one for news of background work, or 0."""
         self._follow_training()
         self._record_camera()
         if any(self._due(size)):
@@ -187,10 +187,10 @@ class Frontend:
         return int(news and time.monotonic() - self._built_at >= SECONDS_BETWEEN_FIGURES)
 
     def _due(self, size: tuple[int, int]) -> Iterator[str]:
-        """Why the next frame shows something else than the last."""
+        """Yield why the next frame differs from the last."""
         session, now, room = self.session, time.monotonic(), self._picture_size(size)
         encoded, computed = self._formats.take_news(), self.interface.background.take_news()
-        # Kept until a frame shows it, whoever asks first.
+        # A frame clears this, not the first caller.
         self._news = self._news or encoded or computed
         if self._news:
             yield "work beside the frames has a result"
@@ -214,7 +214,7 @@ class Frontend:
             yield from self._picture_is_due(room)
 
     def _picture_is_due(self, room: tuple[int, int]) -> Iterator[str]:
-        """Why the next picture, of this size, is another one than the last."""
+        """Yield why the next picture, of this size, differs from the last."""
         session = self.session
         if session.is_moving:
             yield "the camera moves" if session.navigation.motion is not None else "an animation plays"
@@ -230,7 +230,7 @@ class Frontend:
             yield "the picture is coarse while the camera moves"
 
     def _awaited(self) -> Iterator[str]:
-        """What is under way, and changes what the window shows when it ends."""
+        """Yield the work whose end changes the window."""
         session, last_view = self.session, self.picture.last_view
         work = self._work.read(session, self._formats.progress, self.live.is_computing, to_come=())
         yield from (part.title for part in (*self._effects.opening.work, *work))
@@ -255,7 +255,7 @@ class Frontend:
         return min(explains, (math.floor(turns) + 1.0 - turns) / (2.0 * self.session.settings.flicker_hz))
 
     def release(self) -> None:
-        """Free everything on the GPU, and end what runs beside it."""
+        """Free everything on the GPU, and end background work."""
         self.interface.background.close()
         self.live.close()
         self._formats.close()
@@ -263,7 +263,7 @@ class Frontend:
         self.picture.release()
 
     def _picture_size(self, window: tuple[int, int]) -> tuple[int, int] | None:
-        """(width, height) in pixels of what panels leave of a window of so many; None before panels have found their places."""
+        """Return the size (width, height) in pixels of the picture in a window; None before panels have their places."""
         area, display = self.interface.picture_area, imgui.get_io().display_size
         return area.pixels((display.x, display.y), window) if area is not None else None
 
@@ -284,20 +284,20 @@ class Frontend:
             self._effects.take(Measure)
 
     def _look_for_first_view(self, size: tuple[int, int]) -> None:
-        """In a scene without cameras, go on looking for a place to begin with, once all of it is on screen."""
+        """Continue the search for a first view in a scene without cameras, as soon as all of the scene is on screen."""
         renderer, session = self.picture.renderer, self.session
         if renderer is not None and self.picture.is_open and not self.picture.is_undrawable(size):
             self._first_view.step(session, renderer.texture_ids_from)
 
     def _prepare_ahead(self) -> None:
-        """Once a scene without a pack is drawn, prepare the encoding that it is offered."""
+        """Prepare encoding as soon as a scene without a pack is drawn."""
         session = self.session
         wanted = self._prepares_ahead and session.settings.prepare_encoding and self.picture.last is not None
         if wanted and session.scene.textures and not session.packs and not self._context.training.log.runs:
             self._context.training.prepare_ahead(session.scene)
 
     def _compare(self, size: tuple[int, int]) -> None:
-        """Do what there is to do while the picture rests."""
+        """Compare A with B while the picture rests."""
         renderer, view, now = self.picture.renderer, self.picture.last_view, time.monotonic()
         if renderer is None or view is None:
             return
@@ -318,23 +318,23 @@ class Frontend:
         self._context.training.tick(self.session.scene, shown, self.session.packs)
 
     def _follow_training(self) -> None:
-        """Take what has come from a training. That draws nothing: it may be nothing that is seen."""
+        """Take news from a training, without drawing a frame."""
         if self._context.training.is_due:
             self._tick_training()
 
     def _training_facts(self) -> tuple[object, ...]:
-        """What panels show of a training and its messages, as values that are equal while they show the same."""
+        """Return values that are equal while panels show the same of a training and its messages."""
         training = self._context.training
         run, log = training.active, training.log
         under_way: tuple[object, ...] = ()
         if run is not None:
-            # Before the first report, the seconds that have passed are the only sign of life.
+            # Before the first report only the passing seconds show that the training works.
             passed = int(time.monotonic() - run.began) if run.progress is None else 0
             under_way = (run.state, run.progress, run.notes, passed)
         return (*under_way, self.session.window.log.count, log.runs, log.undecided, training.saving)
 
     def _figures_are_wanted(self) -> bool:
-        """Whether anything shows what a comparison of A and B would find."""
+        """Return True where something shows the comparison of A and B."""
         session, view = self.session, self.session.view
         in_picture = view.overlay.kind in ("error-texture", "error-decoder") or (
             view.compare == "difference" and view.difference.kind == "flip"
@@ -343,12 +343,12 @@ class Frontend:
 
     @property
     def _is_training(self) -> bool:
-        """Whether a training changes the picture every second and needs the processors."""
+        """True while a training changes the picture every second and needs the processors."""
         return self._context.training.state not in ("idle", "paused")
 
     @property
     def _compares(self) -> bool:
-        """Whether A is compared with B while the picture rests."""
+        """True where A is compared with B while the picture rests."""
         return self.session.settings.live_figures and not self._is_training
 
     def _update_flicker(self) -> None:

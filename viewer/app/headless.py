@@ -1,4 +1,4 @@
-"""The window's content without a window: plays scripts."""
+"""Content of the window without a window, for scripts and tests."""
 
 import time
 from collections.abc import Mapping
@@ -17,11 +17,11 @@ from viewer.state.settings import ViewerSettings
 
 FRAME_SECONDS = 1.0 / 60.0
 REST_SECONDS = 0.02
-"""A waiting script looks so often for what has changed."""
+"""Time between two looks for changes while a script waits, in seconds."""
 
 
 class HeadlessApp(App):
-    """Session, user interface and renderer, driven by a script instead of a person."""
+    """Session, user interface and renderer without a window, driven by a script."""
 
     def __init__(
         self,
@@ -33,7 +33,7 @@ class HeadlessApp(App):
         initial: InitialView | None = None,
         device: str | None = None,
     ) -> None:
-        """`size` (width, height) in pixels; `pictures`: where pictures, views and camera paths are written; `device` as for
+        """Make the content. `size` (width, height) is in pixels, `pictures` is the folder for pictures and views, `device` is that of
         `create_headless_context`."""
         self._size = size
         self.graphics = create_headless_context(device)
@@ -56,11 +56,11 @@ class HeadlessApp(App):
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) in pixels."""
+        """Size (width, height) in pixels."""
         return self._size
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Give the content this size, from the next frame on."""
+        """Resize the content, from the next frame on."""
         framebuffer = self._make_framebuffer(size)
         self._release_framebuffer()
         self.framebuffer, self._size = framebuffer, size
@@ -80,7 +80,7 @@ class HeadlessApp(App):
                 awake = max(0, awake - 1)
                 self.frame()
             else:
-                # What works beside the frames needs the processors, and Python's lock.
+                # Background work needs the processors, and Python's lock.
                 time.sleep(REST_SECONDS)
 
     def frame(self, count: int = 1) -> None:

@@ -1,4 +1,4 @@
-"""One window of the window system with its OpenGL context, and ImGui in it: all that is lost together when the driver is reset."""
+"""Window of the window system with its OpenGL context and ImGui: they are lost together when the driver is reset."""
 
 import contextlib
 import ctypes
@@ -24,7 +24,7 @@ TITLE = "ntc-viewer"
 
 
 def _open(size: tuple[int, int], version: int, robust: bool) -> Window:
-    """A window, with a context that reports its loss if `robust`. Raises what moderngl-window, moderngl and glfw raise."""
+    """Open a window; with `robust` its context reports its loss. Raises the errors of moderngl-window, moderngl and glfw."""
     gl_version = (version // 100, version // 10 % 10)
     # moderngl-window neither resets hints nor gives one for this, and to initialise glfw twice changes nothing.
     if robust and glfw.init():
@@ -32,13 +32,13 @@ def _open(size: tuple[int, int], version: int, robust: bool) -> Window:
     try:
         return Window(title=TITLE, size=size, gl_version=gl_version, resizable=True, vsync=True, aspect_ratio=None)
     except BaseException:
-        # Hints and windows that were made so far go with it.
+        # This removes hints and windows made so far.
         glfw.terminate()
         raise
 
 
 def _open_best(size: tuple[int, int]) -> Window:
-    """A window with what its driver has: losses that are told rather than not, else an older version."""
+    """Open a window with the best context of its driver: one that reports losses where possible, else an older version."""
     set_up_drivers()
     problem: Exception | None = None
     for version in (COMPUTE_VERSION, DRAWING_VERSION):
@@ -55,16 +55,16 @@ def _open_best(size: tuple[int, int]) -> Window:
 
 @dataclass(frozen=True)
 class Placement:
-    """Where a window is, in screen units."""
+    """Place and size of a window in screen units."""
 
     size: tuple[int, int]
     position: tuple[int, int] | None = None
-    """Of the content's upper left corner; None: where the window system puts it."""
+    """Upper left corner of the content; None leaves it to the window system."""
     maximized: bool = False
 
 
 class ImguiWindow:
-    """An open window. All calls belong to one thread; there is at most one at a time."""
+    """Open window. All calls belong to one thread; there is at most one window at a time."""
 
     def __init__(
         self,
@@ -74,7 +74,7 @@ class ImguiWindow:
         listen: Callable[[Any], None],
         losses: SimulatedLosses,
     ) -> None:
-        """`layout`: of an earlier window, else "": what is in `layout_file`. `listen` installs callbacks on a glfw window.
+        """Open a window. `layout` is that of an earlier window, "" reads `layout_file`. `listen` installs callbacks on a glfw window.
 
         Raises InputError where no window can be opened.
         """
@@ -94,14 +94,14 @@ class ImguiWindow:
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         if layout:
             imgui.load_ini_settings_from_memory(layout)
-        # ImGui's callbacks pass every event on to the ones that are installed before them.
+        # ImGui's callbacks pass every event on to callbacks installed before.
         listen(self.handle)
         address = ctypes.cast(self.handle, ctypes.c_void_p).value or 0
         imgui.backends.glfw_init_for_opengl(address, True)
         imgui.backends.opengl3_init("#version 330")
 
     def set_title(self, scene: str) -> None:
-        """Show in the window's frame which scene is open; asks the window system only for another one."""
+        """Show the scene's name in the title; the window system is asked only for a new one."""
         title = f"{scene} - {TITLE}"
         if title != self._title:
             self._title = title
@@ -124,7 +124,7 @@ class ImguiWindow:
 
     @property
     def placement(self) -> Placement:
-        """Where it is now."""
+        """Present place and size."""
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", glfw.GLFWError)
             width, height = glfw.get_window_size(self.handle)
@@ -139,16 +139,16 @@ class ImguiWindow:
         imgui.new_frame()
 
     def layout(self) -> str:
-        """How panels are docked, for the next window; "" before the first frame, in which it is read."""
+        """Return the layout of panels for the next window; "" before the first frame, which reads it."""
         return imgui.save_ini_settings_to_memory() if imgui.get_frame_count() > 0 else ""
 
     def leave_frame(self, error: BaseException) -> None:
-        """End the frame that `error` broke off, maybe inside of a panel; there is none after it.
+        """End the frame that `error` interrupted, maybe inside a panel; no frame follows.
 
-        What the broken calls held is let go: parts of ImGui must not outlive its context.
+        Objects of the interrupted calls are released: parts of ImGui must not outlive its context.
         """
         io = imgui.get_io()
-        # ImGui then closes what is open, and is not to complain.
+        # ImGui then closes what is open, without complaints.
         io.config_error_recovery_enable_assert = io.config_error_recovery_enable_debug_log = False
         behind: BaseException | None = error
         while behind is not None:
@@ -158,7 +158,7 @@ class ImguiWindow:
             imgui.end_frame()
 
     def close(self) -> None:
-        """Free everything; whatever a lost context refuses goes with it."""
+        """Free everything; a lost context may refuse, and is freed as a whole."""
         for free in (imgui.backends.opengl3_shutdown, imgui.backends.glfw_shutdown):
             with contextlib.suppress(Exception):
                 free()

@@ -1,4 +1,4 @@
-"""What to do when the OpenGL context of the window is lost: how often a new window is opened, and what is kept at the end."""
+"""Recovery from a lost OpenGL context: attempts to open a new window, and the view that is saved at the end."""
 
 import shlex
 import time
@@ -16,10 +16,10 @@ from viewer.state.view_file import present_view, view_json
 
 RECOVERED: Final = "the graphics driver was reset; everything was uploaded again"
 MOST_LOSSES = 3
-"""Within LOSS_SECONDS; with the last of them the window ends."""
+"""Number of losses within LOSS_SECONDS that ends the window."""
 LOSS_SECONDS = 60.0
 RESET_SECONDS = 2.0
-"""A reset is waited for so long."""
+"""Longest wait for the end of a driver's reset, in seconds."""
 PAUSES: Final = (0.0, 1.0, 3.0)
 """Seconds before each attempt to open a new window: a driver that restarts is not there at once."""
 
@@ -27,20 +27,20 @@ Opened = TypeVar("Opened")
 
 
 class LossHistory:
-    """When contexts were lost."""
+    """Times at which contexts were lost."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
         self._losses: deque[float] = deque(maxlen=MOST_LOSSES)
 
     def add(self) -> bool:
-        """Note a loss; whether there were too many of late."""
+        """Record a loss; returns True where too many came in a short time."""
         self._losses.append(self._clock())
         return len(self._losses) == MOST_LOSSES and self._losses[-1] - self._losses[0] <= LOSS_SECONDS
 
 
 def open_again(open_window: Callable[[], Opened], pauses: Sequence[float] = PAUSES) -> Opened:
-    """What `open_window` opens, which is tried after each of `pauses`. Raises the InputError of the last attempt."""
+    """Return the result of `open_window`, which is tried after each of `pauses`. Raises the InputError of the last attempt."""
     for pause in pauses[:-1]:
         time.sleep(pause)
         try:
@@ -52,7 +52,7 @@ def open_again(open_window: Callable[[], Opened], pauses: Sequence[float] = PAUS
 
 
 def _command(session: Session, view: Path) -> str:
-    """What is typed to see `view` again."""
+    """Return the command line that opens `view` again."""
     scene, packs = session.scene.path, [pack.path for pack in session.packs.values() if pack.path is not None]
     beside = {path.resolve() for path in packs_beside(scene)} if scene is not None else set()
     named = [str(path.resolve()) for path in packs if path.resolve() not in beside]
@@ -69,7 +69,7 @@ def _command(session: Session, view: Path) -> str:
 
 
 def context_lost_error(session: Session, lost: ContextLostError, why: str) -> InputError:
-    """The error to end with when `why` there is no new window; writes the view as a file that can be opened again."""
+    """Save the view to a file, and return the error to end with; `why` says why there is no new window."""
     path = session.dated_file("-view", ".json").resolve()
     try:
         write_text(path, view_json(present_view(session)))

@@ -1,4 +1,4 @@
-"""The window: moderngl-window with glfw, ImGui's own backends, and a loop that rests while nothing changes."""
+"""Window of moderngl-window with glfw and ImGui's own backends, and a loop that rests while nothing changes."""
 
 import contextlib
 import os
@@ -28,9 +28,9 @@ from viewer.ui.theme import Appearance
 from viewer.ui.user_interface import SETTLING_FRAMES
 
 IDLE_SECONDS = 0.2
-"""Longest rest while nothing happens: messages must end, and coarse pictures become whole."""
+"""Longest rest in seconds while nothing happens: messages must end, and coarse pictures become whole."""
 WAITING_SECONDS = 0.02
-"""A script that waits is asked so often whether it goes on."""
+"""Time between two looks whether a waiting script continues, in seconds."""
 FRAMES_VARIABLE = "NTC_VIEWER_EXIT_AFTER_FRAMES"
 """Environment variable for tests: close after this many frames."""
 LARGEST_MONITOR_SCALE = 4.0
@@ -39,21 +39,21 @@ PICTURES = Path("ntc-viewer-pictures")
 
 @dataclass(frozen=True, eq=False)
 class WindowContent:
-    """What the window opens with."""
+    """Scene, packs, view and script that the window opens with."""
 
     scene: Scene
     packs: Mapping[str, Pack]
     initial: InitialView
     script: Script = ()
-    """What is played when it has opened; then it stays open, unless the script closes it."""
+    """Script to play in the open window; the window stays open unless the script closes it."""
     size: tuple[int, int] | None = None
-    """(width, height) in screen units; None: as it was last."""
+    """Size (width, height) in screen units; None takes the last size."""
     pictures: Path = PICTURES
     """Folder for pictures, views and paths."""
 
 
 class WindowApp(App):
-    """A session in a window, which is opened anew where its OpenGL context is lost."""
+    """Session in a window, which is opened again where its OpenGL context is lost."""
 
     prepares_ahead = True
     keeps_runs = True
@@ -62,14 +62,14 @@ class WindowApp(App):
         folder = config_folder()
         settings, problem = load_settings(folder)
         self._folder: Path | None = folder
-        """Where settings are written; None where that cannot be: they are forgotten."""
+        """Folder for settings; None where they cannot be written."""
         try:
             make_config_folder(folder)
         except InputError as error:
             self._folder, problem = None, f"{error}; settings will not be saved"
         self._losses, self._lost_before = SimulatedLosses.of_environment(), LossHistory()
         self._size = content.size or settings.window_size
-        """In screen units, as it was last."""
+        """Last size in screen units."""
         self._awake = SETTLING_FRAMES
         self._window: ImguiWindow | None = None
         window = self._open(Placement(self._size))
@@ -109,7 +109,7 @@ class WindowApp(App):
         self._wake()
 
     def _monitor_scale(self) -> float:
-        """Window units per unit of normal scale. Where a window has more pixels than units, ImGui draws finer by itself."""
+        """Return window units per unit of normal scale. Where a window has more pixels than units, ImGui draws finer by itself."""
         width, _ = glfw.get_window_size(self._handle)
         pixels, _ = glfw.get_framebuffer_size(self._handle)
         asked = glfw.get_window_content_scale(self._handle)[0]
@@ -128,7 +128,7 @@ class WindowApp(App):
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) of the content in pixels."""
+        """Size (width, height) of the content in pixels."""
         width, height = glfw.get_framebuffer_size(self._handle)
         return width, height
 
@@ -142,7 +142,7 @@ class WindowApp(App):
         glfw.set_window_size(self._handle, width, height)
 
     def _play_on(self) -> None:
-        """Let the script go on to where it needs the next frame, or waits; a line that cannot be carried out ends it."""
+        """Continue the script to where it needs the next frame or waits; a failing line ends it."""
         if self._playing is None:
             return
         try:
@@ -158,7 +158,7 @@ class WindowApp(App):
     def show(self, frames: int | None = None) -> None:
         """Draw until the window is closed, or `frames` frames have been drawn.
 
-        Goes on in a new window where the OpenGL context is lost. Raises InputError where that cannot be, or not any more.
+        A lost OpenGL context is replaced by a new window. Raises InputError where that fails or happens too often.
         """
         drawn = 0
         last_size = (0, 0)
@@ -179,13 +179,13 @@ class WindowApp(App):
                 self._recover(self._window, lost)
 
     def _next_size(self) -> tuple[int, int]:
-        """(width, height) of the content in pixels, after what has happened; 0 while it is minimised."""
+        """Handle events, and return the size (width, height) of the content in pixels; 0 while it is minimised."""
         glfw.poll_events()
         self._size = glfw.get_window_size(self._handle)
         return self.size
 
     def _step(self, window: ImguiWindow, size: tuple[int, int], started: bool, always: bool) -> int:
-        """Draw a frame if there is cause to, else do something for the next one, or rest. The number of frames drawn."""
+        """Draw a frame where one is due, else prepare the next one or rest. Returns the number of frames drawn."""
         if min(size) <= 0:
             glfw.wait_events_timeout(IDLE_SECONDS)
             return 0
@@ -202,7 +202,7 @@ class WindowApp(App):
         return 0
 
     def _recover(self, window: ImguiWindow, lost: ContextLostError) -> None:
-        """Go on in a new window with what is in memory. Raises InputError, with the view kept as a file, where that fails."""
+        """Continue in a new window with the data in memory. Raises InputError, with the view saved to a file, where that fails."""
         window.leave_frame(lost)
         placement, layout = window.placement, window.layout()
         window.context.reset.wait_until_over(RESET_SECONDS)
@@ -220,25 +220,25 @@ class WindowApp(App):
         self._wake()
 
     def _close_window(self) -> None:
-        """Free what is on the GPU, and the window. The session stays."""
+        """Free the GPU's memory and the window. The session stays."""
         window, self._window = self._window, None
         if window is not None:
             with contextlib.suppress(Exception):
-                # What a lost context refuses to free goes with it.
+                # A lost context may refuse to free memory.
                 self.frontend.release()
             window.close()
 
     def _keys_held(self) -> bool:
-        """Whether a held key moves the camera."""
+        """Return True where a held key moves the camera."""
         return any(glfw.get_key(self._handle, key) == glfw.PRESS for key in map(ord, "WASDQE"))
 
     def leave(self, error: BaseException) -> None:
-        """To be called before `close` where `error` broke off a frame."""
+        """End a frame that `error` interrupted; call it before `close`."""
         if self._window is not None:
             self._window.leave_frame(error)
 
     def close(self) -> None:
-        """Remember settings and layout, and free everything."""
+        """Save settings and layout, and free everything."""
         width, height = self._size
         settings = self.session.present_settings
         try:

@@ -1,4 +1,4 @@
-"""What is under way beside the frames, for the status bar: how far it is, and how long it goes on."""
+"""Work in the background for the status bar: its progress, and the time left."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,7 +12,7 @@ from viewer.ui.facts import Work
 from viewer.ui.widgets import duration
 
 LEAST_SHARE, LEAST_SECONDS = 0.03, 1.0
-"""Of the work, and since its beginning: before that its end cannot be told."""
+"""Least share of the work and least seconds before the time left is estimated."""
 TRAINING_STATES = {
     "preparing": "preparing textures and groups",
     "pausing": "pausing",
@@ -22,24 +22,24 @@ TRAINING_STATES = {
 
 
 def seconds_left(share: float, began: float) -> float | None:
-    """Seconds until work ends of which `share` is done since `began` (monotonic seconds); None while that cannot be told."""
+    """Return the seconds left of work with `share` done since `began` (monotonic seconds); None while unknown."""
     seconds = time.monotonic() - began
     return seconds * (1.0 - share) / share if share >= LEAST_SHARE and seconds >= LEAST_SECONDS else None
 
 
 class WorkUnderWay:
-    """Remembers when each piece of work was seen first."""
+    """Work in the background, with the time at which each piece was seen first."""
 
     def __init__(self) -> None:
         self._began: dict[str, float] = {}
-        """Monotonic seconds, by title."""
+        """Monotonic seconds of the first sight, by title."""
 
     def read(
         self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, to_come: Sequence[ToCome]
     ) -> tuple[Work, ...]:
-        """What is under way for the picture and its figures, what takes longest first.
+        """Return the work for the picture and its figures, the slowest first.
 
-        `encoding`: how far block formats are; `comparing`: whether A is compared with B; `to_come`: what the picture lacks.
+        `encoding` is the progress of block formats, `comparing` tells that A is compared with B, `to_come` what the picture lacks.
         """
         found = [*self._formats(encoding)]
         if session.precision_searches:
@@ -58,7 +58,7 @@ class WorkUnderWay:
 
 
 def training_work(training: LiveTraining) -> Iterator[Work]:
-    """The training under way, and the pack that is written."""
+    """Yield the training under way, and the pack being written."""
     if (run := training.active) is not None:
         title, progress = f"{run.name}: {job_title(run.job)}", run.progress
         state = TRAINING_STATES.get(run.state, "")
@@ -66,7 +66,7 @@ def training_work(training: LiveTraining) -> Iterator[Work]:
             state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
         share = progress.step / max(1, progress.steps) if progress is not None else None
         left = progress.seconds_left if progress is not None and not state else None
-        # One that is about to end cannot be ended again.
+        # A run that is being cancelled cannot be cancelled again.
         cancel = "training.cancel" if run.state != "cancelling" else ""
         yield Work(f"{title}, {state}" if state else title, share, left, cancel)
     if training.saving:

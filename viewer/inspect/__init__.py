@@ -1,1 +1,1 @@
-"""What the window's panels tell about a scene and its packs, as tables without a window. Knows neither OpenGL nor ImGui."""
+"""Tables and figures for panels, without a window: no ImGui."""

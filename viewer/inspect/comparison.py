@@ -1,6 +1,6 @@
-"""Slots A and B against each other over the pixels of one picture: figures, histogram, errors of textures and decoders.
+"""Comparison of slots A and B in one picture: figures, histogram, errors of textures and decoders.
 
-Needs no OpenGL: `compare` runs in a process of its own."""
+`compare` needs no OpenGL, and runs in a process of its own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,85 +16,85 @@ from viewer.render.resources.layout import materials_of, texture_ids_of
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
 STEPS = 256
-"""Values of |A - B| in steps of 8-bit sRGB."""
+"""Number of values of |A - B| in steps of 8-bit sRGB."""
 
 
 @dataclass(frozen=True, eq=False)
 class PicturePair:
-    """Pictures of A and B as they are on the GPU; row 0 at the bottom."""
+    """Pictures of A and B as read from the GPU, with row 0 at the bottom."""
 
     size: tuple[int, int]
-    """(width, height)."""
+    """Size (width, height) in pixels."""
     a: bytes
-    """RGBA, linear."""
+    """Pixels of A: linear RGBA."""
     b: bytes
     a_type: str
-    """NumPy type of a channel of `a`, as in `<f2`."""
+    """NumPy type of a channel of `a`, such as `<f2`."""
     b_type: str
     ids: bytes
-    """uint32 per pixel: first words of the visibility buffer."""
+    """First words of the visibility buffer: one uint32 per pixel."""
     decoders: tuple[int, ...]
     """Decoder of each texture of the scene, -1 where nothing is decoded."""
 
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """Error of A against B over the pixels that show one texture, or one decoder's textures; in steps of 8-bit sRGB."""
+    """Error of A against B over the pixels of one texture, or of one decoder's textures, in steps of 8-bit sRGB."""
 
     number: int
-    """Texture id, or decoder."""
+    """Number of the texture or decoder."""
     decoder: int
-    """-1 where nothing is decoded."""
+    """Decoder of the texture; -1 where nothing is decoded."""
     pixels: int
     psnr_db: float
-    """Infinite where they are equal."""
+    """PSNR in dB; infinite where A and B are equal."""
     rmse: float
     mean: float
-    """Of |A - B| over pixels and channels."""
+    """Mean of |A - B| over pixels and channels."""
     largest: int
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """The result of `compare`. Figures are None where no pixel is covered."""
+    """Result of `compare`. Figures are None where no pixel is covered."""
 
     pixels: int
-    """Covered pixels: all figures are of these."""
+    """Number of covered pixels, of which all figures are."""
     psnr_db: float | None
-    """8-bit sRGB."""
+    """PSNR in dB over 8-bit sRGB."""
     ssim: float | None
-    """Mean of the windows on covered pixels."""
+    """Mean SSIM of the windows on covered pixels."""
     flip: float | None
-    """Mean over covered pixels; None also where FLIP cannot be computed."""
+    """Mean FLIP over covered pixels; None also where FLIP cannot be computed."""
     flip_map: NDArray[np.float32] | None
-    """[H, W], 0 to 1, row 0 on top."""
+    """FLIP map [H, W], 0 to 1, row 0 on top."""
     problem: str
-    """Why there is no FLIP; "" where there is."""
+    """Reason why there is no FLIP; "" where there is."""
     histogram: NDArray[np.int64]
-    """[3, 256]: covered pixels by |A - B| of red, green and blue, in steps of 8-bit sRGB."""
+    """Covered pixels by |A - B| of red, green and blue in steps of 8-bit sRGB: [3, 256]."""
     textures: tuple[ErrorRow, ...]
-    """Visible textures, by id."""
+    """Errors of visible textures, by id."""
     decoders: tuple[ErrorRow, ...]
-    """Visible decoders, by number."""
+    """Errors of visible decoders, by number."""
 
 
 @dataclass(frozen=True, eq=False)
 class LiveFigures:
-    """What panels show of A against B, and how current it is."""
+    """Latest comparison of A and B for panels, and its state."""
 
     comparison: Comparison | None = None
-    """The last one that was made."""
+    """Latest comparison."""
     is_current: bool = False
-    """Whether it is of the picture that is shown."""
+    """True where the comparison is of the shown picture."""
     computing: bool = False
     source: str = REFERENCE
-    """Source whose decoders `comparison.decoders` are: slot A's, else slot B's."""
+    """Source of the decoders in `comparison.decoders`: slot A's, else slot B's."""
     problem: str = ""
-    """Why there is no comparison."""
+    """Reason why there is no comparison."""
 
 
 def compared_source(view: ViewState) -> str:
-    """Source whose decoders errors are listed by: slot A's, or slot B's where A shows images."""
+    """Return the source by whose decoders errors are listed: slot A's, or slot B's where A shows images."""
     return view.slot_b.source if is_image_source(view.slot_a.source) else view.slot_a.source
 
 
@@ -104,7 +104,7 @@ def _srgb8(pixels: bytes, kind: str, size: tuple[int, int]) -> NDArray[np.uint8]
 
 
 def _rows(numbers: NDArray[np.intp], decoders: Sequence[int], difference: NDArray[np.int64]) -> tuple[ErrorRow, ...]:
-    """One row for each of `numbers` [N] that occurs; `difference` [N, 3] is |A - B|, `decoders` that of each number."""
+    """Return a row for each different number in `numbers` [N]; `difference` [N, 3] is |A - B|, `decoders` is by number."""
     count = len(decoders)
     pixels = np.bincount(numbers, minlength=count)
     squares = np.bincount(numbers, (difference * difference).sum(axis=1), count)
@@ -130,7 +130,7 @@ def _rows(numbers: NDArray[np.intp], decoders: Sequence[int], difference: NDArra
 
 
 def compare(pair: PicturePair) -> Comparison:
-    """All figures of two pictures of one view; takes about a second for half a million pixels, most of it FLIP."""
+    """Compare two pictures of one view. Half a million pixels take about a second, mostly for FLIP."""
     a, b = _srgb8(pair.a, pair.a_type, pair.size), _srgb8(pair.b, pair.b_type, pair.size)
     words = np.frombuffer(pair.ids, "<u4").reshape(pair.size[1], pair.size[0])[::-1]
     covered = materials_of(words) >= 0

@@ -1,4 +1,4 @@
-"""One texture by itself: its original, in blocks of graphics hardware, as packs decode it, and the part of it that is in sight."""
+"""Flat view of one texture: its original, its block formats, what packs decode, and the visible part of an image."""
 
 import math
 from dataclasses import dataclass
@@ -19,25 +19,25 @@ from viewer.scene.source_textures import reduce_texture
 
 PREVIEW_SIDE = 256
 TEXELS_AT_ONCE = 1 << 15
-"""Texels decoded between two reports of progress: about a tenth of a second."""
+"""Number of texels decoded between two reports of progress: about a tenth of a second."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatTexture:
-    """A texture, decoded or original."""
+    """Texture as pixels, decoded or original."""
 
     mips: tuple[NDArray[np.uint8], ...]
-    """[h, w, 3] uint8 sRGB each, from the finest."""
+    """Mips as [h, w, 3] uint8 sRGB, from the finest."""
     level: int
-    """Mip that `mips` starts from: above 0 for a preview."""
+    """Level of the first of `mips`: above 0 for a preview."""
     psnr_db: float | None
-    """Of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview and for the original itself."""
+    """PSNR of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview and the original itself."""
     reduced: bool = False
-    """Whether the texture was reduced before it was encoded; `psnr_db` is then against the original reduced in the same way."""
+    """True where the texture was reduced before encoding; `psnr_db` is then against the original reduced in the same way."""
 
 
 def as_rgb8(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[H, W, 3] of pixels with 1 to 4 channels: grey is repeated, alpha left out."""
+    """Return [H, W, 3] of pixels with 1 to 4 channels: grey is repeated, alpha is left out."""
     return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
 
 
@@ -46,13 +46,13 @@ def _mips(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], ...]:
 
 
 def original_flat(texture: SceneTexture, report: JobReport) -> FlatTexture:
-    """A job: the original image of `texture`."""
+    """Return the original image of `texture` (a job)."""
     report.show(FlatTexture((as_rgb8(texture.pixels),), 0, None))
     return FlatTexture(_mips(texture.pixels), 0, None)
 
 
 def compressed_flat(compressed: CompressedTexture, _report: JobReport) -> FlatTexture:
-    """A job: a texture as hardware reads its blocks."""
+    """Return a texture as hardware reads its blocks (a job)."""
     return FlatTexture(tuple(as_rgb8(mip) for mip in compressed.mips()), 0, compressed.psnr_db)
 
 
@@ -71,7 +71,7 @@ def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np
 
 
 def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport) -> FlatTexture:
-    """A job: texture `index` of `pack`, which encodes `texture`, by the numpy twin of the decoder; a small mip first."""
+    """Decode texture `index` of `pack`, which encodes `texture`, with the numpy reference; a small mip first (a job)."""
     encoded = pack.textures[index]
     levels = latent_levels(encoded.width, encoded.height, pack.config)
     preview = next((n for n, size in enumerate(levels) if max(size.texel_width, size.texel_height) <= PREVIEW_SIDE), 0)
@@ -90,21 +90,21 @@ def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport
 
 
 LARGEST_REPEAT = 32
-"""Most pixels along one side of a repeated texel; the screen's own filter enlarges beyond that, and blurs the edges."""
+"""Largest side of a repeated texel in pixels; beyond it the screen's own filter enlarges, and blurs the edges."""
 
 
 @dataclass(frozen=True, eq=False)
 class VisiblePart:
-    """A part of an image as new pixels."""
+    """Part of an image as new pixels."""
 
     mips: tuple[NDArray[np.uint8], ...]
-    """What it is a part of."""
+    """Mips of the whole image."""
     key: object
-    """Equal for equal parts of one image."""
+    """Key of the part, equal for equal parts of one image."""
     pixels: NDArray[np.uint8]
-    """[h, w, 3] uint8 sRGB."""
+    """Pixels of the part: [h, w, 3] uint8 sRGB."""
     rectangle: tuple[float, float, float, float]
-    """(left, top, right, bottom) in the whole image, as shares of its size."""
+    """Place of the part in the whole image: (left, top, right, bottom) as shares of its size."""
 
 
 def visible_part(
@@ -113,10 +113,10 @@ def visible_part(
     width: float,
     known: VisiblePart | None = None,
 ) -> VisiblePart | None:
-    """The part `visible` (left, top, right, bottom as shares) of an image with `mips`, which is `width` pixels wide as a whole.
+    """Return the part `visible` (left, top, right, bottom as shares) of an image with `mips`, which is `width` pixels wide as a whole.
 
-    Of the mips the finest is taken that has no more texels than there are pixels; texels of an enlarged image stay
-    square. `known` is returned where it is the same part; None where nothing is visible.
+    It is cut from the finest mip without more texels than pixels; texels of an enlarged image stay square. Returns
+    `known` where it is the same part, and None where nothing is visible.
     """
     finest = mips[0].shape[1]
     level = min(max(math.floor(math.log2(max(finest / max(width, 1.0), 1.0)) + 0.5), 0), len(mips) - 1)
@@ -138,5 +138,5 @@ def visible_part(
 
 
 def _range(low: float, high: float, texels: int) -> tuple[int, int]:
-    """Texels that a range of shares touches, and one more on each side for the screen's filter."""
+    """Return the texels that a range of shares touches, and one more on each side for the screen's filter."""
     return max(math.floor(low * texels) - 1, 0), min(math.ceil(high * texels) + 1, texels)

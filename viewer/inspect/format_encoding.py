@@ -1,4 +1,4 @@
-"""Encoding the scene's textures in a format of graphics hardware, beside the frames, where a slot is to show it."""
+"""Encoding of the scene's textures in a block format, in the background, for slots that show it."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -19,10 +19,10 @@ Key = tuple[Scene, BlockFormat]
 
 
 class FormatEncoding:
-    """Encodes what `session.awaited_formats` names, in a process: some encoders keep Python's interpreter lock until they are done."""
+    """Encoding of `session.awaited_formats` in a process: some encoders hold Python's interpreter lock until they are done."""
 
     def __init__(self, cache: Path, emit: EmitEvent) -> None:
-        """`cache` is the folder that keeps blocks."""
+        """Make the encoding; `cache` is the folder for encoded blocks."""
         self._cache, self._emit = cache, emit
         self._background = Background()
         self._process = FunctionProcess(compress_texture, "block compression", NICENESS)
@@ -31,15 +31,15 @@ class FormatEncoding:
 
     @property
     def progress(self) -> Mapping[BlockFormat, float]:
-        """Share of the work done of each format that is asked for, 0 to 1."""
+        """Progress of each awaited format, 0 to 1."""
         return self._shares
 
     def take_news(self) -> bool:
-        """Whether a texture has been encoded since the last call."""
+        """Return True where a texture has been encoded since the last call."""
         return self._background.take_news()
 
     def step(self, session: Session) -> None:
-        """Begin what is asked for, report what is done, and cancel what is no longer asked for."""
+        """Begin awaited formats, report finished ones, and cancel those that are no longer awaited."""
         wanted = {(session.scene, block_format) for block_format in session.awaited_formats.values()}
         for key in self._asked - wanted:
             self._background.cancel(key)
@@ -61,18 +61,18 @@ class FormatEncoding:
             self._emit(Notification(f"{block_format}: {size}{quality}"))
 
     def _compressed(self, scene: Scene, block_format: BlockFormat, report: JobReport) -> CompressedTextures:
-        """A job. Raises InputError where the encoder is not installed."""
+        """Encode all textures in a format (a job). Raises InputError where the encoder is not installed."""
         requests = compression_requests(scene, block_format, self._cache)
         pictures = [request for own in requests for request in own]
         found = []
         for number, request in enumerate(pictures):
-            # No process is started for what is there already.
+            # No process starts for cached blocks.
             found.append(kept_texture(request) or self._process.call(request))
             report.progress(number + 1, len(pictures))
         return compressed_scene(block_format, requests, found)
 
     def close(self) -> None:
-        """End the process, in the middle of a texture too."""
+        """End the process, even in the middle of a texture."""
         self._background.forget()
         self._process.close()
         self._background.close()

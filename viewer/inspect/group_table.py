@@ -1,4 +1,4 @@
-"""The groups of a pack as a table: who is in them, how well they decode, how alike they are."""
+"""Table of a pack's groups: their members, their PSNR, and how similar they are."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,28 +19,28 @@ from viewer.scene.model import Scene
 from viewer.scene.source_textures import source_textures
 
 QUICK_FEATURES = ("low_level", "spectral")
-"""Those that need neither a network nor its weights."""
+"""Features that need no network."""
 
 
 @dataclass(frozen=True)
 class GroupRow:
-    """One group, as far as the scene has textures of it."""
+    """Group with its textures in the scene."""
 
     group: int
     members: tuple[int, ...]
-    """Texture ids of the scene."""
+    """Texture ids of the members in the scene."""
     psnr_db: float | None
     """PSNR in dB of the mean square error of the members' mip 0, as encoders and training report it."""
     worst_db: float | None
-    """The least PSNR of a member's mip 0."""
+    """Least PSNR of a member's mip 0, in dB."""
     absent: int
-    """Textures of the group in the pack that the scene does not have."""
+    """Number of textures of the group that the scene does not have."""
     before_db: float | None = None
-    """`psnr_db` of the same textures in the pack that this one replaced; None where that is not known."""
+    """PSNR in dB of the same textures in the pack that this one replaced; None where unknown."""
 
 
 def _psnr_db(pack: Pack, match: PackMatch, members: Iterable[int]) -> list[float] | None:
-    """PSNR in dB of mip 0 of textures of the scene; None where it is not known of all."""
+    """Return the PSNR in dB of mip 0 of textures of the scene; None where one is unknown."""
     indices = [match.texture_index[texture] for texture in members]
     found = [pack.textures[index].psnr_db if index >= 0 else None for index in indices]
     known = [value for value in found if value is not None]
@@ -52,7 +52,7 @@ def _together(values: Sequence[float] | None) -> float | None:
 
 
 def group_rows(pack: Pack, match: PackMatch, before: tuple[Pack, PackMatch] | None = None) -> tuple[GroupRow, ...]:
-    """All groups of `pack` by their number; `before` is the pack that it replaced."""
+    """Return all groups of `pack` by number; `before` is the pack that it replaced."""
     members: defaultdict[int, list[int]] = defaultdict(list)
     for texture_id, group in enumerate(match.decoders(pack)):
         if group >= 0:
@@ -77,24 +77,24 @@ def group_rows(pack: Pack, match: PackMatch, before: tuple[Pack, PackMatch] | No
 
 @dataclass(frozen=True)
 class GroupDistances:
-    """How far each texture is from the middle of its group."""
+    """Distance of each texture from the centroid of its group, in features."""
 
     features: FeatureName
     grouped_by: str
-    """The features that the pack was grouped by, where those need a network; "" where they are the same."""
+    """Features that the pack was grouped by, where those need a network; "" where they are the same."""
     by_texture: Mapping[int, float]
-    """Euclidean, by texture id."""
+    """Euclidean distances by texture id."""
 
     def caption(self) -> str:
-        """What the numbers are."""
+        """Return a description of the distances."""
         actual = f" (grouped by {self.grouped_by})" if self.grouped_by else ""
         return f"distance to the group's centroid in {self.features} features{actual}"
 
 
 def grouping_features(pack: Pack) -> tuple[FeatureName, str] | None:
-    """Features to measure distances in, and the name of those that they replace; "" where they are the same.
+    """Return the features to measure distances in, and the name of those that they replace, "" where they are the same.
 
-    None where the pack does not name features that grouped it.
+    Returns None where the pack was not grouped by features.
     """
     named = pack.grouping.parameters.get("features")
     if not isinstance(named, str):
@@ -103,7 +103,7 @@ def grouping_features(pack: Pack) -> tuple[FeatureName, str] | None:
 
 
 def centroid_distances(features: NDArray[np.float64], groups: NDArray[np.int64]) -> NDArray[np.float64]:
-    """[N] Euclidean distance of each row of `features` [N, F] to the mean of the rows of its group, `groups` [N]."""
+    """Return the Euclidean distance [N] of each row of `features` [N, F] to the mean of its group in `groups` [N]."""
     distances = np.zeros(len(features))
     for group in np.unique(groups):
         of_group = groups == group
@@ -115,7 +115,7 @@ def centroid_distances(features: NDArray[np.float64], groups: NDArray[np.int64])
 def group_distances(
     scene: Scene, decoders: tuple[int, ...], features: FeatureName, grouped_by: str, report: JobReport
 ) -> GroupDistances:
-    """A job: distances of all textures that are decoded. `decoders` is by texture id, -1 for none."""
+    """Return the distances of all decoded textures (a job). `decoders` is by texture id, -1 for none."""
     held = [texture for texture, decoder in enumerate(decoders) if decoder >= 0]
     textures = source_textures(scene, None)
     options = FeatureOptions(cache=features_cache(), progress=report.progress)

@@ -1,4 +1,4 @@
-"""Work done while the picture rests: the hidden slot is drawn, programs are compiled, and A is compared with B."""
+"""Work while the picture rests: draw the hidden slot, compile programs, and compare A with B."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from viewer.render.renderer import Renderer
 from viewer.state.view_state import Slot, ViewState
 
 REST_SECONDS = 0.3
-"""A picture rests when neither camera nor slots have changed for so long."""
+"""Time without a change of camera and slots after which a picture rests, in seconds."""
 
 
 def _errors(comparison: Comparison, decoders: tuple[int, ...]) -> ComparisonErrors:
@@ -30,41 +30,41 @@ def _errors(comparison: Comparison, decoders: tuple[int, ...]) -> ComparisonErro
 
 @dataclass(frozen=True, eq=False)
 class _Request:
-    """A comparison that was begun."""
+    """Comparison that has begun."""
 
     key: object
-    """Of the pair of pictures."""
+    """Key of the pair of pictures."""
     source: str
     decoders: tuple[int, ...]
     renderer: Renderer
 
 
 class LiveComparison:
-    """Steps of one decode or one read-back each, so that no frame waits for long. Belongs to the OpenGL context's thread.
+    """Comparison in steps of one decode or one read-back, so that no frame waits for long. It belongs to the OpenGL thread.
 
-    FLIP keeps Python's interpreter lock, and frames must not wait for it: pictures are compared in a process of its own.
+    FLIP holds Python's interpreter lock, and frames must not wait for it: a process of its own compares the pictures.
     """
 
     def __init__(self) -> None:
         self._process = FunctionProcess(compare, "comparison")
         self._job: Job[Comparison] | None = None
-        """The comparison under way; its result has not been taken."""
+        """Job of the comparison, until its result is taken."""
         self._rest_key: object = None
         self._rested_since = 0.0
         self._done: object = None
-        """The rest for which everything has been done."""
+        """Key of the rest for which all work is done."""
         self._renderer: Renderer | None = None
         self._packs: Mapping[str, Pack] | None = None
         self._slots: tuple[Slot, Slot] | None = None
-        """Of the figures."""
+        """Slots of the figures."""
         self._request: _Request | None = None
-        """The comparison under way, or the last one."""
+        """Comparison under way, or the last one."""
         self.figures = LiveFigures()
 
     def note(
         self, renderer: Renderer, view: ViewState, packs: Mapping[str, Pack], window: tuple[int, int], now: float
     ) -> None:
-        """Note what is shown, in a window of `window` (width, height) pixels, and drop figures of other slots."""
+        """Note the shown view in a window of `window` (width, height) pixels, and drop figures of other slots."""
         key = (renderer, view.camera, window, view.slot_a, view.slot_b, view.anisotropy)
         if key != self._rest_key or packs is not self._packs:
             self._packs, self._done = packs, None
@@ -83,21 +83,21 @@ class LiveComparison:
 
     @property
     def is_computing(self) -> bool:
-        """Whether a comparison is under way, or its result has not been taken."""
+        """True while a comparison is under way, or its result is not yet taken."""
         return self._job is not None
 
     def is_pending(self, wanted: bool) -> bool:
-        """Whether `step` will have something to do once the picture has rested, or a comparison has ended."""
+        """Return True where `step` will have work when the picture has rested or a comparison has ended."""
         return self._job is not None or (self._rest_key, wanted) != self._done
 
     def has_work(self, wanted: bool, now: float) -> bool:
-        """Whether `step` has something to do."""
+        """Return True where `step` has work."""
         if self._job is not None:
             return self._job.done
         return now - self._rested_since >= REST_SECONDS and (self._rest_key, wanted) != self._done
 
     def step(self, view: ViewState, wanted: bool, now: float) -> bool:
-        """Do the next thing, after `note`; returns whether the picture is to be composed again. `wanted`: figures are shown."""
+        """Do the next step, after `note`; `wanted`: figures are shown. Returns True where the picture must be composed again."""
         renderer = self._renderer
         if renderer is None:
             return False
@@ -146,7 +146,7 @@ class LiveComparison:
     def _take(self, renderer: Renderer, job: Job[Comparison]) -> bool:
         request = self._request
         if request is None or request.renderer is not renderer or renderer.pair_key() != request.key:
-            # The picture has changed meanwhile: it is compared again when the new one rests.
+            # The picture has changed meanwhile: the new one is compared when it rests.
             self._request = None
             return False
         try:
@@ -160,5 +160,5 @@ class LiveComparison:
         return True
 
     def close(self) -> None:
-        """End the process."""
+        """End the process of the comparison."""
         self._process.close()

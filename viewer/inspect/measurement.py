@@ -1,4 +1,4 @@
-"""Quality and divergence of what slots show, whole and map by map: for command render, Measure in the window, and scripts."""
+"""Quality and divergence of slots, whole and map by map, for `render`, Measure in the window, and scripts."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,27 +17,27 @@ from viewer.state.view_state import BLOCKS, REFERENCE, BlockName, DecodedMaps, O
 
 
 def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) -> NDArray[np.int32]:
-    """[H, W] int32 decoder of each pixel from its texture id [H, W]; -1 where the pack decodes nothing."""
+    """Return the decoder [H, W] int32 of each pixel from its texture id [H, W]; -1 where the pack decodes nothing."""
     return np.array([*match.decoders(pack), -1], dtype=np.int32)[texture_ids]
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPicture:
-    """What a slot shows of a view, drawn whole, beside the original images. All arrays have row 0 on top."""
+    """Picture of a slot at full resolution, with the picture of the original images. All arrays have row 0 on top."""
 
     source: str
     color: NDArray[np.uint8]
-    """[H, W, 3] uint8 sRGB: what the view shows of the materials; maps have a black background."""
+    """Picture of the slot: [H, W, 3] uint8 sRGB; maps have a black background."""
     reference: NDArray[np.uint8]
-    """[H, W, 3] uint8 sRGB: the same from the original images."""
+    """Picture of the original images: [H, W, 3] uint8 sRGB."""
     covered: NDArray[np.bool_]
-    """[H, W] where a surface is visible."""
+    """Mask [H, W] of pixels that show a surface."""
     texture_ids: NDArray[np.int32]
-    """[H, W] index into the scene's textures, -1 for none."""
+    """Texture id of each pixel [H, W], -1 for none."""
     decoder_ids: NDArray[np.int32]
-    """[H, W] group of the texture in the pack, -1 where nothing is decoded."""
+    """Decoder of each pixel [H, W], -1 where nothing is decoded."""
     divergence: NDArray[np.uint16]
-    """[ceil(H / block height), ceil(W / block width)] distinct decoders per block."""
+    """Number of different decoders in each block: [ceil(H / block height), ceil(W / block width)]."""
 
     @property
     def divergence_statistics(self) -> DivergenceStatistics:
@@ -45,8 +45,8 @@ class MeasuredPicture:
         return DivergenceStatistics.of(self.divergence)
 
     def psnr_db(self, mask: NDArray[np.bool_]) -> float | None:
-        """PSNR in dB over 8-bit sRGB RGB of the pixels of `mask` [H, W], infinite where they are equal; None for the reference
-        itself, and where there is no pixel."""
+        """Return the PSNR in dB over 8-bit sRGB of the pixels of `mask` [H, W], infinite where they are equal; None for the reference
+        itself, and without a pixel."""
         if self.source == REFERENCE or not mask.any():
             return None
         return psnr_db(self.color[mask], self.reference[mask])
@@ -55,7 +55,7 @@ class MeasuredPicture:
 def measure(
     renderer: Renderer, slots: Sequence[Slot], packs: Mapping[str, Pack], block: BlockName = Overlay.block
 ) -> list[MeasuredPicture]:
-    """What `slots` show of the renderer's last view, drawn whole now; `block` names the shape in which decoders are counted.
+    """Draw the renderer's last view at full resolution for each of `slots`; decoders are counted in blocks of shape `block`.
 
     Raises ContextLostError.
     """
@@ -76,21 +76,21 @@ def measure(
 
 @dataclass(frozen=True, eq=False)
 class MapError:
-    """Of the view's picture with these maps decoded and all others original, over 8-bit sRGB RGB of the covered pixels."""
+    """Error of a picture with these maps decoded and all others original, over 8-bit sRGB of the covered pixels."""
 
     maps: DecodedMaps
     mean_squared_error: float
-    """In squared steps of 1/255."""
+    """Mean squared error in squared steps of 1/255."""
     psnr_db: float | None
-    """None where the pictures are equal."""
+    """PSNR in dB; None where the pictures are equal."""
     by_texture: NDArray[np.float64]
-    """[textures of the scene] sum of squared errors over the pixels of each texture, in squared steps."""
+    """Sum of squared errors over the pixels of each texture, in squared steps: [textures of the scene]."""
     squared_error: NDArray[np.float32]
-    """[H, W] mean over RGB, in squared steps, row 0 on top."""
+    """Squared error of each pixel, the mean over RGB in squared steps: [H, W], row 0 on top."""
 
 
 def shown_maps(renderer: Renderer, slot: Slot) -> tuple[MapName, ...]:
-    """Maps that the last view shows of what `slot` decodes, in the order of MAPS."""
+    """Return the decoded maps of `slot` that the last view shows, in the order of MAPS."""
     drawn = renderer.decoded_planes(slot)
     held = {name for texture in renderer.scene.textures for name in texture.maps}
     return tuple(name for name in MAPS if PLANE_OF_MAP[name] in drawn and name in held)
@@ -99,7 +99,7 @@ def shown_maps(renderer: Renderer, slot: Slot) -> tuple[MapName, ...]:
 def errors_by_map(
     renderer: Renderer, slot: Slot, progress: Callable[[DecodedMaps], object] = lambda _: None
 ) -> tuple[MapError, ...]:
-    """The error of the last view for each decoded map alone, and last for all of them together.
+    """Measure the error of the last view for each decoded map alone, and last for all of them together.
 
     Errors of single maps do not add up to that of all: light multiplies some of them. Pictures are drawn whole, one after the other.
     """

@@ -1,4 +1,4 @@
-"""Where the bytes are: the original textures, block compression, and each slot's latents, decoders and cache."""
+"""Table of bytes: the original textures, block compression, and each slot's latents, decoders and cache."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,20 +20,20 @@ RGBA_BYTES = 4
 
 @dataclass(frozen=True)
 class MemoryRow:
-    """One kind of bytes."""
+    """Row of the table: one kind of bytes."""
 
     name: str
     bytes: int
     share: float | None = None
-    """Of what the original textures take."""
+    """Size as a share of the original textures; None without one."""
     explanation: str = ""
     is_total: bool = False
 
 
 @lru_cache(maxsize=4096)
 def _bytes_of(width: int, height: int, maps: tuple[MapName, ...]) -> tuple[int, int]:
-    """(as RGBA8, as BC7) of a texture with these maps, with all mips: one picture for the base colour, one for normals, which are in
-    BC5, one for roughness, metalness and occlusion, and one for emission."""
+    """Return the bytes (as RGBA8, as BC7) of a texture with these maps and all mips: one picture for the base colour, one for
+    normals (in BC5), one for roughness, metalness and occlusion, and one for emission."""
     sizes, pictures = mip_sizes(width, height), pictures_of(maps)
     plain = len(pictures) * sum(w * h * RGBA_BYTES for w, h in sizes)
     blocks = sum(compressed_bytes(w, h, "bc7", kind_of(picture)) for w, h in sizes for picture in pictures)
@@ -41,7 +41,7 @@ def _bytes_of(width: int, height: int, maps: tuple[MapName, ...]) -> tuple[int, 
 
 
 def scene_memory(scene: Scene) -> tuple[MemoryRow, MemoryRow]:
-    """The scene's textures with all their maps as RGBA8 and as BC7, with all mips."""
+    """Return the size of the scene's textures as RGBA8 and as BC7, with all maps and mips."""
     sizes = [_bytes_of(*texture.size, texture.maps) for texture in scene.textures]
     plain, blocks = sum(size[0] for size in sizes), sum(size[1] for size in sizes)
     return (
@@ -52,21 +52,21 @@ def scene_memory(scene: Scene) -> tuple[MemoryRow, MemoryRow]:
 
 @dataclass(frozen=True)
 class SizePair:
-    """(width, height) in texels of a texture, and of what a pack made of it."""
+    """Sizes (width, height) in texels of a texture and of its encoded form."""
 
     original: tuple[int, int]
     encoded: tuple[int, int]
     maps: tuple[MapName, ...] = BASE_ALONE
-    """Those that the pack holds."""
+    """Maps that the pack holds."""
 
     @property
     def is_smaller(self) -> bool:
-        """Whether the pack has fewer texels than the original."""
+        """True where the pack has fewer texels than the original."""
         return self.encoded[0] * self.encoded[1] < self.original[0] * self.original[1]
 
 
 def size_pairs(scene: Scene, pack: Pack, match: PackMatch) -> tuple[SizePair, ...]:
-    """Of the scene's textures that the pack holds."""
+    """Return the sizes of the scene's textures that the pack holds."""
     pairs = []
     for texture, index in zip(scene.textures, match.texture_index, strict=True):
         if index >= 0:
@@ -77,7 +77,7 @@ def size_pairs(scene: Scene, pack: Pack, match: PackMatch) -> tuple[SizePair, ..
 
 
 def smaller_note(pairs: Sequence[SizePair]) -> str:
-    """That textures were encoded smaller than their originals are, and how much; "" where none was."""
+    """Return a note that textures were encoded smaller than their originals; "" where none was."""
     smaller = [pair for pair in pairs if pair.is_smaller]
     if not smaller:
         return ""
@@ -91,10 +91,10 @@ def smaller_note(pairs: Sequence[SizePair]) -> str:
 def pack_memory(
     scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str, int] | None, idle: int = 0
 ) -> tuple[MemoryRow, ...]:
-    """What a pack takes: in its file, and on the GPU by part, where it has been drawn.
+    """Return the size of a pack: in its file, and on the GPU by part, where it has been drawn.
 
-    Shares are of the originals of those textures and maps that the pack holds, reduced to the size that was encoded: fewer texels
-    are no compression. `idle` bytes on the GPU belong to decode paths that are not used now; they count for nothing.
+    Shares are of the originals of the pack's textures and maps, reduced to the encoded size: fewer texels are not
+    compression. `idle` bytes on the GPU belong to decode paths that are not used now, and are not counted.
     """
     pairs = size_pairs(scene, pack, match)
     original = max(1, sum(_bytes_of(*pair.encoded, pair.maps)[0] for pair in pairs))
@@ -130,7 +130,7 @@ def pack_memory(
 
 
 def compressed_memory(compressed: CompressedTextures) -> tuple[MemoryRow, ...]:
-    """What the textures take in a format of graphics hardware; here they are drawn from RGBA8 that was made of it."""
+    """Return the size of the textures in a block format. The viewer draws them from RGBA8 decoded from it."""
     pictures = (*compressed.textures, *(picture for pictures in compressed.further for picture in pictures))
     plain = max(1, sum(_bytes_of(own.shape[1], own.shape[0], own.maps)[0] for own in pictures))
     stored = compressed.stored_bytes
@@ -139,7 +139,7 @@ def compressed_memory(compressed: CompressedTextures) -> tuple[MemoryRow, ...]:
 
 
 def megabytes(count: int) -> str:
-    """`12.34 MB`, with fewer digits for large numbers and kB for small ones."""
+    """Return a size as text such as `12.34 MB`, with fewer digits for large numbers and kB for small ones."""
     if count < 100_000:
         return f"{count / 1e3:.1f} kB"
     return f"{count / 1e6:.2f} MB" if count < 1e8 else f"{count / 1e6:,.0f} MB"

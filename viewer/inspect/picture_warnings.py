@@ -1,4 +1,4 @@
-"""What makes the picture other than it seems: said over it, so that nobody judges a codec by a missing file."""
+"""Warnings over the picture about missing files and packs that do not fit, so that nobody judges a codec by them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ LONGEST_LINE = 90
 
 @dataclass(frozen=True)
 class PictureWarning:
-    """One remark."""
+    """Warning about the picture."""
 
     text: str
     remedy: str
-    """What it means, and what can be done."""
+    """Meaning of the warning, and what to do."""
 
 
 def _short(line: str) -> str:
@@ -27,7 +27,7 @@ def _short(line: str) -> str:
 
 
 def scene_warnings(scene: Scene) -> tuple[PictureWarning, ...]:
-    """What the file lacks."""
+    """Return warnings about what the scene's file lacks."""
     found = []
     missing = scene.report.missing
     if missing:
@@ -43,7 +43,7 @@ def scene_warnings(scene: Scene) -> tuple[PictureWarning, ...]:
 
 
 def pack_warnings(side: str, scene: Scene, pack: Pack, match: PackMatch) -> tuple[PictureWarning, ...]:
-    """How the pack of a slot, `A` or `B`, differs from the scene."""
+    """Return warnings about differences between the scene and the pack of slot `A` or `B`."""
     found = []
     total = len(match.texture_index)
     if match.changed:
@@ -65,7 +65,7 @@ def picture_warnings(
     matches: Mapping[str, PackMatch],
     resolution: float,
 ) -> tuple[PictureWarning, ...]:
-    """All remarks about the picture of these shown `slots` by their letter; `resolution` is drawn pixels per pixel of a side."""
+    """Return all warnings about the picture of `slots` by letter; `resolution` is the share of drawn pixels along a side."""
     found = list(scene_warnings(scene))
     for side, slot in slots.items():
         pack, match = packs.get(slot.source), matches.get(slot.source)

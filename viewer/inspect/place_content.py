@@ -1,4 +1,4 @@
-"""What the picture shows at a place: the block and the pixel under the mouse, read back when place or picture change."""
+"""Content of the picture at a place: the block and the pixel under the mouse, read back when place or picture change."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -23,35 +23,35 @@ Content = TypeVar("Content")
 
 @dataclass(frozen=True, eq=False)
 class Asked(Generic[Content]):
-    """Parts of pictures, and what they tell."""
+    """Request to read back parts of pictures."""
 
     parts: Sequence[PicturePart]
     make: Callable[[Sequence[NDArray[Any]]], Content]
-    """Is given each part as `PicturePart.array` does."""
+    """Function that makes the content of the parts, given as `PicturePart.array` gives them."""
 
 
 class PlaceReader(Generic[Content]):
-    """Remembers what was read last. Unless frames wait, that is of a frame or two before while the picture moves."""
+    """Reader of the picture at a place. Unless frames wait, a moving picture is a frame or two behind."""
 
     def __init__(self, context: GraphicsContext, what: str) -> None:
-        """`what` is named where there is no memory."""
+        """Make a reader; `what` names it in errors of memory."""
         self._context = context
         self._back = ReadBack[Asked[Content]](context, what)
         self._subject: object = None
         self._key: object = None
         self._content: Content | None = None
         self.reads = 0
-        """Times that something was asked for."""
+        """Number of requests."""
 
     @property
     def is_pending(self) -> bool:
-        """Whether something newer is on its way."""
+        """True while newer content is on its way."""
         return self._back.is_pending
 
     def read(self, subject: object, key: object, ask: Callable[[], Asked[Content]]) -> Content | None:
-        """What is there; None before anything is.
+        """Return the latest content; None before there is any.
 
-        `ask` is called when `key` has changed. Nothing of another `subject` is given. Raises ContextLostError.
+        `ask` is called when `key` has changed. Content of another `subject` is dropped. Raises ContextLostError.
         """
         if subject != self._subject:
             self.forget()
@@ -63,7 +63,7 @@ class PlaceReader(Generic[Content]):
             try:
                 self._back.copy_parts(asked.parts, asked)
             except GpuMemoryError:
-                # Without a copy it is waited for.
+                # Without memory for a copy the frame waits.
                 self._back.drop()
                 self._make(asked, [part.read() for part in asked.parts])
         arrived = self._back.wait() if self._context.waits else self._back.newest()
@@ -77,12 +77,12 @@ class PlaceReader(Generic[Content]):
         return self._content
 
     def _make(self, asked: Asked[Content], read: Sequence[NDArray[Any]]) -> None:
-        # What a lost context gives is void, and may name textures that are not there.
+        # Data of a lost context is void, and may name textures that do not exist.
         self._context.reset.check()
         self._content = asked.make(read)
 
     def forget(self) -> None:
-        """Nobody looks: drop what is there and what is on its way."""
+        """Drop the content, and what is on its way."""
         self._back.drop()
         self._subject = self._key = self._content = None
 
@@ -93,37 +93,37 @@ class PlaceReader(Generic[Content]):
 
 
 def pixel_at(share: tuple[float, float], picture: tuple[int, int]) -> tuple[int, int]:
-    """(x, y) of the pixel at a place given as shares of a picture of `picture` (width, height) pixels; the nearest one inside."""
+    """Return the pixel (x, y) at a place given as shares of a picture of `picture` (width, height) pixels; the nearest one inside."""
     x, y = (min(max(int(value * side), 0), side - 1) for value, side in zip(share, picture, strict=True))
     return x, y
 
 
 @dataclass(frozen=True)
 class BlockPlace:
-    """Where a block is in a picture of `picture` (width, height) pixels."""
+    """Place of a block in a picture of `picture` (width, height) pixels."""
 
     column: int
     row: int
-    """Counted from the upper left corner of the picture, from 0."""
+    """Place from the upper left corner of the picture, from 0."""
     block: tuple[int, int]
     """(width, height) in pixels."""
     picture: tuple[int, int]
 
     @classmethod
     def at(cls, share: tuple[float, float], block: tuple[int, int], picture: tuple[int, int]) -> "BlockPlace":
-        """The block in which a place lies, given as shares of the picture from its upper left corner."""
+        """Return the block at a place given as shares of the picture from its upper left corner."""
         x, y = pixel_at(share, picture)
         return cls(x // block[0], y // block[1], block, picture)
 
     @property
     def pixels(self) -> tuple[int, int, int, int]:
-        """Left, top, right, bottom in pixels from the upper left corner; cut off at the picture's edge."""
+        """Rectangle (left, top, right, bottom) in pixels from the upper left corner, cut off at the picture's edge."""
         left, top = self.column * self.block[0], self.row * self.block[1]
         return left, top, min(left + self.block[0], self.picture[0]), min(top + self.block[1], self.picture[1])
 
     @property
     def rectangle(self) -> tuple[float, float, float, float]:
-        """The same as shares of the picture."""
+        """Rectangle (left, top, right, bottom) as shares of the picture."""
         left, top, right, bottom = self.pixels
         width, height = self.picture
         return left / width, top / height, right / width, bottom / height
@@ -131,26 +131,26 @@ class BlockPlace:
 
 @dataclass(frozen=True)
 class BlockTexture:
-    """One texture in a block."""
+    """Texture in a block."""
 
     texture_id: int
     name: str
     pixels: int
-    """Pixels of the block that show it."""
+    """Number of pixels of the block that show the texture."""
     decoders: Mapping[str, int]
     """Decoder of the texture by the source's name; -1 where nothing is decoded."""
 
 
 @dataclass(frozen=True)
 class BlockContent:
-    """One block."""
+    """Content of a block."""
 
     place: BlockPlace
     textures: tuple[BlockTexture, ...]
-    """Most pixels first."""
+    """Textures in the block, most pixels first."""
 
     def decoder_count(self, source: str) -> int:
-        """D of the block under a source's grouping."""
+        """Return the number of different decoders in the block for a source's grouping."""
         return len({texture.decoders.get(source, -1) for texture in self.textures} - {-1})
 
 
@@ -160,9 +160,9 @@ def block_content(
     scene: Scene,
     decoders: Mapping[str, tuple[int, ...]],
 ) -> BlockContent:
-    """Content of the block at `place` whose texture ids are `ids` [h, w], -1 for none.
+    """Return the content of the block at `place` with texture ids `ids` [h, w], -1 for none.
 
-    `decoders` gives for each source the decoder of every texture.
+    `decoders` has for each source the decoder of every texture.
     """
     found, counts = np.unique(ids[ids >= 0], return_counts=True)
     textures = [
@@ -185,9 +185,9 @@ def read_block(
     view: ViewState,
     at: tuple[float, float],
 ) -> BlockContent | None:
-    """The block at `at` (shares of the picture from its upper left corner) of the last view that was drawn, or of one before.
+    """Read the block at `at` (shares of the picture from its upper left corner) of the last view, or of one before.
 
-    None where it has not been read yet.
+    Returns None before it has been read.
     """
     place = BlockPlace.at(at, view.block, view.size)
     sources = [slot.source for slot in (view.slot_a, view.slot_b) if not is_image_source(slot.source)]
@@ -205,44 +205,44 @@ def read_block(
 
 LEAST_FOOTPRINT = 1e-10
 REACH = 7
-"""Pixels that are shown on each side of the one in the middle."""
+"""Number of pixels shown on each side of the middle one."""
 
 
 @dataclass(frozen=True, eq=False)
 class PixelPatch:
-    """One slot around the pixel."""
+    """Pixels of one slot around a pixel."""
 
     linear: NDArray[np.float32]
-    """[15, 15, 3] linear light; 0 outside the picture."""
+    """Pixels in linear light [15, 15, 3]; 0 outside the picture."""
 
     @property
     def srgb8(self) -> NDArray[np.uint8]:
-        """[15, 15, 3] 8-bit sRGB."""
+        """Pixels in 8-bit sRGB [15, 15, 3]."""
         return linear_to_srgb8(self.linear)
 
     @property
     def middle(self) -> tuple[tuple[float, ...], tuple[int, ...]]:
-        """The pixel itself: linear light, and 8-bit sRGB."""
+        """Middle pixel: linear light, and 8-bit sRGB."""
         return tuple(self.linear[REACH, REACH].tolist()), tuple(self.srgb8[REACH, REACH].tolist())
 
 
 @dataclass(frozen=True)
 class PatchPlace:
-    """Which pixels are read back for a patch around (x, y) of a picture of `picture` (width, height) pixels."""
+    """Place of a patch around (x, y) in a picture of `picture` (width, height) pixels."""
 
     x: int
     y: int
-    """Counted from the upper left corner of the picture, from 0."""
+    """Place from the upper left corner of the picture, from 0."""
     picture: tuple[int, int]
 
     @classmethod
     def at(cls, share: tuple[float, float], picture: tuple[int, int]) -> "PatchPlace":
-        """Around a place given as shares of the picture from its upper left corner."""
+        """Return the patch around a place given as shares of the picture from its upper left corner."""
         return cls(*pixel_at(share, picture), picture)
 
     @property
     def pixels(self) -> tuple[int, int, int, int]:
-        """Left, top, right, bottom in pixels; cut off at the picture's edge."""
+        """Rectangle (left, top, right, bottom) in pixels, cut off at the picture's edge."""
         width, height = self.picture
         return (
             max(self.x - REACH, 0),
@@ -253,14 +253,14 @@ class PatchPlace:
 
     @property
     def inside(self) -> tuple[int, int, int, int]:
-        """Left, top, right, bottom of these pixels, counted from the patch's own upper left corner."""
+        """Rectangle `pixels`, counted from the patch's own upper left corner."""
         left, top, right, bottom = self.pixels
         x, y = self.x - REACH, self.y - REACH
         return left - x, top - y, right - x, bottom - y
 
     @property
     def rectangle(self) -> tuple[float, float, float, float]:
-        """Left, top, right, bottom of the patch as shares of the picture."""
+        """Rectangle (left, top, right, bottom) of the whole patch as shares of the picture."""
         width, height = self.picture
         return (
             (self.x - REACH) / width,
@@ -270,7 +270,7 @@ class PatchPlace:
         )
 
     def patch(self, read: NDArray[np.float32]) -> PixelPatch:
-        """The patch whose part inside the picture is `read` [h, w, 3]."""
+        """Return the patch whose part inside the picture is `read` [h, w, 3]."""
         side = 2 * REACH + 1
         linear = np.zeros((side, side, 3), np.float32)
         left, top, right, bottom = self.inside
@@ -280,33 +280,33 @@ class PatchPlace:
 
 @dataclass(frozen=True, eq=False)
 class PixelContent:
-    """One pixel."""
+    """Content of a pixel."""
 
     place: PatchPlace
     a: PixelPatch | None
-    """None while the slot has not been drawn."""
+    """Pixels of slot A around it; None before the slot is drawn."""
     b: PixelPatch | None
     material_name: str | None
-    """None for the background."""
+    """Name of the material; None for the background."""
     texture_id: int
-    """-1 for none."""
+    """Id of the texture; -1 for none."""
     texture_name: str
     uv: tuple[float, float]
-    """Not wrapped."""
+    """Texture coordinates, not wrapped."""
     lod: float | None
-    """Level of detail that the surface asks for, from 0 for the largest mip; None without a texture."""
+    """Level of detail that the surface needs, from 0 for the largest mip; None without a texture."""
     decoders: Mapping[str, int]
     """Decoder of the texture by the source's name; -1 where nothing is decoded."""
     block_decoders: Mapping[str, int]
-    """D of the pixel's block by the source's name."""
+    """Number of different decoders in the pixel's block by the source's name."""
 
 
 def read_pixel(
     reader: PlaceReader[PixelContent], renderer: Renderer, view: ViewState, at: tuple[float, float]
 ) -> PixelContent | None:
-    """The pixel at `at` (shares of the picture from its upper left corner) of the last view that was drawn, or of one before.
+    """Read the pixel at `at` (shares of the picture from its upper left corner) of the last view, or of one before.
 
-    None where it has not been read yet.
+    Returns None before it has been read.
     """
     place = PatchPlace.at(at, view.size)
     sources = tuple(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if not is_image_source(s.source)))

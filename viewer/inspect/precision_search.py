@@ -1,4 +1,4 @@
-"""Finding the cheapest precision of a slot's pack that does not show, beside the frames."""
+"""Search for the fastest precision of a slot's pack without visible error, in the background."""
 
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -15,16 +15,16 @@ from viewer.state.view_state import REFERENCE
 
 
 class PrecisionSearch:
-    """Searches for `session.precision_searches`: takes seconds for a large pack, and no frame waits for it."""
+    """Search for `session.precision_searches`. It takes seconds for a large pack; no frame waits for it."""
 
     def __init__(
         self, background: Background, fastest_first: Callable[[Pack], Sequence[Precision]], emit: EmitEvent
     ) -> None:
-        """`fastest_first` gives the precisions that the driver has for a pack, on the thread of its OpenGL context."""
+        """Make the search; `fastest_first` gives the driver's precisions for a pack, on the thread of the OpenGL context."""
         self._background, self._fastest_first, self._emit = background, fastest_first, emit
 
     def step(self, session: Session) -> None:
-        """Report what has been found since the last call, and why."""
+        """Report precisions found since the last call, with the reasons."""
         for side in sorted(session.precision_searches):
             slot = session.view.slots[side]
             pack = session.packs.get(slot.source)

@@ -10,14 +10,14 @@ from viewer.scene.model import Scene
 
 @dataclass(frozen=True)
 class TreeRow:
-    """A node, or below it one of its instances."""
+    """Row of the list: a node, or below it one of its instances."""
 
     label: str
     node: int
     instance: int
-    """-1 for the node itself."""
+    """Number of the instance; -1 for the node itself."""
     texture_id: int
-    """Of the instance; -1 for none, and for nodes."""
+    """Texture of the instance; -1 for none, and for nodes."""
 
 
 class SceneTree:
@@ -41,11 +41,11 @@ class SceneTree:
 
     @property
     def node_count(self) -> int:
-        """Nodes that pass the filter."""
+        """Number of nodes that pass the filter."""
         return len(self._places)
 
     def filter(self, text: str) -> None:
-        """Keep the nodes whose name has every word of `text`, or a material or mesh of theirs has."""
+        """Keep the nodes whose name, mesh or material has every word of `text`."""
         words = text.casefold().split()
         if not words:
             self._places = np.arange(len(self._nodes))
@@ -67,12 +67,12 @@ class SceneTree:
         self._arrange()
 
     def toggle(self, node: int) -> None:
-        """Fold a node out or in."""
+        """Expand or collapse a node."""
         self._expanded ^= {node}
         self._arrange()
 
     def is_expanded(self, node: int) -> bool:
-        """Whether a node's instances are rows."""
+        """Return True where a node's instances are rows."""
         return node in self._expanded
 
     def _arrange(self) -> None:

@@ -1,4 +1,4 @@
-"""The scene's textures as a table: what they are, and what a pack makes of them."""
+"""Table of the scene's textures with the figures of a pack."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -17,7 +17,7 @@ COLUMNS: tuple[TextureColumn, ...] = get_args(TextureColumn)
 
 @dataclass(frozen=True)
 class TextureRow:
-    """One texture of the scene."""
+    """Row of the table: a texture of the scene."""
 
     texture_id: int
     name: str
@@ -26,16 +26,16 @@ class TextureRow:
     category: str
     """"" for none."""
     group: int
-    """Decoder under the pack, -1 where it decodes nothing."""
+    """Decoder in the pack; -1 where nothing is decoded."""
     psnr_db: float | None
-    """As the encoder measured it, over mip 0."""
+    """PSNR of mip 0 in dB, as the encoder measured it."""
     bits_per_texel: float | None
-    """Of the latents with all their mips, per texel of mip 0 of the original."""
+    """Bits of the latents with all mips, per texel of mip 0 of the original."""
     gpu_bytes: int | None = None
-    """Latents that lie on the GPU, None where the pack has not been drawn; blocks of a block format."""
+    """Bytes of the latents on the GPU, None before the pack is drawn; of a block format, bytes of its blocks."""
 
     def key(self, column: TextureColumn) -> tuple[int, float | str]:
-        """What the rows are sorted by; unknown values come last in ascending order."""
+        """Return the key to sort rows by a column; unknown values come last in ascending order."""
         values: dict[TextureColumn, float | str | None] = {
             "name": self.name.casefold(),
             "size": self.width * self.height,
@@ -52,7 +52,7 @@ class TextureRow:
 def texture_rows(
     scene: Scene, pack: Pack | None, match: PackMatch | None, gpu_bytes: Sequence[int] | None
 ) -> tuple[TextureRow, ...]:
-    """All textures by their id; `gpu_bytes` is of their latents, by texture id."""
+    """Return all textures by id; `gpu_bytes` is of their latents, by texture id."""
     rows: list[TextureRow] = []
     for number, texture in enumerate(scene.textures):
         width, height = texture.size
@@ -79,7 +79,7 @@ def texture_rows(
 
 
 def compressed_rows(scene: Scene, compressed: CompressedTextures) -> tuple[TextureRow, ...]:
-    """All textures by their id, in a format of graphics hardware; `bits_per_texel` as of packs: of all mips, per texel of mip 0."""
+    """Return all textures by id in a block format; `bits_per_texel` counts all mips, per texel of mip 0, as for packs."""
     return tuple(
         replace(
             row,
@@ -92,7 +92,7 @@ def compressed_rows(scene: Scene, compressed: CompressedTextures) -> tuple[Textu
 
 
 def filtered(rows: Iterable[TextureRow], text: str) -> list[TextureRow]:
-    """Rows that have every word of `text` in their name or category; `group:3` asks for a group."""
+    """Return the rows that have every word of `text` in their name or category; `group:3` selects a group."""
     words = text.casefold().split()
     groups = {word.removeprefix("group:") for word in words if word.startswith("group:")}
     words = [word for word in words if not word.startswith("group:")]
@@ -105,7 +105,7 @@ def filtered(rows: Iterable[TextureRow], text: str) -> list[TextureRow]:
 
 
 def ordered(rows: Iterable[TextureRow], column: TextureColumn, descending: bool) -> list[TextureRow]:
-    """Rows by a column; equal ones stay in the order of their ids, unknown values come last either way."""
+    """Return rows sorted by a column; equal ones stay in the order of their ids, unknown values come last either way."""
     if not descending:
         return sorted(rows, key=lambda row: row.key(column))
     known = [row for row in rows if row.key(column)[0] == 0]

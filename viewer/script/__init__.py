@@ -1,1 +1,1 @@
-"""Scripts: commands of the registry and stage directions, played in the window or without one."""
+"""Scripts of commands and stage directions, played with or without a window."""

@@ -1,4 +1,4 @@
-"""Stage directions: lines of a script besides commands. Each is parsed before the script starts."""
+"""Stage directions: the lines of a script besides commands. Each is parsed before the script starts."""
 
 import difflib
 import math
@@ -18,26 +18,26 @@ from viewer.ui.picture_input import imgui_key
 from viewer.ui.user_interface import SETTLING_FRAMES
 
 LAYOUT_FRAMES = 16
-"""Within which panels come to the front."""
+"""Number of frames within which panels come to the front."""
 LABELS_SHOWN = 3
 MODIFIER_KEYS = {"Ctrl": imgui.Key.mod_ctrl, "Shift": imgui.Key.mod_shift, "Alt": imgui.Key.mod_alt}
 
 
 def rest() -> Iterator[Turn]:
-    """The frames that the layout needs after an event."""
+    """Yield the frames that the layout needs after an event."""
     for _ in range(SETTLING_FRAMES):
         yield "frame"
 
 
 def opened(stage: Stage) -> Iterator[Turn]:
-    """The next frame, and those until everything that is to be opened is open."""
+    """Yield the next frame, and then until all files are open."""
     yield "frame"
     while stage.is_opening:
         yield "rest"
 
 
 def hold(chord: Chord, down: bool) -> Iterator[Turn]:
-    """Press a key with its modifiers, or let them go."""
+    """Press a key with its modifiers, or release them."""
     io = imgui.get_io()
     for is_held, modifier in zip((chord.ctrl, chord.shift, chord.alt), MODIFIER_KEYS.values(), strict=True):
         if is_held:
@@ -47,13 +47,13 @@ def hold(chord: Chord, down: bool) -> Iterator[Turn]:
 
 
 def hold_modifier(name: str, down: bool) -> Iterator[Turn]:
-    """Press one of MODIFIER_KEYS, for the mouse, or let it go."""
+    """Press one of MODIFIER_KEYS for the mouse, or release it."""
     imgui.get_io().add_key_event(MODIFIER_KEYS[name], down)
     yield "frame"
 
 
 def press(chord: Chord) -> Iterator[Turn]:
-    """Press a key with its modifiers and let them go."""
+    """Press a key with its modifiers and release them."""
     yield from hold(chord, True)
     yield from hold(chord, False)
     yield from rest()
@@ -71,7 +71,7 @@ def _button(down: bool, button: int) -> Iterator[Turn]:
 
 
 def click(label: str, stage: Stage) -> Iterator[Turn]:
-    """Click on the widget called `label`, which may still be on its way to the front. Raises InputError where there is none."""
+    """Click on the widget called `label`, whose panel may still be coming to the front. Raises InputError for an unknown label."""
     items = stage.widgets
     for _ in range(LAYOUT_FRAMES):
         if label in items.labels():
@@ -100,7 +100,7 @@ def drag(start: tuple[float, float], end: tuple[float, float], button: int) -> I
 
 
 def wheel(notches: float) -> Iterator[Turn]:
-    """Turn the wheel; positive is away from the hand."""
+    """Turn the wheel; positive notches turn it away from the hand."""
     imgui.get_io().add_mouse_wheel_event(0.0, notches)
     yield from rest()
 
@@ -112,29 +112,29 @@ def type_text(text: str) -> Iterator[Turn]:
 
 
 Play = Callable[[Stage], Iterator[Turn]]
-"""What a line does: yields for each frame that is to be drawn before it goes on, and while it waits. Raises InputError."""
+"""Function that plays a line: it yields for each frame that it needs, and while it waits. Raises InputError."""
 
 MOST_FRAMES = 100_000
 LONGEST_WAIT = 3600.0
 SETTLING_SECONDS = 300.0
-"""A picture that is not whole by then never will be."""
+"""Longest wait for a complete picture, in seconds."""
 RESIZING_SECONDS = 5.0
-"""A window that does not have the requested size by then never will."""
+"""Longest wait for the requested size of the window, in seconds."""
 SMALLEST_SIDE, LARGEST_SIDE = 64, 8192
 BUTTONS = {"left": 0, "right": 1, "middle": 2}
 
 
 @dataclass(frozen=True)
 class Direction:
-    """One kind of stage direction."""
+    """Kind of stage direction."""
 
     usage: str
     help: str
     fewest: int
-    """Arguments."""
+    """Least number of arguments."""
     most: int
     read: Callable[[Sequence[str]], Play]
-    """From the arguments to what the line does. Raises InputError."""
+    """Function that makes a `Play` of the arguments. Raises InputError."""
 
 
 def _number(text: str, low: float, high: float) -> float:
@@ -154,7 +154,7 @@ def _whole(text: str, low: int, high: int) -> int:
 
 
 def _place(text: str) -> tuple[float, bool]:
-    """(number, whether it is a share of the side) of `120` or `50%`."""
+    """Parse a place such as `120` or `50%` into (number, True for a share of the side)."""
     is_share = text.endswith("%")
     number = _number(text.removesuffix("%"), -LARGEST_SIDE, LARGEST_SIDE)
     return (number / 100.0, True) if is_share else (number, False)
@@ -363,10 +363,10 @@ DIRECTIONS = {
     "type": Direction("type TEXT", "type into the active field", 1, MANY, _type),
     "expect": Direction("expect PROPERTY VALUE", "stop unless it is so", 2, MANY, _expect),
 }
-"""By their first word; none has a dot in it, every command has one."""
+"""Directions by their first word, which has no dot; the id of every command has one."""
 
 
 def direction_table_markdown() -> str:
-    """The table of stage directions of docs/reference/commands.md."""
+    """Return the table of stage directions for docs/reference/commands.md."""
     rows = [f"| `{d.usage.replace('|', chr(92) + '|')}` | {d.help} |" for d in DIRECTIONS.values()]
     return "\n".join(["| direction | what it does |", "|---|---|", *rows])

@@ -1,4 +1,4 @@
-"""A script: all of its lines are parsed before any is played; playing is a generator, which never blocks the window."""
+"""Scripts: all lines are parsed before any is played. Playing is a generator, which never blocks the window."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -14,22 +14,22 @@ from viewer.script.stage import Stage, Turn
 from viewer.state.event_handlers import notify
 
 LARGEST_SCRIPT = 1 << 20
-"""Bytes."""
+"""Largest script file in bytes."""
 MOST_LINES = 10_000
 
 
 @dataclass(frozen=True)
 class Step:
-    """One line."""
+    """Line of a script."""
 
     where: str
-    """File and line, for messages."""
+    """File and line for messages."""
     words: tuple[str, ...]
     play: Play
 
     @property
     def expects_message(self) -> bool:
-        """Whether the line checks messages, so that an error message before it is expected."""
+        """True for a line that checks messages: an error message before it is expected."""
         return self.words[:2] == ("expect", "toast")
 
 
@@ -80,12 +80,12 @@ def _steps(lines: Sequence[str], name: str) -> Script:
 
 
 def parse_script(text: str, name: str) -> Script:
-    """The steps of a script called `name`, one a line. Raises InputError that names the line."""
+    """Parse a script called `name`, one step a line. Raises InputError with the line."""
     return _steps(text.splitlines(), name)
 
 
 def read_script(path: Path) -> Script:
-    """The steps of the file at `path`. Raises InputError."""
+    """Read the script in a file. Raises InputError."""
     try:
         text = read_file(path, LARGEST_SCRIPT).decode("utf-8")
     except OSError as error:
@@ -96,7 +96,7 @@ def read_script(path: Path) -> Script:
 
 
 def split_lines(text: str) -> list[str]:
-    """What semicolons outside of quotes separate."""
+    """Split a text at semicolons outside of quotes."""
     parts, quote = [""], ""
     for letter in text:
         if letter == ";" and not quote:
@@ -109,15 +109,15 @@ def split_lines(text: str) -> list[str]:
 
 
 def parse_exec(text: str) -> Script:
-    """The steps of an option --exec: lines with semicolons between them. Raises InputError."""
+    """Parse the option --exec: lines separated by semicolons. Raises InputError."""
     return _steps(split_lines(text.replace("\n", ";")), "--exec")
 
 
 def play_script(script: Script, stage: Stage) -> Iterator[Turn]:
-    """Play `script` on `stage`: yields for every frame, and while it waits; ends with the script, or when a command closes the window.
+    """Play `script` on `stage`: yield for every frame and while waiting, until its end or until a command closes the window.
 
-    Raises InputError, with file and line, where a line cannot be carried out or its expectation fails, and where the
-    window tells of an error that the next line does not expect.
+    Raises InputError with file and line where a line fails or its expectation does, and where the window shows an
+    error that the next line does not expect.
     """
     for step, following in zip(script, (*script[1:], None), strict=True):
         known = _errors(stage)

@@ -1,4 +1,4 @@
-"""Where a script is played, and what it can expect there."""
+"""Stage of a script, and the properties that a script can check."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,46 +10,46 @@ from viewer.state.session import Session
 from viewer.ui.widgets import WidgetRects
 
 Turn = Literal["frame", "rest"]
-"""What a script waits for: the next frame, or a moment in which one is drawn only where it shows something else."""
+"""Turn of a script: it needs the next frame, or it waits and a frame is drawn only where something changes."""
 
 
 class Stage(Protocol):
-    """What a script needs of the program that plays it: the window, or its content without one."""
+    """Program that plays a script: the window, or its content without a window."""
 
     session: Session
     context: Context
 
     @property
     def size(self) -> tuple[int, int]:
-        """(width, height) of the window's content in pixels."""
+        """Size (width, height) of the window's content in pixels."""
         ...
 
     @property
     def is_settled(self) -> bool:
-        """Whether nothing is to come that the next frames would show."""
+        """True where further frames would show nothing new."""
         ...
 
     @property
     def is_opening(self) -> bool:
-        """Whether a file is still to be opened."""
+        """True while a file is being opened."""
         ...
 
     @property
     def is_closing(self) -> bool:
-        """Whether the window is to be closed."""
+        """True where the window is to be closed."""
         ...
 
     @property
     def widgets(self) -> WidgetRects:
-        """The labelled widgets of the last frame."""
+        """Labelled widgets of the last frame."""
         ...
 
     def resize(self, size: tuple[int, int]) -> None:
-        """Give the window's content this size, from the next frame on."""
+        """Resize the window's content, from the next frame on."""
         ...
 
     def open_files(self, paths: list[Path]) -> None:
-        """Open files, as when they are dropped on the window."""
+        """Open files, as when the user drops them on the window."""
         ...
 
 
@@ -83,12 +83,12 @@ PROPERTIES: dict[str, Callable[[Stage], str]] = {
     "toast": lambda stage: " | ".join(toast.text for toast in stage.session.window.toasts),
     "label": lambda stage: " | ".join(stage.widgets.labels()),
 }
-"""By name. `toast`, `label` and `question` need only contain what is expected."""
+"""Properties by name. `toast`, `label` and `question` need only contain the expected text."""
 CONTAIN = ("toast", "label", "question")
 
 
 def expect(name: str, value: str, stage: Stage) -> None:
-    """Raise InputError where the property is otherwise."""
+    """Check a property. Raises InputError where it differs."""
     found = PROPERTIES[name](stage)
     if (value not in found) if name in CONTAIN else (value != found):
         verb = "contains" if name in CONTAIN else "is"

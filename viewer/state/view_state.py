@@ -216,7 +216,7 @@ class ViewState:
 
     @property
     def block(self) -> tuple[int, int]:
-        """Block in which decoders are counted, (width, height) in pixels; in a preview it has fewer pixels but the same size on screen."""
+        """Block in which decoders are counted, (width, height) in pixels; a preview's has fewer, but the same size on screen."""
         width, height = BLOCKS[self.overlay.block]
         return max(1, width // self.coarseness), max(1, height // self.coarseness)
 

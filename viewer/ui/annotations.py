@@ -1,4 +1,4 @@
-"""What is drawn over the picture: the divider with its labels, warnings, frames, the legend of a map, messages, hints."""
+"""Annotations over the picture: divider and labels, warnings, frames, the legend of a map, messages, hints."""
 
 from dataclasses import replace
 
@@ -20,15 +20,15 @@ WHITE = (1.0, 1.0, 1.0, 0.9)
 SHADE = (0.0, 0.0, 0.0, 0.65)
 WARNING = (0.38, 0.26, 0.02, 0.92)
 WARNING_WIDTH = 26.0
-"""Of a remark's longest line, in font sizes."""
+"""Largest width of a warning, in font sizes."""
 WARNINGS_TOP = 3.0
-"""Below the names of the slots, in font sizes."""
+"""Distance of the first warning from the upper edge, in font sizes."""
 ERROR = (0.55, 0.08, 0.06, 0.92)
 MESSAGE = (0.10, 0.14, 0.18, 0.92)
 
 
 def slot_label(slot: Slot) -> str:
-    """What a slot shows, in a few words."""
+    """Return source, path and precision of a slot in a few words."""
     if is_image_source(slot.source):
         return slot.source
     return f"{slot.source}, {slot.path}" + ("" if slot.precision == "fp32" else f", {slot.precision}")
@@ -37,7 +37,7 @@ def slot_label(slot: Slot) -> str:
 def _boxed_text(
     draw: imgui.ImDrawList, at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0
 ) -> None:
-    """Text on a plate, with its upper left corner at `at`."""
+    """Draw text on a plate, with the text's upper left corner at `at`."""
     size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
     low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
     draw.add_rect_filled(low, high, packed(fill), 4.0)
@@ -61,7 +61,7 @@ def _difference_label(view: ViewState) -> str:
 
 
 def draw_labels(ui: UiFrame, area: Area) -> None:
-    """Names of what is shown where in the picture in `area`: on either side of the line where there is one."""
+    """Draw the names of the shown slots: on either side of the divider, else in the middle of `area`."""
     draw = imgui.get_background_draw_list()
     view = ui.session.shown_view
     top, middle = area.top + 8.0, ImVec2(*area.at(0.5, 0.5))
@@ -97,14 +97,14 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
 
 
 class PictureWarnings:
-    """Remembers the remarks about the picture until something about them changes."""
+    """Warnings about the picture, computed again only when something about them changes."""
 
     def __init__(self) -> None:
         self._key: object = None
         self._warnings: tuple[PictureWarning, ...] = ()
 
     def draw(self, ui: UiFrame, area: Area) -> None:
-        """One plate for each, at the upper left of the picture in `area`; the mouse on it tells what can be done."""
+        """Draw one plate for each warning at the upper left of `area`; its tooltip says what can be done."""
         session = ui.session
         sides = shown_sides(session.shown_view)
         slots = {side.upper(): session.view.slots[side] for side in sides}
@@ -132,7 +132,7 @@ class PictureWarnings:
 
 
 def _frames(ui: UiFrame, part: tuple[float, float, float, float], area: Area) -> None:
-    """A frame around a part of the picture, wherever it is shown."""
+    """Draw a frame around a part of the picture, wherever it is shown."""
     view, draw = ui.session.shown_view, imgui.get_background_draw_list()
     left, top, right, bottom = part
     extent = ((right - left) * view.zoom.factor * area.width, (bottom - top) * view.zoom.factor * area.height)
@@ -147,13 +147,13 @@ def _frames(ui: UiFrame, part: tuple[float, float, float, float], area: Area) ->
 
 
 def draw_pixel(ui: UiFrame, area: Area) -> None:
-    """A frame around what the panel Pixel enlarges."""
+    """Draw a frame around the pixels that the panel Pixel enlarges."""
     if ui.facts.pixel is not None:
         _frames(ui, ui.facts.pixel.place.rectangle, area)
 
 
 def draw_block(ui: UiFrame, area: Area) -> None:
-    """A frame around the block of the panel Divergence, and beside the mouse how many decoders it has."""
+    """Draw a frame around the block of the panel Divergence, and its number of decoders beside the mouse."""
     block = ui.facts.block
     if block is None:
         return
@@ -170,7 +170,7 @@ def draw_block(ui: UiFrame, area: Area) -> None:
 
 
 def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
-    """Messages above the lower edge of `area`, newest lowest."""
+    """Draw messages above the lower edge of `area`, newest lowest."""
     y = area.bottom - 2.0 * imgui.get_text_line_height_with_spacing()
     wrap = max(200.0, min(640.0, area.width - 40.0))
     draw = imgui.get_foreground_draw_list()
@@ -183,13 +183,13 @@ def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
 
 
 def _centred(area: Area, width: float) -> float:
-    """Left edge of something in the middle of `area`, or where that is narrower, in the window."""
+    """Return the left edge that centres `width` in `area`, moved into the window where `area` is narrower."""
     right = imgui.get_io().display_size.x - MARGIN
     return max(MARGIN, min((area.left + area.right - width) / 2.0, right - width))
 
 
 def draw_hints(ui: UiFrame, area: Area) -> None:
-    """One line at the lower edge of `area`, as much as there is room for."""
+    """Draw one line of hints at the lower edge of `area`, as many as fit."""
     keys = "Ctrl+P commands   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
     text = f"{ui.session.settings.camera_mode} camera   {keys}"
     parts = text.split("   ")
@@ -204,7 +204,7 @@ def draw_hints(ui: UiFrame, area: Area) -> None:
 
 
 def draw_way_back(ui: UiFrame, area: Area) -> None:
-    """While panels are hidden, and the mouse is over the window: how they come back."""
+    """Draw the key that shows the panels again, while they are hidden and the mouse is over the window."""
     mouse = imgui.get_io().mouse_pos
     inside = all(0.0 <= share < 1.0 for share in area.share_of(mouse.x, mouse.y))
     keys = bindings(ui.session.settings.keys).text("window.panels")
@@ -220,15 +220,15 @@ def draw_way_back(ui: UiFrame, area: Area) -> None:
 LEGEND_TEXT = (1.0, 1.0, 1.0, 0.95)
 LEGEND_SHADE = (0.0, 0.0, 0.0, 0.75)
 LINES_BELOW = 2.2
-"""Between the legend and the lower edge of the picture, in lines of text: room for the line of hints."""
+"""Space between the legend and the lower edge of the picture, in lines of text, for the line of hints."""
 FIELD = 2.6
 """Width of the field of one number of decoders, in font sizes."""
 ERROR_FIELDS = 16
-"""Of the bar of an error map, which has no steps of its own."""
+"""Number of fields in the bar of an error map, which has no steps of its own."""
 
 
 def slot_note(slot: Slot, view: ViewState, facts: FrameFacts) -> str:
-    """What is to be known of the part of the picture that shows a slot; "" for nothing."""
+    """Return a note about the part of the picture that shows a slot; "" for none."""
     if view.overlay.kind == "divergence" and is_image_source(slot.source):
         return "images are not decoded: no map here"
     tiles = facts.tiles.get(replace(slot, path=facts.paths.get(slot, slot.path)))
@@ -238,7 +238,7 @@ def slot_note(slot: Slot, view: ViewState, facts: FrameFacts) -> str:
 
 
 def decoder_fields(overlay: Overlay, maximum: int) -> tuple[str, ...]:
-    """Numbers below the fields of the bar, where a block of the picture has at most `maximum` decoders."""
+    """Return the numbers below the bar; `maximum` is the most decoders of a block in the picture."""
     most = overlay.most(maximum)
     # Blocks with more look like those with the most.
     last = f"{most}+" if overlay.scale == "block" else str(most)
@@ -246,7 +246,7 @@ def decoder_fields(overlay: Overlay, maximum: int) -> tuple[str, ...]:
 
 
 def _largest(ui: UiFrame) -> float | None:
-    """The largest error of a texture or decoder, in steps of 8-bit sRGB; None where there is no comparison."""
+    """Return the largest error of a texture or decoder in steps of 8-bit sRGB; None without a comparison."""
     found = ui.facts.live.comparison
     if found is None:
         return None
@@ -265,7 +265,7 @@ def _bar(at: ImVec2, colors: list[tuple[float, float, float, float]], size: tupl
 def _legend(
     ui: UiFrame, area: Area, lines: list[str], texts: list[str], shades: list[float], name: PaletteName
 ) -> None:
-    """`texts` stand below as many equal parts of the bar, `shades` are places on the palette, 0 to 1."""
+    """Draw the legend: `texts` stand below equal parts of the bar, `shades` are places on the palette, 0 to 1."""
     draw = imgui.get_background_draw_list()
     line, font = imgui.get_text_line_height(), imgui.get_font_size()
     room = area.width - 4.0 * MARGIN
@@ -292,7 +292,7 @@ def _legend(
 
 
 def draw_map_legend(ui: UiFrame, area: Area) -> None:
-    """The legend, at the lower left of the picture in `area`, while a map lies over it."""
+    """Draw the legend at the lower left of `area`, while a map lies over the picture."""
     overlay = ui.session.view.overlay
     if overlay.kind == "none":
         return

@@ -6,7 +6,7 @@ from viewer.ui.facts import UiFrame
 
 
 def explained(text: str, reason: str) -> str:
-    """What something is, and why it cannot be taken now."""
+    """Return a tooltip: the explanation, and the reason why the widget is grey."""
     return "\n".join(part for part in (text, f"Not now: {reason}" if reason else "") if part)
 
 
@@ -20,9 +20,9 @@ def command_button(
     size: ImVec2 | None = None,
     small: bool = False,
 ) -> None:
-    """A button that runs a command with `values`.
+    """Draw a button that runs a command with `values`.
 
-    `label` names it for scripts and explanations, where that is not its title. `missing` says what else keeps it from running.
+    `label` names it for scripts and tooltips, where that is not its title. `missing` says what else is missing to run it.
     """
     reason, label = missing or ui.why_not(command_id), label or title
     imgui.begin_disabled(bool(reason))

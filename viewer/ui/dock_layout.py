@@ -12,23 +12,23 @@ from viewer.ui.widgets import Area
 Place = Literal["upper", "lower"]
 DOCK_SPACE = "column"
 COLUMN_WIDTH = 350.0
-"""Window units, at normal scale: leaves more than two thirds of a window of 1280x720 to the picture."""
+"""Width of the column of panels, in window units at normal scale: a window of 1280x720 keeps two thirds for the picture."""
 WIDEST_COLUMN = 440.0
 COLUMN_SHARE = 0.22
-"""Of the width of a large window."""
+"""Width of the column in a large window, as a share of the window."""
 PICTURE_WIDTH = 300.0
-"""Window units, at normal scale: what a narrow window keeps for the picture, or half of it where that is less."""
+"""Width for the picture in a narrow window, in window units at normal scale; half of the window where that is less."""
 NARROWEST_OPEN = 800.0
-"""Window units, at normal scale: in a narrower window the column is folded at first."""
+"""Width of the window in units of normal scale, below which the column is folded at first."""
 LOWEST_FOR_STACKS = 560.0
-"""Window units, at normal scale: in a lower window the column is one stack of tabs."""
+"""Height of the window in units of normal scale, below which the column is one stack of tabs."""
 LOWER_SHARE = 0.36
-"""Of the column's height that the lower stack has at first."""
+"""Height of the lower stack at first, as a share of the column."""
 
 
 @dataclass(frozen=True)
 class Docked:
-    """A panel's place in the layout that a window opens with."""
+    """Place of a panel in the layout that a window opens with."""
 
     title: str
     place: Place
@@ -44,7 +44,7 @@ class Stack:
 
 
 def places_for(panels: Sequence[Docked], height: float) -> dict[Place, list[Docked]]:
-    """Panels by place, for a window of this height in units of normal scale."""
+    """Return the panels by place, for a window of this height in units of normal scale."""
     places: dict[Place, list[Docked]] = {}
     for panel in panels:
         places.setdefault("upper" if height < LOWEST_FOR_STACKS else panel.place, []).append(panel)
@@ -52,54 +52,54 @@ def places_for(panels: Sequence[Docked], height: float) -> dict[Place, list[Dock
 
 
 def column_width(width: float) -> float:
-    """Of the column, in units of normal scale; a narrow window keeps up to half for the picture."""
+    """Return the width of the column in units of normal scale; a narrow window keeps up to half for the picture."""
     wanted = min(max(COLUMN_WIDTH, COLUMN_SHARE * width), WIDEST_COLUMN)
     return min(wanted, max(width - PICTURE_WIDTH, 0.5 * width))
 
 
 def folds_at_first(width: float) -> bool:
-    """Whether a window of this width, in units of normal scale, opens with its column folded."""
+    """Return True where a window of this width, in units of normal scale, opens with its column folded."""
     return width < NARROWEST_OPEN
 
 
 class DockLayout:
-    """The dock space of one window."""
+    """Dock space of one window."""
 
     def __init__(self) -> None:
         self._front: list[str] = []
-        """Panels that are to come to the front, the last one first."""
+        """Panels that still come to the front, the last one first."""
         self._saw_menu_bar = False
-        """Whether a frame has passed: only then the viewport knows what a menu bar leaves of it."""
+        """True after the first frame: only then the viewport knows the height of the menu bar."""
         self._placed = False
         self._pause = 0
         """Frames until the next panel may be focused, or until the last one is visible."""
         self._folded: frozenset[str] = frozenset()
         self._scale: float | None = None
-        """That the columns have the width for."""
+        """Scale that the widths of the columns are made for."""
         self._heights: dict[int, float] = {}
-        """Share of their column that folded stacks had before, by the ids of their nodes."""
+        """Heights of folded stacks before folding, as shares of their column, by the ids of their nodes."""
         self._widths: dict[int, tuple[float, float]] = {}
-        """Of columns, by the ids of their nodes: in units of normal scale, and what the window had room for of that."""
+        """Widths of columns by the ids of their nodes: wanted, in units of normal scale, and given, as the window had room."""
 
     @property
     def folded(self) -> frozenset[str]:
-        """Titles of panels of which the tabs are all that there is room for."""
+        """Titles of the panels in stacks that are folded to their tabs."""
         return self._folded
 
     @property
     def is_placed(self) -> bool:
-        """Whether panels have their places, so that the area of the picture is known; some may still come to the front."""
+        """True where panels have their places, so that the area of the picture is known; some may still come to the front."""
         return self._placed
 
     @property
     def is_settling(self) -> bool:
-        """Whether panels are still to come to the front after a new layout."""
+        """True while panels still come to the front after a new layout."""
         return not self._saw_menu_bar or bool(self._front) or self._pause > 0
 
     def draw(self, panels: Sequence[Docked], scale: float, reset: bool, folded: Collection[str]) -> Area:
-        """Submit the dock space, docking all panels anew with `reset` or where there is no layout; what it leaves to the picture.
+        """Submit the dock space and return the area of the picture. Docks all panels again with `reset` or without a layout.
 
-        Stacks with one of the panels in `folded` are as high as their tabs.
+        Stacks that hold a panel of `folded` are as high as their tabs.
         """
         viewport = imgui.get_main_viewport()
         dock_space = imgui.get_id(DOCK_SPACE)
@@ -117,7 +117,7 @@ class DockLayout:
         return Area(low.x, low.y, low.x + size.x, low.y + size.y)
 
     def bring_to_front(self) -> None:
-        """Let the next panel that is waiting for it come to the front; to be called when the panels have been drawn."""
+        """Bring the next waiting panel to the front; call it after drawing the panels."""
         self._pause = max(0, self._pause - 1)
         if self._front and self._pause == 0:
             # One after the other: a tab bar takes the choice from the window that has the focus.
@@ -131,12 +131,12 @@ class DockLayout:
         self._pause = max(self._pause, 2)
 
     def bring_all(self, titles: Sequence[str]) -> None:
-        """Bring these panels to the front, one for each stack of tabs."""
+        """Bring panels to the front, one for each stack of tabs."""
         self._front = list(titles)
         self._pause = 3
 
     def stacks(self, titles: Iterable[str]) -> list[Stack]:
-        """Those stacks of shown panels that share a column with another one, from top to bottom."""
+        """Return the stacks of shown panels that share a column with another one, from top to bottom."""
         found: dict[int, tuple[imgui.internal.DockNode, list[str]]] = {}
         for title in titles:
             node = _node(title)
@@ -157,7 +157,7 @@ class DockLayout:
         return sorted(stacks, key=lambda stack: stack.area.top)
 
     def _fold(self, titles: Sequence[str], folded: Collection[str]) -> None:
-        """Give stacks the height of their tabs, or the one that they had before; the rest of their column is the others'."""
+        """Give stacks the height of their tabs, or their height before; the other stack of the column takes the rest."""
         stacks = self.stacks(titles)
         tabs, small = imgui.get_frame_height(), set[str]()
         for stack in stacks:
@@ -185,7 +185,7 @@ class DockLayout:
         self._folded = frozenset(small)
 
     def _follow_scale(self, titles: Sequence[str], scale: float, viewport: imgui.Viewport) -> None:
-        """Let the column grow and shrink with the scale of what is in it; one of an earlier window is made wide enough for it."""
+        """Scale the width of the column with its content; a saved column that is too narrow becomes wide enough."""
         if scale == self._scale:
             return
         widest = scale * column_width(max(viewport.work_size.x, 1.0) / scale)
@@ -238,25 +238,25 @@ def _is_folded(stack: Stack, folded: Collection[str]) -> bool:
 
 
 def _node(title: str) -> imgui.internal.DockNode | None:
-    """Where a panel is docked; None for one that is not shown, or floats."""
+    """Return the node in which a panel is docked; None for one that is hidden or floats."""
     window = imgui.internal.find_window_by_name(title)
     return window.dock_node if window is not None else None
 
 
 def _split(node: int, direction: imgui.Dir, share: float) -> tuple[int, int]:
-    """(the new node on that side, what is left)."""
+    """Split a node and return (new node on that side, rest)."""
     _, there, rest = imgui.internal.dock_builder_split_node_py(node, direction, min(max(share, 0.05), 0.9))
     return there, rest
 
 
 STRIP = 14.0
-"""Width in window units, at normal scale."""
+"""Width of the strip in window units at normal scale."""
 COLUMN_LABEL = "fold panels"
-"""Under which scripts click on the strip."""
+"""Label under which scripts click on the strip."""
 
 
 def draw_column_handle(ui: UiFrame, folded: bool) -> None:
-    """A strip along the left edge with an arrow: one click folds all panels into it, another one unfolds them."""
+    """Draw a strip with an arrow along the left edge: a click folds all panels into it, the next one unfolds them."""
     style = imgui.get_style()
     width = STRIP * style.font_scale_main * style.font_scale_dpi
     flags = (
@@ -295,14 +295,14 @@ def _arrow(direction: imgui.Dir, at: ImVec2, bright: bool) -> None:
 
 
 class StackHandles:
-    """The buttons of the stacks; remembers which tab each of them was folded with."""
+    """Fold buttons of the stacks, and the tab with which each stack was folded."""
 
     def __init__(self) -> None:
         self._tabs: dict[int, int] = {}
-        """Ids of the chosen tabs of folded stacks, by the ids of their nodes."""
+        """Chosen tabs of folded stacks, by the ids of their nodes."""
 
     def draw(self, ui: UiFrame, stacks: Sequence[Stack], raised: str | None) -> None:
-        """A button behind each stack's tabs; choosing another tab of a folded stack, or raising one of its panels, unfolds it."""
+        """Draw a button behind each stack's tabs. Choosing another tab of a folded stack, or raising its panel, unfolds it."""
         for number, stack in enumerate(stacks):
             folded = [title for title in stack.titles if title in ui.session.settings.folded_panels]
             if not folded:

@@ -1,4 +1,4 @@
-"""What the panels show besides the session: immutable, handed over by the window for each frame."""
+"""Facts of a frame that panels show besides the session. They are immutable and made for each frame."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -21,28 +21,28 @@ from viewer.training.live_training import LiveTraining
 from viewer.ui.widgets import WidgetRects
 
 FIRST_PICTURE = "compiling shaders"
-"""What is done before there is a first picture."""
+"""Title of the work before the first picture."""
 
 
 class Emit(Protocol):
-    """How the UI runs a command. What keeps it from being carried out becomes a message."""
+    """Function by which the UI runs a command; an error becomes a message."""
 
     def __call__(self, command_id: str, *values: Any) -> None:
-        """Run the command with values for its parameters; those that are left out take their defaults."""
+        """Run a command with values for its parameters; missing values take their defaults."""
         ...
 
 
 @dataclass(frozen=True)
 class Work:
-    """Something that is under way beside the frames."""
+    """Work in the background."""
 
     title: str
     share: float | None = None
-    """Of it that is done, 0 to 1; None where that is not known."""
+    """Share of the work that is done, 0 to 1; None where unknown."""
     seconds_left: float | None = None
-    """None where that is not known."""
+    """Time left in seconds; None where unknown."""
     cancel: str = ""
-    """Id of the command that ends it; "" where none does."""
+    """Id of the command that cancels the work; "" where none does."""
 
 
 @dataclass(frozen=True)
@@ -51,60 +51,60 @@ class FrameFacts:
 
     renderer: str
     timer: str
-    """How times are taken."""
+    """Kind of the timer."""
     timings_ms: Mapping[str, float] = field(default_factory=dict)
-    """Median time of each pass over the recent frames in which it ran, ms."""
+    """Median time of each pass in ms, over the recent frames in which it ran."""
     slot_ms: Mapping[Slot, float] = field(default_factory=dict)
-    """Time that each slot took when it was last drawn whole, ms."""
+    """Time in ms that each slot took when it was last drawn whole."""
     skipped: Mapping[str, int] = field(default_factory=dict)
     drawn: Mapping[str, int] = field(default_factory=dict)
     divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
-    """Of the shown packs, by name, while the overlay is shown."""
+    """Divergence of the shown packs by name, while the map is shown."""
     block: BlockContent | None = None
-    """The block that is kept, else the one under the mouse, while the overlay is shown."""
+    """Kept block, else the one under the mouse, while the map is shown."""
     live: LiveFigures = field(default_factory=LiveFigures)
-    """A against B."""
+    """Figures of A against B."""
     is_training: bool = False
-    """Whether a training keeps the processors busy: A is not compared with B then."""
+    """True while a training keeps the processors busy: A is not compared with B then."""
     encoding: Mapping[BlockFormat, float] = field(default_factory=dict)
-    """Share of the work done of each block format that is encoded for a slot, 0 to 1."""
+    """Progress of each block format that is encoded for a slot, 0 to 1."""
     work: tuple[Work, ...] = ()
-    """What is under way beside the frames."""
+    """Work in the background, for the status bar."""
     drawn_because: tuple[str, ...] = ()
-    """What the last frame was drawn for; empty where the mouse or a key was the cause."""
+    """Reasons why the last frame was drawn; empty where mouse or keyboard was the reason."""
     pixel: PixelContent | None = None
-    """The pixel that is kept, else the one under the mouse, while the panel Pixel is open."""
+    """Kept pixel, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
-    """Small picture of a texture by its id."""
+    """Function that returns the thumbnail of a texture by its id."""
     frames_drawn: int = 0
     blocking_calls: int = 0
-    """Calls in the last frame for which the CPU waited until the GPU had caught up."""
+    """Calls in the last frame in which the CPU waited for the GPU."""
     is_preview: bool = False
-    """Whether the picture has fewer pixels than at rest, because the camera moves. `divergence` is that of the last whole one then."""
+    """True while the picture has fewer pixels because the camera moves. `divergence` is then that of the last whole picture."""
     paths: Mapping[Slot, PathChoice] = field(default_factory=dict)
-    """The path by which each slot is drawn: what `auto` chose, else its own."""
+    """Decode path of each slot: the choice of `auto`, else its own."""
     tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
-    """The tile caches of slots that have one."""
+    """Tile caches of slots that have one."""
     history: FrameHistory | None = None
-    """Times of the last frames."""
+    """Times of the recent frames."""
     gpu_parts: Mapping[Slot, Mapping[str, int]] = field(default_factory=dict)
-    """Bytes that the shown slots use on the GPU, by what they are for."""
+    """Bytes on the GPU of the shown slots, by purpose."""
     gpu_idle: Mapping[Slot, int] = field(default_factory=dict)
-    """Bytes of their packs on the GPU that belong to other decode paths."""
+    """Bytes on the GPU of their packs for other decode paths."""
     latent_bytes: NDArray[np.int64] | None = None
-    """[textures] int64: latents of slot A that are on the GPU, by texture id."""
+    """Bytes of slot A's latents on the GPU by texture id: [textures] int64."""
     matches: Mapping[str, PackMatch] = field(default_factory=dict)
-    """How each open pack fits the scene, by the pack's name."""
+    """Match of each open pack with the scene, by the pack's name."""
     image: Callable[[str, NDArray[np.uint8]], imgui.ImTextureRef] | None = None
-    """An image [h, w, 3] uint8 sRGB, uploaded when the array under that name is another one than before."""
+    """Function that uploads an image [h, w, 3] uint8 sRGB under a name, where the array is a new one."""
     thumbnails_made: int = 0
     thumbnails_skipped: int = 0
-    """Textures of the scene that no panel has shown a thumbnail of."""
+    """Textures of the scene without a thumbnail so far."""
 
 
 @dataclass(frozen=True, eq=False)
 class UiFrame:
-    """What the user interface of one frame is drawn from, and how it runs commands."""
+    """Inputs of the user interface in one frame, and its access to commands."""
 
     session: Session
     training: LiveTraining
@@ -112,4 +112,4 @@ class UiFrame:
     emit: Emit
     rects: WidgetRects
     why_not: Callable[[str], str] = lambda _command_id: ""
-    """Why the command of this id cannot run now; "" where it can."""
+    """Function that says why a command cannot run now; "" where it can."""

@@ -31,14 +31,14 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.theme import ink
 
 HELPERS = ("zenity", "matedialog", "qarma", "kdialog")
-"""Programs that show it on Linux."""
+"""Programs that show the dialog on Linux."""
 _PATTERNS = " ".join(
     f"*{suffix}" for suffix in (*SCENE_SUFFIXES, *MESH_SUFFIXES, ARCHIVE_SUFFIX, PACK_SUFFIX, *PANORAMA_SUFFIXES)
 )
 
 
 class SystemDialog:
-    """Asks beside the frames; at most one question at a time."""
+    """The desktop's own file dialog, which does not block the window; one at a time."""
 
     def __init__(self) -> None:
         self.is_available = sys.platform in ("win32", "darwin") or any(shutil.which(name) for name in HELPERS)
@@ -46,17 +46,17 @@ class SystemDialog:
 
     @property
     def has_answer(self) -> bool:
-        """Whether `take` has something to take."""
+        """True where `take` returns an answer."""
         return self._asking is not None and bool(self._asking.ready(0))
 
     def ask(self, folder: Path) -> None:
-        """Show the dialog, which begins in `folder`."""
+        """Show the dialog in `folder`."""
         if self.is_available and self._asking is None:
             filters = ["Scenes, packs, panoramas", _PATTERNS, "All files", "*"]
             self._asking = portable_file_dialogs.open_file("Open", str(folder), filters)
 
     def take(self) -> Path | None:
-        """The file that was chosen; None while there is no answer, and where the dialog was left without one."""
+        """Take the chosen file; None without an answer, and where the dialog was cancelled."""
         if not self.has_answer:
             return None
         chosen, self._asking = self._asking.result(), None
@@ -64,11 +64,11 @@ class SystemDialog:
 
 
 SIZE = (46.0, 30.0)
-"""Largest (width, height) in heights of the font."""
+"""Largest size (width, height) of the dialog in font sizes."""
 RECENT_SHARE = 0.3
-"""Of the width, for recent files."""
+"""Width of the list of recent files, as a share of the dialog."""
 LABEL = "file: "
-"""Before the names under which scripts click on entries: `file: textures/`, `file: recent town.glb`."""
+"""Prefix of the labels of entries: `file: textures/`, `file: recent town.glb`."""
 
 
 def _bytes(size: int) -> str:
@@ -76,7 +76,7 @@ def _bytes(size: int) -> str:
 
 
 class FileDialog:
-    """What is looked at and typed; the folder stays from one opening to the next."""
+    """Dialog that opens a file. It keeps its folder from one opening to the next."""
 
     def __init__(self) -> None:
         self.system = SystemDialog()
@@ -87,12 +87,12 @@ class FileDialog:
         self._selected = 0
         self._problem = ""
         self._step = 0
-        """Part of the field's id: ImGui keeps the text of an active one."""
+        """Number in the field's id: a new field for each text, as ImGui keeps the text of an active one."""
         self._focus = False
         self._scroll = False
 
     def draw(self, ui: UiFrame, size: tuple[float, float]) -> None:
-        """The dialog, while the session has it open, in a window of `size` (width, height)."""
+        """Draw the dialog while the session has it open, in a window of `size` (width, height)."""
         answer = self.system.take()
         if answer is not None:
             self._open(answer, ui)
@@ -128,7 +128,7 @@ class FileDialog:
         self._go(self._folder if self._folder.is_dir() else Path.home())
 
     def _go(self, folder: Path) -> None:
-        """Show another folder; where it cannot be read, the present one stays."""
+        """Show another folder; one that cannot be read is reported instead."""
         try:
             self._entries = list_folder(folder)
         except InputError as error:
@@ -146,7 +146,7 @@ class FileDialog:
         self._focus = True
 
     def _open(self, path: Path, ui: UiFrame) -> None:
-        """Open a file; where that fails, the dialog stays with the reason and with what was typed."""
+        """Open a file; an error is shown in the dialog, which keeps the typed text."""
         log = ui.session.window.log
         before = log[-1] if len(log) else None
         ui.emit("file.open", path)
@@ -155,11 +155,11 @@ class FileDialog:
         self._focus = True
 
     def _choose(self, path: Path, ui: UiFrame) -> None:
-        """Go into a folder, or open a file."""
+        """Show a folder, or open a file."""
         try:
             is_folder = path.is_dir()
         except OSError:
-            # A name that no file can have: opening it says so.
+            # No file can have this name: opening it reports that.
             is_folder = False
         if is_folder:
             self._go(path)
@@ -200,7 +200,7 @@ class FileDialog:
             self._choose(listed, ui)
 
     def _listed(self) -> tuple[FolderEntry, ...]:
-        """What fits the text; of a path, what its folder has."""
+        """Return the entries that match the typed text; for a path, those of its folder."""
         if not is_path(self._text):
             return matching(self._entries, self._text)
         folder, beginning = typed_folder(self._text, self._folder)
@@ -210,7 +210,7 @@ class FileDialog:
             return ()
 
     def _field(self, entries: Sequence[FolderEntry], ui: UiFrame) -> str | None:
-        """The line that filters or takes a path; what Enter gave."""
+        """Draw the line that filters or takes a path, and return its text on Enter."""
         imgui.text_wrapped(printable(str(self._folder)))
         ui.rects.note("folder")
         imgui.set_next_item_width(-1.0)
@@ -234,7 +234,7 @@ class FileDialog:
         return text if entered else None
 
     def _answer(self, entries: Sequence[FolderEntry], text: str, ui: UiFrame) -> None:
-        """Enter, or the button: the path that is typed, else the entry that is selected."""
+        """Open the typed path, else the selected entry."""
         if is_path(text):
             folder, name = typed_folder(text.strip(), self._folder)
             self._choose(folder / name, ui)
@@ -247,7 +247,7 @@ class FileDialog:
             self._focus = True
 
     def _recent(self, ui: UiFrame) -> Path | None:
-        """Recent files and built-in scenes; the one that was clicked on."""
+        """Draw recent files and built-in scenes, and return a clicked one."""
         chosen = None
         imgui.text_disabled("Recent")
         if not ui.session.settings.recent_files:
@@ -266,7 +266,7 @@ class FileDialog:
         return chosen
 
     def _list(self, entries: Sequence[FolderEntry], ui: UiFrame) -> Path | None:
-        """The folder's entries in three columns; the one that was double-clicked, or the folder above."""
+        """Draw the folder's entries in three columns, and return a double-clicked one or the folder above."""
         chosen = None
         doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
         flags = imgui.SelectableFlags_.span_all_columns | imgui.SelectableFlags_.allow_double_click
@@ -297,7 +297,7 @@ class FileDialog:
         return chosen
 
     def _buttons(self, ui: UiFrame) -> bool:
-        """The row at the lower edge; whether the first was pressed."""
+        """Draw the buttons at the lower edge, and return True where Open was pressed."""
         pressed = imgui.button("Open")
         ui.rects.note("Open file")
         imgui.same_line()

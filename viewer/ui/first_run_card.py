@@ -12,10 +12,10 @@ from viewer.ui.theme import ink
 from viewer.ui.widgets import Area
 
 WIDTH = 26.0
-"""Largest width in heights of the font."""
+"""Largest width of the card in font sizes."""
 MARGIN = 12.0
 LEAST_REST = 22.0
-"""Width in heights of the font beside the card in which a legend and messages still fit."""
+"""Least width beside the card for a legend and messages, in font sizes."""
 PURPOSE = (
     "ntc-viewer shows what a scene looks like when small neural networks store its textures: "
     "beside the original, with the error and the cost of every pixel."
@@ -24,12 +24,12 @@ PURPOSE = (
 
 @dataclass(frozen=True)
 class _Step:
-    """One thing to try."""
+    """Step to try."""
 
     do: str
-    """What to do, in a few words."""
+    """Action in a few words."""
     why: str
-    """What is seen then."""
+    """Result that the user sees."""
 
 
 def _steps(session: Session) -> tuple[_Step, ...]:
@@ -43,14 +43,14 @@ def _steps(session: Session) -> tuple[_Step, ...]:
 
 
 class FirstRunCard:
-    """Remembers which of the steps have been tried."""
+    """Card of first steps, which marks the steps that were done."""
 
     def __init__(self) -> None:
         self._done = [False, False, False]
         self._scene: str | None = None
 
     def draw(self, ui: UiFrame, area: Area) -> Area:
-        """The card, while the session shows it, at the lower left of `area`; what it leaves of that to its right, else above it."""
+        """Draw the card at the lower left of `area`, and return the area right of it, or above it where that is too narrow."""
         if not ui.session.window.show_first_steps:
             return area
         self._note_progress(ui.session)

@@ -27,20 +27,20 @@ ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
 LARGEST_ZOOM = 64.0
 ZOOM_STEP = 1.25
 GRAB = 8.0
-"""Units of normal scale on either side of the divider within which it can be grabbed."""
+"""Distance from the divider within which it can be grabbed, in units of normal scale."""
 LINE = (1.0, 1.0, 1.0, 0.9)
 
 
 @dataclass(frozen=True, eq=False)
 class _Side:
-    """What one side shows."""
+    """Content of one side."""
 
     flat: FlatTexture | None
     caption: str
 
 
 class FlatWindow:
-    """Remembers zoom, divider and what its two sides show."""
+    """Flat view of one texture, with zoom, divider and the sources of two sides."""
 
     def __init__(self, background: Background) -> None:
         self._background = background
@@ -48,17 +48,17 @@ class FlatWindow:
         self._parts: dict[str, VisiblePart] = {}
         self._sources: dict[str, str] = {}
         self._asked: dict[str, Hashable] = {}
-        """Key of the job of each side."""
+        """Keys of the jobs of each side."""
         self._arrangement: Arrangement = "side by side"
         self._zoom = 1.0
-        """Enlargement; 1 fits the texture into its place."""
+        """Magnification; 1 fits the texture into its place."""
         self._centre = (0.5, 0.5)
-        """Place of the texture in the middle of the view."""
+        """Place of the texture in the middle of the view, as shares of its size."""
         self._divider = 0.5
         self._dragging = False
 
     def draw(self, ui: UiFrame) -> None:
-        """The window, while a texture is to be shown."""
+        """Draw the window while a texture is shown flat."""
         number = ui.session.inspection.flat_texture
         if number is None or ui.facts.image is None or number >= len(ui.session.scene.textures):
             self._forget()
@@ -212,7 +212,7 @@ class FlatWindow:
         place: tuple[ImVec2, ImVec2],
         ui: UiFrame,
     ) -> None:
-        """Draw what is in sight. `whole` is (left, top, width, height) of the whole texture in window units."""
+        """Draw the visible part. `whole` is (left, top, width, height) of the whole texture in window units."""
         left, top, width, height = whole
         low, high = place
         seen = ((low.x - left) / width, (low.y - top) / height, (high.x - left) / width, (high.y - top) / height)
@@ -227,7 +227,7 @@ class FlatWindow:
         imgui.get_window_draw_list().add_image(ui.facts.image(f"flat {side}", part.pixels), corner, end)
 
     def _input(self, at: ImVec2, room: ImVec2, stride: float, extent: tuple[float, float]) -> None:
-        """Zoom towards the mouse, drag the texture or the divider. `extent` is of the whole texture in window units."""
+        """Zoom towards the mouse, drag the texture or the divider. `extent` is the size of the whole texture in window units."""
         io = imgui.get_io()
         held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
         wipes = self._arrangement == "wipe"

@@ -70,7 +70,7 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
         ("help.palette",),
     ),
 }
-"""Sections of ids; a command that is in none of them, and not in ONLY_TYPED, follows at the end of its own menu."""
+"""Commands of each menu by sections. A command that is neither here nor in ONLY_TYPED comes last in its own menu."""
 
 ONLY_TYPED: Final = frozenset(
     {
@@ -93,16 +93,16 @@ ONLY_TYPED: Final = frozenset(
         "window.dismiss",
     }
 )
-"""Commands for scripts, keys and the palette: panels or the mouse do the same."""
+"""Commands without a menu item: panels or the mouse do the same."""
 
 
 LABEL = "menu: "
-"""Before the names under which scripts click on menus and their items: `menu: View`, `menu: compare.mode a`."""
+"""Prefix of the labels of menus and their items: `menu: View`, `menu: compare.mode a`."""
 
 
 @lru_cache(maxsize=1)
 def menu_entries() -> dict[Menu, tuple[tuple[Command, ...], ...]]:
-    """Commands of each menu, in sections between which there is a line; those that have no place yet are the last one."""
+    """Return the commands of each menu by sections."""
     by_id = {command.id: command for command in COMMANDS}
     placed = {command_id for sections in ORDER.values() for section in sections for command_id in section}
     entries = {}
@@ -114,7 +114,7 @@ def menu_entries() -> dict[Menu, tuple[tuple[Command, ...], ...]]:
 
 
 def draw_menu_bar(ui: UiFrame) -> float:
-    """The bar at the upper edge; its height in window units."""
+    """Draw the bar at the upper edge, and return its height in window units."""
     if not imgui.begin_main_menu_bar():
         return 0.0
     bound = bindings(ui.session.settings.keys)
@@ -142,7 +142,7 @@ def draw_menu_bar(ui: UiFrame) -> float:
 
 
 def _command(command: Command, bound: Bindings, ui: UiFrame) -> None:
-    """One entry: a submenu of choices, an item that runs or switches something, or one that opens the palette for its arguments."""
+    """Draw a command: a submenu of choices, an item that runs or switches, or one that opens the palette for its arguments."""
     reason = ui.why_not(command.id)
     note = explained(command_text(command, bound), reason)
     if command.is_switch:
@@ -162,7 +162,7 @@ def _command(command: Command, bound: Bindings, ui: UiFrame) -> None:
 
 
 def _switch(command: Command, note: str, enabled: bool, bound: Bindings, ui: UiFrame) -> None:
-    """A ticked item."""
+    """Draw an item that is ticked while it is on."""
     is_on = command.is_on(ui.session)
     clicked = imgui.menu_item(command.title, bound.text(command.id), is_on, enabled)[0]
     ui.rects.note(f"{LABEL}{command.id}", note)
@@ -171,7 +171,7 @@ def _switch(command: Command, note: str, enabled: bool, bound: Bindings, ui: UiF
 
 
 def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, ui: UiFrame) -> None:
-    """A submenu for the parameter after those that are chosen, of the first `needed` ones."""
+    """Draw a submenu for the parameter after the `chosen` ones, of the first `needed`."""
     parameter = command.parameters[len(chosen)]
     options = parameter.options(ui.session)
     name = " ".join((command.id, *chosen))
@@ -196,5 +196,5 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
 
 
 def _shown(option: str) -> str:
-    """An option as menus show it: sides of the comparison as `A` and `B`."""
+    """Return an option as menus show it: sides of the comparison as `A` and `B`."""
     return option.upper() if option in ("a", "b") else option

@@ -16,7 +16,7 @@ from viewer.ui.widgets import shortened
 
 
 def score(query: str, text: str) -> float | None:
-    """How well `text` fits, larger is better; None where the letters of `query` are not in it in this order."""
+    """Return how well `text` matches, larger is better; None where it lacks the letters of `query` in this order."""
     query, text = query.lower(), text.lower()
     if query == text:
         return 100.0
@@ -35,13 +35,13 @@ def score(query: str, text: str) -> float | None:
 
 
 def best_first(query: str, commands: Sequence[Command]) -> tuple[Command, ...]:
-    """The commands that fit `query`, best first; all, in their order, for an empty one. Words fit in any order."""
+    """Return the commands that match `query`, best first; all for an empty one. Words match in any order."""
     parts = query.split()
     ranked: list[tuple[float, int, Command]] = []
     for index, command in enumerate(commands):
         total = 0.0
         for part in parts:
-            # The help is prose, in which letters are found too easily: only whole parts of it count.
+            # In prose single letters match too easily: only whole parts count.
             fits = [score(part, command.id), score(part, command.title)]
             if part.lower() in command.help.lower():
                 fits.append(10.0)
@@ -57,32 +57,32 @@ def best_first(query: str, commands: Sequence[Command]) -> tuple[Command, ...]:
 WIDTH = 620.0
 TOP_SHARE = 0.12
 ROWS_SHARE = 0.6
-"""Of the window's height, for the list."""
+"""Largest height of the list, as a share of the window."""
 LABEL = "palette: "
-"""Before the names under which scripts click on entries: `palette: compare.mode`, `palette: wipe`."""
+"""Prefix of the labels of entries: `palette: compare.mode`, `palette: wipe`."""
 FIELD_FLAGS = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.auto_select_all
 
 
 @dataclass(frozen=True)
 class _Row:
-    """One entry of the list."""
+    """Entry of the list."""
 
     value: str
-    """What it stands for: a command's id, or an argument."""
+    """Value of the entry: a command's id, or an argument."""
     text: str
     note: str = ""
     key: str = ""
     refusal: str = ""
-    """Why it cannot be taken now; "" where it can."""
+    """Reason why the entry cannot be taken now; "" where it can."""
 
 
 def _shown_name(parameter: Parameter) -> str:
-    """The name of a parameter as it is read."""
+    """Return the name of a parameter for reading."""
     return parameter.name.replace("_", " ")
 
 
 class Palette:
-    """What has been typed and chosen so far."""
+    """Palette with the command and the arguments chosen so far."""
 
     def __init__(self) -> None:
         self._was_open: str | None = None
@@ -92,11 +92,11 @@ class Palette:
         self._selected = 0
         self._problem = ""
         self._step = 0
-        """Part of the field's id, so that every step has a field of its own: ImGui keeps the text of an active one."""
+        """Number in the field's id: a new field for each step, as ImGui keeps the text of an active one."""
         self._focus = False
 
     def draw(self, ui: UiFrame, size: tuple[float, float]) -> None:
-        """The palette, while the session has it open."""
+        """Draw the palette while the session has it open."""
         if ui.session.window.palette != self._was_open:
             self._was_open = ui.session.window.palette
             self._begin(find_command(ui.session.window.palette) if ui.session.window.palette else None, ui)
@@ -139,7 +139,7 @@ class Palette:
         self._focus = True
 
     def _close(self, ui: UiFrame) -> None:
-        # A command may open it anew within the same frame.
+        # A command may open it again within the same frame.
         self._was_open = None
         ui.emit("palette.set", None)
 
@@ -164,7 +164,7 @@ class Palette:
         )
 
     def _field(self, rows: tuple[_Row, ...], ui: UiFrame) -> str | None:
-        """The line that is typed into; what Enter chose."""
+        """Draw the line for typing, and return the choice of Enter."""
         parameter = self._parameter
         if self._command is not None and parameter is not None:
             imgui.text(" ".join((self._command.title, *self._arguments)))
@@ -201,7 +201,7 @@ class Palette:
         return self._text or parameter.default_text or ""
 
     def _list(self, rows: tuple[_Row, ...], height: float, ui: UiFrame) -> str | None:
-        """The list; what was clicked on."""
+        """Draw the list, and return a clicked entry."""
         if not rows:
             return None
         line = imgui.get_text_line_height_with_spacing()
@@ -239,7 +239,7 @@ class Palette:
         return clicked
 
     def _answer(self, answer: str, ui: UiFrame) -> None:
-        """Go on with a command or an argument that was chosen; run the command when it knows all."""
+        """Take a command or an argument; run the command when it has all arguments."""
         if self._command is None:
             if reason := ui.why_not(answer):
                 self._problem = f"{find_command(answer).title}: {reason}"

@@ -39,13 +39,13 @@ _IMGUI_NAMES = {
 
 
 def imgui_key(name: str) -> imgui.Key:
-    """ImGui's key of a name of `viewer.commands.keys`."""
+    """Return ImGui's key of a name in `viewer.commands.keys`."""
     key: imgui.Key = getattr(imgui.Key, _IMGUI_NAMES.get(name, name.lower()))
     return key
 
 
 def is_pressed(chord: Chord) -> bool:
-    """Whether the chord went down in this frame, with its modifiers and no others."""
+    """Return True where the chord went down in this frame, with exactly its modifiers."""
     io = imgui.get_io()
     if (io.key_ctrl, io.key_shift, io.key_alt) != (chord.ctrl, chord.shift, chord.alt):
         return False
@@ -53,9 +53,9 @@ def is_pressed(chord: Chord) -> bool:
 
 
 def run_commands(session: Session, emit: Emit, typing: bool) -> None:
-    """Run the commands whose keys went down; while a field is typed into, only those of function keys."""
+    """Run the commands whose keys went down; while the user types into a field, only those of function keys."""
     if not typing:
-        # Else ImGui takes Tab to go from field to field of the focused panel, and letters are typed from then on.
+        # Otherwise ImGui uses Tab to go through the fields of the focused panel, and keys type into them.
         imgui.internal.set_key_owner(imgui.Key.tab, imgui.get_id("commands"))
     bound = bindings(session.settings.keys)
     for command in COMMANDS:
@@ -69,17 +69,17 @@ def run_commands(session: Session, emit: Emit, typing: bool) -> None:
 
 MOVES = {"w": (0, 0, 1), "s": (0, 0, -1), "a": (-1, 0, 0), "d": (1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0)}
 LONGEST_STEP = 0.1
-"""Seconds: a slow frame must not throw the camera across the scene."""
+"""Longest step in seconds: a slow frame must not throw the camera across the scene."""
 SHOWN_SECONDS = 1.5
-"""The speed is shown for so long after it was used or changed."""
+"""Time for which the speed is shown after a use or change, in seconds."""
 SHOWN_AT = 0.3
-"""Share of the picture's height."""
+"""Place of the speed as a share of the picture's height."""
 PLATE = (0.0, 0.0, 0.0, 0.65)
 TEXT = (1.0, 1.0, 1.0, 0.9)
 
 
 class Flight:
-    """Remembers what surfaces the scene has, and what the picture says of the speed."""
+    """Flight with held keys. Its speed follows the distance to the nearest surface, and is shown while it changes."""
 
     def __init__(self, background: Background) -> None:
         self._background = background
@@ -87,21 +87,21 @@ class Flight:
         self._samples: SurfaceSamples | None = None
         self._text = ""
         self._until = 0.0
-        """Monotonic time at which the text goes."""
+        """Monotonic time at which the text disappears."""
         self._notches: float | None = None
 
     @property
     def is_ending(self) -> bool:
-        """Whether a text is on screen that should be gone."""
+        """True where the text is on screen and its time is over."""
         return bool(self._text) and time.monotonic() > self._until
 
     def speed(self, session: Session, fast: bool = False) -> float:
-        """Scene units a second."""
+        """Return the speed of flight in scene units per second."""
         near = self._near(session)
         return navigation.fly_speed(session.scene.bounds, near, session.navigation.speed_notches, fast)
 
     def _near(self, session: Session) -> float:
-        """Distance of the eye to what is nearest; nothing for the moment in which that is not known yet."""
+        """Return the distance of the eye to the nearest surface; 0 until that is known."""
         scene = session.scene
         if self._scene is not scene:
             self._scene, self._samples = scene, None
@@ -111,7 +111,7 @@ class Flight:
         return self._samples.distance(session.view.camera.eye) if self._samples is not None else 0.0
 
     def handle(self, session: Session, emit: Emit, typing: bool) -> None:
-        """Move the camera while keys are held; nothing while a field is `typing` into."""
+        """Move the camera while keys are held, except while the user is `typing` into a field."""
         io = imgui.get_io()
         notches = session.navigation.speed_notches
         if notches != (notches if self._notches is None else self._notches):
@@ -129,7 +129,7 @@ class Flight:
             emit("camera.set", moved)
 
     def draw(self, area: Area, rects: WidgetRects) -> None:
-        """The speed, in the upper part of the picture in `area`: below labels and questions, above cards and messages."""
+        """Draw the speed in the upper part of `area`: below labels and questions, above cards and messages."""
         if self.is_ending:
             self._text = ""
         if not self._text:
@@ -149,15 +149,15 @@ class Flight:
 
 
 GRAB_WIDTH = 12.0
-"""Units of normal scale on either side of the divider within which it can be grabbed."""
+"""Distance from the divider within which it can be grabbed, in units of normal scale."""
 CLICK_DISTANCE = 4.0
-"""Window units: a press that moves less is a click."""
+"""Distance in window units: a press that moves less is a click."""
 SUN_DEGREES = 180.0
-"""That a drag over the picture's height moves the sun by."""
+"""Angle in degrees by which a drag over the picture's height moves the sun."""
 
 
 class PictureInput:
-    """Remembers what a drag began on."""
+    """Mouse and keys over the picture, with the state of a drag."""
 
     def __init__(self, background: Background) -> None:
         self._dragging_divider = False
@@ -165,7 +165,7 @@ class PictureInput:
         self.flight = Flight(background)
 
     def handle(self, session: Session, area: Area, emit: Emit, keys: bool = True) -> None:
-        """Run commands for this frame's events on the picture in `area`; `keys` False leaves those of commands to an open list."""
+        """Run commands for this frame's events on the picture in `area`; with `keys` False an open list has the keys."""
         io = imgui.get_io()
         if keys:
             run_commands(session, emit, typing=io.want_text_input)
@@ -225,7 +225,7 @@ class PictureInput:
             emit("picture.hover", at)
 
     def _click(self, session: Session, io: imgui.IO, emit: Emit) -> None:
-        """A press without a drag keeps the block or pixel under the mouse in its panel, where that is open."""
+        """Keep the block or pixel under the mouse in its open panel, after a press without a drag."""
         if imgui.is_mouse_clicked(imgui.MouseButton_.left):
             self._pressed_at = (io.mouse_pos.x, io.mouse_pos.y)
         if imgui.is_mouse_released(imgui.MouseButton_.left) and self._pressed_at is not None:

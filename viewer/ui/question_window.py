@@ -1,4 +1,4 @@
-"""The question that is to be answered before anything else, over everything."""
+"""Question over the window, which must be answered before anything else."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -6,17 +6,17 @@ from viewer.state.session import Question
 from viewer.ui.facts import UiFrame
 
 WIDTH = 460.0
-"""Window units at the normal size of text."""
+"""Width in window units at the normal size of text."""
 
 
 class QuestionWindow:
-    """Remembers which question is shown."""
+    """Window of the question, with the question that is shown."""
 
     def __init__(self) -> None:
         self._shown: Question | None = None
 
     def draw(self, ui: UiFrame, size: tuple[float, float]) -> None:
-        """The question, if there is one, in the middle of a window of `size`."""
+        """Draw the question, if there is one, in the middle of a window of `size`."""
         question = ui.session.window.question
         title = f"{question.title}###question" if question is not None else "###question"
         is_new, self._shown = question is not self._shown, question

@@ -1,4 +1,4 @@
-"""The bar at the lower edge of the window: the last message, and what is under way."""
+"""Bar at the lower edge of the window: the last message, and the work in the background."""
 
 from collections.abc import Sequence
 
@@ -9,12 +9,12 @@ from viewer.ui.facts import UiFrame, Work
 from viewer.ui.widgets import duration, shortened
 
 SIDE = 4.0
-"""Window units, at normal scale, above and below the text."""
+"""Space above and below the text, in window units at normal scale."""
 SHARE_WIDTH = 90.0
-"""Window units, at normal scale, of the bar that shows how far the work is."""
+"""Width of the progress bar, in window units at normal scale."""
 SHARE_HEIGHT = 6.0
 MESSAGE_SHARE = 0.3
-"""Of the bar's width, which the last message keeps beside what is under way."""
+"""Width that the last message keeps beside the work, as a share of the bar."""
 CANCEL = "Cancel"
 FLAGS = (
     imgui.WindowFlags_.no_scrollbar
@@ -31,12 +31,12 @@ def _scale() -> float:
 
 
 def status_bar_height() -> float:
-    """In window units: one line of text, whatever it says."""
+    """Return the height of the bar in window units: one line of text."""
     return float(imgui.get_text_line_height() + 2.0 * SIDE * _scale())
 
 
 def draw_status_bar(ui: UiFrame) -> float:
-    """The bar, which takes its height from the viewport's work area from the next frame on; its height in window units."""
+    """Draw the bar, and return its height in window units. The viewport's work area shrinks by it from the next frame on."""
     height = status_bar_height()
     style = imgui.get_style()
     inset = (height - imgui.get_text_line_height()) / 2.0
@@ -58,7 +58,7 @@ def draw_status_bar(ui: UiFrame) -> float:
 
 
 def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
-    """The last message, as much of it as fits into `width`; the tooltip has all of it."""
+    """Draw as much of the last message as fits into `width`; the tooltip has all of it."""
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x)
     if not len(log):
         imgui.text("")
@@ -74,14 +74,14 @@ def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
 
 
 def work_text(work: Work) -> str:
-    """`encoding bc7: 34 %, 12 s left`."""
+    """Return work as text: `encoding bc7: 34 %, 12 s left`."""
     share = f": {work.share:.0%}".replace("%", " %") if work.share is not None else ""
     left = f", {duration(work.seconds_left)} left" if work.seconds_left is not None else ""
     return work.title + share + left
 
 
 def _work(all_work: Sequence[Work], right: float, ui: UiFrame) -> float:
-    """What is under way, from the right edge on, so that the button stays where it is; the width that is left of it."""
+    """Draw the work from the right edge, so that the button does not move, and return the width left of it."""
     first, style = all_work[0], imgui.get_style()
     gap, left = style.item_spacing.x, style.window_padding.x + right
     button = imgui.calc_text_size(CANCEL).x + 2.0 * style.frame_padding.x

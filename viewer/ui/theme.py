@@ -33,18 +33,18 @@ INKS: Mapping[Theme, Mapping[InkName, Rgba]] = {
         "blue": (0.1, 0.3, 0.8, 1.0),
     },
 }
-"""sRGB and opacity. Blue for A and orange for B: told apart by every kind of colour vision."""
+"""Colours of texts and curves, in sRGB and opacity. Blue for A and orange for B differ for every kind of colour vision."""
 
 
 def ink(name: InkName) -> imgui.ImVec4:
-    """A colour in the theme that ImGui's style has now."""
+    """Return a colour of the present theme."""
     ground = imgui.get_style().color_(imgui.Col_.window_bg)
     theme: Theme = "light" if ground.x + ground.y + ground.z > 1.5 else "dark"
     return imgui.ImVec4(*INKS[theme][name])
 
 
 def side_ink(side: str) -> imgui.ImVec4:
-    """Of slot A ("a") or B."""
+    """Return the colour of slot A ("a") or B."""
     return ink("a" if side == "a" else "b")
 
 
@@ -63,7 +63,7 @@ def _blend(over: tuple[float, float, float], under: tuple[float, float, float], 
 
 
 def theme_colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
-    """What differs from ImGui's own dark and light colours."""
+    """Return the colours that differ from ImGui's own dark and light ones."""
     accent = DARK_ACCENT if theme == "dark" else LIGHT_ACCENT
     if theme == "dark":
         window, title, frame, tab = (0.085, 0.09, 0.1), (0.06, 0.065, 0.07), (0.17, 0.18, 0.2), (0.11, 0.12, 0.14)
@@ -107,13 +107,13 @@ def theme_colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
 
 
 class Appearance:
-    """Puts a theme and a scale into ImGui's style when they change."""
+    """Theme and scale of ImGui's style."""
 
     def __init__(self) -> None:
         self._applied: tuple[Theme, float, float] | None = None
 
     def apply(self, theme: Theme, ui_scale: float, monitor_scale: float) -> None:
-        """To be called between two frames. `monitor_scale` is pixels per window unit that the monitor asks for, 1 or more."""
+        """Apply theme and scale between two frames. `monitor_scale` is the monitor's pixels per window unit, 1 or more."""
         wanted = (theme, ui_scale, monitor_scale)
         if wanted == self._applied:
             return

@@ -1,4 +1,4 @@
-"""The whole user interface of one frame. Reads the session, runs commands; makes no OpenGL call."""
+"""User interface of one frame. It reads the session, runs commands, and makes no OpenGL call."""
 
 from collections.abc import Sequence
 
@@ -34,7 +34,7 @@ from viewer.ui.status_bar import draw_status_bar
 from viewer.ui.widgets import Area, WidgetRects
 
 SETTLING_FRAMES = 3
-"""Frames that ImGui needs after an event until its layout rests."""
+"""Number of frames that ImGui's layout needs after an event."""
 
 
 class UserInterface:
@@ -43,7 +43,7 @@ class UserInterface:
     def __init__(self) -> None:
         self.rects = WidgetRects()
         self.background = Background()
-        """What panels have computed beside the frames."""
+        """Background jobs of the panels."""
         self._input = PictureInput(self.background)
         self._all_panels = make_panels(self.background)
         self._layout = DockLayout()
@@ -56,23 +56,23 @@ class UserInterface:
         self._first_run_card = FirstRunCard()
         self._file_dialog = FileDialog()
         self._in_front: list[str] = []
-        """Panels that were visible when panels were drawn last: they come to the front when panels are shown again."""
+        """Panels that were visible when panels were drawn last; they come to the front when panels are shown again."""
         self._were_shown = True
         self._handles = StackHandles()
         self._picture_area: Area | None = None
         self._raised: str | None = None
         """Title of the panel that the next frame brings to the front."""
         self._resets_layout = False
-        """Whether the next frame docks all panels anew."""
+        """True where the next frame docks all panels again."""
 
     @property
     def picture_area(self) -> Area | None:
-        """What panels leave to the picture, as of the last frame; None before that is known."""
+        """Area of the picture in the last frame; None before it is known."""
         return self._picture_area
 
     @property
     def panel_titles(self) -> tuple[str, ...]:
-        """Of all panels, shown or not."""
+        """Titles of all panels, shown or not."""
         return tuple(panel.title for panel in self._all_panels)
 
     @property
@@ -81,11 +81,11 @@ class UserInterface:
         return tuple(self._in_front)
 
     def shows(self, panel: str) -> bool:
-        """Whether the content of the panel of this title was drawn last."""
+        """Return True where the last frame drew the content of this panel."""
         return self._were_shown and panel in self._in_front and panel not in self._layout.folded
 
     def bring_to_front(self, panels: Sequence[str]) -> None:
-        """Show these panels in front, as they were in an earlier user interface whose ImGui is gone."""
+        """Show panels in front, as in an earlier user interface whose ImGui is gone."""
         if panels:
             self._in_front, self._were_shown = list(panels), False
 
@@ -94,22 +94,22 @@ class UserInterface:
         self._raised = title
 
     def reset_layout(self) -> None:
-        """Dock all panels anew in the next frame that shows panels."""
+        """Dock all panels again in the next frame that shows panels."""
         self._resets_layout = True
 
     def is_settling(self, session: Session) -> bool:
-        """Whether the next frame puts panels elsewhere although nothing happens."""
+        """Return True where the next frame moves panels although nothing happens."""
         asked = self._resets_layout or self._raised is not None
         waits = self._file_dialog.system.has_answer or self._input.flight.is_ending
         moves = not self._layout.is_placed if session.window.column_folded else self._layout.is_settling
         return waits or (session.window.show_panels and (asked or moves))
 
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
-        """Everything between ImGui's new_frame and render. `picture` is an OpenGL texture with row 0 at the bottom."""
+        """Draw the user interface, between ImGui's new_frame and render. `picture` is a texture with row 0 at the bottom."""
         session = ui.session
         bound = bindings(session.settings.keys)
         ui.rects.begin(lambda label: explanation(label, bound))
-        # Asked before the panels: a list that this frame's Escape closes still owns the key.
+        # Before the panels: a list that this frame's Escape closes still owns the key.
         popup_is_open, window = imgui.is_popup_open("", imgui.PopupFlags_.any_popup), session.window
         list_is_open = popup_is_open or window.palette is not None or window.file_dialog or window.question is not None
         display = imgui.get_io().display_size
@@ -148,7 +148,7 @@ class UserInterface:
         escape = (
             popup_is_open and session.window.question is None and imgui.is_key_pressed(imgui.Key.escape, repeat=False)
         )
-        # A list that has closed itself on this key leaves none to close.
+        # A list may have closed itself on this key.
         if escape and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
             imgui.internal.close_popup_to_level(0, True)
         self._question.draw(ui, size)
@@ -158,7 +158,7 @@ class UserInterface:
         ui.rects.tooltips.end()
 
     def _layout_panels(self, ui: UiFrame) -> Area:
-        """Dock the panels; the rectangle that they leave to the picture."""
+        """Dock the panels, and return the rectangle of the picture."""
         style, settings = imgui.get_style(), ui.session.settings
         places = [Docked(panel.title, panel.place) for panel in self._all_panels]
         scale = style.font_scale_main * style.font_scale_dpi
@@ -196,7 +196,7 @@ class UserInterface:
         self._handles.draw(ui, self._layout.stacks(shown), self._raised)
 
     def _raise_panel(self, shown: bool) -> None:
-        """Bring the panel to the front that is asked for; a column that stays folded has none."""
+        """Bring the requested panel to the front, unless the column is folded."""
         raised, self._raised = self._raised, None
         if raised is not None and shown:
             self._layout.bring(raised)
@@ -205,7 +205,7 @@ class UserInterface:
 
 
 def _draw_picture(picture: imgui.ImTextureRef | None, ui: UiFrame, area: Area) -> None:
-    """The picture with its labels, or what is done before there is one."""
+    """Draw the picture with its labels, or the work before the first one."""
     draw_list = imgui.get_background_draw_list()
     if picture is not None:
         corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))

@@ -1,4 +1,4 @@
-"""What several panels share: rectangles, colours, sizes, lists and table cells, and where labelled widgets are with their tooltips."""
+"""Widgets that panels share: rectangles, colours, sizes, lists, table cells, labels and tooltips."""
 
 import time
 from collections.abc import Callable
@@ -11,23 +11,23 @@ from viewer.scene.json_text import counted as counted
 from viewer.state.palettes import PaletteName, palette_colors, share_of_most
 
 SLOT_COLORS = {"a": (0.35, 0.65, 1.0, 1.0), "b": (1.0, 0.6, 0.25, 1.0)}
-"""Blue for A and orange for B: told apart by every kind of colour vision."""
+"""Colours of slots: blue for A and orange for B differ for every kind of colour vision."""
 
 
 def packed(rgba: tuple[float, float, float, float]) -> int:
-    """A colour as ImGui's draw lists take it."""
+    """Return a colour as ImGui's draw lists take it."""
     return imgui.color_convert_float4_to_u32(imgui.ImVec4(*rgba))
 
 
 def heat(palette: PaletteName, decoders: float, most: int) -> tuple[float, float, float, float]:
-    """sRGB and opacity 1: the map's colour of a number of decoders."""
+    """Return the map's colour of a number of decoders, in sRGB with opacity 1."""
     red, green, blue = palette_colors(palette, np.array(share_of_most(decoders, most))).tolist()
     return red, green, blue, 1.0
 
 
 @dataclass(frozen=True)
 class Area:
-    """A rectangle in window units."""
+    """Rectangle in window units."""
 
     left: float
     top: float
@@ -36,26 +36,26 @@ class Area:
 
     @property
     def width(self) -> float:
-        """Along x."""
+        """Width along x."""
         return self.right - self.left
 
     @property
     def height(self) -> float:
-        """Along y."""
+        """Height along y."""
         return self.bottom - self.top
 
     def share_of(self, x: float, y: float) -> tuple[float, float]:
-        """A place of the window as shares of this rectangle, from its upper left corner."""
+        """Return a place of the window as shares of this rectangle, from its upper left corner."""
         return (x - self.left) / self.width, (y - self.top) / self.height
 
     def at(self, x: float, y: float) -> tuple[float, float]:
-        """The place of the window that is (x, y) as shares of this rectangle."""
+        """Return the place of the window at (x, y) as shares of this rectangle."""
         return self.left + x * self.width, self.top + y * self.height
 
     def pixels(self, window: tuple[float, float], framebuffer: tuple[int, int]) -> tuple[int, int]:
-        """(width, height) in pixels, at least 1.
+        """Return the size (width, height) in pixels, at least 1.
 
-        The window is `window` (width, height) large in its own units, and `framebuffer` in pixels.
+        `window` is the size (width, height) of the window in its own units, `framebuffer` in pixels.
         """
         width, height = (
             max(1, round(side * pixels / max(units, 1.0)))
@@ -65,13 +65,13 @@ class Area:
 
 
 TOOLTIP_SECONDS = 0.2
-"""ImGui shows a tooltip when the mouse has rested on a widget for 0.15 s."""
+"""Time until a frame shows a tooltip: ImGui's own delay of 0.15 s, and a little more."""
 TOOLTIP_FONT_SIZES = 28.0
-"""Width of a tooltip's longest line."""
+"""Largest width of a tooltip in font sizes."""
 
 
 def draw_tooltip(text: str) -> None:
-    """A tooltip beside the mouse, in lines that are not too long."""
+    """Draw a tooltip beside the mouse, with wrapped lines."""
     if imgui.begin_tooltip():
         imgui.push_text_wrap_pos(TOOLTIP_FONT_SIZES * imgui.get_font_size())
         imgui.text_unformatted(text)
@@ -80,19 +80,19 @@ def draw_tooltip(text: str) -> None:
 
 
 class Tooltips:
-    """Shows what explains a widget while the mouse rests on it, and says when the next frame is due for that."""
+    """Tooltips of widgets, and the time at which the next frame must show one."""
 
     def __init__(self) -> None:
         self._waits = False
         self._due: float | None = None
-        """Monotonic time at which a tooltip is to appear; None while the mouse is on nothing, and when it is there."""
+        """Monotonic time at which a tooltip must appear; None while none is due."""
 
     def begin(self) -> None:
-        """A frame begins."""
+        """Begin a frame."""
         self._waits = False
 
     def end(self) -> None:
-        """A frame has ended."""
+        """End a frame."""
         if not self._waits:
             self._due = None
         elif self._due is None or self._due <= time.monotonic():
@@ -100,11 +100,11 @@ class Tooltips:
 
     @property
     def seconds_until_due(self) -> float | None:
-        """Seconds after which a frame must be drawn for a tooltip to appear, 0 or less when it is late; None for no tooltip."""
+        """Seconds until a frame must be drawn to show a tooltip, 0 or less where it is late; None without one."""
         return None if self._due is None else self._due - time.monotonic()
 
     def show(self, text: Callable[[], str]) -> None:
-        """Explain the last widget, disabled ones too. `text` is asked for while the mouse is on it."""
+        """Show `text` as the tooltip of the last widget, disabled ones too. `text` is called only under the mouse."""
         if not imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
             return
         shown = text()
@@ -117,27 +117,27 @@ class Tooltips:
 
 
 class WidgetRects:
-    """Rectangles of the last frame's labelled widgets, in window pixels, and what explains each."""
+    """Rectangles of the last frame's labelled widgets in window pixels, with their tooltips."""
 
     def __init__(self) -> None:
         self._rects: dict[str, tuple[float, float, float, float]] = {}
         self._texts: dict[str, str] = {}
-        """Explanations that widgets brought along."""
+        """Tooltips that widgets brought along."""
         self._explain: Callable[[str], str] = lambda _label: ""
         self.tooltips = Tooltips()
 
     def begin(self, explain: Callable[[str], str]) -> None:
-        """A frame begins: forget the last one's. `explain` gives the explanation of a label, "" for none."""
+        """Begin a frame and forget the last one. `explain` gives the tooltip of a label, "" for none."""
         self._rects.clear()
         self._texts.clear()
         self._explain = explain
         self.tooltips.begin()
 
     def note(self, label: str, text: str = "", is_open: bool = False) -> None:
-        """Record the last widget's rectangle, and explain it while the mouse rests on it.
+        """Record the last widget's rectangle, and show its tooltip.
 
-        The explanation is `text`; without one, that of the label (viewer/ui/help/explanations.py). It would hide what hangs below
-        a menu that `is_open`.
+        The tooltip is `text`; without one, that of the label (viewer/ui/help/explanations.py). A menu that `is_open` has none:
+        it would hide the items.
         """
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rects[label] = (low.x, low.y, high.x, high.y)
@@ -147,28 +147,28 @@ class WidgetRects:
             self.tooltips.show(lambda: self.explanation(label))
 
     def explain(self, label: str) -> None:
-        """Explain the last widget as `label` is, without recording a rectangle: for figures beside their name."""
+        """Show the tooltip of `label` for the last widget, without a rectangle: for figures beside their name."""
         self.tooltips.show(lambda: self.explanation(label))
 
     def tip(self, text: str) -> None:
-        """Explain the last widget, which has no label, by `text`."""
+        """Show `text` as the tooltip of the last widget, which has no label."""
         self.tooltips.show(lambda: text)
 
     def explanation(self, label: str) -> str:
-        """What explains a label; "" where nothing does."""
+        """Return the tooltip of a label; "" without one."""
         return self._texts.get(label) or self._explain(label)
 
     def note_rectangle(self, label: str, left: float, top: float, right: float, bottom: float) -> None:
-        """Record a rectangle that is no widget."""
+        """Record a rectangle that is not a widget."""
         self._rects[label] = (left, top, right, bottom)
 
     def centre(self, label: str) -> tuple[float, float]:
-        """Middle of a widget. Raises KeyError when the last frame had none of that label."""
+        """Return the middle of a widget. Raises KeyError where the last frame had none of that label."""
         left, top, right, bottom = self._rects[label]
         return (left + right) / 2.0, (top + bottom) / 2.0
 
     def labels(self) -> tuple[str, ...]:
-        """Labels of all widgets of the last frame."""
+        """Return the labels of all widgets of the last frame."""
         return tuple(self._rects)
 
 
@@ -183,7 +183,7 @@ def combo(
     items: WidgetRects,
     refusal: Callable[[str], str] = _allowed,
 ) -> str:
-    """A drop-down list; the chosen text. `refusal` says why a choice cannot be taken now: it is grey, with that as a tooltip."""
+    """Draw a drop-down list, and return the chosen text. `refusal` says why a choice is grey; that is its tooltip."""
     chosen = current
     opened = imgui.begin_combo(f"##{label}", current)
     items.note(label)
@@ -201,14 +201,14 @@ def combo(
 
 
 def cells(*texts: str) -> None:
-    """Texts in the next columns of a table's row."""
+    """Draw texts in the next columns of a table's row."""
     for text in texts:
         imgui.table_next_column()
         imgui.text(text)
 
 
 def shortened(text: str, width: float) -> str:
-    """`text`, or as much of its beginning as fits into `width` window units, with dots after it."""
+    """Return `text`, shortened with dots to fit into `width` window units."""
     if imgui.calc_text_size(text).x <= width:
         return text
     low, high = 0, len(text)
@@ -220,14 +220,14 @@ def shortened(text: str, width: float) -> str:
 
 
 def duration(seconds: float) -> str:
-    """`45 s`, `3 min`, `2.5 h`."""
+    """Return a time as text: `45 s`, `3 min`, `2.5 h`."""
     if seconds < 99.5:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
 def named_cells(items: WidgetRects, name: str, *texts: str) -> None:
-    """A figure's name and its texts in the next columns of a table's row, each with the explanation of the name."""
+    """Draw a figure's name and its texts in the next columns of a table's row, all with the tooltip of the name."""
     imgui.table_next_column()
     imgui.text(name)
     items.note(name)
@@ -238,7 +238,7 @@ def named_cells(items: WidgetRects, name: str, *texts: str) -> None:
 
 
 def headings(columns: tuple[str, ...], items: WidgetRects) -> None:
-    """The headings of a table, each with an explanation: that of `column NAME`. To be called after its columns are set up."""
+    """Draw the headings of a table with the tooltips of `column NAME`, after its columns are set up."""
     imgui.table_next_row(imgui.TableRowFlags_.headers)
     for number, name in enumerate(columns):
         if imgui.table_set_column_index(number):
@@ -247,17 +247,17 @@ def headings(columns: tuple[str, ...], items: WidgetRects) -> None:
 
 
 def em(count: float) -> float:
-    """So many font sizes, in window units."""
+    """Return `count` font sizes in window units."""
     return float(count * imgui.get_font_size())
 
 
 def text_width(text: str) -> float:
-    """Of a line of text, in window units."""
+    """Return the width of a line of text in window units."""
     return float(imgui.calc_text_size(text).x)
 
 
 def list_width(*choices: str) -> float:
-    """Of a drop-down list that shows each of these texts whole."""
+    """Return the width of a drop-down list that shows each of these texts whole."""
     arrow = imgui.get_frame_height()
     return max(map(text_width, choices)) + arrow + 2.0 * imgui.get_style().frame_padding.x
 
@@ -268,25 +268,25 @@ def field_width(text: str) -> float:
 
 
 def box_width(label: str) -> float:
-    """Of a check box or a radio button with its label."""
+    """Return the width of a check box or a radio button with its label."""
     return text_width(label) + imgui.get_frame_height() + imgui.get_style().item_inner_spacing.x
 
 
 def beside(width: float) -> None:
-    """Go on beside the last item where something so wide fits, else in the next line."""
+    """Continue beside the last item where `width` fits, else in the next line."""
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
         imgui.new_line()
 
 
 def wrapped_disabled(text: str) -> None:
-    """Faint text over as many lines as it needs."""
+    """Draw faint text over as many lines as it needs."""
     imgui.push_style_color(imgui.Col_.text, imgui.get_style().color_(imgui.Col_.text_disabled))
     imgui.text_wrapped(text)
     imgui.pop_style_color()
 
 
 def disabled_beside(text: str) -> None:
-    """Faint text beside the last item where it fits, else below it over as many lines as it needs."""
+    """Draw faint text beside the last item where it fits, else below it over as many lines as it needs."""
     beside(text_width(text))
     wrapped_disabled(text)

@@ -1,1 +1,1 @@
-"""What explains the window: tooltips, the glossary, the sheet of keys."""
+"""Help of the window: tooltips, glossary, sheet of keys."""

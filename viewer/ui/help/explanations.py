@@ -1,4 +1,4 @@
-"""What explains each labelled widget, column and figure of the window: shown as a tooltip while the mouse rests on it."""
+"""Tooltips of labelled widgets, columns and figures."""
 
 import re
 
@@ -9,29 +9,29 @@ from viewer.ui.help.texts import COMMAND_OF, CONTROLS, FIGURES, FORMATS, VALUES
 
 _BY_ID = {command.id: command for command in COMMANDS}
 _COMMAND_PREFIXES = ("menu: ", "palette: ")
-"""Labels of these entries name a command, and maybe values for it."""
+"""Prefixes of labels that name a command, and maybe values for it."""
 
 
 def sentence(text: str) -> str:
-    """`text` with a capital letter and a full stop."""
+    """Return `text` with a capital letter and a full stop."""
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}" if text else ""
 
 
 def command_text(command: Command, bound: Bindings) -> str:
-    """What a command does, and its key."""
+    """Return the help of a command with its key."""
     key = bound.text(command.id)
     return sentence(command.help) + (f"\nKey: {key}" if key else "")
 
 
 def value_text(value: str) -> str:
-    """What one entry of a list stands for; "" where its name says it, or it is a name of the scene's."""
+    """Return the explanation of an entry of a list; "" for names that explain themselves and names of the scene."""
     if value in VALUES:
         return VALUES[value]
     return next((text for start, text in FORMATS.items() if value.startswith(start)), "")
 
 
 def explanation(label: str, bound: Bindings) -> str:
-    """The explanation of a label, its key included; "" for none.
+    """Return the explanation of a label with its key; "" for none.
 
     Numbers in a label count as `#`, and a label without an entry of its own has that of its first words.
     """
@@ -49,7 +49,7 @@ def explanation(label: str, bound: Bindings) -> str:
 
 
 def _own(label: str, bound: Bindings) -> str:
-    """Of exactly this label."""
+    """Return the explanation of exactly this label."""
     command = _BY_ID.get(COMMAND_OF.get(label, ""))
     text = CONTROLS.get(label) or FIGURES.get(label, "")
     if command is None:
@@ -59,7 +59,7 @@ def _own(label: str, bound: Bindings) -> str:
 
 
 def _of_command(words: str, bound: Bindings) -> str:
-    """Of a command and maybe values: what the last value is, else what the command does."""
+    """Return the explanation of the last value in `words`, else the help of the command."""
     command_id, _, values = words.partition(" ")
     of_value = value_text(values.rpartition(" ")[2]) if values else ""
     return of_value or command_text(_BY_ID[command_id], bound)

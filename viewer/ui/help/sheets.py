@@ -1,4 +1,4 @@
-"""Sheets of two columns over the window, with a field to search them: keys and mouse, and the glossary."""
+"""Sheets over the window with two columns and a search field: keys and mouse, and the glossary."""
 
 from collections.abc import Callable, Sequence
 from typing import Final
@@ -71,16 +71,16 @@ TERMS: Final = (
     ),
     ("wave efficiency", "Share of decoder runs that would be needed without divergence: 100 % is best."),
 )
-"""(word, what it means), in the order of the alphabet."""
+"""(word, meaning) in alphabetical order."""
 
 
 WIDTH, HEIGHT = 640.0, 800.0
-"""Largest, in window units at normal scale."""
+"""Largest size in window units at normal scale."""
 Rows = Sequence[tuple[str, str]]
 
 
 class Sheet:
-    """Remembers what is searched for."""
+    """Sheet of two columns with a search field."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class Sheet:
         layer: str,
         hint: str,
     ) -> None:
-        """`label` names it for scripts, `rows` are what it and what it means, `layer` is one of `viewer.commands.leaving.LAYERS`."""
+        """Make a sheet. `label` names it for scripts, `rows` gives (word, meaning), `layer` is one of `commands.leaving.LAYERS`."""
         self._title, self._label, self._rows = title, label, rows
         self._is_open, self._layer, self._hint = is_open, layer, hint
         self._text = ""
@@ -99,7 +99,7 @@ class Sheet:
         self._typing = False
 
     def draw(self, ui: UiFrame, size: tuple[float, float], top: float) -> None:
-        """The sheet, while the session has it open; below `top` in window units."""
+        """Draw the sheet while the session has it open, below `top` in window units."""
         is_open = self._is_open(ui.session)
         opening, self._was_open = is_open and not self._was_open, is_open
         if not is_open:
@@ -154,7 +154,7 @@ class Sheet:
 
 
 def make_sheets() -> tuple[Sheet, ...]:
-    """The sheets of one window."""
+    """Make the sheets of one window."""
     return (
         Sheet(
             "Keys and mouse",

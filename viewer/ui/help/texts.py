@@ -393,7 +393,7 @@ VALUES: Final = {
     "on": "On.",
     "off": "Off.",
 }
-"""By the value as a command takes it."""
+"""Explanations by the value as a command takes it."""
 
 FORMATS: Final = {
     "bc1": "BC1: a format that graphics hardware reads, 4 bits a texel.",
@@ -401,4 +401,4 @@ FORMATS: Final = {
     "astc-": "ASTC: a format that graphics hardware reads, 128 bits for each block of this many texels.",
     "run ": "The pack of this training run; it is not in a file unless it was accepted.",
 }
-"""By how the value begins."""
+"""Explanations by the beginning of the value."""

@@ -1,4 +1,4 @@
-"""All panels of the window. A new one is a file of its own and an entry here."""
+"""List of the window's panels. A new panel is a file of its own and an entry here."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,14 +24,14 @@ from viewer.ui.panels.training import TrainingPanel
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """A window within the window."""
+    """Panel of the window."""
 
     title: str
     place: Place
-    """Where it is docked at first; panels of one place are tabs, the first in front."""
+    """Place at first; panels of one place are tabs, the first in front."""
     draw: Callable[[UiFrame], None]
     shown: Callable[[Session], bool] | None = None
-    """Whether it is there now; None: always, and its tab has no cross, so that all tabs fit."""
+    """Function that tells whether the panel is open; None for a panel that cannot be closed and whose tab has no cross."""
 
 
 def _on_request(title: str) -> Callable[[Session], bool]:
@@ -39,7 +39,7 @@ def _on_request(title: str) -> Callable[[Session], bool]:
 
 
 def make_panels(background: Background) -> tuple[Panel, ...]:
-    """The panels of one window; those that remember something remember it for this window."""
+    """Make the panels of one window."""
     lists, plot, histogram = SceneLists(), TimingsPlot(), HistogramPanel()
     textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
     training = TrainingPanel()

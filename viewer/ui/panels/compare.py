@@ -23,18 +23,18 @@ from viewer.ui.widgets import (
 )
 
 GAINS = (1.0, 64.0)
-"""Ends of the slider."""
+"""Range of the slider."""
 
 
 def decibels(value: float | None) -> str:
-    """A PSNR as text."""
+    """Return a PSNR as text."""
     if value is None:
         return "-"
     return f"{value:.2f}" if math.isfinite(value) else "equal"
 
 
 def figures_state(ui: UiFrame) -> str:
-    """Which picture the figures are of, or why there are none."""
+    """Return which picture the figures belong to, or why there are none."""
     live = ui.facts.live
     if ui.session.view.slot_a == ui.session.view.slot_b:
         return "A and B show the same"
@@ -50,7 +50,7 @@ def figures_state(ui: UiFrame) -> str:
 
 
 def draw_flicker(ui: UiFrame) -> None:
-    """A and B in turns, and how often."""
+    """Draw the flicker's switch and rate."""
     if imgui.checkbox("flicker", ui.session.window.flickers)[0]:
         ui.emit("compare.toggle-flicker")
     ui.rects.note("flicker")
@@ -66,7 +66,7 @@ def draw_flicker(ui: UiFrame) -> None:
 
 
 def draw_difference(ui: UiFrame) -> None:
-    """Which difference, and how much of it."""
+    """Draw the kind of the difference and its gain."""
     difference = ui.session.view.difference
     imgui.set_next_item_width(list_width(*get_args(DifferenceKind)))
     kind = combo("difference", difference.kind, get_args(DifferenceKind), ui.rects)
@@ -86,7 +86,7 @@ def draw_difference(ui: UiFrame) -> None:
 
 
 def draw_live_figures(ui: UiFrame) -> None:
-    """PSNR, SSIM and FLIP of A against B."""
+    """Draw PSNR, SSIM and FLIP of A against B."""
     changed, live_figures = imgui.checkbox("A against B", ui.session.settings.live_figures)
     ui.rects.note("live figures")
     if changed:
@@ -181,11 +181,11 @@ def _modes(ui: UiFrame) -> None:
 
 
 DETAILS = ("Pixel", "Errors", "Histogram")
-"""Panels that open on request, beside which a check box stands here."""
+"""Panels with a check box here."""
 
 
 def _panels(ui: UiFrame) -> None:
-    """Check boxes of the panels with details."""
+    """Draw check boxes of the panels with details."""
     for number, title in enumerate(DETAILS):
         name = title.lower()
         if number:
@@ -267,7 +267,7 @@ def _figures(ui: UiFrame) -> None:
 
 
 def _figures_by_map(ui: UiFrame) -> dict[str, list[str]]:
-    """Rows of the PSNR with one decoded map among the original ones: which map the error of the lit picture comes from."""
+    """Return rows of the PSNR with one map decoded and all others original: they show which map causes the error."""
     sides = [ui.session.inspection.measurements.get(side) for side in ui.session.view.slots]
     found = [dict(figure.psnr_by_map) if figure else {} for figure in sides]
     names = dict.fromkeys(name for maps in found for name in maps)
@@ -275,7 +275,7 @@ def _figures_by_map(ui: UiFrame) -> dict[str, list[str]]:
 
 
 def draw_compare_panel(ui: UiFrame) -> None:
-    """The content of the panel."""
+    """Draw the content of the panel."""
     _slot("a", ui.session.view.slot_a, ui)
     _slot("b", ui.session.view.slot_b, ui)
     _modes(ui)

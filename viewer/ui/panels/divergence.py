@@ -12,7 +12,7 @@ from viewer.ui.theme import side_ink
 from viewer.ui.widgets import beside, combo, counted, list_width, named_cells
 
 PLOT_LINES = 9.5
-"""Height of a plot, in lines of text."""
+"""Height of a plot in lines of text."""
 THUMBNAIL_LINES = 2.2
 TEXTURES_SHOWN = 12
 SCALES: dict[str, ScaleName] = {"fixed scale": "block", "scale of picture": "picture"}
@@ -44,7 +44,7 @@ def _settings(ui: UiFrame) -> None:
 
 
 def _sides(ui: UiFrame) -> dict[str, tuple[str, DivergenceStatistics]]:
-    """(source, figures) of the sides whose pack is counted."""
+    """Return (source, figures) of the sides whose decoders are counted."""
     slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
     return {
         side: (s.source, ui.facts.divergence[s.source]) for side, s in slots.items() if s.source in ui.facts.divergence
@@ -80,7 +80,7 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) ->
 
 
 def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> None:
-    """Share of the covered blocks with D decoders, and with at most D, of both sides."""
+    """Plot the share of the covered blocks with D decoders, and with at most D, for both sides."""
     most = max(figures.maximum for _, figures in sides.values())
     counts = np.arange(1, max(most, 2) + 1, dtype=np.float64)
     flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text | implot.Flags_.no_legend
@@ -142,7 +142,7 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
 
 
 def draw_divergence_panel(ui: UiFrame) -> None:
-    """The content of the panel."""
+    """Draw the content of the panel."""
     _settings(ui)
     sides = _sides(ui)
     if not sides:

@@ -23,12 +23,12 @@ HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
     ("max", "max"),
 )
 WIDEST: dict[ErrorColumn, str] = {"decoder": "-", "pixels": "999,999", "psnr": "99.99", "mean": "99.99", "max": "255"}
-"""Usual figures in columns of fixed width."""
+"""Widest usual figures, for the widths of columns."""
 
 
 @dataclass(frozen=True)
 class NamedRow:
-    """A row of the table."""
+    """Row of the table with its name."""
 
     name: str
     row: ErrorRow
@@ -48,7 +48,7 @@ def _value(named: NamedRow, column: ErrorColumn) -> float | str:
 
 
 def sorted_rows(session: Session, facts: FrameFacts) -> list[NamedRow]:
-    """The table as it is shown: of the last comparison."""
+    """Return the sorted rows of the last comparison."""
     found, table = facts.live.comparison, session.inspection.errors
     if found is None:
         return []
@@ -111,7 +111,7 @@ def _row(named: NamedRow, ui: UiFrame) -> None:
 
 
 def draw_errors_panel(ui: UiFrame) -> None:
-    """The content of the panel."""
+    """Draw the content of the panel."""
     _choices(ui)
     imgui.text_disabled(figures_state(ui))
     if ui.session.view.highlight:

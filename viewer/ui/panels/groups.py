@@ -15,7 +15,7 @@ from viewer.ui.widgets import cells, counted, headings
 
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
-"""Height of the list of groups at first, in rows."""
+"""Largest height of the list of groups, in rows."""
 COLUMNS = ("group", "members", "mip 0 dB", "worst dB")
 
 
@@ -24,7 +24,7 @@ def _decibels(value: float | None) -> str:
 
 
 def _parameter(value: object) -> str:
-    """A parameter of the grouping as it is read."""
+    """Return a parameter of the grouping as text."""
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, float):
@@ -35,14 +35,14 @@ def _parameter(value: object) -> str:
 
 
 def quality_text(row: GroupRow) -> str:
-    """The PSNR of a group, and before it what it was in the pack that this one replaced, where that is known."""
+    """Return the PSNR of a group, after that in the pack that this one replaced, where it is known."""
     before = "" if row.before_db in (None, row.psnr_db) else f"{_decibels(row.before_db)} -> "
     same = ", as before" if row.before_db is not None and row.before_db == row.psnr_db else ""
     return f"PSNR of mip 0: {before}{_decibels(row.psnr_db)} dB{same}"
 
 
 def replaced_source(session: Session, source: str) -> str | None:
-    """The open pack in whose place a training run put the pack `source`; None where it took none's place."""
+    """Return the open pack that a training run replaced by the pack `source`; None where there is none."""
     previous = session.previous_views.get(source)
     if previous is None:
         return None
@@ -50,7 +50,7 @@ def replaced_source(session: Session, source: str) -> str | None:
 
 
 class GroupsPanel:
-    """Remembers the rows of the pack that it shows, and the group that is chosen."""
+    """Panel Groups, with the rows of the shown pack and the chosen group."""
 
     def __init__(self, background: Background) -> None:
         self._background = background
@@ -62,7 +62,7 @@ class GroupsPanel:
         self._followed: int | None = None
 
     def draw(self, ui: UiFrame) -> None:
-        """The content of the panel."""
+        """Draw the content of the panel."""
         source = ui.session.view.slot_a.source
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         if pack is None or match is None:
@@ -89,13 +89,13 @@ class GroupsPanel:
 
     @staticmethod
     def _replaced(ui: UiFrame, source: str) -> tuple[Pack, PackMatch] | None:
-        """The pack that the shown one replaced, with how it fits the scene."""
+        """Return the pack that the shown one replaced, with its match."""
         name = replaced_source(ui.session, source)
         match = ui.facts.matches.get(name) if name is not None else None
         return (ui.session.packs[name], match) if name is not None and match is not None else None
 
     def _follow_selection(self, selected: int | None, decoders: tuple[int, ...]) -> None:
-        """Show the group of a texture that has been selected elsewhere."""
+        """Show the group of a texture that was selected elsewhere."""
         if selected != self._followed:
             self._followed = selected
             if selected is not None and decoders[selected] >= 0:
@@ -203,7 +203,7 @@ class GroupsPanel:
         imgui.text(ui.session.scene.textures[texture].name)
 
     def _distances(self, ui: UiFrame, pack: Pack, decoders: tuple[int, ...]) -> GroupDistances | str:
-        """The distances, or a text to show in their place."""
+        """Return the distances, or the reason why there are none."""
         asked = grouping_features(pack)
         if asked is None:
             return "no distances: the pack does not say that features grouped it"

@@ -13,7 +13,7 @@ CHANNELS: tuple[InkName, ...] = ("red", "green", "blue")
 
 
 class HistogramPanel:
-    """Remembers the curves of the last comparison: they are as long as a comparison is good."""
+    """Panel Histogram, with the curves of the last comparison."""
 
     def __init__(self) -> None:
         self._of: Comparison | None = None
@@ -30,7 +30,7 @@ class HistogramPanel:
         self._of = comparison
 
     def draw(self, ui: UiFrame) -> None:
-        """The content of the panel."""
+        """Draw the content of the panel."""
         comparison = ui.facts.live.comparison
         if comparison is None or comparison.pixels == 0:
             imgui.text_disabled("when the picture rests, and A and B differ")

@@ -12,7 +12,7 @@ from viewer.ui.widgets import combo, em, wrapped_disabled
 
 STRENGTHS = (0.0, 4.0)
 STOPS = (-4.0, 4.0)
-"""Ends of the sliders; commands take more."""
+"""Ranges of the sliders; commands take more."""
 LABEL_WIDTH = 6.9
 """In font sizes."""
 
@@ -26,7 +26,7 @@ def _label(text: str, ui: UiFrame) -> None:
 
 
 def _slider(ui: UiFrame, label: str, value: float, ends: tuple[float, float], text: str) -> float | None:
-    """The value that the slider was moved to; None where it was not."""
+    """Draw a labelled slider, and return its new value; None where it was not moved."""
     _label(label, ui)
     moved, found = imgui.slider_float(f"##{label}", value, *ends, text, imgui.SliderFlags_.always_clamp)
     ui.rects.note(label)
@@ -71,7 +71,7 @@ def _draw_light(ui: UiFrame) -> None:
 
 
 def _draw_decoded_maps(ui: UiFrame) -> None:
-    """Which maps a slot decodes: one alone shows what its error does to the picture."""
+    """Draw the choice of decoded maps of each slot."""
     for side, slot in ui.session.view.slots.items():
         if slot.source == REFERENCE:
             continue
@@ -83,7 +83,7 @@ def _draw_decoded_maps(ui: UiFrame) -> None:
 
 
 def draw_light_panel(ui: UiFrame) -> None:
-    """All of it; what lights is shown where it has an effect."""
+    """Draw the content of the panel; light is shown only where it has an effect."""
     view = ui.session.view.material_view
     _label("view", ui)
     chosen = combo("materials", view, get_args(MaterialView), ui.rects)

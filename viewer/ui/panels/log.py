@@ -9,7 +9,7 @@ from viewer.ui.widgets import counted
 
 
 class LogPanel:
-    """Remembers what is expanded."""
+    """Panel Log, with the message that is expanded."""
 
     def __init__(self) -> None:
         self._expanded: int | None = None
@@ -17,7 +17,7 @@ class LogPanel:
         self._count = 0
 
     def draw(self, ui: UiFrame) -> None:
-        """The content of the panel."""
+        """Draw the content of the panel."""
         log = ui.session.window.log
         if imgui.small_button("copy all"):
             imgui.set_clipboard_text(log.text())

@@ -18,22 +18,22 @@ from viewer.ui.widgets import disabled_beside
 
 SCENE: InkName = "scene"
 BAR_OPACITY = 0.4
-"""Of the bars, on which text stands."""
+"""Opacity of the bars, which text covers."""
 
 
 def faded(color: InkName) -> imgui.ImVec4:
-    """The colour of a bar."""
+    """Return the colour of a bar."""
     solid = ink(color)
     return imgui.ImVec4(solid.x, solid.y, solid.z, BAR_OPACITY)
 
 
 def ratio(row: MemoryRow) -> str:
-    """How much smaller than the original: `1 : 12.3`."""
+    """Return how much smaller than the original a row is: `1 : 12.3`."""
     return "-" if not row.share else f"1 : {1.0 / row.share:,.1f}"
 
 
 class MemoryPanel:
-    """Remembers the rows until something about them changes."""
+    """Panel Memory, with rows that are computed again only when something about them changes."""
 
     def __init__(self) -> None:
         self._key: object = None
@@ -59,7 +59,7 @@ class MemoryPanel:
                 self._parts.append((f"{side.upper()}: {slot.source}{precision}", "a" if side == "a" else "b", rows))
 
     def text(self) -> str:
-        """The table as text, to be copied."""
+        """Return the table as text for the clipboard."""
         lines = list(self._notes)
         for title, _, rows in self._parts:
             lines.append(title)
@@ -67,7 +67,7 @@ class MemoryPanel:
         return "\n".join(lines)
 
     def draw(self, ui: UiFrame) -> None:
-        """The content of the panel."""
+        """Draw the content of the panel."""
         self._update(ui)
         if imgui.small_button("copy"):
             imgui.set_clipboard_text(self.text())
@@ -99,7 +99,7 @@ class MemoryPanel:
         imgui.end_table()
 
     def _bars(self, ui: UiFrame) -> None:
-        """The totals as bars; the longest is the original."""
+        """Draw the totals as bars; the longest is the original."""
         totals = [(title, color, row) for title, color, rows in self._parts for row in rows if row.is_total]
         scene = [(row.name, SCENE, row) for row in self._parts[0][2]]
         most = max((row.bytes for _, _, row in (*scene, *totals)), default=1) or 1

@@ -64,7 +64,7 @@ def _values(pixel: PixelContent, ui: UiFrame) -> None:
 
 
 def _sources(slots: tuple[Slot, Slot], numbers: dict[str, int]) -> str:
-    """`A 3, B 1`: a number for each slot that has one."""
+    """Return a number for each slot that has one, as in `A 3, B 1`."""
     texts = [
         f"{side} {numbers[slot.source]}" if numbers[slot.source] >= 0 else f"{side} none"
         for side, slot in zip("AB", slots, strict=True)
@@ -104,7 +104,7 @@ def _facts(pixel: PixelContent, ui: UiFrame) -> None:
 
 
 def draw_pixel_panel(ui: UiFrame) -> None:
-    """The content of the panel."""
+    """Draw the content of the panel."""
     pixel = ui.facts.pixel
     if pixel is None:
         imgui.text_disabled("Move the mouse over the picture.")

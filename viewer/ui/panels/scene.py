@@ -13,7 +13,7 @@ SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def draw_time_line(ui: UiFrame) -> None:
-    """Play, time, speed; greyed where the scene has no animations."""
+    """Draw the time line of the animations: play, time, speed."""
     session = ui.session
     animations = session.scene.animations
     opened = imgui.tree_node_ex(f"animations ({len(animations)})###animations", imgui.TreeNodeFlags_.default_open)
@@ -80,7 +80,7 @@ def _material_text(number: int, material: Material, scene: Scene) -> str:
 
 
 class SceneLists:
-    """Remembers the filter, and which nodes are folded out."""
+    """Lists of nodes and materials, with the filter and the expanded nodes."""
 
     def __init__(self) -> None:
         self._scene: Scene | None = None
@@ -89,7 +89,7 @@ class SceneLists:
         self._materials: list[int] = []
 
     def draw(self, ui: UiFrame) -> None:
-        """Filter, nodes and materials."""
+        """Draw filter, nodes and materials."""
         scene = ui.session.scene
         if self._tree is None or self._scene is not scene:
             self._scene, self._tree = scene, SceneTree(scene)
@@ -190,7 +190,7 @@ def _parts(report: LoadReport, ui: UiFrame) -> None:
 
 
 def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
-    """The content of the panel."""
+    """Draw the content of the panel."""
     scene = ui.session.scene
     imgui.text_wrapped(scene.path.name if scene.path is not None else scene.name)
     ui.rects.tip(str(scene.path or scene.name))

@@ -16,7 +16,7 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import headings
 
 THUMBNAIL_LINES = 1.9
-"""Side of a thumbnail, in lines of text."""
+"""Side of a thumbnail in lines of text."""
 HIDDEN_AT_FIRST = ("size", "category", "bits/texel", "on GPU")
 WIDTHS: dict[TextureColumn, float] = {
     "name": 9.0,
@@ -43,12 +43,12 @@ def _texts(row: TextureRow) -> tuple[str, ...]:
 
 
 class TexturesPanel:
-    """Remembers the filter, and the rows until something about them changes."""
+    """Panel Textures, with the filter and rows that are computed again only when something about them changes."""
 
     def __init__(self) -> None:
         self._filter = ""
         self._width = 0.0
-        """Of the table."""
+        """Width of the table."""
         self._key: object = None
         self._order: object = None
         self._all: tuple[TextureRow, ...] = ()
@@ -56,7 +56,7 @@ class TexturesPanel:
         self._scrolled_to: int | None = None
 
     def draw(self, ui: UiFrame) -> None:
-        """The content of the panel."""
+        """Draw the content of the panel."""
         source = ui.session.view.slot_a.source
         imgui.set_next_item_width(-1)
         _, self._filter = imgui.input_text_with_hint("##filter", "filter: name, category, group:3", self._filter)
@@ -101,7 +101,7 @@ class TexturesPanel:
         headings(("##picture", *COLUMNS), ui.rects)
 
     def _update(self, ui: UiFrame, source: str) -> None:
-        """Have the rows that are to be shown, anew only where something has changed."""
+        """Update the rows where something about them has changed."""
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         # The objects themselves: an id may be given again to another one.
         latents = ui.facts.latent_bytes.tobytes() if ui.facts.latent_bytes is not None else b""

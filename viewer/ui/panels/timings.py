@@ -9,20 +9,20 @@ from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.widgets import counted
 
 PLOT_LINES = 9
-"""Height, in lines of text."""
+"""Height of the plot in lines of text."""
 RECENT = 15
-"""Frames that fit below the upper end of the axis whatever the others took: those that the medians are of."""
+"""Number of recent frames that always fit on the axis: the medians are of these."""
 COMPILING_MS = 1000.0
 COMPILING_TIMES = 5.0
-"""Times the second longest of the recent frames, and at least COMPILING_MS: what takes longer compiled shaders."""
+"""Factor of the second longest recent frame; a frame beyond that and COMPILING_MS compiled shaders."""
 INPUT = "the mouse, a key or a script"
-"""What draws a frame that shows nothing else."""
+"""Reason of a frame without any other."""
 TICKS = 3
-"""Most numbers on the axis of frames, besides that of the last one."""
+"""Largest number of ticks on the axis of frames, besides the last one."""
 
 
 def axis_top(frames_ms: NDArray[np.float64]) -> float:
-    """Upper end in ms of an axis for times of frames [frames], oldest first.
+    """Return the upper end in ms of an axis for times of frames [frames], oldest first.
 
     All recent ones fit, and 95 of 100 of the others. Frames that compile shaders take seconds, and must not flatten the rest.
     """
@@ -37,14 +37,14 @@ def axis_top(frames_ms: NDArray[np.float64]) -> float:
 
 
 def frame_ticks(frames: int) -> list[int]:
-    """Whole numbers of frames ago for the axis of `frames` (at least 2) frames, falling to 0."""
+    """Return the ticks, in frames ago, for an axis of `frames` (at least 2) frames, falling to 0."""
     steps = (digit * 10**decade for decade in range(9) for digit in (1, 2, 5))
     step = next(step for step in steps if step * TICKS >= frames - 1)
     return list(range((frames - 1) // step * step, -1, -step))
 
 
 def beyond_text(frames_ms: NDArray[np.float64], top: float) -> str:
-    """What of the frames does not fit below `top` (ms); "" where all do."""
+    """Return a note about frames that take longer than `top` (ms); "" where none does."""
     beyond = frames_ms[frames_ms > top]
     if not len(beyond):
         return ""
@@ -52,7 +52,7 @@ def beyond_text(frames_ms: NDArray[np.float64], top: float) -> str:
 
 
 class TimingsPlot:
-    """Remembers the sums that it draws until there is another frame."""
+    """Plot of frame times, with sums that are computed again for each new frame."""
 
     def __init__(self) -> None:
         self._version = -1
@@ -78,12 +78,12 @@ class TimingsPlot:
         self._beyond = beyond_text(tops, self._top)
 
     def color(self, name: str) -> imgui.ImVec4 | None:
-        """Of the area of a pass; None for one that is not drawn."""
+        """Return the colour of a pass's area; None for a pass that is not drawn."""
         names = [edge[0] for edge in self._edges]
         return implot.get_colormap_color(names.index(name)) if name in names else None
 
     def draw(self, history: FrameHistory, ui: UiFrame) -> None:
-        """The plot, as wide as the panel."""
+        """Draw the plot, as wide as the panel."""
         self._update(history)
         if len(self._wall) < 2:
             imgui.text_disabled("times appear here while frames are drawn")
@@ -109,7 +109,7 @@ class TimingsPlot:
 
 
 def timings_text(facts: FrameFacts) -> str:
-    """All figures of the panel as text, to be copied."""
+    """Return all figures of the panel as text for the clipboard."""
     lines = [facts.renderer, f"medians, {facts.timer}"]
     lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
@@ -119,7 +119,7 @@ def timings_text(facts: FrameFacts) -> str:
 
 
 def because_text(facts: FrameFacts) -> str:
-    """Why the last frame was drawn, as a line."""
+    """Return why the last frame was drawn, in a line."""
     return f"drawing because: {', '.join(facts.drawn_because) or INPUT}"
 
 
@@ -131,7 +131,7 @@ def _mark(color: imgui.ImVec4, side: float) -> None:
 
 
 def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
-    """The content of the panel."""
+    """Draw the content of the panel."""
     imgui.text_wrapped(ui.facts.renderer)
     imgui.text_disabled(f"medians, {ui.facts.timer}")
     imgui.same_line()

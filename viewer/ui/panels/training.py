@@ -31,12 +31,12 @@ from viewer.ui.widgets import (
 )
 
 GAP = 4.0
-"""Window units between buttons."""
+"""Space between buttons in window units."""
 ACTIONS = (("open", "Open"), ("keep", "Keep"), ("discard", "Discard"))
 
 
 def draw_kept_runs(ui: UiFrame) -> None:
-    """Each of them with its scene and time, and what can be done with it; nothing where there is none."""
+    """Draw the undecided runs of earlier windows, with buttons to open, keep or discard each."""
     runs = ui.training.waiting.runs
     if not runs:
         return
@@ -58,12 +58,12 @@ def draw_kept_runs(ui: UiFrame) -> None:
 
 
 LINES_SHOWN = 3
-"""Groups whose outcome is told beside the question whether to keep a run; the log has all of them."""
+"""Number of groups whose result is shown beside the question whether to keep a run; the log has all."""
 
 
 def psnr_before(run: ActiveRun) -> float | None:
-    """PSNR in dB of mip 0, of the mean square error of the textures that are trained, in the pack that the run goes on from; None
-    where there is none, or it is not known."""
+    """Return the PSNR in dB of mip 0 of the trained textures in the pack that the run continues, of their mean square error; None
+    without such a pack, and where it is unknown."""
     start, progress = run.request.start if run.request is not None else None, run.progress
     if start is None or progress is None:
         return None
@@ -73,7 +73,7 @@ def psnr_before(run: ActiveRun) -> float | None:
 
 
 def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
-    """What is known of a run while it trains, one figure a line."""
+    """Return the figures of a run under way, one a line."""
     progress = run.progress
     if progress is None:
         return ()
@@ -92,7 +92,7 @@ def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
 
 
 def psnr_of_run(run: Run) -> str:
-    """The PSNR of an ended run, by its name."""
+    """Return the PSNR of an ended run, and what it is measured on."""
     if run.psnr_db is None:
         return "PSNR not known"
     textures = run.pack.textures if run.pack is not None else ()
@@ -104,29 +104,29 @@ def psnr_of_run(run: Run) -> str:
 
 
 def figures_of_run(run: Run) -> tuple[str, ...]:
-    """What a run has come to, one figure a line: the whole pack, then group by group with what each was before."""
+    """Return the figures of an ended run, one a line: the whole pack, then each group with its PSNR before."""
     more = len(run.lines) - LINES_SHOWN
     rest = (f"and {more} more: rest the mouse on the run in the list",) if more > 0 else ()
     return (psnr_of_run(run), *run.lines[:LINES_SHOWN], *rest)
 
 
 PLOT_LINES = 8.5
-"""Height of a plot, in lines of text."""
+"""Height of a plot in lines of text."""
 FIT = implot.AxisFlags_.auto_fit
 MOST_NAMED = 6
-"""Groups up to which the plot names them."""
+"""Largest number of groups that the plot names."""
 WORST = "worst texture"
 
 
 class TrainingCurves:
-    """Two plots; remembers which texture is looked at."""
+    """Plots of a training: loss by group, and PSNR of the mean and one texture."""
 
     def __init__(self) -> None:
         self._texture: int | None = None
-        """None: the one that is worst now."""
+        """Texture whose PSNR is drawn; None draws the worst one."""
 
     def draw(self, curves: Curves, names: Sequence[str], kind: str | None, ui: UiFrame) -> None:
-        """The plots, each as wide as the panel; `names` of all textures of the pack, `kind` its codec, None if not known."""
+        """Draw the plots, as wide as the panel; `names` are of the pack's textures, `kind` is its codec, None where unknown."""
         if len(curves.seconds) < 2:
             imgui.text_disabled("curves follow with the first steps")
             return
@@ -182,7 +182,7 @@ class TrainingCurves:
 
 
 def _ticks(curves: Curves) -> list[float]:
-    """1, 2 and 5 of each decade that losses fall into: on its own the plot labels whole decades only."""
+    """Return ticks at 1, 2 and 5 of each decade of the losses: the plot itself labels only whole decades."""
     values = np.concatenate([curves.array(curve) for curve in curves.losses.values()])
     values = values[np.isfinite(values) & (values > 0.0)]
     if not len(values):
@@ -198,7 +198,7 @@ def _name(texture: int, names: Sequence[str]) -> str:
 
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
 UNSTOPPABLE = ("preparing", "cancelling")
-"""States in which a run cannot pause."""
+"""States of a run in which it cannot pause."""
 STATES = {
     "preparing": "preparing textures and groups",
     "training": "",
@@ -209,7 +209,7 @@ STATES = {
 
 
 class TrainingPanel:
-    """The panel of one window."""
+    """Panel Training of one window."""
 
     def __init__(self) -> None:
         self._forms = TrainingForms(TrainingSettings())
@@ -217,7 +217,7 @@ class TrainingPanel:
         self._path = ""
 
     def draw(self, ui: UiFrame) -> None:
-        """The content of the panel."""
+        """Draw the content of the panel."""
         run, log = ui.training.active, ui.training.log
         if run is not None or log.undecided is not None:
             self._run(run, None if run is not None else log.undecided_run(), ui)
@@ -245,8 +245,8 @@ class TrainingPanel:
             _log(ui)
 
     def _run(self, run: ActiveRun | None, ended: Run | None, ui: UiFrame) -> None:
-        """A run from its beginning to the decision about it. Lines and buttons above the figures are as many in all of its states: a
-        click that comes as it ends hits nothing else."""
+        """Draw a run from its beginning to the decision about it. All states have the same lines and buttons above the figures, so
+        that a click at the end of a run hits nothing else."""
         style = imgui.get_style()
         # As if there were a scroll bar: curves bring one, and buttons would move aside for it.
         room = imgui.get_window_width() - 2.0 * style.window_padding.x - style.scrollbar_size
@@ -287,7 +287,7 @@ class TrainingPanel:
 
 
 def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
-    """How far a run is; full where it has ended, and moving while that is not known."""
+    """Draw the progress of a run: full at its end, moving while it is unknown."""
     progress = run.progress if run is not None else None
     share = 1.0 if run is None else -0.6 * imgui.get_time() if progress is None else progress.share
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
@@ -307,7 +307,7 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
 
 
 def _log(ui: UiFrame) -> None:
-    """All runs, newest first."""
+    """Draw the table of all runs, newest first."""
     imgui.text_disabled("runs")
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.borders_inner_v
     if not imgui.begin_table("runs", 5, flags):
@@ -344,13 +344,13 @@ def _log(ui: UiFrame) -> None:
 
 
 class EncodeOffer:
-    """A question over the picture where a scene has no pack, until it is answered."""
+    """Offer to encode a scene without a pack, over the picture until it is answered."""
 
     def __init__(self) -> None:
         self._answered_for: object = None
 
     def draw(self, ui: UiFrame, area: Area) -> None:
-        """The question, if it is to be asked, at the upper edge of `area`."""
+        """Draw the offer at the upper edge of `area`, where it applies."""
         if ui.training.state != "idle":
             self._answered_for = ui.session.scene
         if (

@@ -1,4 +1,4 @@
-"""What the user fills in before a training: drafts, and the buttons that send them off as commands."""
+"""Forms of a training, and the buttons that run them as commands."""
 
 import math
 from typing import get_args
@@ -20,9 +20,9 @@ SIZES = ("64", "128", "256", "512", "1024", "2048", "4096")
 USUAL_VALUES = {"s": "30", "steps": "1000", "dB": "35"}
 UNIT_NAMES = {"s": "seconds", "steps": "steps", "dB": "dB PSNR"}
 LIST_HEIGHT = 8.5
-"""In font sizes, as are all widths here."""
+"""Height of the list of groups in font sizes, the unit of all widths here."""
 LABEL_PLACE = 6.0
-"""Where fields begin."""
+"""Left edge of the fields."""
 NUMBER = 4.5
 """Width of a field for a number."""
 
@@ -41,7 +41,7 @@ def _labelled(text: str) -> None:
 
 
 class TrainingForms:
-    """Drafts of what is to be trained."""
+    """Forms with what the user has filled in."""
 
     def __init__(self, defaults: TrainingSettings) -> None:
         self._strategy: str = defaults.strategy
@@ -54,14 +54,14 @@ class TrainingForms:
         self._value = USUAL_VALUES["s"]
         self._groups: set[int] = set()
         self._pointed_out: set[int] = set()
-        """Groups under the mouse, which the picture shows."""
+        """Groups under the mouse, which the picture highlights."""
         self._texture = 0
         self._group = "0"
         self._pack: Pack | None = None
-        """What groups and texture belong to."""
+        """Pack that groups and texture belong to."""
 
     def draw(self, pack: Pack | None, name: str, ui: UiFrame) -> None:
-        """The forms; `pack` is what a training would go on from, open as `name`, None without one."""
+        """Draw the forms; `pack` is the one that a training would continue, open as `name`, None without one."""
         if pack is None:
             imgui.text_wrapped("This scene has no pack. Encode it:")
             self._encode(ui)
@@ -91,7 +91,7 @@ class TrainingForms:
             imgui.end_tab_bar()
 
     def _length(self, codec: str, ui: UiFrame) -> str | None:
-        """Budget, and the recipe of a codec that is trained; the budget as a command takes it, None where it is not right."""
+        """Draw the budget, and the recipe of a codec that trains. Return the budget as a command takes it, None for a wrong one."""
         _labelled("budget")
         self._value = _field("budget", self._value, NUMBER, ui)
         imgui.same_line()
@@ -126,7 +126,7 @@ class TrainingForms:
             self._clusters = _field("k", self._clusters, NUMBER, ui)
 
     def _button(self, label: str, command: tuple[str, *tuple[object, ...]] | None, ui: UiFrame) -> None:
-        """A button that runs a command with its values; grey where `command` is None."""
+        """Draw a button that runs a command with its values; grey where `command` is None."""
         name, *values = command or ("training.encode",)
         missing = "" if command is not None else "something above is not filled in"
         command_button(ui, label, str(name), *values, missing=missing, size=ImVec2(-1, 0))
@@ -152,7 +152,7 @@ class TrainingForms:
         self._button("Encode this scene", command, ui)
 
     def _codec_and_bits(self, ui: UiFrame) -> float | None:
-        """Bits per texel, where they are right; of no effect for a codec that takes none."""
+        """Draw codec and bits per texel. Return the bits, None for wrong ones; a codec without a target ignores them."""
         _labelled("codec")
         imgui.set_next_item_width(list_width(*MODULES))
         self._codec = combo("codec", self._codec, tuple(MODULES), ui.rects)
