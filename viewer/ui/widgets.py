@@ -263,7 +263,7 @@ def list_width(*choices: str) -> float:
 
 
 def field_width(text: str) -> float:
-    """Of a field, or a button, that shows this text whole."""
+    """Return the width of a field or a button that shows this text whole."""
     return text_width(text) + 2.0 * imgui.get_style().frame_padding.x
 
 

@@ -14,7 +14,7 @@ STRENGTHS = (0.0, 4.0)
 STOPS = (-4.0, 4.0)
 """Ranges of the sliders; commands take more."""
 LABEL_WIDTH = 6.9
-"""In font sizes."""
+"""Width of the labels in font sizes."""
 
 
 def _label(text: str, ui: UiFrame) -> None:

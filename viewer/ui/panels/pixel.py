@@ -10,7 +10,7 @@ from viewer.ui.widgets import cells, em
 
 SIDE = 2 * REACH + 1
 LARGEST_CELL = 0.9
-"""In font sizes."""
+"""Largest side of an enlarged pixel in font sizes."""
 FRAME_COLORS = (0xFF000000, 0xFFFFFFFF)
 
 

@@ -27,7 +27,7 @@ WIDTHS: dict[TextureColumn, float] = {
     "bits/texel": 4.0,
     "on GPU": 4.5,
 }
-"""In font sizes."""
+"""Widths of the columns in font sizes."""
 
 
 def _texts(row: TextureRow) -> tuple[str, ...]:
