@@ -19,10 +19,14 @@ DRAWING = ("drivers", "gl", "golden", "ui")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have session folders before anything is drawn, in this process or in one that it starts."""
+    """Have session folders, and one context to draw in, before anything is drawn in this process or in one that it starts."""
     stack = ExitStack()
     stack.enter_context(own_session_folders())
     config.add_cleanup(stack.close)
+    # What draws, and with it numpy, is imported only now.
+    from tests.shared_context import share
+
+    share()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

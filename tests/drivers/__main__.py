@@ -1,6 +1,7 @@
-"""`python -m tests.drivers [PYTEST ARGUMENT ...]`: what draws is tested with every driver that there is besides the system's.
+"""`python -m tests.drivers [all] [PYTEST ARGUMENT ...]`: tests of what other drivers of OpenGL may do differently.
 
-Says which those are. Pictures are compared with those of the system's driver, drawn in the same run. README.md beside says more.
+Runs the tests marked `driver`, or with `all` everything that draws, with every driver that there is besides the system's, and says
+which those are. Pictures are compared with those of the system's driver, drawn in the same run. README.md beside says more.
 """
 
 import sys
@@ -10,7 +11,8 @@ from tests.drivers.drivers import SYSTEM, Driver, other_drivers
 from tests.drivers.messages import own_session_folders
 from tests.drivers.test_pictures import FOLDER_VARIABLE
 
-OPTIONS = ("-n", "2", "--dist", "loadscope", "-m", "not timing and not once")
+SOME = ("-n", "2", "--dist", "loadscope", "-m", "driver")
+ALL = (*SOME[:-1], "not timing and not once")
 
 
 def say(line: str) -> None:
@@ -22,6 +24,7 @@ def say(line: str) -> None:
 def main() -> None:
     """Fails where any driver fails; drivers that are not there are named with what would make them usable."""
     say(f"driver: {SYSTEM.name}: {SYSTEM.description()}")
+    options = (*ALL, *sys.argv[2:]) if sys.argv[1:2] == ["all"] else (*SOME, *sys.argv[1:])
     usable = list[Driver]()
     for driver, text in other_drivers():
         say(f"no driver: {text}" if driver is None else f"driver: {driver.name}: {text}")
@@ -34,7 +37,7 @@ def main() -> None:
             sys.exit("the system's driver draws no pictures to compare with")
         for driver in usable:
             say(f"tests with {driver.name}")
-            arguments = ("-m", "pytest", *driver.tests, *OPTIONS, *sys.argv[1:])
+            arguments = ("-m", "pytest", *driver.tests, *options)
             if driver.run(*arguments, variables={FOLDER_VARIABLE: pictures}).returncode != 0:
                 failed.append(driver.name)
     if failed:

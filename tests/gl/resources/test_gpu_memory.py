@@ -1,11 +1,9 @@
 """A GPU without memory: whatever asks for it, one line says so, nothing is half-done, and what fits goes on."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import ClassVar
 
-import moderngl
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -16,12 +14,10 @@ from tests.gl.small_scenes import FRONT, INSIDE, masks
 from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, existing
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
 from viewer.render.frame_result import FrameResult, read_picture
 from viewer.render.pass_scheduler import Step
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
-from viewer.render.resources import pack_buffers as programs_module
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
@@ -35,42 +31,6 @@ TILES = TileCacheConfig(budget_bytes=1 << 22)
 
 ONE_STEP = 1
 """A tile on another page is sampled at other coordinates, which are rounded elsewhere."""
-
-
-class SharedPrograms(ProgramFactory):
-    """Compiles what any renderer asks for once: what is tried here is memory."""
-
-    made: ClassVar[dict[object, ProgramFactory]] = {}
-
-    def __init__(self, gl: moderngl.Context, library: ShaderLibrary, key: object = ()) -> None:
-        super().__init__(gl, library)
-        self._key = (id(gl), key)
-        self._one = SharedPrograms.made.setdefault(self._key, ProgramFactory(gl, library))
-
-    def with_generated(self, generated: Mapping[str, str]) -> ProgramFactory:
-        return SharedPrograms(self._gl, self._library.with_generated(generated), tuple(sorted(generated.items())))
-
-    def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
-        return self._one.program(vertex, fragment, defines)
-
-    def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
-        return self._one.compute(name, defines)
-
-    def release(self) -> None:
-        """Others go on with them."""
-
-
-@pytest.fixture(autouse=True)
-def shared_programs(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(programs_module, "ProgramFactory", SharedPrograms)
-
-
-@pytest.fixture(scope="module", autouse=True)
-def forget_programs() -> Iterator[None]:
-    yield
-    for factory in SharedPrograms.made.values():
-        factory.release()
-    SharedPrograms.made.clear()
 
 
 @pytest.fixture(scope="module")
@@ -183,15 +143,13 @@ def truth(
     graphics: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack]
 ) -> tuple[dict[str, NDArray[np.uint8]], int]:
     """The pictures, and how often memory is asked for until all has been drawn."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(programs_module, "ProgramFactory", SharedPrograms)
-        memory = FailingMemory(graphics.gl, -1)
-        window = opened(graphics, memory, scene, packs)
-        window.run()
-        asked = memory.asked
-        assert window.refusals == []
-        pictures = dict(window.draw_again())
-        window.close()
+    memory = FailingMemory(graphics.gl, -1)
+    window = opened(graphics, memory, scene, packs)
+    window.run()
+    asked = memory.asked
+    assert window.refusals == []
+    pictures = dict(window.draw_again())
+    window.close()
     return pictures, asked
 
 

@@ -1,0 +1,84 @@
+"""One OpenGL context, and programs compiled once, for all tests of a process that draw without a window.
+
+Contexts and programs cost more than most pictures of tests. `share` makes `create_headless_context` wrap one context again
+and again: memory accounts, limits and simulated losses are new each time, objects and programs of OpenGL live in the one context.
+Tests that ask for a device or a window system still get a context of their own.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import moderngl
+import pytest
+
+from viewer.gl import context as context_module
+from viewer.gl.context import GraphicsContext, wrap_context
+from viewer.gl.functions import GlFunctions
+from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
+from viewer.gl.systems import SYSTEM, GraphicsSystem
+from viewer.render.resources import pack_buffers
+
+_create: Final = context_module.create_headless_context
+_release: Final = moderngl.Context.release
+_SHARED: Final[list[GraphicsContext]] = []
+"""The shared context, once there is one."""
+_MADE: Final[dict[object, ProgramFactory]] = {}
+
+
+def shared_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:
+    """Return the shared context, current and in a new wrapping. Other devices and systems have contexts of their own."""
+    if device is not None or system is not SYSTEM:
+        return _create(device, system)
+    if not _SHARED:
+        _SHARED.append(_create())
+    kept = _SHARED[0]
+    kept.gl.__enter__()
+    return wrap_context(kept.gl, kept.load)
+
+
+def is_shared(gl: moderngl.Context) -> bool:
+    """Return whether `gl` is the shared context."""
+    return bool(_SHARED) and gl is _SHARED[0].gl
+
+
+def release_unless_shared(gl: moderngl.Context) -> None:
+    """Free a context, but the shared one, which others go on with."""
+    if not is_shared(gl):
+        _release(gl)
+
+
+class SharedPrograms(ProgramFactory):
+    """A factory of the shared context compiles what any of them asks for once; elsewhere it is one of its own."""
+
+    def __init__(self, gl: moderngl.Context, library: ShaderLibrary, functions: GlFunctions | None = None) -> None:
+        super().__init__(gl, library, functions)
+        self._one: ProgramFactory | None = None
+        if is_shared(gl):
+            key = (library._folder, library.is_older, tuple(sorted(library._generated.items())))
+            self._one = _MADE.setdefault(key, ProgramFactory(gl, library, functions))
+
+    def with_generated(self, generated: Mapping[str, str]) -> ProgramFactory:
+        """Return the factory for the library with further files."""
+        if self._one is None:
+            return super().with_generated(generated)
+        return SharedPrograms(self._gl, self._library.with_generated(generated), self._functions)
+
+    def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
+        """Return a program of the shared factory."""
+        if self._one is None:
+            return super().program(vertex, fragment, defines)
+        return self._one.program(vertex, fragment, defines)
+
+    def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
+        """Return a compute program of the shared factory."""
+        if self._one is None:
+            return super().compute(name, defines)
+        return self._one.compute(name, defines)
+
+
+def share() -> None:
+    """Let everything that is imported from now on draw in the shared context."""
+    patch = pytest.MonkeyPatch()
+    patch.setattr(context_module, "create_headless_context", shared_context)
+    patch.setattr(moderngl.Context, "release", release_unless_shared)
+    patch.setattr(pack_buffers, "ProgramFactory", SharedPrograms)
