@@ -11,11 +11,11 @@ if TYPE_CHECKING:
     from ntc.api.decoding import decode, decode_maps, decode_to_moderngl, decode_to_torch, mip_count
     from ntc.api.encoding import encode, material, texture
     from ntc.codec.config import GroupingConfig
+    from ntc.codec.encoding import BitsTarget, QualityTarget, SizeTarget
     from ntc.codec.grid.training.config import TrainingConfig
     from ntc.codec.model import EncodedTexture, Grouping, Pack
     from ntc.codec.quality import psnr_db
     from ntc.codec.reference import decode_texels
-    from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
     from ntc.codec.textures import SourceTexture
     from ntc.errors import InputError, TrainingCancelledError, TrainingFailedError
     from ntc.grouping import GroupingInputs, make_grouping
@@ -59,7 +59,7 @@ __all__ = [
 _PLACES = {
     "ntc.api.decoding": ("decode", "decode_maps", "decode_to_moderngl", "decode_to_torch", "mip_count"),
     "ntc.api.encoding": ("encode", "material", "texture"),
-    "ntc.codec.targets": ("BitsTarget", "QualityTarget", "SizeTarget"),
+    "ntc.codec.encoding": ("BitsTarget", "QualityTarget", "SizeTarget"),
     "ntc.codec.config": ("GroupingConfig",),
     "ntc.codec.model": ("EncodedTexture", "Grouping", "Pack"),
     "ntc.codec.quality": ("psnr_db",),

@@ -17,7 +17,7 @@ from lab.studies.cluster_plot import cluster_figure
 from lab.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
-from ntc.grouping.seen_blocks import seen_blocks
+from ntc.grouping.covisible import seen_blocks
 from ntc.metrics.metrics import psnr_table
 from viewer.cli.sources import open_scene, packs_for
 from viewer.locations import features_cache

@@ -14,9 +14,7 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping.category import category_grouping
 from ntc.grouping.clustered import clustered_grouping, random_grouping
-from ntc.grouping.covisible import CovisibleConfig, covisible_grouping
-from ntc.grouping.seen_blocks import SeenBlocks
-from ntc.grouping.tabu_search import feature_spread
+from ntc.grouping.covisible import CovisibleConfig, SeenBlocks, covisible_grouping, feature_spread
 from ntc.metrics.divergence import cut_percent
 from viewer.cli.table import Cell, Column, Table
 

@@ -14,8 +14,8 @@ from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import write_text
-from ntc.metrics.block_cache import VERSION
 from ntc.metrics.block_compression import BlockFormat, Effort, compress, compressed_bytes
+from ntc.metrics.compressed_textures import VERSION
 
 
 @dataclass(frozen=True)

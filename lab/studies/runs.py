@@ -22,7 +22,7 @@ from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
 from ntc.torch_device import choose_device
 from ntc.training.encode import encode_textures
-from ntc.training.progress import TrainingProgress
+from ntc.training.messages import TrainingProgress
 
 LARGEST_FILE = 1 << 26
 """Bytes of a run's file."""

@@ -6,12 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace, GroupingConfig, WrapMode
-from ntc.codec.encoding import CancelQuestion, EncodingChoices, texture_set
+from ntc.codec.encoding import CancelQuestion, EncodingChoices, Target, texture_set
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.maps import MAPS, MapName, joint_maps
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import CodecName, codec_named
-from ntc.codec.targets import Target
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.grouping import GroupingInputs, make_grouping

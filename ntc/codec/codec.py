@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import UNIVERSAL, Precision, WrapMode
-from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
+from ntc.codec.encoding import BitsTarget, Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
 from ntc.codec.gpu import GpuTables
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
-from ntc.codec.targets import BitsTarget
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import FeatureName
 from ntc.codec.textures import SourceTexture
-from ntc.features.cache import cache_path, read_features, write_features
-from ntc.features.extractor import Extractor
+from ntc.features.extractor import Extractor, cache_path, read_features, write_features
 from ntc.features.pixels import first_map
 
 __all__ = ["FeatureOptions", "feature_matrix", "raw_features"]
@@ -33,11 +32,11 @@ class FeatureOptions:
 def _extractor(name: FeatureName, options: FeatureOptions) -> Extractor:
     # Imported on use: two of them import torch and more.
     if name == "low_level":
-        from ntc.features.low_level import low_level_extractor
+        from ntc.features.statistics import low_level_extractor
 
         return low_level_extractor()
     if name == "spectral":
-        from ntc.features.spectral import spectral_extractor
+        from ntc.features.statistics import spectral_extractor
 
         return spectral_extractor()
     if name == "efficientnet":

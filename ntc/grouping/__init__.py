@@ -93,7 +93,7 @@ def make_grouping(
 
 def _meet(views: Sequence[NDArray[np.int32]], textures: int) -> bool:
     """Whether any block of the views shows two of so many textures."""
-    from ntc.grouping.seen_blocks import seen_blocks
+    from ntc.grouping.covisible import seen_blocks
 
     return bool(len(seen_blocks(views, textures).weights))
 
@@ -119,7 +119,7 @@ def _measured(grouping: Grouping, inputs: GroupingInputs) -> Grouping:
     """`grouping` with what is recorded of all textures where it was found by kind."""
     if grouping.name != "covisible":
         return grouping
-    from ntc.grouping.seen_blocks import seen_blocks
+    from ntc.grouping.covisible import seen_blocks
 
     seen = seen_blocks(inputs.views, len(grouping.groups))
     excess = {
@@ -145,8 +145,7 @@ def _found_grouping(
 def _covisible(
     config: GroupingConfig, clusters: int, textures: Sequence[SourceTexture], inputs: GroupingInputs
 ) -> Grouping:
-    from ntc.grouping.covisible import CovisibleConfig, covisible_grouping
-    from ntc.grouping.seen_blocks import seen_blocks
+    from ntc.grouping.covisible import CovisibleConfig, covisible_grouping, seen_blocks
 
     _check_views(inputs, len(textures))
     seen = seen_blocks(inputs.views, len(textures))

@@ -1,14 +1,278 @@
-"""Grouping by k-means over features (paper, Sec. 3), and its control: random groups of the same sizes (paper, Table 1)."""
+"""Grouping by k-means over features (paper, Sec. 3), and its control: random groups of the same sizes (paper, Table 1).
 
-from collections.abc import Iterator
+k-means is Lloyd's iteration from centres chosen by greedy k-means++ (Arthur and Vassilvitskii, 2007), the best of several restarts.
+Its steps and random numbers are those of scikit-learn's KMeans, so a seed gives the same groups; that package takes over a second to
+import. More textures than are held at once are grouped in mini-batches: centres move with small random batches (Sculley, 2010), and
+groups are of bounded size. Features then come in blocks, again and again, as from files.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import FeatureName
 from ntc.codec.model import Grouping
-from ntc.grouping.kmeans import kmeans_labels
-from ntc.grouping.minibatch import minibatch_labels
+
+MOST_ITERATIONS = 300
+TOLERANCE = 1e-4
+"""Of the mean variance of the features: centres that move less are at rest."""
+
+Floats = NDArray[np.float64]
+Labels = NDArray[np.int64]
+
+
+def _squared_distances(rows: Floats, points: Floats, norms: Floats) -> Floats:
+    """[rows, points] squared distances of `rows` [rows, F] from `points` [points, F], whose squared norms are `norms` [points]."""
+    own = np.einsum("ij,ij->i", rows, rows)[:, None]
+    distances: Floats = np.maximum(-2.0 * (rows @ points.T) + own + norms, 0.0)
+    return distances
+
+
+def _first_centres(points: Floats, norms: Floats, count: int, random: np.random.RandomState) -> Floats:
+    """[count, F]: points far from each other, each the best of a few drawn in proportion to their squared distance."""
+    trials = 2 + int(np.log(count))
+    chosen = [int(random.choice(len(points), p=np.full(len(points), 1.0 / len(points))))]
+    ones = np.ones(len(points))
+    closest = _squared_distances(points[chosen], points, norms)[0]
+    potential = closest @ ones
+    while len(chosen) < count:
+        drawn = np.searchsorted(np.cumsum(closest), random.uniform(size=trials) * potential)
+        drawn = np.minimum(drawn, len(points) - 1)
+        distances = np.minimum(_squared_distances(points[drawn], points, norms), closest)
+        potentials = distances @ ones
+        best = int(np.argmin(potentials))
+        closest, potential = distances[best], potentials[best]
+        chosen.append(int(drawn[best]))
+    return points[chosen]
+
+
+def _nearest(points: Floats, centres: Floats) -> Labels:
+    # Squared distances but for a summand that all centres share.
+    nearest: Labels = (np.einsum("ij,ij->i", centres, centres) - 2.0 * points @ centres.T).argmin(1)
+    return nearest
+
+
+def _moved(points: Floats, centres: Floats, labels: Labels) -> Floats:
+    """The means of the points of each centre; a centre without points takes one that is farthest from its own."""
+    weights = np.bincount(labels, minlength=len(centres)).astype(np.float64)
+    sums, sizes = np.zeros_like(centres), weights[weights > 0.0]
+    begins = (np.cumsum(sizes) - sizes).astype(np.int64)
+    sums[weights > 0.0] = np.add.reduceat(points[np.argsort(labels, kind="stable")], begins, axis=0)
+    empty = np.flatnonzero(weights == 0.0)
+    if len(empty):
+        distances = np.square(points - centres[labels]).sum(1)
+        far = np.argpartition(distances, -len(empty))[: -len(empty) - 1 : -1]
+        for centre, point in zip(empty, far, strict=True):
+            sums[labels[point]] -= points[point]
+            weights[labels[point]] -= 1.0
+            sums[centre], weights[centre] = points[point], 1.0
+    return np.where(weights[:, None] > 0.0, sums / np.maximum(weights, 1.0)[:, None], centres)
+
+
+def _settled(points: Floats, centres: Floats, tolerance: float) -> tuple[Labels, float]:
+    """(labels, sum of squared distances to their centres) of Lloyd's iteration from `centres`."""
+    labels = np.full(len(points), -1, np.int64)
+    for _ in range(MOST_ITERATIONS):
+        before, labels = labels, _nearest(points, centres)
+        moved = _moved(points, centres, labels)
+        shift = float(np.square(moved - centres).sum())
+        centres = moved
+        if np.array_equal(labels, before):
+            break
+        if shift <= tolerance:
+            labels = _nearest(points, centres)
+            break
+    else:
+        labels = _nearest(points, centres)
+    return labels, float(np.square(points - centres[labels]).sum())
+
+
+def _same_clusters(first: Labels, second: Labels) -> bool:
+    """Whether the two differ in the names of clusters alone."""
+    pairs = set(zip(first.tolist(), second.tolist(), strict=True))
+    return len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
+
+
+def kmeans_labels(features: Floats, clusters: int, restarts: int, seed: int) -> Labels:
+    """[rows] int64 cluster of each of `features` [rows, F]; at most `clusters`, which are no more than rows."""
+    random = np.random.RandomState(seed)
+    points = np.ascontiguousarray(features - features.mean(axis=0))
+    norms = np.einsum("ij,ij->i", points, points)
+    tolerance = TOLERANCE * float(np.mean(np.var(features, axis=0)))
+    best: tuple[Labels, float] | None = None
+    for _ in range(restarts):
+        found = _settled(points, _first_centres(points, norms, clusters, random), tolerance)
+        if best is None or (found[1] < best[1] and not _same_clusters(found[0], best[0])):
+            best = found
+    assert best is not None
+    return best[0]
+
+
+Blocks = Callable[[], Iterable[Floats]]
+"""Gives all features anew each time: blocks [n, F], in the order of the textures."""
+PASSES = 3
+"""Over all features."""
+BATCH = 1024
+"""Features that move the centres together."""
+SAMPLE = 32
+"""Features for each cluster from which the first centres are found."""
+LARGEST_SAMPLE = 20_000
+LARGEST_DISTANCES = 1 << 24
+"""Distances that are computed together, to bound memory."""
+SLACK = 1.5
+"""A group has at most so many times the mean size."""
+FLAT_CLUSTERS = 256
+"""More clusters are found in two levels, so that time grows with the features and not with their product with the clusters."""
+LARGEST_HELD = 1 << 22
+"""Numbers of features that are held together."""
+
+
+def _means(points: Floats, labels: Labels, clusters: int) -> Floats:
+    counts = np.bincount(labels, minlength=clusters)
+    sums = np.zeros((clusters, points.shape[1]))
+    np.add.at(sums, labels, points)
+    return sums[counts > 0] / counts[counts > 0][:, None]
+
+
+def _sample(blocks: Blocks, size: int, random: np.random.Generator) -> tuple[Floats, int]:
+    """(`size` features, or all, drawn evenly in one pass; how many there are)."""
+    kept: list[Floats] = []
+    keys: list[NDArray[np.float64]] = []
+    count = 0
+    for block in blocks():
+        count += len(block)
+        kept.append(np.array(block))
+        keys.append(random.random(len(block)))
+        if sum(map(len, kept)) > 4 * size:
+            kept, keys = _smallest(kept, keys, size)
+    kept, keys = _smallest(kept, keys, size)
+    return (kept[0] if kept else np.zeros((0, 1))), count
+
+
+def _smallest(
+    kept: list[Floats], keys: list[NDArray[np.float64]], size: int
+) -> tuple[list[Floats], list[NDArray[np.float64]]]:
+    """The features with the smallest keys, in their order."""
+    if not kept:
+        return kept, keys
+    points, order = np.concatenate(kept), np.concatenate(keys)
+    chosen = np.sort(np.argpartition(order, size)[:size]) if len(order) > size else np.arange(len(order))
+    return [points[chosen]], [order[chosen]]
+
+
+def minibatch_centres(blocks: Blocks, clusters: int, seed: int) -> Floats:
+    """[at most `clusters`, F]: centres of the features that `blocks` gives. The same seed and features give the same centres, however
+    the features are cut into blocks."""
+    random = np.random.default_rng(seed)
+    size = min(max(SAMPLE * clusters, BATCH), max(LARGEST_SAMPLE, 2 * clusters))
+    sample, count = _sample(blocks, size, random)
+    clusters = min(clusters, len(np.unique(sample, axis=0))) if count else 0
+    if not clusters:
+        return np.zeros((0, sample.shape[1]))
+    centres = _means(sample, kmeans_labels(sample, clusters, 1, seed), clusters)
+    counts = np.ones(len(centres))
+    for _ in range(PASSES):
+        for batch in _batches(blocks):
+            labels = nearest(batch, centres)
+            own = np.bincount(labels, minlength=len(centres)).astype(np.float64)
+            sums = np.zeros_like(centres)
+            np.add.at(sums, labels, batch)
+            moved = own > 0.0
+            counts += own
+            rate = (own[moved] / counts[moved])[:, None]
+            centres[moved] += rate * (sums[moved] / own[moved][:, None] - centres[moved])
+    return centres
+
+
+def _batches(blocks: Blocks) -> Iterable[Floats]:
+    """The features BATCH at a time, whatever blocks they come in."""
+    waiting: list[Floats] = []
+    held = 0
+    for block in blocks():
+        waiting.append(block)
+        held += len(block)
+        while held >= BATCH:
+            together = np.concatenate(waiting)
+            yield together[:BATCH]
+            waiting, held = [together[BATCH:]], held - BATCH
+    if held:
+        yield np.concatenate(waiting)
+
+
+def nearest(points: Floats, centres: Floats) -> Labels:
+    """[rows] int64: the centre that is nearest to each of `points` [rows, F]."""
+    found = np.zeros(len(points), np.int64)
+    step = max(1, LARGEST_DISTANCES // max(1, len(centres)))
+    norms = np.einsum("ij,ij->i", centres, centres)
+    for first in range(0, len(points), step):
+        part = points[first : first + step]
+        found[first : first + step] = (norms - 2.0 * part @ centres.T).argmin(1)
+    return found
+
+
+def balanced_labels(blocks: Blocks, centres: Floats, count: int, slack: float = SLACK) -> Labels:
+    """[count] int64: for each feature a near centre, none of which gets more than `slack` times the mean, rounded up.
+
+    Features whose nearest centre is full go to the nearest one that has room, those that come first first.
+    """
+    largest = int(np.ceil(slack * count / max(1, len(centres))))
+    room = np.full(len(centres), largest, np.int64)
+    labels = np.zeros(count, np.int64)
+    norms = np.einsum("ij,ij->i", centres, centres)
+    place = 0
+    for batch in _batches(blocks):
+        for number, wanted in enumerate(nearest(batch, centres)):
+            label = int(wanted)
+            if room[label] == 0:
+                distances = np.where(room > 0, norms - 2.0 * centres @ batch[number], np.inf)
+                label = int(distances.argmin())
+            room[label] -= 1
+            labels[place] = label
+            place += 1
+    return labels
+
+
+def minibatch_labels(blocks: Blocks, count: int, clusters: int, seed: int, slack: float = SLACK) -> Labels:
+    """[count] int64: a group for each of `count` features, about `clusters` groups in all, none of them much larger than `slack`
+    times the mean. The same seed and features give the same groups."""
+    coarse = clusters if clusters <= FLAT_CLUSTERS else int(np.ceil(np.sqrt(clusters)))
+    centres = minibatch_centres(blocks, coarse, seed)
+    if clusters <= FLAT_CLUSTERS:
+        return balanced_labels(blocks, centres, count, slack)
+    outer = np.concatenate([nearest(batch, centres) for batch in _batches(blocks)]) if count else np.zeros(0, np.int64)
+    labels, first = np.zeros(count, np.int64), 0
+    for members, points in _parts(blocks, outer, len(centres)):
+        own = max(1, round(clusters * len(members) / count))
+        inner = minibatch_centres(partial(iter, [points]), own, seed)
+        labels[members] = first + balanced_labels(partial(iter, [points]), inner, len(members), slack)
+        first += len(inner)
+    return labels
+
+
+def _parts(blocks: Blocks, outer: Labels, clusters: int) -> Iterable[tuple[Labels, Floats]]:
+    """(places, features) of each cluster; as many clusters together as LARGEST_HELD allows, with a pass over all features each."""
+    sizes = np.bincount(outer, minlength=clusters)
+    width = next((block.shape[1] for block in blocks() if len(block)), 1)
+    begin = 0
+    while begin < clusters:
+        end, held = begin + 1, int(sizes[begin]) * width
+        while end < clusters and held + int(sizes[end]) * width <= LARGEST_HELD:
+            held += int(sizes[end]) * width
+            end += 1
+        found: dict[int, list[Floats]] = {label: [] for label in range(begin, end)}
+        place = 0
+        for block in blocks():
+            own = outer[place : place + len(block)]
+            for label in np.unique(own[(own >= begin) & (own < end)]):
+                found[int(label)].append(np.array(block[own == label]))
+            place += len(block)
+        for label, points in found.items():
+            if points:
+                yield np.flatnonzero(outer == label), np.concatenate(points)
+        begin = end
+
 
 RESTARTS = 20
 LARGEST_EXACT = 1 << 22
@@ -22,7 +286,7 @@ def clustered_grouping(features: NDArray[np.float64], name: FeatureName, cluster
     their first texture.
 
     Textures with equal features cannot be told apart, so there are no more groups than distinct features. Where textures times groups
-    are more than LARGEST_EXACT, groups are found in mini-batches, and are of bounded size (`ntc.grouping.minibatch`).
+    are more than LARGEST_EXACT, groups are found in mini-batches, and are of bounded size (`ntc.grouping.clustered`).
     """
     clusters = min(clusters, len(np.unique(features, axis=0)))
     parameters: dict[str, object] = {"clusters": clusters, "features": name, "seed": seed}

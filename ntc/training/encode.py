@@ -10,9 +10,7 @@ from ntc.codec.encoding import CancelQuestion, EncodingChoices, EncodingOptions,
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError, TrainingFailedError
-from ntc.training.progress import ProgressListener, TrainingProgress
-from ntc.training.request import TrainingRequest, checked_request
-from ntc.training.snapshot import GroupSnapshot
+from ntc.training.messages import GroupSnapshot, ProgressListener, TrainingProgress, TrainingRequest, checked_request
 from ntc.training.trainer import Trainer
 
 

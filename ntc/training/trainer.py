@@ -1,30 +1,51 @@
 """The one trainer: runs the work that a codec declares (`ntc.codec.encoding.Encoder`), from nothing or on groups of a pack again.
 
-On the way it reports progress and snapshots of groups to its host, and can save its state, to continue later as if it had never been
-stopped.
+On the way it reports progress and snapshots of groups to its host. It can save its state in a safetensors file, to continue later as
+if it had never been stopped.
 """
 
+import json
 import math
 import threading
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
+import torch
+from safetensors import SafetensorError
+from safetensors.torch import load, save
+from torch import Tensor
 
-from ntc.codec.encoding import EncodedGroup, EncodingTask, Figures, Piece, QualityBudget, no_interruption
-from ntc.codec.model import CodecSettings, Decoder, EncodedTexture
+from ntc.codec.encoding import (
+    EncodedGroup,
+    EncodingOptions,
+    EncodingTask,
+    Figures,
+    Piece,
+    QualityBudget,
+    no_interruption,
+)
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping
 from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.registry import codec_of
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingHost, TrainingProgress
-from ntc.training.request import TrainingRequest
-from ntc.training.saved_state import load_state, save_state, state_settings
-from ntc.training.snapshot import GroupSnapshot, unchanged_groups
+from ntc.io import file_metadata, read_file, write_bytes
+from ntc.training.messages import (
+    Ended,
+    EndReason,
+    GroupOutcome,
+    GroupSnapshot,
+    TrainingHost,
+    TrainingProgress,
+    TrainingRequest,
+    unchanged_groups,
+)
 
 SECONDS_BETWEEN_REPORTS = 0.25
 SECONDS_BETWEEN_SAVES = 60.0
@@ -35,7 +56,7 @@ SECONDS_OF_SNAPSHOTS = 0.05
 
 
 class Trainer:
-    """Trains the dirty groups of a request that `ntc.training.request.checked_request` returned."""
+    """Trains the dirty groups of a request that `ntc.training.messages.checked_request` returned."""
 
     def __init__(self, request: TrainingRequest, host: TrainingHost, state: Path | None = None) -> None:
         """With `state` the training continues from that file, where it exists, and writes it every minute.
@@ -231,3 +252,41 @@ class Trainer:
 def _mean_square(textures: Sequence[EncodedTexture]) -> float:
     """Mean over textures of their mean square errors in 8-bit steps squared, from their PSNRs."""
     return float(np.mean([mse_of_psnr(texture.psnr_db) for texture in textures if texture.psnr_db is not None]))
+
+
+METADATA_KEY = "ntc_training"
+REMEDY = "remove it, or name another file"
+
+
+def state_settings(
+    textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecSettings, options: EncodingOptions
+) -> dict[str, Any]:
+    """What must be equal for a training to continue from a state."""
+    return {
+        "codec": asdict(cast(Any, codec)),
+        "training": asdict(cast(Any, options)),
+        "groups": list(grouping.groups),
+        "textures": [[t.pixel_hash, *t.size, t.color_space, *t.wrap] for t in textures],
+        "torch": torch.__version__,
+    }
+
+
+def save_state(path: Path, state: Mapping[str, Tensor], settings: Mapping[str, Any]) -> None:
+    """Write a state atomically. Raises InputError where it cannot be written."""
+    copies = {name: value.detach().cpu().contiguous().clone() for name, value in state.items()}
+    write_bytes(path, save(copies, metadata={METADATA_KEY: json.dumps({"settings": settings})}))
+
+
+def load_state(path: Path, settings: Mapping[str, Any]) -> dict[str, Tensor]:
+    """A state that was saved with the same settings. Raises InputError for any other file."""
+    try:
+        data = read_file(path)
+        tensors: dict[str, Tensor] = load(data)
+        found = json.loads(file_metadata(data)[METADATA_KEY])["settings"]
+        known = json.loads(json.dumps(settings))
+        other = sorted(key for key in known if found.get(key) != known[key])
+    except (SafetensorError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        raise InputError(f"{path}: is not the state of a training ({error}); {REMEDY}") from error
+    if other:
+        raise InputError(f"{path}: is the state of another training (it differs in {', '.join(other)}); {REMEDY}")
+    return tensors

@@ -7,9 +7,17 @@ from dataclasses import dataclass, replace
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError, ProcessEndedError
-from ntc.training.progress import Ended, EndReason, GroupOutcome, TrainingProgress
-from ntc.training.request import TrainingRequest, checked_request
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack
+from ntc.training.messages import (
+    Ended,
+    EndReason,
+    GroupOutcome,
+    GroupSnapshot,
+    TrainingProgress,
+    TrainingRequest,
+    apply_snapshot,
+    checked_request,
+    ended_pack,
+)
 from ntc.worker.process import (
     Answer,
     Cancel,

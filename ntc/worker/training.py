@@ -15,9 +15,7 @@ from ntc.codec.registry import chosen_codec, codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.threads import usable_cores, wait_passively
-from ntc.training.progress import Ended, TrainingProgress
-from ntc.training.request import TrainingRequest
-from ntc.training.snapshot import GroupSnapshot
+from ntc.training.messages import Ended, GroupSnapshot, TrainingProgress, TrainingRequest
 from ntc.worker.process import Paused, Resumed, WindowEnd, lower_priority
 from ntc.worker.shared_arrays import Pickled, SharedBlock, inside
 

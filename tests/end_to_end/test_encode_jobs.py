@@ -16,7 +16,7 @@ import pytest
 from ntc.library.index import SHARDS_FOLDER
 from ntc.pack.file import read_pack
 from viewer import cli
-from viewer.encoding import plan
+from viewer.encoding import whole_run as plan
 from viewer.scene.images import write_png
 
 TEXTURES = 12

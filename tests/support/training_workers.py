@@ -16,7 +16,7 @@ from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.training.encode import encode_textures
-from ntc.training.request import TrainingRequest
+from ntc.training.messages import TrainingRequest
 from ntc.worker.client import Finished, Report, TrainingWorker
 from ntc.worker.process import Failed
 from ntc.worker.shared_arrays import PREFIX

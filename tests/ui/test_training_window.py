@@ -15,9 +15,9 @@ from imgui_bundle import imgui
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.diff import changed_groups
 from ntc.pack.file import read_pack
-from ntc.training.progress import TrainingProgress
+from ntc.pack.match import changed_groups
+from ntc.training.messages import TrainingProgress
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import array_bytes, blocks

@@ -13,11 +13,10 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.encoding import EncodingChoices
+from ntc.codec.encoding import EncodingChoices, SizeTarget
 from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import chosen_codec, codec_named
-from ntc.codec.targets import SizeTarget
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
@@ -27,7 +26,7 @@ from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
 from ntc.torch_device import peak_memory_bytes
 from ntc.training.encode import encode_chosen
-from ntc.training.progress import TrainingProgress
+from ntc.training.messages import TrainingProgress
 from viewer.cli.encode_jobs import encode_by_jobs, is_by_jobs
 from viewer.cli.encode_target import encoding_choices, result_lines, worth_on_screen
 from viewer.cli.interrupts import deferred_interrupt

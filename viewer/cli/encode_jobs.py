@@ -7,7 +7,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.targets import BitsTarget
+from ntc.codec.encoding import BitsTarget
 from ntc.errors import InputError
 from ntc.library.index import is_library, read_index
 from ntc.library.reading import in_order, read_shards
@@ -16,11 +16,9 @@ from ntc.threads import usable_cores
 from viewer.cli.encode_target import encoding_choices
 from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
-from viewer.encoding.plan import Asked
 from viewer.encoding.report import report_lines, write_report
-from viewer.encoding.sources import LIST_SUFFIX, Reading, texture_refs
-from viewer.encoding.whole_run import RunProgress, RunResult, encode_to_library
-from viewer.encoding.work import WorkJob, WorkResult, work
+from viewer.encoding.whole_run import Asked, RunProgress, RunResult, encode_to_library
+from viewer.encoding.work import LIST_SUFFIX, Reading, WorkJob, WorkResult, texture_refs, work
 from viewer.jobs.executor import Executor, LocalExecutor, RayExecutor
 from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.encoding import EncodingChoices
+from ntc.codec.encoding import PRESETS, BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target
 from ntc.codec.model import Pack
-from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget, Target
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
 from viewer.cli.options import EncodeOptions

@@ -5,8 +5,7 @@ import sys
 from ntc.errors import InputError
 from ntc.library.index import read_index
 from ntc.library.reading import library_packs
-from ntc.library.upkeep import compact, problems
-from ntc.library.writer import LibraryWriter
+from ntc.library.writer import LibraryWriter, compact, problems
 from ntc.pack.file import read_pack, write_pack
 from viewer.cli.library_list import library_lines
 from viewer.cli.options import LibraryOptions

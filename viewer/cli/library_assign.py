@@ -7,9 +7,8 @@ from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
-from ntc.library.index import LibraryIndex, read_index
-from ntc.library.joining import SETTINGS
-from ntc.library.records import Shard
+from ntc.library.index import LibraryIndex, Shard, read_index
+from ntc.library.reading import SETTINGS
 from ntc.library.writer import LibraryWriter
 from ntc.pack.file import read_pack
 from viewer.cli.encode import read_source

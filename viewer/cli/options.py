@@ -8,10 +8,9 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
-from ntc.codec.encoding import RecipeName
+from ntc.codec.encoding import PresetName, RecipeName
 from ntc.codec.maps import MapWeightsName
 from ntc.codec.registry import SUMMARIES, CodecName
-from ntc.codec.targets import PresetName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
 from viewer.state.palettes import PaletteName

@@ -18,9 +18,9 @@ from ntc.errors import InputError
 from ntc.features.pixels import as_rgb
 from ntc.io import atomic_folder, write_bytes, write_text
 from ntc.library.index import shard_path
-from ntc.pack.partial import read_textures
-from viewer.encoding.sources import Reading, read_texture
+from ntc.pack.file import read_textures
 from viewer.encoding.whole_run import RunResult, Stored
+from viewer.encoding.work import Reading, read_texture
 from viewer.scene.images import write_png
 from viewer.scene.json_text import counted
 

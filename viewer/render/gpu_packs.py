@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
-from ntc.pack.diff import changed_groups, same_shape
-from ntc.pack.match import PackMatch
+from ntc.pack.match import PackMatch, changed_groups, same_shape
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory

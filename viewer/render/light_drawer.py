@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.metrics.block_cache import BlockCache
+from ntc.metrics.compressed_textures import BlockCache
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.lighting.panorama import Panorama, load_panorama

@@ -8,9 +8,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, MapName, Plane, map_slices
 from ntc.codec.mips import mip_chain
-from ntc.metrics.block_cache import BlockCache
 from ntc.metrics.block_compression import BlockFormat
-from ntc.metrics.compressed_textures import CompressedTexture, CompressedTextures, CompressionRequest
+from ntc.metrics.compressed_textures import BlockCache, CompressedTexture, CompressedTextures, CompressionRequest
 from viewer.scene.model import Scene, SceneTexture
 
 PICTURES: tuple[tuple[MapName, ...], ...] = (

@@ -9,23 +9,18 @@ from typing import Literal
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.training.progress import TrainingProgress
-from ntc.training.request import TrainingRequest
-from ntc.training.snapshot import GroupSnapshot
+from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
 from ntc.worker.process import Failed, Paused, Resumed
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackUpdated, RunStarted
 from viewer.state.pack_files import unused_name
-from viewer.training.active_run import ActiveRun, State
-from viewer.training.ahead import AheadPreparation
 from viewer.training.kept_runs import KeptRuns
-from viewer.training.preparation import EncodeScene, TrainingJob, job_title, prepare
-from viewer.training.run_keeper import RunKeeper, accepted
-from viewer.training.run_log import Curves, Run, RunLog
+from viewer.training.preparation import AheadPreparation, EncodeScene, TrainingJob, job_title, prepare
+from viewer.training.run_keeper import RunKeeper, WaitingRuns, accepted
+from viewer.training.run_log import ActiveRun, Curves, Run, RunLog, State
 from viewer.training.settings import TrainingSettings
-from viewer.training.waiting_runs import WaitingRuns
 
 SECONDS_BETWEEN_TICKS = 0.1
 """A window at rest draws a frame so often while a run is under way."""

@@ -1,4 +1,4 @@
-"""Packs of runs on disk: those that were accepted beside their scene, the others in the user's data folder until it is decided."""
+"""Packs of runs on disk: accepted ones beside their scene, the others in the user's data folder until it is decided."""
 
 import os
 import time
@@ -9,13 +9,190 @@ from pathlib import Path
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.io import numbered_path
+from ntc.pack.file import read_pack, write_pack
+from ntc.pack.match import changed_textures, require_match, same_shape
 from viewer.jobs.job import Job, JobReport
+from viewer.locations import DATA_FOLDER_VARIABLE, packs_folder
 from viewer.scene.model import Scene
+from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.events import EmitEvent, Notification
-from viewer.training.active_run import ActiveRun
+from viewer.state.pack_files import match_scene, same_place
 from viewer.training.kept_runs import KeptRun, KeptRuns, scene_stamp
-from viewer.training.pack_saving import FileStamp, checked_path, default_path, file_stamp, save_numbered, save_pack
-from viewer.training.run_log import Run
+from viewer.training.run_log import ActiveRun, Run
+
+FileStamp = tuple[int, int, int]
+"""Inode, time of the last change in ns, and bytes of a file: differs when the file has been written anew."""
+
+
+def default_path(scene_path: Path | None, pack: Pack) -> Path:
+    """`SCENE.GROUPING.ntc` beside the scene, or in the user's data folder for a built-in one, which is made where it is not there.
+
+    Raises InputError for a scene without file.
+    """
+    if scene_path is None:
+        raise InputError("the scene was not read from a file; name the file to write the pack to")
+    folder = packs_folder(scene_path)
+    if folder != scene_path.parent:
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise InputError(f"{folder}: cannot be created ({error.strerror}); set {DATA_FOLDER_VARIABLE}") from error
+    return folder / f"{scene_path.stem}.{pack.grouping.name}{PACK_SUFFIX}"
+
+
+def save_numbered(path: Path, pack: Pack) -> Pack:
+    """Write `pack` to `path`, with a number where that exists, and return it with its path. Raises InputError.
+
+    No file is replaced, also where two programs write at once.
+    """
+    while True:
+        free = numbered_path(path)
+        try:
+            free.touch(exist_ok=False)
+        except FileExistsError:
+            continue
+        except OSError as error:
+            raise InputError(f"{free}: cannot be written ({error.strerror}); choose a writable folder") from error
+        try:
+            write_pack(free, pack)
+        except BaseException:
+            free.unlink(missing_ok=True)
+            raise
+        return replace(pack, path=free)
+
+
+def checked_path(path: Path) -> Path:
+    """`path`. Raises InputError for a name that no pack can have."""
+    if path.suffix != PACK_SUFFIX:
+        raise InputError(f"{path}: a pack's name ends in {PACK_SUFFIX}")
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; name a file")
+    return path
+
+
+def _is_as_opened(path: Path, opened: Sequence[Pack]) -> bool:
+    """Whether the file at `path` still holds one of these packs, which were read from there or written to it."""
+    try:
+        present = read_pack(path)
+    except InputError:
+        return False
+    return any(
+        pack.grouping == present.grouping and same_shape(pack, present) and not changed_textures(pack, present)
+        for pack in opened
+    )
+
+
+def file_stamp(path: Path) -> FileStamp | None:
+    """The stamp of the file at `path`; None without one."""
+    try:
+        status = path.stat()
+    except OSError:
+        return None
+    return status.st_ino, status.st_mtime_ns, status.st_size
+
+
+def save_pack(path: Path, pack: Pack, opened: Sequence[Pack] = (), written: FileStamp | None = None) -> Pack:
+    """Write `pack` and return it with its path.
+
+    Raises InputError where the file cannot be written, and where it is that of one of the `opened` packs but another program has
+    changed it since. `written` is the stamp of the file as this program wrote it last.
+    """
+    own = [other for other in opened if other.path is not None and same_place(other.path, path)]
+    present = file_stamp(path)
+    if own and present is not None and present != written and not _is_as_opened(path, own):
+        raise InputError(
+            f"{path}: has changed since it was opened; accept under another name (training.accept FILE), or open it again first"
+        )
+    write_pack(path, pack)
+    return replace(pack, path=path)
+
+
+class WaitingRuns:
+    """The waiting runs as one window knows them. All calls belong to one thread."""
+
+    def __init__(self, kept: KeptRuns | None) -> None:
+        """Without `kept` there are none."""
+        self._kept = kept
+        self.runs: tuple[KeptRun, ...] = ()
+        """Newest first, as they were when they were looked for last."""
+        self._looked = False
+
+    def look(self, scene: Scene) -> str:
+        """Look which runs wait now; a line that says so where there is news: of all when first asked, then of this scene."""
+        if self._kept is None:
+            return ""
+        is_first, self._looked = not self._looked, True
+        self.runs = self._kept.waiting()
+        told = self.runs if is_first else self.of(scene)
+        if not told:
+            return ""
+        lines = ", ".join(run.line for run in told[:3]) + (f" and {len(told) - 3} more" if len(told) > 3 else "")
+        return f"kept back from an earlier session: {lines}; see the panel Training"
+
+    def of(self, scene: Scene) -> tuple[KeptRun, ...]:
+        """Those that were made of this scene."""
+        return tuple(run for run in self.runs if run.is_of(scene.path))
+
+    def __getitem__(self, key: str) -> KeptRun:
+        """Raises InputError where there is none of that key."""
+        for run in self.runs:
+            if run.key == key:
+                return run
+        raise InputError("training: that run no longer exists")
+
+    def adopted(self, key: str, number: int, scene: Scene) -> Run:
+        """A run as one of this window's, which has its lock from now on. Raises InputError where it does not fit `scene`."""
+        kept, facts = self._claim(key)
+        try:
+            pack = kept.read(key)
+            if not facts.is_of(scene.path):
+                raise InputError(f"{facts.line}was trained on {facts.scene_path or 'another scene'}; open that first")
+            require_match(pack, match_scene(pack, scene), scene.name)
+        except InputError:
+            kept.release(key)
+            raise
+        self.runs = tuple(run for run in self.runs if run.key != key)
+        ended = (facts.outcome, facts.seconds, facts.psnr_db)
+        return Run(number, facts.title, facts.settings, facts.groups, *ended, (f"kept back at {facts.clock}",), pack)
+
+    def write(self, key: str) -> Path:
+        """Write a run's pack where those of the scene lie that it was made of; the file's path.
+
+        Raises InputError, also where that scene is gone, or another one by now: its packs would not fit.
+        """
+        kept, facts = self._claim(key)
+        try:
+            scene = Path(facts.scene_path)
+            if not facts.scene_path or scene_stamp(scene) != facts.scene_stamp:
+                raise InputError(
+                    f"{facts.line}: {facts.scene_path} has changed since; open the run and accept it into a file"
+                )
+            pack = kept.read(key)
+            written = save_numbered(default_path(scene, pack), pack).path
+        except InputError:
+            kept.release(key)
+            raise
+        assert written is not None
+        self._remove(key, kept)
+        return written
+
+    def discard(self, key: str) -> None:
+        """Remove a run for good. Raises InputError where another window has it."""
+        kept, _ = self._claim(key)
+        self._remove(key, kept)
+
+    def _remove(self, key: str, kept: KeptRuns) -> None:
+        kept.remove(key)
+        self.runs = tuple(run for run in self.runs if run.key != key)
+
+    def _claim(self, key: str) -> tuple[KeptRuns, KeptRun]:
+        facts, kept = self[key], self._kept
+        if kept is None or not kept.claim(key):
+            self.runs = tuple(run for run in self.runs if run.key != key)
+            raise InputError(f"{facts.line}: is open in another window, or was removed")
+        return kept, facts
+
 
 SECONDS_TO_WRITE = 20.0
 SECONDS_BETWEEN_KEEPING = 60.0

@@ -5,9 +5,17 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from ntc.codec.config import GroupingName
-from ntc.codec.encoding import DEFAULT_BITS, Budget, EncodingChoices, QualityBudget, RecipeName, StepBudget, TimeBudget
+from ntc.codec.encoding import (
+    DEFAULT_BITS,
+    BitsTarget,
+    Budget,
+    EncodingChoices,
+    QualityBudget,
+    RecipeName,
+    StepBudget,
+    TimeBudget,
+)
 from ntc.codec.registry import chosen_codec, codec_named
-from ntc.codec.targets import BitsTarget
 from ntc.errors import InputError
 
 BudgetUnit = Literal["steps", "s", "dB"]

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from ntc.grouping.seen_blocks import seen_blocks
+from ntc.grouping.covisible import seen_blocks
 from ntc.metrics.divergence import BLOCK
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import clip_distances

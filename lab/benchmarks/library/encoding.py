@@ -26,7 +26,7 @@ import tyro
 from lab.benchmarks.library.crops import write_crops, write_tiny
 from ntc.io import write_text
 from ntc.library.index import read_index
-from ntc.library.upkeep import problems
+from ntc.library.writer import problems
 
 Part = Literal["workers", "kills", "resume", "memory"]
 PEAK = """

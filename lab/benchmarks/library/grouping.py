@@ -18,7 +18,7 @@ import numpy as np
 import tyro
 from numpy.typing import NDArray
 
-from ntc.grouping.minibatch import minibatch_labels
+from ntc.grouping.clustered import minibatch_labels
 from ntc.io import write_text
 
 FEATURES = 17

@@ -16,7 +16,7 @@ from PIL import Image
 from lab.benchmarks.twins.geometry import Error, Twin
 from lab.benchmarks.twins.plain_scene import PlainScene
 from ntc.errors import InputError
-from ntc.metrics.block_encoders import decode_bc, encode_bc7
+from ntc.metrics.block_compression import decode_bc, encode_bc7
 from tests.support.gltf_builder import ktx2
 from tests.support.meshopt_twins import glb_parts
 

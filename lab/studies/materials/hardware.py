@@ -11,7 +11,7 @@ from lab.studies.set_quality import texels_with_mips
 from ntc.codec.maps import SRGB_MAPS
 from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture
-from ntc.metrics import block_encoders
+from ntc.metrics import block_compression
 from ntc.metrics.block_compression import BlockFormat, block_size, compressed_bytes
 
 ASTC_FORMATS: tuple[BlockFormat, ...] = (
@@ -41,13 +41,15 @@ def decoded_part(texture: SourceTexture, block_format: BlockFormat) -> NDArray[n
     height, width = rgba.shape[:2]
     if block_format == "bc7":
         if is_normal:
-            decoded = block_encoders.decode_bc5(block_encoders.encode_bc5(rgba), width, height)
+            decoded = block_compression.decode_bc5(block_compression.encode_bc5(rgba), width, height)
         else:
-            decoded = block_encoders.decode_bc(block_encoders.encode_bc7(rgba, "thorough"), width, height, 7)
+            decoded = block_compression.decode_bc(block_compression.encode_bc7(rgba, "thorough"), width, height, 7)
     else:
-        kind: block_encoders.AstcKind = "normal" if is_normal else "srgb" if texture.maps[0] in SRGB_MAPS else "linear"
-        blocks = block_encoders.encode_astc(rgba, block, "thorough", kind)
-        decoded = block_encoders.decode_astc(blocks, width, height, block, kind)
+        kind: block_compression.AstcKind = (
+            "normal" if is_normal else "srgb" if texture.maps[0] in SRGB_MAPS else "linear"
+        )
+        blocks = block_compression.encode_astc(rgba, block, "thorough", kind)
+        decoded = block_compression.decode_astc(blocks, width, height, block, kind)
         if is_normal:
             decoded = decoded[..., [0, 3]]
     return np.ascontiguousarray(decoded[: pixels.shape[0], : pixels.shape[1], :count])

@@ -17,10 +17,19 @@ from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.universal import VERSION
 from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
 from ntc.codec.config import Precision, WrapMode
-from ntc.codec.encoding import DEFAULT_BITS, Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
+from ntc.codec.encoding import (
+    DEFAULT_BITS,
+    BitsTarget,
+    Encoder,
+    EncodingChoices,
+    EncodingOptions,
+    EncodingTask,
+    QualityTarget,
+    SizeTarget,
+    TextureSet,
+)
 from ntc.codec.gpu import GpuTables
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
-from ntc.codec.targets import BitsTarget, QualityTarget, SizeTarget
 from ntc.codec.textures import SourceTexture
 
 DEFAULT_TARGET: Final = BitsTarget(DEFAULT_BITS)

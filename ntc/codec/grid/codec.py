@@ -18,7 +18,7 @@ from ntc.codec.codec import (
     TorchTwin,
 )
 from ntc.codec.config import Precision, WrapMode
-from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
+from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet, given_target
 from ntc.codec.gpu import GpuTables
 from ntc.codec.grid import tensors as files
 from ntc.codec.grid.accuracy.error_bound import pack_bounds
@@ -30,7 +30,6 @@ from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.grid.tensors import grey_pack
 from ntc.codec.grid.training.config import TrainingConfig, chosen_config, recipe_codec
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
-from ntc.codec.targets import given_target
 from ntc.codec.textures import SourceTexture
 
 

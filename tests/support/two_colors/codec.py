@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes, TorchTwin, texture_fields
 from ntc.codec.config import Precision, WrapMode
-from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
+from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet, given_target
 from ntc.codec.gpu import GpuTables
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
-from ntc.codec.targets import given_target
 from ntc.codec.textures import SourceTexture
 from tests.support.two_colors.encoder import TwoColorsEncoder
 from tests.support.two_colors.gpu import TwoColorsTables

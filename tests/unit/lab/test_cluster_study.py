@@ -10,7 +10,7 @@ from lab.studies.cluster_plot import cluster_figure
 from lab.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.grouping.seen_blocks import seen_blocks
+from ntc.grouping.covisible import seen_blocks
 
 TEXTURES = 12
 

@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.metrics.block_cache import SUFFIX, BlockCache
+from ntc.metrics.compressed_textures import SUFFIX, BlockCache
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.jobs.job import Job, JobReport

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from ntc.codec.registry import codec_named
 from viewer.state.pack_files import base_pack_name
 from viewer.state.view_state import REFERENCE
-from viewer.training.active_run import ActiveRun
 from viewer.training.preparation import job_title
-from viewer.training.run_log import Curves, Run, mean_of_psnr
+from viewer.training.run_log import ActiveRun, Curves, Run, mean_of_psnr
 from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.training_forms import TrainingForms

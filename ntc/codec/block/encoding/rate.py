@@ -13,10 +13,9 @@ from ntc.codec.block.config import (
     BlockConfig,
 )
 from ntc.codec.block.universal import UNIVERSAL_CONFIG
-from ntc.codec.encoding import Sizes, TextureSet, common_channels
+from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import BASE_ALONE
-from ntc.codec.targets import BitsTarget, SizeTarget, Target
 from ntc.errors import InputError
 
 SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)

@@ -9,19 +9,16 @@ import pytest
 
 from ntc.codec.codec import Codec
 from ntc.codec.config import WrapMode
-from ntc.codec.encoding import EncodingChoices
+from ntc.codec.encoding import BitsTarget, EncodingChoices
 from ntc.codec.maps import MAPS
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.codec.registry import MODULES, chosen_codec, codec_named
-from ntc.codec.targets import BitsTarget
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import encode_textures
-from ntc.training.progress import TrainingProgress
-from ntc.training.request import TrainingRequest, checked_request
-from ntc.training.snapshot import GroupSnapshot
+from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, checked_request
 from ntc.training.trainer import Trainer
 from tests.support.packs.checks import assert_equal
 from tests.support.packs.parity import assert_torch_agrees

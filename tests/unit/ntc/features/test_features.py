@@ -15,7 +15,7 @@ from ntc.features import FeatureOptions, feature_matrix
 from ntc.features.efficientnet import LENGTH as EFFICIENTNET_LENGTH
 from ntc.features.efficientnet import square_images
 from ntc.features.extractor import centred_directions, standardised_columns
-from ntc.features.spectral import (
+from ntc.features.statistics import (
     DIRECTIONS,
     color_features,
     edge_density,

@@ -12,11 +12,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.codec.textures import SourceTexture, hash_pixels
-from ntc.features import FeatureOptions, feature_matrix, spectral
-from ntc.features.cache import cache_path, read_features, write_features
-from ntc.features.spectral import spectral_extractor
+from ntc.features import FeatureOptions, feature_matrix, statistics
+from ntc.features.extractor import cache_path, read_features, write_features
+from ntc.features.statistics import spectral_extractor
 
-LENGTH = spectral.LENGTH
+LENGTH = statistics.LENGTH
 
 
 def textures(count: int = 4) -> list[SourceTexture]:
@@ -30,13 +30,13 @@ def textures(count: int = 4) -> list[SourceTexture]:
 def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Names of the textures whose features were computed, in order."""
     names: list[str] = []
-    original = spectral.spectral_features
+    original = statistics.spectral_features
 
     def counted(texture: SourceTexture) -> NDArray[np.float64]:
         names.append(texture.name)
         return original(texture)
 
-    monkeypatch.setattr(spectral, "spectral_features", counted)
+    monkeypatch.setattr(statistics, "spectral_features", counted)
     return names
 
 

@@ -7,9 +7,14 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from ntc.grouping.covisible import CovisibleConfig, covisible_grouping
-from ntc.grouping.seen_blocks import seen_blocks
-from ntc.grouping.tabu_search import SearchProblem, feature_spread, tabu_search
+from ntc.grouping.covisible import (
+    CovisibleConfig,
+    SearchProblem,
+    covisible_grouping,
+    feature_spread,
+    seen_blocks,
+    tabu_search,
+)
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 
 TEXTURES = 24

@@ -14,7 +14,7 @@ from ntc.codec.maps import MapName
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import feature_matrix
-from ntc.features.low_level import low_level_features
+from ntc.features.statistics import low_level_features
 from ntc.grouping import GroupingInputs, make_grouping
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from ntc.codec.model import Grouping
-from ntc.grouping.kmeans import kmeans_labels
+from ntc.grouping.clustered import kmeans_labels
 
 
 def groups_of(labels: list[int]) -> tuple[int, ...]:

@@ -7,10 +7,15 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.grouping import minibatch
-from ntc.grouping.clustered import clustered_grouping
-from ntc.grouping.kmeans import kmeans_labels
-from ntc.grouping.minibatch import balanced_labels, minibatch_centres, minibatch_labels, nearest
+from ntc.grouping import clustered as minibatch
+from ntc.grouping.clustered import (
+    balanced_labels,
+    clustered_grouping,
+    kmeans_labels,
+    minibatch_centres,
+    minibatch_labels,
+    nearest,
+)
 
 Floats = NDArray[np.float64]
 

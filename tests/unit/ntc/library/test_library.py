@@ -12,13 +12,10 @@ from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.library import writer as writing
-from ntc.library.index import INDEX_FILE, SHARDS_FOLDER, read_index
+from ntc.library.index import INDEX_FILE, SHARDS_FOLDER, Record, read_index, record_line
 from ntc.library.reading import library_packs
-from ntc.library.records import Record, record_line
-from ntc.library.upkeep import compact, problems
-from ntc.library.writer import LibraryWriter
-from ntc.pack.file import pack_bytes, read_pack, write_pack
-from ntc.pack.partial import read_textures
+from ntc.library.writer import LibraryWriter, compact, problems
+from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
 
 SIZES = ((16, 16), (24, 8))
 

@@ -9,9 +9,9 @@ import pytest
 from ntc.codec.mips import mip_chain
 from ntc.errors import InputError
 from ntc.metrics import compressed_textures
-from ntc.metrics.block_cache import BlockCache
 from ntc.metrics.block_compression import AstcKind, BlockFormat, Effort, compress, compressed_blocks
 from ntc.metrics.compressed_textures import (
+    BlockCache,
     CompressedTextures,
     CompressionRequest,
     compress_texture,

@@ -15,8 +15,8 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import block_parts
 from ntc.codec.maps import MAPS, MapName
 from ntc.errors import InputError
-from ntc.pack.diff import changed_textures, same_shape
 from ntc.pack.file import expected_tensors, read_pack, write_pack
+from ntc.pack.match import changed_textures, same_shape
 from ntc.pack.schema import parse_metadata
 from tests.support.pack_bytes import PackBytes
 from tests.support.packs.checks import check_pack

@@ -7,8 +7,8 @@ import numpy as np
 from lab.bench.random_pack import random_pack
 from ntc.codec.grid.model import GridDecoder, grid_parts
 from ntc.codec.model import Grouping, Pack
-from ntc.pack.diff import changed_groups
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot
+from ntc.pack.match import changed_groups
+from ntc.training.messages import GroupSnapshot, apply_snapshot
 
 
 def other_decoder(decoder: GridDecoder) -> GridDecoder:

@@ -12,7 +12,7 @@ from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.training.encode import encode_textures
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, ended_pack, moved_texture, unchanged_groups
+from ntc.training.messages import GroupSnapshot, apply_snapshot, ended_pack, moved_texture, unchanged_groups
 from tests.unit.ntc.training.test_train import texture
 
 CODECS = [

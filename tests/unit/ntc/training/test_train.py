@@ -25,7 +25,7 @@ from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.file import read_pack, write_pack
 from ntc.torch_device import choose_device
 from ntc.training.encode import encode_textures
-from ntc.training.progress import TrainingProgress
+from ntc.training.messages import TrainingProgress
 
 SHORT = TrainingConfig(steps=12, texels_per_texture=64, device="cpu", seed=5)
 SMALL = GridConfig(hidden_width=16)

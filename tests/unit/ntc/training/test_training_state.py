@@ -123,6 +123,6 @@ def test_a_state_that_changes_while_it_is_read_is_refused(tmp_path: Path, monkey
     def changed(_path: Path) -> bytes:
         raise OSError(errno.EAGAIN, "it changed while it was read")
 
-    monkeypatch.setattr("ntc.training.saved_state.read_file", changed)
+    monkeypatch.setattr("ntc.training.trainer.read_file", changed)
     with pytest.raises(InputError, match="it changed while it was read"):
         encode_textures(TEXTURES, GROUPS, FULL, SHORT, state=path)

@@ -16,8 +16,7 @@ from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import encode_textures
-from ntc.training.progress import TrainingProgress
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot, moved_texture
+from ntc.training.messages import GroupSnapshot, TrainingProgress, apply_snapshot, moved_texture
 from ntc.worker.client import Finished, TrainingWorker, starting_pack
 from ntc.worker.process import Failed
 from tests.support.training_workers import (

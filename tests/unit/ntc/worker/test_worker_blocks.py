@@ -11,8 +11,7 @@ from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
-from ntc.training.progress import TrainingProgress
-from ntc.training.snapshot import GroupSnapshot, apply_snapshot
+from ntc.training.messages import GroupSnapshot, TrainingProgress, apply_snapshot
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
 from ntc.worker.process import Failed, Paused, Resumed
 from tests.support.training_workers import (

@@ -18,9 +18,7 @@ from ntc.codec.encoding import StepBudget, TimeBudget
 from ntc.codec.model import Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
-from ntc.training.progress import TrainingProgress
-from ntc.training.request import TrainingRequest
-from ntc.training.snapshot import GroupSnapshot
+from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest
 from ntc.worker.client import Finished, TrainingWorker
 from ntc.worker.process import Failed, Paused, Resumed
 from tests.support.training_workers import (

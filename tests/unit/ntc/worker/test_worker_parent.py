@@ -30,8 +30,8 @@ from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.worker.client import TrainingWorker
-from ntc.training.progress import TrainingProgress
-from ntc.training.request import TrainingRequest
+from ntc.training.messages import TrainingProgress
+from ntc.training.messages import TrainingRequest
 
 def main():
     texture = SourceTexture("t", np.zeros((16, 16, 3), np.uint8) + np.arange(16, dtype=np.uint8)[:, None], "0")

@@ -9,19 +9,15 @@ import pytest
 import torch
 
 from ntc.codec.config import GroupingConfig, GroupingName
-from ntc.codec.encoding import EncodingChoices
+from ntc.codec.encoding import BitsTarget, EncodingChoices
 from ntc.codec.registry import CodecName
-from ntc.codec.targets import BitsTarget
 from ntc.errors import InputError
 from ntc.library.index import SHARDS_FOLDER, read_index
 from ntc.library.reading import library_packs
-from ntc.library.upkeep import problems
-from ntc.library.writer import LibraryWriter
-from viewer.encoding import plan
-from viewer.encoding.plan import Asked
-from viewer.encoding.sources import Reading, texture_refs
-from viewer.encoding.whole_run import RunResult, encode_to_library
-from viewer.encoding.work import EncodeJob, WorkJob, WorkResult, work
+from ntc.library.writer import LibraryWriter, problems
+from viewer.encoding import whole_run as plan
+from viewer.encoding.whole_run import Asked, RunResult, encode_to_library
+from viewer.encoding.work import EncodeJob, Reading, WorkJob, WorkResult, texture_refs, work
 from viewer.jobs.executor import Ended
 from viewer.scene.images import write_png
 

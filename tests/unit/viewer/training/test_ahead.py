@@ -11,14 +11,21 @@ import pytest
 
 from ntc.codec.encoding import StepBudget, TimeBudget
 from ntc.errors import InputError
-from ntc.training.request import TrainingRequest
+from ntc.training.messages import TrainingRequest
 from tests.end_to_end.conftest import two_squares
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.training import ahead as module
-from viewer.training.ahead import LEAST_MEMORY, AheadPreparation, free_memory
-from viewer.training.preparation import EncodeScene, RetrainGroups, TrainingJob, prepare
+from viewer.training import preparation as module
+from viewer.training.preparation import (
+    LEAST_MEMORY,
+    AheadPreparation,
+    EncodeScene,
+    RetrainGroups,
+    TrainingJob,
+    free_memory,
+    prepare,
+)
 from viewer.training.settings import TrainingSettings
 
 JOB = EncodeScene(TrainingSettings("single"))

@@ -10,7 +10,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.encoding import StepBudget
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.errors import InputError
-from ntc.training.request import checked_request
+from ntc.training.messages import checked_request
 from tests.end_to_end.conftest import two_squares
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene

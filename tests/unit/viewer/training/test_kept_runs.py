@@ -186,7 +186,7 @@ def test_what_cannot_be_written_when_the_window_closes_is_kept_back(
     def full(destination: Path, _pack: object) -> None:
         raise InputError(f"{destination}: cannot be written")
 
-    monkeypatch.setattr("viewer.training.pack_saving.write_pack", full)
+    monkeypatch.setattr("viewer.training.run_keeper.write_pack", full)
     effects = PromptEffects(context)
     run_line(context, "file.quit")
     run_or_notify(context, "question.answer", "Keep")

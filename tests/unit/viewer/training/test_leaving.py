@@ -14,7 +14,7 @@ from viewer.commands.command import Context
 from viewer.state.event_handlers import apply_event
 from viewer.state.events import PackRenamed
 from viewer.state.open_files import open_scene, read_scene
-from viewer.training.pack_saving import save_numbered
+from viewer.training.run_keeper import save_numbered
 
 
 def scene_in(folder: Path, seed: int) -> Path:

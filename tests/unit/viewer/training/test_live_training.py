@@ -10,8 +10,8 @@ import pytest
 
 from ntc.codec.encoding import StepBudget, TimeBudget
 from ntc.errors import InputError
-from ntc.pack.diff import changed_groups
 from ntc.pack.file import read_pack
+from ntc.pack.match import changed_groups
 from tests.end_to_end.conftest import two_squares
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene

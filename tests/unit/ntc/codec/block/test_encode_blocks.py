@@ -23,7 +23,7 @@ from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import encode_textures
-from ntc.training.progress import TrainingProgress
+from ntc.training.messages import TrainingProgress
 from tests.support.packs.checks import check_pack
 
 SMALL = BlockConfig(coefficients=24, modes=4, output_channels=4)

@@ -14,16 +14,25 @@ from ntc.codec.block.encoding.rate import config_for_bits, config_for_bytes
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, best_block_words, price_at_error, share_words
 from ntc.codec.block.model import block_parts
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.encoding import CancelQuestion, EncodingChoices, TextureSet, file_header_bytes
+from ntc.codec.encoding import (
+    PRESETS,
+    BitsTarget,
+    CancelQuestion,
+    EncodingChoices,
+    QualityTarget,
+    SizeTarget,
+    Target,
+    TextureSet,
+    file_header_bytes,
+)
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import codec_named
-from ntc.codec.targets import PRESETS, BitsTarget, QualityTarget, SizeTarget, Target
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import write_pack
 from ntc.training.encode import encode_chosen
-from ntc.training.progress import TrainingProgress
+from ntc.training.messages import TrainingProgress
 from tests.support.packs.checks import check_pack
 
 PAIR = Grouping("single", (0, 0))

@@ -24,7 +24,7 @@ from ntc.grouping import make_grouping
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import NUMPY_TYPES, read_pack, write_pack
 from ntc.training.encode import encode_textures
-from ntc.training.snapshot import moved_texture
+from ntc.training.messages import moved_texture
 from tests.support.pack_bytes import PackBytes
 from tests.support.packs.checks import assert_same, check_pack
 from tests.unit.ntc.codec.block.test_encode_blocks import waves

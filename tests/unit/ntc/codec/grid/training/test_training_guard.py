@@ -15,7 +15,7 @@ from ntc.codec.grid.training.optimizers import squared_error
 from ntc.codec.model import Grouping
 from ntc.errors import TrainingFailedError
 from ntc.training.encode import encode_textures
-from ntc.training.progress import TrainingProgress
+from ntc.training.messages import TrainingProgress
 from tests.unit.ntc.training.test_train import arrays, same, texture
 
 pytestmark = pytest.mark.slow

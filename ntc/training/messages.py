@@ -1,0 +1,248 @@
+"""What a training is asked for and what it reports: requests, snapshots of groups, progress, and the host. Needs no torch."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, Protocol
+
+import msgspec
+import numpy as np
+
+from ntc.codec.checks import check_textures
+from ntc.codec.config import UNIVERSAL
+from ntc.codec.encoding import Budget, EncodingOptions
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.quality import PsnrSummary
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class GroupSnapshot:
+    """A group as a pack stores it, at one moment of its training."""
+
+    version: int
+    """1 for the first of this group in a training, then one more each time."""
+    group: int
+    """Its number in the grouping that is trained for."""
+    members: tuple[int, ...]
+    """Indices of its textures."""
+    textures: tuple[EncodedTexture, ...]
+    """The members; in codec `grid` without PSNR unless final."""
+    decoder: Decoder
+    final: bool = False
+    """Whether training of this group has ended with this."""
+
+
+def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
+    """`pack` with the group of the snapshot; all other textures and decoders are the same objects.
+
+    Where the group's textures are one group of `pack`, its decoder is replaced. Where they are not (the textures are
+    being grouped anew), they leave theirs and get a new decoder, and unused decoders are dropped: until the training has
+    ended, groups of the result are numbered differently than in the request. Raises ValueError for
+    textures that `pack` does not have.
+    """
+    members = snapshot.members
+    for index, encoded in zip(members, snapshot.textures, strict=True):
+        if not 0 <= index < len(pack.textures) or pack.textures[index].pixel_hash != encoded.pixel_hash:
+            raise ValueError(f"texture {index} of the snapshot, {encoded.name}, is not the one of the pack")
+    groups = list(pack.grouping.groups)
+    decoders = list(pack.decoders)
+    own = groups[members[0]]
+    if {index for index, group in enumerate(groups) if group == own} == set(members):
+        decoders[own] = snapshot.decoder
+    else:
+        own = len(decoders)
+        decoders.append(snapshot.decoder)
+        for index in members:
+            groups[index] = own
+    used = sorted(set(groups))
+    new_number = {group: number for number, group in enumerate(used)}
+    groups = [new_number[group] for group in groups]
+    given = dict(zip(members, snapshot.textures, strict=True))
+    textures = tuple(_in_group(given.get(index, encoded), groups[index]) for index, encoded in enumerate(pack.textures))
+    grouping = replace(pack.grouping, groups=tuple(groups)) if tuple(groups) != pack.grouping.groups else pack.grouping
+    return replace(
+        pack, grouping=grouping, textures=textures, decoders=tuple(decoders[group] for group in used), path=None
+    )
+
+
+def _in_group(encoded: EncodedTexture, group: int) -> EncodedTexture:
+    return encoded if encoded.group == group else replace(encoded, group=group)
+
+
+def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
+    """`pack`, in which the same textures share decoders as in `grouping`, with the numbers of `grouping`.
+
+    Raises ValueError where other textures share one.
+    """
+    number = dict(zip(pack.grouping.groups, grouping.groups, strict=True))
+    same = tuple(number[group] for group in pack.grouping.groups) == grouping.groups
+    if not same or len(number) != len(set(number.values())):
+        raise ValueError("not all groups have been trained")
+    old = {new: group for group, new in number.items()}
+    textures = tuple(_in_group(t, group) for t, group in zip(pack.textures, grouping.groups, strict=True))
+    decoders = tuple(pack.decoders[old[new]] for new in range(grouping.group_count))
+    return replace(pack, grouping=grouping, textures=textures, decoders=decoders)
+
+
+def unchanged_groups(old: Grouping, new: Grouping) -> dict[int, int]:
+    """The groups of `new` that have the same textures as a group of `old`: their numbers, and those of the old ones."""
+    members = {old.members(group): group for group in range(old.group_count)}
+    found = {group: members.get(new.members(group)) for group in range(new.group_count)}
+    return {group: number for group, number in found.items() if number is not None}
+
+
+def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
+    """`grouping` with one texture in another group; `group` may be one more than there are. A group that is left empty is
+    closed. Raises InputError for numbers out of range."""
+    if not 0 <= texture < len(grouping.groups) or not 0 <= group <= grouping.group_count:
+        raise InputError(
+            f"texture {texture} to group {group}: there are {len(grouping.groups)} textures and {grouping.group_count} groups"
+        )
+    if grouping.name == UNIVERSAL:
+        raise InputError(f"grouping {UNIVERSAL} has one decoder for all textures; group the textures anew instead")
+    groups = list(grouping.groups)
+    groups[texture] = group
+    numbers = {old: number for number, old in enumerate(sorted(set(groups)))}
+    return replace(grouping, groups=tuple(numbers[old] for old in groups))
+
+
+@dataclass(frozen=True, eq=False)
+class TrainingRequest:
+    """What to train, for how long, and what to start from."""
+
+    textures: tuple[SourceTexture, ...]
+    grouping: Grouping
+    codec: CodecSettings
+    training: EncodingOptions
+    """How the codec encodes: its own kind of options."""
+    budget: Budget | None = None
+    """None: as many steps as `training` has."""
+    start: Pack | None = None
+    """A pack of the same textures in the same order and of the same codec, to continue from; None: from nothing."""
+    dirty: frozenset[int] | None = None
+    """Groups of `grouping` to train. None: those whose textures do not form a group of `start`, or all without it. Others
+    must be groups of `start`."""
+    seconds_between_snapshots: float = 2.0
+
+
+def checked_request(request: TrainingRequest) -> TrainingRequest:
+    """`request` with its dirty groups named. Raises InputError for what cannot be trained."""
+    grouping, start, budget = request.grouping, request.start, request.budget
+    check_textures(request.textures, grouping, request.codec)
+    if budget is not None:
+        (value,) = msgspec.structs.astuple(budget)
+        if not (np.isfinite(value) and value > 0):
+            name = {"psnr_db": "PSNR"}.get(budget.__struct_fields__[0], budget.__struct_fields__[0])
+            raise InputError(f"budget: {name} is {value}; set it above 0")
+    if start is not None:
+        _check_start(request.textures, request.codec, start)
+    everything = frozenset(range(grouping.group_count))
+    clean = frozenset() if start is None else frozenset(unchanged_groups(start.grouping, grouping))
+    dirty = everything - clean if request.dirty is None else request.dirty
+    if not dirty:
+        raise InputError("there is no group to train: all are unchanged; name those that are to be trained again")
+    if not dirty <= everything:
+        raise InputError(f"group {max(dirty - everything)}: there are groups 0 to {grouping.group_count - 1} only")
+    missing = everything - clean - dirty
+    if missing:
+        raise InputError(f"group {min(missing)}: has other textures than before, or none; it must be trained too")
+    return replace(request, dirty=dirty)
+
+
+def _check_start(textures: Sequence[SourceTexture], codec: CodecSettings, start: Pack) -> None:
+    where = start.path or start.grouping.name
+    if start.config != codec:
+        raise InputError(f"{where}: was made with another codec; encode from nothing, or with the pack's own codec")
+    known = [(t.pixel_hash, t.width, t.height, t.maps, t.channels, t.color_space, t.wrap) for t in start.textures]
+    given = [(t.pixel_hash, *t.size, t.maps, t.channels, t.color_space, t.wrap) for t in textures]
+    if known != given:
+        raise InputError(f"{where}: does not hold these textures in this size and order; encode from nothing")
+
+
+ProgressListener = Callable[["TrainingProgress"], None]
+EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
+
+
+@dataclass(frozen=True)
+class TrainingProgress:
+    """One report of a training under way."""
+
+    share: float
+    """Of the work done, in [0, 1]; a single large texture moves it."""
+    step: int
+    steps: int
+    """Steps or textures in all, as planned now."""
+    seconds_left: float
+    elapsed_seconds: float
+    """Of training, without pauses."""
+    losses: Mapping[int, float]
+    """By group: mean square error of its textures, colours in [0, 1]. Groups not yet begun are missing."""
+    psnr_db: Mapping[int, float]
+    """By texture: PSNR in dB (`Codec.psnr_title` says of what)."""
+    freezing_scale: float
+    """Of the decoder's updates: 1 free, 0 frozen."""
+    ktexels_per_second: float
+    work: str = "step"
+    """What `step` counts: steps, or textures with what is done to them."""
+    note: str = ""
+    """A line for a log, or nothing."""
+
+    @property
+    def mean_psnr_db(self) -> float:
+        """PSNR in dB of the latest samples of all textures together; 0 before the first step."""
+        summary = PsnrSummary.of(list(self.psnr_db.values()))
+        return 0.0 if summary is None else summary.of_mean_mse_db
+
+
+@dataclass(frozen=True)
+class GroupOutcome:
+    """How a group's training ended. PSNR in dB of the mean square error of its textures' mip 0, over 8-bit values."""
+
+    group: int
+    before_db: float | None
+    """None for a group that did not exist before."""
+    after_db: float
+    """Of the training's result, also where it was not kept."""
+    kept_old: bool = False
+    """Whether the training found nothing better, so that the group is unchanged."""
+
+    def line(self) -> str:
+        """One line about it."""
+        if self.before_db is None:
+            return f"group {self.group}: {self.after_db:.2f} dB"
+        if self.kept_old:
+            return (
+                f"group {self.group}: stays at {self.before_db:.2f} dB; training it again gave {self.after_db:.2f} dB, "
+                "so the old one was kept"
+            )
+        return f"group {self.group}: {self.before_db:.2f} dB before, {self.after_db:.2f} dB now"
+
+
+@dataclass(frozen=True)
+class Ended:
+    """The training is over; its final snapshots were sent before."""
+
+    reason: EndReason
+    outcomes: tuple[GroupOutcome, ...] = ()
+    record: Mapping[str, Any] = field(default_factory=dict)
+    """What the pack records of its training: JSON values only."""
+
+
+class TrainingHost(Protocol):
+    """Runs a training: receives its reports, and may pause or cancel it."""
+
+    def interruption(self) -> None:
+        """Called many times a second; waits while training is paused, and raises TrainingCancelledError to end it."""
+
+    def seconds(self) -> float:
+        """A clock that stands still in pauses."""
+
+    def progress(self, progress: TrainingProgress) -> None:
+        """Takes a report, or drops it."""
+
+    def wants_snapshot(self, group: int) -> bool:
+        """Whether an intermediate snapshot of the group would be taken now."""
+
+    def snapshot(self, snapshot: GroupSnapshot) -> None:
+        """Takes a snapshot; waits for room for a final one."""
