@@ -76,7 +76,7 @@ _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:
-    """What is exported, imported when it is first asked for."""
+    """Return what is exported, imported when it is first asked for."""
     if name not in _MODULES:
         raise AttributeError(f"module 'ntc' has no attribute {name!r}")
     found = getattr(import_module(_MODULES[name]), name)
@@ -85,5 +85,5 @@ def __getattr__(name: str) -> Any:
 
 
 def __dir__() -> list[str]:
-    """The exported names, for completion."""
+    """Return the exported names, for completion."""
     return sorted({*globals(), *__all__})

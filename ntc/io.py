@@ -29,7 +29,7 @@ LARGEST_FILE = 1 << 32
 
 
 def read_file(path: Path, largest: int = LARGEST_FILE) -> bytes:
-    """The bytes of the regular file at `path`, which has at most `largest`.
+    """Return the bytes of the regular file at `path`, which has at most `largest`.
 
     Raises OSError, whose `strerror` says why, for anything that is not a regular file (a pipe would block, a device may
     never end), for longer files, before memory is allocated, and for a file that changes while it is read.
@@ -55,7 +55,7 @@ def _prefix(destination: Path) -> str:
 
 
 def is_partial(path: Path) -> bool:
-    """Whether `path` is named like a file that is being written, or that a killed process left."""
+    """Return whether `path` is named like a file that is being written, or that a killed process left."""
     return path.name.startswith(".") and (path.stem.endswith(PARTIAL_MARK) or path.suffix == PARTIAL_MARK)
 
 
@@ -66,7 +66,7 @@ def hold_lock(handle: int) -> None:
 
 
 def _is_stale(leftover: Path) -> bool:
-    """Whether no process writes `leftover` any more: its writer would hold the lock. Raises OSError without locks."""
+    """Return whether no process writes `leftover` any more: its writer would hold the lock. Raises OSError without locks."""
     if sys.platform == "win32":
         return time.time() - leftover.stat().st_mtime > STALE_SECONDS
     handle = os.open(leftover, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK)
@@ -91,7 +91,7 @@ def _remove_leftovers(destination: Path) -> None:
 
 
 def _make_temporary(destination: Path) -> tuple[int, Path]:
-    """(open and locked file, its path) beside `destination`. Raises OSError."""
+    """Return (open and locked file, its path) beside `destination`. Raises OSError."""
     while True:
         handle, name = tempfile.mkstemp(
             dir=destination.parent, prefix=_prefix(destination), suffix=f"{PARTIAL_MARK}{destination.suffix}"
@@ -183,7 +183,7 @@ def atomic_folder(destination: Path, mark: str) -> Iterator[Path]:
 
 
 def numbered_path(path: Path) -> Path:
-    """`path` where there is no such file, else the same name with the first free number: `view.json`, `view-2.json`."""
+    """Return `path` where there is no such file, else the same name with the first free number: `view.json`, `view-2.json`."""
     number, free = 1, path
     while os.path.lexists(free):
         number += 1
@@ -207,7 +207,7 @@ LENGTH_BYTES = 8
 
 
 def file_metadata(data: bytes) -> Mapping[str, Any]:
-    """The string metadata of a safetensors file that safetensors has accepted; empty where it has none."""
+    """Return the string metadata of a safetensors file that safetensors has accepted; empty where it has none."""
     length = int.from_bytes(data[:LENGTH_BYTES], "little")
     header = json.loads(data[LENGTH_BYTES : LENGTH_BYTES + length])
     return header.get("__metadata__") or {}

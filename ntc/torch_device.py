@@ -8,7 +8,7 @@ from ntc.errors import InputError
 
 
 def choose_device(name: str) -> torch.device:
-    """The torch device for `auto`, `cpu` or `cuda`. Raises InputError for CUDA where torch has none."""
+    """Return the torch device for `auto`, `cpu` or `cuda`. Raises InputError for CUDA where torch has none."""
     if name == "auto":
         return torch.device("cuda" if torch.cuda.is_available() else "cpu")
     if name == "cuda" and not torch.cuda.is_available():
@@ -19,7 +19,7 @@ def choose_device(name: str) -> torch.device:
 
 
 def peak_memory_bytes(device: torch.device) -> int | None:
-    """Most memory that this process has held, of the GPU for CUDA. None where the system does not report it."""
+    """Return the most memory that this process has held, of the GPU for CUDA. None where the system does not report it."""
     if device.type == "cuda":
         return int(torch.cuda.max_memory_allocated(device))
     try:

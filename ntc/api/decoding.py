@@ -46,7 +46,7 @@ def mip_count(pack: Pack, texture: int) -> int:
 
 
 def _checked(pack: Pack, texture: int, level: int) -> int:
-    """`texture`, where the pack has it with a mip `level`. Raises InputError."""
+    """Return the index `texture`, checked: the pack has it with a mip `level`. Raises InputError."""
     if not 0 <= texture < len(pack.textures):
         raise InputError(f"{pack.name}: has no texture {texture}; it has 0 to {len(pack.textures) - 1}")
     own = pack.textures[texture]
@@ -57,7 +57,7 @@ def _checked(pack: Pack, texture: int, level: int) -> int:
 
 
 def decode(pack: Pack, texture: int, level: int = 0, backend: Literal["numpy", "torch"] = "numpy") -> NDArray[np.uint8]:
-    """[h, w, channels] uint8: mip `level` of a texture, in its colour space, the channels of its maps side by side.
+    """Return [h, w, channels] uint8: mip `level` of a texture, in its colour space, the channels of its maps side by side.
 
     `numpy` is the float64 reference, `torch` its float32 twin, which is faster for codec `grid`. Raises InputError for a texture
     or a mip that is not there.
@@ -77,7 +77,8 @@ def decode_maps(pack: Pack, texture: int, level: int = 0) -> dict[MapName, NDArr
 
 
 def decode_to_torch(pack: Pack, texture: int, level: int = 0, device: str = "cpu") -> "torch.Tensor":
-    """[h, w, channels] float32 on `device`, in [0, 1] and in the texture's colour space: mip `level`, without rounding to 8 bits.
+    """Return [h, w, channels] float32 on `device`, in [0, 1] and in the texture's colour space: mip `level`, without rounding to 8
+    bits.
 
     Raises InputError for a texture or a mip that is not there.
     """
@@ -97,7 +98,7 @@ def decode_to_torch(pack: Pack, texture: int, level: int = 0, device: str = "cpu
 def decode_to_moderngl(
     gl: TextureMaker[Uploaded_co], pack: Pack, texture: int, map_name: MapName = "base"
 ) -> Uploaded_co:
-    """A moderngl.Texture made in the context `gl`: one map with all mips of the pack, RGBA of 8 bits a component.
+    """Return a moderngl.Texture made in the context `gl`: one map with all mips of the pack, RGBA of 8 bits a component.
 
     Colours that are sRGB are read as linear ones by shaders. Greys are repeated in red, green and blue, missing alpha is 255, other
     missing components are 0. Row 0 of the image is row 0 of the texture: v = 0, as in glTF. Raises InputError for a texture or a map

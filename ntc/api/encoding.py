@@ -23,7 +23,7 @@ def texture(
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     category: str | None = None,
 ) -> SourceTexture:
-    """A texture to encode, of `pixels` [H, W, C] uint8, 0 to 255, C from 1 to 4; row 0 is at v = 0, as in glTF.
+    """Return a texture to encode, of `pixels` [H, W, C] uint8, 0 to 255, C from 1 to 4; row 0 is at v = 0, as in glTF.
 
     `color_space` says what the numbers are; PSNR is over them as they are. `category` is what the grouping `category` goes by. Raises
     InputError for another type or shape.
@@ -39,7 +39,7 @@ def material(
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     category: str | None = None,
 ) -> SourceTexture:
-    """The maps of a material as one texture to encode, each [H, W, C] uint8 of the same size.
+    """Return the maps of a material as one texture to encode, each [H, W, C] uint8 of the same size.
 
     `base` and `emissive` are sRGB, [H, W, 3] (`base` up to 4, coverage last); `normal` is x and y as (n + 1) / 2, [H, W, 2]; all
     others are linear, [H, W, 1]. Raises InputError for maps that do not fit.

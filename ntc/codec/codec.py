@@ -25,7 +25,8 @@ class TorchTwin(Protocol):
     """Decodes the textures of one pack with torch, in float32 (`ntc.codec.torch_texels.TorchTexels`)."""
 
     def texels(self, texture_index: int, at: Any, lod: Any, wrap: tuple[WrapMode, WrapMode]) -> Any:
-        """[N, channels] float32 tensor in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N]: tensors on its device."""
+        """Return [N, channels] float32 tensor in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N]: tensors on its
+        device."""
 
     def decode_texels(
         self,
@@ -34,10 +35,10 @@ class TorchTwin(Protocol):
         lod: NDArray[Any],
         wrap: tuple[WrapMode, WrapMode] | None = None,
     ) -> NDArray[np.float32]:
-        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]."""
+        """Return [N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]."""
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
-        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+        """Return [h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +74,7 @@ class CertifiedError:
     largest_sum: float
     """Largest magnitude of any sum on the way."""
     overflows: bool
-    """Whether a number may leave the range of the format it is kept in."""
+    """True if a number may leave the range of the format it is kept in."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +104,7 @@ class Codec(ABC):
     uncertified: ClassVar[str] = "certified bounds of the error: the codec has none"
     """What `info` says where there are no `certified_errors`."""
     trains: ClassVar[bool]
-    """Whether textures are trained in steps, by a recipe, while losses fall; else they are encoded one by one."""
+    """True if textures are trained in steps, by a recipe, while losses fall; else they are encoded one by one."""
     default_target: ClassVar[BitsTarget | None] = None
     """What textures are encoded to where no target is asked for. None: the codec takes no target."""
     default_maps: ClassVar[Literal["all", "base"]] = "base"
@@ -117,43 +118,45 @@ class Codec(ABC):
 
     @abstractmethod
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
-        """Type and shape of every tensor of a texture of `width` x `height` texels."""
+        """Return the type and shape of every tensor of a texture of `width` x `height` texels."""
 
     @abstractmethod
     def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
-        """Type and shape of every tensor of a decoder."""
+        """Return the type and shape of every tensor of a decoder."""
 
     @abstractmethod
     def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        """The tensors of a texture, contiguous."""
+        """Return the tensors of a texture, contiguous."""
 
     @abstractmethod
     def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        """The tensors of a decoder, contiguous."""
+        """Return the tensors of a decoder, contiguous."""
 
     @abstractmethod
     def read_texture(self, tensors: Tensors, known: Mapping[str, Any], settings: CodecSettings) -> EncodedTexture:
-        """The texture of these tensors, which have the expected shapes and are finite; `known` are the fields of EncodedTexture.
+        """Return the texture of these tensors, which have the expected shapes and are finite; `known` are the fields of
+        EncodedTexture.
 
         Raises ValueError, which names the tensor, for what no encoder writes.
         """
 
     @abstractmethod
     def read_decoder(self, tensors: Tensors, settings: CodecSettings) -> Decoder:
-        """The decoder of these tensors, as `read_texture` reads a texture."""
+        """Return the decoder of these tensors, as `read_texture` reads a texture."""
 
     def shipped_decoder(self, decoders: int, parameters: Mapping[str, Any], settings: CodecSettings) -> Decoder:
-        """The decoder of a grouping `universal` of so many decoders with these parameters. Raises ValueError where none ships."""
+        """Return the decoder of a grouping `universal` of so many decoders with these parameters. Raises ValueError where none
+        ships."""
         del decoders, parameters
         raise ValueError(f"grouping {UNIVERSAL}: no decoder of codec {settings.kind} ships with the program")
 
     @abstractmethod
     def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
-        """Bytes that a texture takes in a file, names and header left out."""
+        """Return the bytes that a texture takes in a file, names and header left out."""
 
     @abstractmethod
     def decoder_bytes(self, decoder: Decoder, settings: CodecSettings) -> int:
-        """Bytes that a decoder takes in a file."""
+        """Return the bytes that a decoder takes in a file."""
 
     # Decoding.
 
@@ -166,10 +169,10 @@ class Codec(ABC):
         lod: NDArray[np.float64],
         wrap: tuple[WrapMode, WrapMode],
     ) -> NDArray[np.float64]:
-        """[N, output_channels] float64, not clamped, at `uv` [N, 2] and `lod` [N]: the slow twin of every other decoder."""
+        """Return [N, output_channels] float64, not clamped, at `uv` [N, 2] and `lod` [N]: the slow twin of every other decoder."""
 
     def reference_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8] | None:
-        """[h, w, channels] uint8 of mip `level`, where the codec has a faster way than texel by texel; else None."""
+        """Return [h, w, channels] uint8 of mip `level`, where the codec has a faster way than texel by texel; else None."""
         del pack, texture_index, level
         return None
 
@@ -180,23 +183,23 @@ class Codec(ABC):
         device: str,
         interruption: Callable[[], None] = lambda: None,
     ) -> TorchTwin:
-        """What decodes `pack` with torch in float32. `interruption` is called before each piece of an image; what it raises ends the
-        decode."""
+        """Return what decodes `pack` with torch in float32. `interruption` is called before each piece of an image; what it raises
+        ends the decode."""
 
     # Precision.
 
     def stored_pack(self, pack: Pack, precision: Precision) -> Pack:
-        """What of `pack` is stored for decoding in `precision`, before numbers are rounded to halves."""
+        """Return what of `pack` is stored for decoding in `precision`, before numbers are rounded to halves."""
         del precision
         return pack
 
     def chosen_precision(self, pack: Pack, fastest_first: Sequence[Precision]) -> ChosenPrecision:
-        """The first of these precisions whose error changes an 8-bit value by one step at most, or fp32."""
+        """Return the first of these precisions whose error changes an 8-bit value by one step at most, or fp32."""
         del fastest_first
         return ChosenPrecision("fp32", f"codec {pack.config.kind} decodes in fp32 at every precision")
 
     def certified_errors(self, pack: Pack) -> Mapping[Precision, CertifiedError]:
-        """Bounds of the error by precision, from the pack alone: the same on every machine. Empty where there are none."""
+        """Return the bounds of the error by precision, from the pack alone: the same on every machine. Empty where there are none."""
         del pack
         return {}
 
@@ -204,17 +207,17 @@ class Codec(ABC):
 
     @abstractmethod
     def gpu_tables(self, settings: CodecSettings, precision: Precision = "fp32") -> GpuTables:
-        """What shaders read of packs with these settings, and the GLSL that reads it."""
+        """Return what shaders read of packs with these settings, and the GLSL that reads it."""
 
     # Encoding.
 
     @abstractmethod
     def refusals(self, choices: EncodingChoices) -> list[str]:
-        """Lines about choices of the user that the codec does not have; empty: it can do what is asked for."""
+        """Return lines about choices of the user that the codec does not have; empty: it can do what is asked for."""
 
     @abstractmethod
     def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
-        """The settings that such textures are encoded with. Raises InputError for a target out of reach."""
+        """Return the settings that such textures are encoded with. Raises InputError for a target out of reach."""
 
     @abstractmethod
     def options_for(self, choices: EncodingChoices) -> EncodingOptions:
@@ -230,16 +233,16 @@ class Codec(ABC):
 
     @abstractmethod
     def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
-        """What of `options` decides about the numbers of an encoding: JSON values."""
+        """Return what of `options` decides about the numbers of an encoding: JSON values."""
 
     @abstractmethod
     def encoder(self, task: EncodingTask) -> Encoder:
-        """The work of an encoding. Raises InputError for a device that is missing."""
+        """Return the work of an encoding. Raises InputError for a device that is missing."""
 
     @abstractmethod
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
-        """A pack that is shown until the first snapshots: flat colours. Latents have their largest size, so that what comes fits into
-        as much memory."""
+        """Return a pack that is shown until the first snapshots: flat colours. Latents have their largest size, so that what comes
+        fits into as much memory."""
 
     def encode_with_decoders(
         self, textures: Sequence[SourceTexture], packs: Sequence[Pack], decoders: int
@@ -255,23 +258,23 @@ class Codec(ABC):
     # What people read.
 
     def settings_json(self, settings: CodecSettings) -> dict[str, Any]:
-        """What reports tell of the settings besides their fields."""
+        """Return what reports tell of the settings besides their fields."""
         del settings
         return {}
 
     def settings_lines(self, settings: CodecSettings) -> list[str]:
-        """Lines about the settings for a terminal."""
+        """Return lines about the settings for a terminal."""
         del settings
         return []
 
     def decoder_text(self, settings: CodecSettings) -> str:
-        """The shape of decoders, as text that follows their number."""
+        """Return the shape of decoders, as text that follows their number."""
         del settings
         return ""
 
 
 def texture_fields(source: SourceTexture, group: int) -> dict[str, Any]:
-    """The fields that `EncodedTexture` has of `source` in `group`; its quality is not yet known."""
+    """Return the fields that `EncodedTexture` has of `source` in `group`; its quality is not yet known."""
     width, height = source.size
     return {
         "name": source.name,

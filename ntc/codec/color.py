@@ -19,7 +19,7 @@ def linear_to_srgb(linear: Floats) -> Floats:
 
 
 def srgb8_to_linear_table() -> NDArray[np.float32]:
-    """[256] float32: linear light of every 8-bit sRGB value."""
+    """Return [256] float32: linear light of every 8-bit sRGB value."""
     return srgb_to_linear(np.arange(256, dtype=np.float64) / 255.0).astype(np.float32)
 
 
@@ -35,7 +35,7 @@ def alpha_channel(channels: int) -> int | None:
 
 
 def to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.float32]:
-    """[H, W, C] float32 linear light in [0, 1] of `pixels` [H, W, C] uint8."""
+    """Return [H, W, C] float32 linear light in [0, 1] of `pixels` [H, W, C] uint8."""
     if color_space == "linear":
         return pixels.astype(np.float32) / np.float32(255.0)
     linear = srgb8_to_linear_table()[pixels]
@@ -46,7 +46,7 @@ def to_linear(pixels: NDArray[np.uint8], color_space: ColorSpace) -> NDArray[np.
 
 
 def to_8bit(linear: NDArray[np.float32], color_space: ColorSpace) -> NDArray[np.uint8]:
-    """[H, W, C] uint8 in `color_space` of `linear` [H, W, C] float32 linear light, clamped to [0, 1], rounded to nearest."""
+    """Return [H, W, C] uint8 in `color_space` of `linear` [H, W, C] float32 linear light, clamped to [0, 1], rounded to nearest."""
     if color_space == "linear":
         return np.asarray(np.rint(np.clip(linear, 0.0, 1.0) * 255.0), np.uint8)
     coded = linear_to_srgb8(linear)

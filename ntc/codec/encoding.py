@@ -68,7 +68,7 @@ Target = BitsTarget | SizeTarget | QualityTarget
 
 
 def given_target(target: Target | None) -> dict[str, str]:
-    """The option that asks for `target`, and its value; empty for none."""
+    """Return the option that asks for `target`, and its value; empty for none."""
     if target is None:
         return {}
     if isinstance(target, BitsTarget):
@@ -121,13 +121,13 @@ class TextureSet:
 def texture_set(
     textures: Sequence[SourceTexture], groups: int, levels: int | None = None, header_bytes: int = 0
 ) -> TextureSet:
-    """What of `textures` in so many groups decides about bits; `levels` is the most encoded mips, None: all."""
+    """Return what of `textures` in so many groups decides about bits; `levels` is the most encoded mips, None: all."""
     maps, channels = joint_maps((texture.maps, texture.channels) for texture in textures)
     return TextureSet([texture.size for texture in textures], groups, channels, levels, maps, header_bytes)
 
 
 def file_header_bytes(textures: Sequence[SourceTexture], grouping: Grouping) -> int:
-    """Bytes of a pack's file at most that are neither codes nor tables."""
+    """Return the bytes of a pack's file at most that are neither codes nor tables."""
     texts = [json.dumps([texture.name, texture.category]) for texture in textures]
     texts.append(json.dumps(dict(grouping.parameters)))
     fixed = HEADER_BYTES + TEXTURE_HEADER_BYTES * len(textures) + DECODER_HEADER_BYTES * grouping.stored_decoders
@@ -136,7 +136,7 @@ def file_header_bytes(textures: Sequence[SourceTexture], grouping: Grouping) -> 
 
 
 def common_channels(channels: int) -> int:
-    """Channels with which base colours of `channels` channels are encoded where many share settings: 3, or 4 with alpha."""
+    """Return the channels with which base colours of `channels` channels are encoded where many share settings: 3, or 4 with alpha."""
     return 3 if channels <= 3 else 4
 
 
@@ -218,7 +218,7 @@ class Piece:
     groups: tuple[int, ...] = ()
     """Groups under way whose intermediate state may be shown."""
     is_first: bool = False
-    """Whether they look like something for the first time."""
+    """True if the groups are worth a first snapshot."""
     ended: tuple[int, ...] = ()
     """Groups that are finished with this piece."""
     note: str = ""
@@ -275,17 +275,17 @@ class Encoder(ABC):
 
     @abstractmethod
     def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:
-        """Groups as they are now; textures have a PSNR where it is known already."""
+        """Yield groups as they are now; textures have a PSNR where it is known already."""
 
     @abstractmethod
     def measured(
         self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
     ) -> tuple[EncodedTexture, ...]:
-        """`textures` under `decoder`, with the quality of their mip 0 against the originals, which are the task's `members`."""
+        """Return `textures` under `decoder`, with the quality of their mip 0 against the originals, which are the task's `members`."""
 
     @abstractmethod
     def record(self) -> dict[str, Any]:
-        """What a pack records of its encoding: JSON values."""
+        """Return what a pack records of its encoding: JSON values."""
 
     # Keeping an encoding that was stopped; only codecs that train for long do that.
 

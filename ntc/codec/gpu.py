@@ -138,11 +138,11 @@ class GpuTables(ABC):
     row_words: int = 1
     """32-bit words of a row of latents."""
     shares_decoders: ClassVar[bool] = False
-    """Whether the codec's GLSL has `run_decoders`, which decodes several pixels of one decoder at once."""
+    """True if the codec's GLSL has `run_decoders`, which decodes several pixels of one decoder at once."""
     decodes_quads: ClassVar[bool] = False
-    """Whether the codec's GLSL has `block_texels`, which decodes four texels of a block at once."""
+    """True if the codec's GLSL has `block_texels`, which decodes four texels of a block at once."""
     filters_texels: ClassVar[bool] = True
-    """Whether a lookup blends decoded texels; else it blends latents, and decodes once."""
+    """True if a lookup blends decoded texels; else it blends latents, and decodes once."""
 
     def __init__(self, settings: CodecSettings) -> None:
         self.settings = settings
@@ -155,20 +155,20 @@ class GpuTables(ABC):
     # What is uploaded.
 
     def shared_data(self) -> bytes:
-        """The blocks that all decoders share."""
+        """Return the blocks that all decoders share."""
         return b""
 
     @abstractmethod
     def decoder_data(self, decoder: Decoder) -> bytes:
-        """The blocks of one decoder."""
+        """Return the blocks of one decoder."""
 
     def adapter_data(self, texture: EncodedTexture) -> bytes:
-        """The blocks of a texture's adapter."""
+        """Return the blocks of a texture's adapter."""
         del texture
         return b""
 
     def all_data(self, pack: Pack, textures: Sequence[EncodedTexture]) -> bytes:
-        """All blocks of `pack` for those of its textures that are used."""
+        """Return all blocks of `pack` for those of its textures that are used."""
         decoders = map(self.decoder_data, pack.decoders)
         data = b"".join([self.shared_data(), *decoders, *map(self.adapter_data, textures)])
         return data or bytes(self.block_bytes)
@@ -209,10 +209,10 @@ class GpuTables(ABC):
 
     @abstractmethod
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:
-        """[rows, row_words] uint32: rows of the texture's latents."""
+        """Return [rows, row_words] uint32: rows of the texture's latents."""
 
     def shape_text(self) -> str:
-        """What the time of a decode depends on, in words: times that are measured for one pack serve all of the same shape."""
+        """Return what the time of a decode depends on, in words: times that are measured for one pack serve all of the same shape."""
         return self.settings.kind
 
     # GLSL.
@@ -224,10 +224,10 @@ class GpuTables(ABC):
 
     @abstractmethod
     def defines(self) -> list[str]:
-        """Lines of GLSL with the codec's settings, for `generated/codec.glsl`."""
+        """Return lines of GLSL with the codec's settings, for `generated/codec.glsl`."""
 
     def includes(self, variant: DecoderVariant) -> dict[str, str]:
-        """The generated includes of the decoding shaders, by name."""
+        """Return the generated includes of the decoding shaders, by name."""
         lines = [
             "// Generated for the settings of one codec.",
             f"#define SHARES_DECODERS {int(self.shares_decoders)}",
@@ -247,7 +247,7 @@ class GpuTables(ABC):
 
 
 def level_records(pyramid: Sequence[LatentLevel]) -> NDArray[np.void]:
-    """[levels] LEVEL_RECORD of one texture; `first_cell` is left 0."""
+    """Return [levels] LEVEL_RECORD of one texture; `first_cell` is left 0."""
     records = np.zeros(len(pyramid), LEVEL_RECORD)
     for record, level in zip(records, pyramid, strict=True):
         record["width"], record["height"] = level.width, level.height
@@ -256,7 +256,7 @@ def level_records(pyramid: Sequence[LatentLevel]) -> NDArray[np.void]:
 
 
 def glsl_struct(name: str, record: np.dtype, nested: Mapping[np.dtype, str] | None = None) -> str:
-    """The GLSL struct that has the layout of `record` under std430; `nested` names the structs of records in it."""
+    """Return the GLSL struct that has the layout of `record` under std430; `nested` names the structs of records in it."""
     lines = [f"struct {name} {{"]
     for field in record.names or ():
         kind = record[field]
@@ -273,12 +273,12 @@ def glsl_struct(name: str, record: np.dtype, nested: Mapping[np.dtype, str] | No
 
 
 def glsl_codes(*enumerations: tuple[type[IntEnum], str]) -> list[str]:
-    """A define for each member of (enumeration, prefix)."""
+    """Return a define for each member of (enumeration, prefix)."""
     return [f"#define {prefix}{member.name} {member.value}" for codes, prefix in enumerations for member in codes]
 
 
 def decoding_layout_glsl() -> str:
-    """The include `generated/decoding.glsl`: what decoding shaders of every codec read, with or without a scene."""
+    """Return the include `generated/decoding.glsl`: what decoding shaders of every codec read, with or without a scene."""
     lines = [
         "// Generated from ntc/codec/gpu.py.",
         *glsl_codes(
@@ -295,8 +295,8 @@ def decoding_layout_glsl() -> str:
 
 
 def by_plane(settings: CodecSettings, lines: Callable[[int, Mapping[int, int]], list[str]]) -> list[str]:
-    """GLSL that differs from plane to plane: `lines` gets the plane's number among those of the codec, and the channel of each of its
-    components."""
+    """Return GLSL that differs from plane to plane: `lines` gets the plane's number among those of the codec, and the channel of each
+    of its components."""
     found = []
     for place, (plane, channels) in enumerate(plane_channels(settings.maps, settings.output_channels).items()):
         found += [f"#{'elif' if place else 'if'} PLANE == {PLANES.index(plane)}", *lines(place, channels)]

@@ -42,7 +42,7 @@ class LatentLevel:
 
 
 def latent_levels(width: int, height: int, config: PyramidShape) -> tuple[LatentLevel, ...]:
-    """Levels of the latent pyramid of a `width` x `height` texel texture, finest first; never empty.
+    """Return the levels of the latent pyramid of a `width` x `height` texel texture, finest first; never empty.
 
     Level l encodes texture mip l, of max(1, side >> l) texels, with ceil(side / downscale) cells a side.
     """
@@ -59,5 +59,5 @@ def latent_levels(width: int, height: int, config: PyramidShape) -> tuple[Latent
 
 
 def latent_cell_count(width: int, height: int, config: PyramidShape) -> int:
-    """Cells of all levels together: the rows of a texture's flat latent array."""
+    """Return cells of all levels together: the rows of a texture's flat latent array."""
     return sum(level.cells for level in latent_levels(width, height, config))

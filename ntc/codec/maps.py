@@ -44,7 +44,7 @@ LARGEST_CHANNELS: Final = 12
 
 
 def ordered_maps(maps: Sequence[MapName]) -> bool:
-    """Whether `maps` are some of MAPS, each once, in their order."""
+    """Return whether `maps` are some of MAPS, each once, in their order."""
     return bool(maps) and list(maps) == [name for name in MAPS if name in maps]
 
 
@@ -81,7 +81,7 @@ def plane_channels(maps: Sequence[MapName], channels: int) -> dict[Plane, dict[i
 
 
 def maps_fit(maps: Sequence[MapName], channels: int) -> bool:
-    """Whether a texture of `channels` channels can have `maps`."""
+    """Return whether a texture of `channels` channels can have `maps`."""
     try:
         map_slices(maps, channels)
     except ValueError:
@@ -108,7 +108,8 @@ def channel_places(
 
 
 def joint_maps(kinds: Iterable[tuple[Sequence[MapName], int]]) -> tuple[tuple[MapName, ...], int]:
-    """(maps, channels) of a codec for textures of these maps and channels: all maps that any of them has, and the largest base."""
+    """Return (maps, channels) of a codec for textures of these maps and channels: all maps that any of them has, and the largest
+    base."""
     counts: dict[MapName, int] = {}
     for maps, channels in kinds:
         for name, place in map_slices(maps, channels).items():
@@ -137,7 +138,7 @@ class MapWeights:
                 raise ValueError(f"map_weights.{field.name} = {getattr(self, field.name)!r} is out of range")
 
     def of_channels(self, maps: Sequence[MapName], channels: int) -> NDArray[np.float64]:
-        """[channels] float64 of a texture of `maps`: their mean is 1."""
+        """Return [channels] float64 of a texture of `maps`: their mean is 1."""
         found = np.ones(channels)
         for name, place in map_slices(maps, channels).items():
             found[place] = getattr(self, name)

@@ -17,7 +17,7 @@ LEAST_LENGTH = 1e-6
 
 
 def mip_sizes(width: int, height: int) -> list[tuple[int, int]]:
-    """(width, height) in texels of all mips of a texture, down to 1x1 texel."""
+    """Return (width, height) in texels of all mips of a texture, down to 1x1 texel."""
     return [(max(1, width >> level), max(1, height >> level)) for level in range(max(width, height).bit_length())]
 
 
@@ -45,13 +45,13 @@ def _resample_axis(image: NDArray[np.float32], size: int) -> NDArray[np.float32]
 
 
 def box_resize(linear: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """[height, width, C] float32: area-weighted reduction of `linear` [H, W, C], numbers in linear light."""
+    """Return [height, width, C] float32: area-weighted reduction of `linear` [H, W, C], numbers in linear light."""
     narrow = _resample_axis(linear.transpose(1, 0, 2), width).transpose(1, 0, 2)
     return np.ascontiguousarray(_resample_axis(narrow, height))
 
 
 def normal_vectors(coded: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """[H, W, 3] float32: tangent-space normals of their xy `coded` [H, W, 2] uint8 as (n + 1) / 2; z is what is left of a unit
+    """Return [H, W, 3] float32: tangent-space normals of their xy `coded` [H, W, 2] uint8 as (n + 1) / 2; z is what is left of a unit
     vector, never below 0. They are longer than 1 where x and y already are."""
     xy = coded.astype(np.float32) * np.float32(2.0 / 255.0) - np.float32(1.0)
     z = np.sqrt(np.maximum(np.float32(1.0) - np.square(xy).sum(-1, keepdims=True), np.float32(0.0)))
@@ -59,12 +59,12 @@ def normal_vectors(coded: NDArray[np.uint8]) -> NDArray[np.float32]:
 
 
 def coded_z(coded: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[H, W, 1] uint8: z of the normals whose xy are `coded` [H, W, 2] uint8, as (n + 1) / 2."""
+    """Return [H, W, 1] uint8: z of the normals whose xy are `coded` [H, W, 2] uint8, as (n + 1) / 2."""
     return np.asarray(np.rint((normal_vectors(coded)[..., 2:] * 0.5 + 0.5) * 255.0), np.uint8)
 
 
 def coded_normals(vectors: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """[H, W, 2] uint8: xy of `vectors` [H, W, 3] made unit vectors, as (n + 1) / 2; straight up where they have no length."""
+    """Return [H, W, 2] uint8: xy of `vectors` [H, W, 3] made unit vectors, as (n + 1) / 2; straight up where they have no length."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     xy = np.where(lengths > LEAST_LENGTH, vectors[..., :2] / np.maximum(lengths, np.float32(LEAST_LENGTH)), 0.0)
     return np.asarray(np.rint(np.clip(xy * 0.5 + 0.5, 0.0, 1.0) * 255.0), np.uint8)
@@ -73,7 +73,7 @@ def coded_normals(vectors: NDArray[np.float32]) -> NDArray[np.uint8]:
 def filterable(
     pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName] = BASE_ALONE
 ) -> NDArray[np.float32]:
-    """[H, W, C or C + 1] float32: what is averaged where `pixels` [H, W, C] of `maps` are filtered: linear light, normals as
+    """Return [H, W, C or C + 1] float32: what is averaged where `pixels` [H, W, C] of `maps` are filtered: linear light, normals as
     vectors of three numbers, linear maps in [0, 1]. `color_space` is that of the base."""
     if tuple(maps) == BASE_ALONE:
         return to_linear(pixels, color_space)
@@ -87,7 +87,7 @@ def filterable(
 def coded(
     filtered: NDArray[np.float32], color_space: ColorSpace, maps: Sequence[MapName] = BASE_ALONE
 ) -> NDArray[np.uint8]:
-    """[H, W, C] uint8: the inverse of `filterable`, rounded to nearest."""
+    """Return [H, W, C] uint8: the inverse of `filterable`, rounded to nearest."""
     if tuple(maps) == BASE_ALONE:
         return to_8bit(filtered, color_space)
     extra = "normal" in maps
@@ -117,7 +117,7 @@ def srgb_channels(maps: Sequence[MapName], channels: int, color_space: ColorSpac
 def hardware_filtered(
     pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName]
 ) -> NDArray[np.float32]:
-    """[H, W, C] float32 in [0, 1]: what hardware blends between texels of a mip: linear light, all else as it is stored."""
+    """Return [H, W, C] float32 in [0, 1]: what hardware blends between texels of a mip: linear light, all else as it is stored."""
     table = srgb8_to_linear_table()
     coded = srgb_channels(maps, pixels.shape[2], color_space)
     return np.where(coded, table[pixels], pixels / np.float32(255.0))
@@ -126,7 +126,7 @@ def hardware_filtered(
 def mip_chain(
     pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName] = BASE_ALONE
 ) -> tuple[NDArray[np.uint8], ...]:
-    """All mips of `pixels` [H, W, C] uint8 of `maps`, down to 1x1 texel: mip l is [max(1, H >> l), max(1, W >> l), C] uint8.
+    """Return all mips of `pixels` [H, W, C] uint8 of `maps`, down to 1x1 texel: mip l is [max(1, H >> l), max(1, W >> l), C] uint8.
 
     Filtered from the unrounded mip above (`filterable`), then coded again; `color_space` is that of the base.
     """
@@ -146,5 +146,5 @@ def resize_to(
     color_space: ColorSpace,
     maps: Sequence[MapName] = BASE_ALONE,
 ) -> NDArray[np.uint8]:
-    """[height, width, C] uint8: `pixels` of `maps` reduced by an area-weighted box filter, as `mip_chain` filters."""
+    """Return [height, width, C] uint8: `pixels` of `maps` reduced by an area-weighted box filter, as `mip_chain` filters."""
     return coded(box_resize(filterable(pixels, color_space, maps), width, height), color_space, maps)

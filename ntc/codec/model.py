@@ -67,7 +67,7 @@ class EncodedTexture:
     """Of a material set with normals: mean and 95th percentile of the angle in degrees between decoded and original ones."""
 
     def places(self, config: CodecSettings) -> list[int]:
-        """Which of the decoder's outputs stands for each channel. Raises ValueError for maps that the codec lacks."""
+        """Return which of the decoder's outputs stands for each channel. Raises ValueError for maps that the codec lacks."""
         return list(channel_places(self.maps, self.channels, config.maps, config.output_channels))
 
 
@@ -87,7 +87,7 @@ class Grouping:
 
     @classmethod
     def of_labels(cls, name: str, labels: Sequence[Hashable], parameters: Mapping[str, Any]) -> "Grouping":
-        """Textures with equal labels share a group; groups are numbered by their first texture, whatever the labels are."""
+        """Return a grouping in which textures with equal labels share a group; groups are numbered by their first texture."""
         numbers = {label: number for number, label in enumerate(dict.fromkeys(labels))}
         return cls(name, tuple(numbers[label] for label in labels), parameters)
 
@@ -102,7 +102,7 @@ class Grouping:
         return 0 if self.name == UNIVERSAL else self.group_count
 
     def members(self, group: int) -> tuple[int, ...]:
-        """Indices of the textures in a group, in ascending order."""
+        """Return the indices of the textures in a group, in ascending order."""
         return tuple(index for index, number in enumerate(self.groups) if number == group)
 
 

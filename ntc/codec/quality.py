@@ -15,33 +15,33 @@ from ntc.errors import InputError
 
 
 def finite_or_none(value: float | None) -> float | None:
-    """`value`, or None where JSON cannot hold it: the PSNR of equal images is infinite."""
+    """Return `value`, or None where JSON cannot hold it: the PSNR of equal images is infinite."""
     return value if value is not None and math.isfinite(value) else None
 
 
 def mean_square_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
-    """Mean of squared differences, in units of 8-bit steps squared. `a` and `b` have one shape."""
+    """Return the mean of squared differences, in units of 8-bit steps squared. `a` and `b` have one shape."""
     difference = a.astype(np.float64) - b.astype(np.float64)
     return float(np.mean(difference * difference)) if difference.size else 0.0
 
 
 def psnr_of_mse(mean_square: float) -> float:
-    """PSNR in dB of a mean square error in 8-bit steps squared; infinity for 0."""
+    """Return the PSNR in dB of a mean square error in 8-bit steps squared; infinity for 0."""
     return math.inf if mean_square <= 0.0 else 10.0 * math.log10(255.0**2 / mean_square)
 
 
 def mse_of_psnr(psnr: float) -> float:
-    """Mean square error in 8-bit steps squared of a PSNR in dB; 0 for infinity."""
+    """Return the mean square error in 8-bit steps squared of a PSNR in dB; 0 for infinity."""
     return float(255.0**2 * 10.0 ** (-psnr / 10.0))
 
 
 def psnr_db(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
-    """PSNR in dB over 8-bit values (for pictures: sRGB RGB) of two arrays of one shape; infinity when equal."""
+    """Return the PSNR in dB over 8-bit values (for pictures: sRGB RGB) of two arrays of one shape; infinity when equal."""
     return psnr_of_mse(mean_square_error(a, b))
 
 
 def worst_share_db(psnrs_db: Sequence[float], share: float = 0.05) -> float:
-    """Mean of the lowest `share` in (0, 1] of per-texture PSNRs in dB, their number rounded up, so at least one.
+    """Return the mean of the lowest `share` in (0, 1] of per-texture PSNRs in dB, their number rounded up, so at least one.
 
     Infinite when one of them is. Raises InputError for no PSNR, one that is not a number, and another `share`.
     """
@@ -87,8 +87,8 @@ HIGH_PERCENTILE = 95.0
 
 
 def normal_angles(coded: NDArray[np.uint8], others: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """[H, W] float64 degrees between the normals of two pictures [H, W, 2] uint8 of their xy, as shading reads them: z rebuilt, then
-    made unit vectors."""
+    """Return [H, W] float64 degrees between the normals of two pictures [H, W, 2] uint8 of their xy, as shading reads them: z rebuilt,
+    then made unit vectors."""
     first, second = (_unit(normal_vectors(each).astype(np.float64)) for each in (coded, others))
     # By both: the cosine alone has no digits left for small angles.
     sines = np.linalg.norm(np.cross(first, second), axis=-1)
@@ -100,13 +100,14 @@ def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def map_psnr_db(maps: Sequence[MapName], decoded: NDArray[np.uint8], pixels: NDArray[np.uint8]) -> tuple[float, ...]:
-    """PSNR in dB over 8-bit values of each of `maps` of `decoded` [H, W, C] against `pixels`; infinity where they are equal."""
+    """Return the PSNR in dB over 8-bit values of each of `maps` of `decoded` [H, W, C] against `pixels`; infinity where they are
+    equal."""
     places = map_slices(maps, pixels.shape[2]).values()
     return tuple(psnr_db(decoded[..., place], pixels[..., place]) for place in places)
 
 
 def measured_texture(texture: Texture, decoded: NDArray[np.uint8], pixels: NDArray[np.uint8]) -> Texture:
-    """`texture` with the quality of its mip 0, `decoded` [H, W, C], against the original's `pixels`."""
+    """Return `texture` with the quality of its mip 0, `decoded` [H, W, C], against the original's `pixels`."""
     found = replace(texture, psnr_db=psnr_db(decoded, pixels))
     if texture.maps == BASE_ALONE:
         return found

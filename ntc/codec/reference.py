@@ -21,7 +21,7 @@ TEXELS_AT_ONCE = 1 << 16
 def decode_texels(
     pack: Pack, texture_index: int, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode] | None = None
 ) -> Array:
-    """[N, channels] float64 in [0, 1], in the texture's colour space, at `uv` [N, 2] and `lod` [N].
+    """Return [N, channels] float64 in [0, 1], in the texture's colour space, at `uv` [N, 2] and `lod` [N].
 
     `wrap` None takes the texture's own modes.
     """
@@ -36,13 +36,14 @@ def decode_texels(
 
 
 def texel_centres(width: int, height: int) -> Array:
-    """[height * width, 2] float64 texture coordinates of all texel centres, row by row."""
+    """Return [height * width, 2] float64 texture coordinates of all texel centres, row by row."""
     u, v = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
     return np.stack([np.tile(u, height), np.repeat(v, width)], axis=-1)
 
 
 def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDecoder) -> NDArray[np.uint8]:
-    """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, which `decode` gives at its texel centres."""
+    """Return [h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, which `decode` gives at its texel
+    centres."""
     texture = pack.textures[texture_index]
     geometry = latent_levels(texture.width, texture.height, pack.config)[level]
     uv = texel_centres(geometry.texel_width, geometry.texel_height)
@@ -51,6 +52,6 @@ def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDec
 
 
 def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
-    """[h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, decoded at its texel centres."""
+    """Return [h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, decoded at its texel centres."""
     image = codec_of(pack.config).reference_image(pack, texture_index, level)
     return image if image is not None else image_of_texels(pack, texture_index, level, partial(decode_texels, pack))

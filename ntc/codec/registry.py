@@ -23,13 +23,13 @@ MODULES: Final[dict[str, str]] = {name: f"ntc.codec.{name}.codec" for name in ge
 
 @cache
 def codec_named(name: str) -> Codec:
-    """The codec of that name. Raises KeyError where there is none."""
+    """Return the codec of that name. Raises KeyError where there is none."""
     found: Codec = import_module(MODULES[name]).CODEC
     return found
 
 
 def chosen_codec(choices: EncodingChoices) -> str:
-    """The first codec that can do what is asked for. Where none can: the last of those that refuse least, which says why."""
+    """Return the first codec that can do what is asked for. Where none can: the last of those that refuse least, which says why."""
     refusals: dict[str, int] = {}
     for name in MODULES:
         refusals[name] = len(codec_named(name).refusals(choices))
@@ -39,10 +39,10 @@ def chosen_codec(choices: EncodingChoices) -> str:
 
 
 def shipping_codec() -> str:
-    """The codec of which a decoder ships with the program (grouping `universal`)."""
+    """Return the codec of which a decoder ships with the program (grouping `universal`)."""
     return next(name for name in MODULES if codec_named(name).shipped)
 
 
 def codec_of(settings: CodecSettings) -> Codec:
-    """The codec that `settings` belong to."""
+    """Return the codec that `settings` belong to."""
     return codec_named(settings.kind)

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 def wrap_coordinate(coordinate: Array, mode: WrapMode) -> Array:
-    """Texture coordinates [N] wrapped into [0, 1]."""
+    """Return texture coordinates [N] wrapped into [0, 1]."""
     if mode == "repeat":
         return coordinate - np.floor(coordinate)
     if mode == "clamp":
@@ -31,7 +31,7 @@ def bilinear(
     uv: Array,
     wrap: tuple[WrapMode, WrapMode],
 ) -> Array:
-    """[N, K] at wrapped `uv` [N, 2] of a grid of `size` (along u, along v), whose values `fetch` gives by column and row."""
+    """Return [N, K] at wrapped `uv` [N, 2] of a grid of `size` (along u, along v), whose values `fetch` gives by column and row."""
     x, y = uv[:, 0] * size[0] - 0.5, uv[:, 1] * size[1] - 0.5
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
     fraction_x, fraction_y = (x - left)[:, None], (y - top)[:, None]
@@ -52,8 +52,8 @@ def trilinear(
     lod: Array,
     wrap: tuple[WrapMode, WrapMode],
 ) -> Array:
-    """[N, width]: what `sample` gives for a level and wrapped `uv` [N, 2], blended between the two levels around `lod` [N], which
-    lies in their range."""
+    """Return [N, width]: what `sample` gives for a level and wrapped `uv` [N, 2], blended between the two levels around `lod` [N],
+    which lies in their range."""
     uv = np.where(np.isfinite(uv), uv, 0.0)
     wrapped = np.stack([wrap_coordinate(uv[:, axis], wrap[axis]) for axis in range(2)], axis=-1)
     lower = np.floor(lod).astype(np.int64)

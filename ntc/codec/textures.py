@@ -22,7 +22,8 @@ def hash_pixels(pixels: NDArray[np.uint8]) -> str:
 
 
 def hash_channels(maps: Sequence[NDArray[np.uint8]]) -> str:
-    """`hash_pixels` of `maps`, each [H, W, C] uint8, side by side along their channels, without taking the memory of all of them."""
+    """Return `hash_pixels` of `maps`, each [H, W, C] uint8, side by side along their channels, without taking the memory of all of
+    them."""
     height, width = maps[0].shape[:2]
     digest = hashlib.sha256(repr((height, width, sum(pixels.shape[2] for pixels in maps))).encode())
     for row in range(0, height, ROWS_HASHED):

@@ -59,7 +59,8 @@ def _neighbour(cell: Tensor, cells: Tensor, repeats: Tensor) -> Tensor:
 
 
 def bilinear_corners(table: PyramidTable, texture: Tensor, level: Tensor, uv: Tensor) -> tuple[Tensor, Tensor]:
-    """Indices [N, 4] int64 into the flat array and weights [N, 4] for `uv` [N, 2] in [0, 1] of `texture` [N] at `level` [N]."""
+    """Return the indices [N, 4] int64 into the flat array and weights [N, 4] for `uv` [N, 2] in [0, 1] of `texture` [N] at `level`
+    [N]."""
     width, height = table.width[texture, level], table.height[texture, level]
     x, y = uv[:, 0] * width - 0.5, uv[:, 1] * height - 0.5
     left, top = torch.floor(x), torch.floor(y)
@@ -77,7 +78,7 @@ def bilinear_corners(table: PyramidTable, texture: Tensor, level: Tensor, uv: Te
 
 
 def trilinear_corners(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Tensor) -> tuple[Tensor, Tensor]:
-    """Indices [N, 8] and weights [N, 8] that blend the two levels around `lod` [N], which lies in the texture's range."""
+    """Return the indices [N, 8] and weights [N, 8] that blend the two levels around `lod` [N], which lies in the texture's range."""
     lower = torch.floor(lod).long()
     upper = torch.minimum(lower + 1, table.levels[texture] - 1)
     share = (lod - lower)[:, None]
@@ -88,12 +89,12 @@ def trilinear_corners(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Ten
 
 
 def weighted_rows(rows: Tensor, index: Tensor, weights: Tensor) -> Tensor:
-    """[N, C]: sum over k of `rows` [R, C] at `index` [N, k], times `weights` [N, k]."""
+    """Return [N, C]: sum over k of `rows` [R, C] at `index` [N, k], times `weights` [N, k]."""
     return torch.nn.functional.embedding_bag(index, rows, per_sample_weights=weights, mode="sum")
 
 
 def wrapped_coordinate(coordinate: Tensor, mode: WrapMode) -> Tensor:
-    """`coordinate` [N] wrapped into [0, 1]."""
+    """Return `coordinate` [N] wrapped into [0, 1]."""
     if mode == "repeat":
         return coordinate - torch.floor(coordinate)
     if mode == "clamp":
@@ -105,7 +106,7 @@ def wrapped_coordinate(coordinate: Tensor, mode: WrapMode) -> Tensor:
 def finite_places(
     uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode], device: torch.device
 ) -> tuple[Tensor, Tensor]:
-    """`uv` [N, 2] wrapped into [0, 1] and `lod` [N], float32; what is not finite counts as 0."""
+    """Return `uv` [N, 2] wrapped into [0, 1] and `lod` [N], float32; what is not finite counts as 0."""
     at, level = (
         torch.from_numpy(np.nan_to_num(np.asarray(part, np.float32), posinf=0.0, neginf=0.0)).to(device)
         for part in (uv, lod)
@@ -129,12 +130,12 @@ class TorchTexels(ABC):
     def _decode_of(
         self, texture_index: int, wrap: tuple[WrapMode, WrapMode]
     ) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
-        """What decodes a piece of a texture: [N, output channels], not clamped, of N zeros int64 (the number of the texture
-        in a table of one), `uv` [N, 2] in [0, 1] and `lod` [N] from 0 to its last level."""
+        """Return what decodes a piece of a texture: [N, output channels], not clamped, of N zeros int64 (the number of the texture in
+        a table of one), `uv` [N, 2] in [0, 1] and `lod` [N] from 0 to its last level."""
 
     @torch.no_grad()
     def texels(self, texture_index: int, at: Tensor, lod: Tensor, wrap: tuple[WrapMode, WrapMode]) -> Tensor:
-        """[N, channels] float32 in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N], all on the codec's device.
+        """Return [N, channels] float32 in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N], all on the codec's device.
 
         Positions may be float64: they are used as they are, all else is float32.
         """
@@ -157,11 +158,12 @@ class TorchTexels(ABC):
         lod: NDArray[Any],
         wrap: tuple[WrapMode, WrapMode] | None = None,
     ) -> NDArray[np.float32]:
-        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; the float32 twin of `ntc.codec.reference.decode_texels`."""
+        """Return [N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]; the float32 twin of
+        `ntc.codec.reference.decode_texels`."""
         modes = self._pack.textures[texture_index].wrap if wrap is None else wrap
         decoded = self.texels(texture_index, *finite_places(uv, lod, modes, self._device), modes)
         return np.asarray(decoded.cpu().numpy(), np.float32)
 
     @abstractmethod
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
-        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+        """Return [h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""

@@ -83,14 +83,15 @@ def _raw_features(
 def raw_features(
     name: FeatureName, textures: Sequence[SourceTexture], options: FeatureOptions = FeatureOptions()
 ) -> NDArray[np.float64]:
-    """[textures, F] float64: what `feature_matrix` makes comparable, of each texture whatever the others are. Raises InputError."""
+    """Return [textures, F] float64: what `feature_matrix` makes comparable, of each texture whatever the others are. Raises
+    InputError."""
     return _raw_features(_extractor(name, options), [first_map(texture) for texture in textures], options)
 
 
 def feature_matrix(
     name: FeatureName, textures: Sequence[SourceTexture], options: FeatureOptions = FeatureOptions()
 ) -> NDArray[np.float64]:
-    """[textures, F] float64: features of `textures`, made comparable within this set; distances are Euclidean.
+    """Return [textures, F] float64: features of `textures`, made comparable within this set; distances are Euclidean.
 
     "low_level" (F = 17) and "spectral" (31): columns of mean 0 and deviation 1, or 0 where constant.
     "efficientnet" (1280) and "clip" (512): directions of embeddings, centred, with mean squared length 1.

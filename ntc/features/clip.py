@@ -97,7 +97,7 @@ def load_image_encoder(weights: str) -> Any:
 
 
 def embeddings(encoder: Any, textures: Sequence[SourceTexture]) -> NDArray[np.float64]:
-    """[textures, 512] float64: `encoder`'s embedding of each texture, not yet of length 1."""
+    """Return [textures, 512] float64: `encoder`'s embedding of each texture, not yet of length 1."""
     mean, deviation = (torch.tensor(values).reshape(1, 3, 1, 1) for values in (_MEAN, _DEVIATION))
     images = (square_images(textures, INPUT_SIDE, "bicubic") - mean) / deviation
     with torch.no_grad():
@@ -116,7 +116,7 @@ def _weights_identity(weights: str) -> str:
 
 
 def clip_extractor(weights: str | None) -> Extractor:
-    """`embeddings`, by name; the encoder is loaded when the first texture is not in the cache.
+    """Return `embeddings`, by name; the encoder is loaded when the first texture is not in the cache.
 
     `weights` is a path or "download". Raises InputError at once where it is None, where the file cannot be read, and
     where open_clip is missing.

@@ -28,7 +28,7 @@ _MISSING = "features efficientnet: the packages are not installed; pip install '
 def square_images(
     textures: Sequence[SourceTexture], side: int, filter_name: Literal["bilinear", "bicubic"]
 ) -> torch.Tensor:
-    """[textures, 3, side, side] float32 in [0, 1]: the whole of each texture, resized, coded as it is.
+    """Return [textures, 3, side, side] float32 in [0, 1]: the whole of each texture, resized, coded as it is.
 
     Grey is repeated, alpha left out. Reduction is antialiased. Nothing is cropped: a texture has no middle that
     matters more, so one that is not square is squeezed.
@@ -61,7 +61,7 @@ def load_network() -> Any:
 
 
 def embeddings(network: Any, textures: Sequence[SourceTexture]) -> NDArray[np.float64]:
-    """[textures, 1280] float64: what `network` hands to its last layer, averaged over the image."""
+    """Return [textures, 1280] float64: what `network` hands to its last layer, averaged over the image."""
     # As the network was trained: coded values 0 to 255, minus 127, by 128.
     images = (square_images(textures, INPUT_SIDE, "bilinear") * 255.0 - 127.0) / 128.0
     with torch.no_grad():
@@ -70,7 +70,7 @@ def embeddings(network: Any, textures: Sequence[SourceTexture]) -> NDArray[np.fl
 
 
 def efficientnet_extractor(load: Callable[[], Any] = load_network) -> Extractor:
-    """`embeddings`, by name; `load` is called when the first texture is not in the cache.
+    """Return `embeddings`, by name; `load` is called when the first texture is not in the cache.
 
     Raises InputError at once where the packages are missing.
     """

@@ -39,7 +39,7 @@ class Extractor:
 
 
 def one_by_one(features: Callable[[SourceTexture], NDArray[np.float64]]) -> Extraction:
-    """`features` of one texture ([F] float64), made to take several."""
+    """Return a function that applies `features` ([F] float64 of one texture) to several."""
 
     def extract(textures: Sequence[SourceTexture]) -> NDArray[np.float64]:
         return np.stack([features(texture) for texture in textures])
@@ -48,7 +48,7 @@ def one_by_one(features: Callable[[SourceTexture], NDArray[np.float64]]) -> Extr
 
 
 def standardised_columns(raw: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[textures, F] float64: each column of `raw` with mean 0 and deviation 1, or 0 where it is constant."""
+    """Return [textures, F] float64: each column of `raw` with mean 0 and deviation 1, or 0 where it is constant."""
     if not len(raw):
         return raw
     deviation = raw.std(axis=0)
@@ -56,7 +56,7 @@ def standardised_columns(raw: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def centred_directions(raw: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[textures, F] float64: the rows of `raw` at length 1, minus their mean, times one number for all.
+    """Return [textures, F] float64: the rows of `raw` at length 1, minus their mean, times one number for all.
 
     The number makes the mean squared distance from the centre 1, whatever F is; equal rows become 0. Columns are not
     scaled one by one, as an embedding's angles between textures are what it was trained for.
@@ -92,7 +92,7 @@ def _header(length: int) -> bytes:
 
 
 def read_features(path: Path, length: int) -> NDArray[np.float64] | None:
-    """[length] float64 of the file at `path`, or None where there is none or it is not such a file.
+    """Return [length] float64 of the file at `path`, or None where there is none or it is not such a file.
 
     The header must be, byte for byte, the one that `write_features` writes: nothing in the file is interpreted.
     """

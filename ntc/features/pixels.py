@@ -17,7 +17,7 @@ LUMA = np.array([0.299, 0.587, 0.114])
 
 
 def first_map(texture: SourceTexture) -> SourceTexture:
-    """`texture` with the first of its maps alone."""
+    """Return `texture` with the first of its maps alone."""
     if texture.maps == BASE_ALONE:
         return texture
     name = texture.maps[0]
@@ -27,7 +27,7 @@ def first_map(texture: SourceTexture) -> SourceTexture:
 
 
 def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8: the first three channels of `pixels` [H, W, C], or the first one repeated where C < 3.
+    """Return [H, W, 3] uint8: the first three channels of `pixels` [H, W, C], or the first one repeated where C < 3.
 
     Of one or two channels the first is grey; a second and a fourth one is alpha and left out.
     """
@@ -35,7 +35,7 @@ def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def small_mips(texture: SourceTexture) -> list[NDArray[np.float64]]:
-    """The mips of `texture` from the first that has at most 256 texels a side down to 1x1, finest first.
+    """Return the mips of `texture` from the first that has at most 256 texels a side down to 1x1, finest first.
 
     Each is [H, W, 3] float64 in [0, 1], coded as the texture is (sRGB values stay sRGB values).
     """

@@ -11,8 +11,8 @@ SCALES = 4
 
 
 def low_level_features(texture: SourceTexture) -> NDArray[np.float64]:
-    """[9 + 2 * 4] float64: mean, deviation and skew of luma and two colour differences (sRGB-coded values), then the
-    root mean square of horizontal and of vertical differences at four scales, finest first."""
+    """Return [9 + 2 * 4] float64: mean, deviation and skew of luma and two colour differences (sRGB-coded values), then the root mean
+    square of horizontal and of vertical differences at four scales, finest first."""
     mips = small_mips(texture)
     rgb = mips[0]
     luma = rgb @ LUMA
@@ -31,7 +31,7 @@ def low_level_features(texture: SourceTexture) -> NDArray[np.float64]:
 
 
 def low_level_extractor() -> Extractor:
-    """`low_level_features`, by name."""
+    """Return `low_level_features`, by name."""
     return Extractor("low_level", "1", 9 + 2 * SCALES, 1, standardised_columns, one_by_one(low_level_features))
 
 
@@ -47,7 +47,7 @@ _ENERGY_FLOOR = 1e-6
 
 
 def color_features(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[12] float64 of `rgb` [H, W, 3] in [0, 1]: means, cube roots of third moments, covariances rr rg rb gg gb bb.
+    """Return [12] float64 of `rgb` [H, W, 3] in [0, 1]: means, cube roots of third moments, covariances rr rg rb gg gb bb.
 
     All in coded values (sRGB for sRGB textures), which is what decoders are trained to give. Covariances appear as
     signed square roots, so that every number is in the unit of a deviation.
@@ -60,12 +60,12 @@ def color_features(rgb: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _window(size: int) -> NDArray[np.float64]:
-    """[size] Hann window, symmetric and never zero."""
+    """Return [size] Hann window, symmetric and never zero."""
     return np.sin(np.pi * (np.arange(size) + 0.5) / size) ** 2
 
 
 def radial_spectrum(luma: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[8] float64: log10 of the variance of `luma` [H, W] in each octave of frequency, finest first.
+    """Return [8] float64: log10 of the variance of `luma` [H, W] in each octave of frequency, finest first.
 
     The first octave begins at 1/2 cycle per texel (diagonals only), the next at 1/4, ..., the last one holds all
     that repeats less often than every 128 texels. A Hann window keeps borders out that do not tile; the mean is
@@ -89,12 +89,12 @@ def _gradient(luma: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[n
 
 
 def edge_density(luma: NDArray[np.float64]) -> float:
-    """Share of the texels of `luma` [H, W] in which it changes by more than EDGE_THRESHOLD per texel."""
+    """Return the share of the texels of `luma` [H, W] in which it changes by more than EDGE_THRESHOLD per texel."""
     return float(np.mean(np.hypot(*_gradient(luma)) > EDGE_THRESHOLD))
 
 
 def edge_directions(luma: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[8] float64, sum 1: how much of the gradient of `luma` [H, W] points each way, opposite ways being one.
+    """Return [8] float64, sum 1: how much of the gradient of `luma` [H, W] points each way, opposite ways being one.
 
     Bin k is centred at k * 22.5 degrees from a horizontal gradient (a vertical edge). Without any gradient all
     bins are 1/8.
@@ -115,8 +115,8 @@ def edge_directions(luma: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def spectral_features(texture: SourceTexture) -> NDArray[np.float64]:
-    """[31] float64, always finite: `color_features` (12), `radial_spectrum` (8), `edge_density` of three mips, finest
-    first, `edge_directions` (8). From the first mip that has at most 256 texels a side."""
+    """Return [31] float64, always finite: `color_features` (12), `radial_spectrum` (8), `edge_density` of three mips, finest first,
+    `edge_directions` (8). From the first mip that has at most 256 texels a side."""
     mips = small_mips(texture)
     luma = [mips[min(scale, len(mips) - 1)] @ LUMA for scale in range(EDGE_SCALES)]
     return np.concatenate(
@@ -130,5 +130,5 @@ def spectral_features(texture: SourceTexture) -> NDArray[np.float64]:
 
 
 def spectral_extractor() -> Extractor:
-    """`spectral_features`, by name."""
+    """Return `spectral_features`, by name."""
     return Extractor("spectral", "1", LENGTH, 1, standardised_columns, one_by_one(spectral_features))

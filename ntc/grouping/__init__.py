@@ -57,7 +57,7 @@ def _check(config: GroupingConfig) -> None:
 def make_grouping(
     config: GroupingConfig, textures: Sequence[SourceTexture], inputs: GroupingInputs = GroupingInputs()
 ) -> Grouping:
-    """The grouping that `config` describes, of `textures`. The same seed and inputs give the same groups.
+    """Return the grouping that `config` describes, of `textures`. The same seed and inputs give the same groups.
 
     Raises InputError for a number out of range, more groups than textures, features that cannot be had, and
     covisible without views in which two textures meet.
@@ -92,7 +92,7 @@ def make_grouping(
 
 
 def _meet(views: Sequence[NDArray[np.int32]], textures: int) -> bool:
-    """Whether any block of the views shows two of so many textures."""
+    """Return whether any block of the views shows two of so many textures."""
     from ntc.grouping.covisible import seen_blocks
 
     return bool(len(seen_blocks(views, textures).weights))
@@ -106,7 +106,7 @@ def _check_views(inputs: GroupingInputs, textures: int) -> None:
 
 
 def _views_of(views: Sequence[NDArray[np.int32]], members: Sequence[int]) -> list[NDArray[np.int32]]:
-    """`views` with the textures `members` alone, which are numbered anew."""
+    """Return `views` with the textures `members` alone, which are numbered anew."""
     if not views:
         return []
     numbers = np.full(max([*members, *(int(view.max(initial=-1)) for view in views)]) + 2, -1, np.int32)
@@ -116,7 +116,7 @@ def _views_of(views: Sequence[NDArray[np.int32]], members: Sequence[int]) -> lis
 
 
 def _measured(grouping: Grouping, inputs: GroupingInputs) -> Grouping:
-    """`grouping` with what is recorded of all textures where it was found by kind."""
+    """Return `grouping` with what is recorded of all textures where it was found by kind."""
     if grouping.name != "covisible":
         return grouping
     from ntc.grouping.covisible import seen_blocks
@@ -132,7 +132,7 @@ def _measured(grouping: Grouping, inputs: GroupingInputs) -> Grouping:
 def _found_grouping(
     config: GroupingConfig, clusters: int, textures: Sequence[SourceTexture], inputs: GroupingInputs
 ) -> Grouping:
-    """Groups by features, and for covisible by views, of textures that may share one."""
+    """Group textures that may share a decoder: by features, and for covisible by views."""
     if config.name == "covisible":
         return _covisible(config, clusters, textures, inputs)
     features = feature_matrix(config.features, textures, inputs.features)

@@ -15,7 +15,7 @@ SubGrouping = Callable[[Sequence[int], int], Grouping]
 
 
 def kinds_of(textures: Sequence[SourceTexture]) -> list[list[int]]:
-    """Indices of `textures` by their maps, in the order of the first of each kind."""
+    """Return the indices of `textures` by their maps, in the order of the first of each kind."""
     found: dict[Any, list[int]] = {}
     for index, texture in enumerate(textures):
         found.setdefault(texture.maps, []).append(index)
@@ -23,8 +23,8 @@ def kinds_of(textures: Sequence[SourceTexture]) -> list[list[int]]:
 
 
 def shared_groups(counts: Sequence[int], groups: int) -> list[int]:
-    """How many of `groups` groups each kind of so many textures gets: one at least, and further ones where the most textures share
-    one. `groups` is at least the number of kinds and at most that of textures."""
+    """Return how many of `groups` groups each kind of so many textures gets: one at least, and further ones where the most textures
+    share one. `groups` is at least the number of kinds and at most that of textures."""
     given = [1] * len(counts)
     for _ in range(groups - len(counts)):
         number = max(range(len(counts)), key=lambda kind: (counts[kind] / given[kind], -kind))
@@ -33,8 +33,8 @@ def shared_groups(counts: Sequence[int], groups: int) -> list[int]:
 
 
 def grouping_by_kind(name: str, kinds: Sequence[Sequence[int]], clusters: int, sub_grouping: SubGrouping) -> Grouping:
-    """The groupings that `sub_grouping` finds for each of `kinds`, as one called `name`; its parameters are those of the first kind,
-    with the number of all groups and of kinds."""
+    """Return the groupings that `sub_grouping` finds for each of `kinds`, as one called `name`; its parameters are those of the first
+    kind, with the number of all groups and of kinds."""
     labels: dict[int, tuple[int, int]] = {}
     found = []
     for kind, (members, given) in enumerate(zip(kinds, shared_groups(list(map(len, kinds)), clusters), strict=True)):

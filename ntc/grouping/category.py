@@ -55,8 +55,8 @@ def guessed_category(name: str) -> str:
 
 
 def category_grouping(textures: Sequence[SourceTexture], labels: Mapping[int, str] | None = None) -> Grouping:
-    """A group for each category: from `labels` (by index of the texture), else the texture's own label (glTF extras or
-    folder name), else a guess from its name.
+    """Return a group for each category: from `labels` (by index of the texture), else the texture's own label (glTF extras or folder
+    name), else a guess from its name.
 
     The parameters hold how many categories came from each source.
     """
@@ -77,7 +77,7 @@ def category_grouping(textures: Sequence[SourceTexture], labels: Mapping[int, st
 
 
 def _rows(path: Path) -> list[tuple[str, str]]:
-    """(texture, category) of each line."""
+    """Return (texture, category) of each line."""
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise InputError(

@@ -24,14 +24,15 @@ Labels = NDArray[np.int64]
 
 
 def _squared_distances(rows: Floats, points: Floats, norms: Floats) -> Floats:
-    """[rows, points] squared distances of `rows` [rows, F] from `points` [points, F], whose squared norms are `norms` [points]."""
+    """Return [rows, points] squared distances of `rows` [rows, F] from `points` [points, F], whose squared norms are `norms`
+    [points]."""
     own = np.einsum("ij,ij->i", rows, rows)[:, None]
     distances: Floats = np.maximum(-2.0 * (rows @ points.T) + own + norms, 0.0)
     return distances
 
 
 def _first_centres(points: Floats, norms: Floats, count: int, random: np.random.RandomState) -> Floats:
-    """[count, F]: points far from each other, each the best of a few drawn in proportion to their squared distance."""
+    """Return [count, F]: points far from each other, each the best of a few drawn in proportion to their squared distance."""
     trials = 2 + int(np.log(count))
     chosen = [int(random.choice(len(points), p=np.full(len(points), 1.0 / len(points))))]
     ones = np.ones(len(points))
@@ -55,7 +56,7 @@ def _nearest(points: Floats, centres: Floats) -> Labels:
 
 
 def _moved(points: Floats, centres: Floats, labels: Labels) -> Floats:
-    """The means of the points of each centre; a centre without points takes one that is farthest from its own."""
+    """Return the means of the points of each centre; a centre without points takes one that is farthest from its own."""
     weights = np.bincount(labels, minlength=len(centres)).astype(np.float64)
     sums, sizes = np.zeros_like(centres), weights[weights > 0.0]
     begins = (np.cumsum(sizes) - sizes).astype(np.int64)
@@ -72,7 +73,7 @@ def _moved(points: Floats, centres: Floats, labels: Labels) -> Floats:
 
 
 def _settled(points: Floats, centres: Floats, tolerance: float) -> tuple[Labels, float]:
-    """(labels, sum of squared distances to their centres) of Lloyd's iteration from `centres`."""
+    """Return (labels, sum of squared distances to their centres) of Lloyd's iteration from `centres`."""
     labels = np.full(len(points), -1, np.int64)
     for _ in range(MOST_ITERATIONS):
         before, labels = labels, _nearest(points, centres)
@@ -90,13 +91,13 @@ def _settled(points: Floats, centres: Floats, tolerance: float) -> tuple[Labels,
 
 
 def _same_clusters(first: Labels, second: Labels) -> bool:
-    """Whether the two differ in the names of clusters alone."""
+    """Return whether two labellings differ in the names of clusters alone."""
     pairs = set(zip(first.tolist(), second.tolist(), strict=True))
     return len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
 def kmeans_labels(features: Floats, clusters: int, restarts: int, seed: int) -> Labels:
-    """[rows] int64 cluster of each of `features` [rows, F]; at most `clusters`, which are no more than rows."""
+    """Return [rows] int64 cluster of each of `features` [rows, F]; at most `clusters`, which are no more than rows."""
     random = np.random.RandomState(seed)
     points = np.ascontiguousarray(features - features.mean(axis=0))
     norms = np.einsum("ij,ij->i", points, points)
@@ -137,7 +138,7 @@ def _means(points: Floats, labels: Labels, clusters: int) -> Floats:
 
 
 def _sample(blocks: Blocks, size: int, random: np.random.Generator) -> tuple[Floats, int]:
-    """(`size` features, or all, drawn evenly in one pass; how many there are)."""
+    """Return (`size` features, or all, drawn evenly in one pass; how many there are)."""
     kept: list[Floats] = []
     keys: list[NDArray[np.float64]] = []
     count = 0
@@ -154,7 +155,7 @@ def _sample(blocks: Blocks, size: int, random: np.random.Generator) -> tuple[Flo
 def _smallest(
     kept: list[Floats], keys: list[NDArray[np.float64]], size: int
 ) -> tuple[list[Floats], list[NDArray[np.float64]]]:
-    """The features with the smallest keys, in their order."""
+    """Return the features with the smallest keys, in their order."""
     if not kept:
         return kept, keys
     points, order = np.concatenate(kept), np.concatenate(keys)
@@ -163,8 +164,8 @@ def _smallest(
 
 
 def minibatch_centres(blocks: Blocks, clusters: int, seed: int) -> Floats:
-    """[at most `clusters`, F]: centres of the features that `blocks` gives. The same seed and features give the same centres, however
-    the features are cut into blocks."""
+    """Return [at most `clusters`, F]: centres of the features that `blocks` gives. The same seed and features give the same centres,
+    however the features are cut into blocks."""
     random = np.random.default_rng(seed)
     size = min(max(SAMPLE * clusters, BATCH), max(LARGEST_SAMPLE, 2 * clusters))
     sample, count = _sample(blocks, size, random)
@@ -187,7 +188,7 @@ def minibatch_centres(blocks: Blocks, clusters: int, seed: int) -> Floats:
 
 
 def _batches(blocks: Blocks) -> Iterable[Floats]:
-    """The features BATCH at a time, whatever blocks they come in."""
+    """Yield the features BATCH at a time, whatever blocks they come in."""
     waiting: list[Floats] = []
     held = 0
     for block in blocks():
@@ -202,7 +203,7 @@ def _batches(blocks: Blocks) -> Iterable[Floats]:
 
 
 def nearest(points: Floats, centres: Floats) -> Labels:
-    """[rows] int64: the centre that is nearest to each of `points` [rows, F]."""
+    """Return [rows] int64: the centre that is nearest to each of `points` [rows, F]."""
     found = np.zeros(len(points), np.int64)
     step = max(1, LARGEST_DISTANCES // max(1, len(centres)))
     norms = np.einsum("ij,ij->i", centres, centres)
@@ -213,7 +214,7 @@ def nearest(points: Floats, centres: Floats) -> Labels:
 
 
 def balanced_labels(blocks: Blocks, centres: Floats, count: int, slack: float = SLACK) -> Labels:
-    """[count] int64: for each feature a near centre, none of which gets more than `slack` times the mean, rounded up.
+    """Return [count] int64: for each feature a near centre, none of which gets more than `slack` times the mean, rounded up.
 
     Features whose nearest centre is full go to the nearest one that has room, those that come first first.
     """
@@ -235,8 +236,8 @@ def balanced_labels(blocks: Blocks, centres: Floats, count: int, slack: float = 
 
 
 def minibatch_labels(blocks: Blocks, count: int, clusters: int, seed: int, slack: float = SLACK) -> Labels:
-    """[count] int64: a group for each of `count` features, about `clusters` groups in all, none of them much larger than `slack`
-    times the mean. The same seed and features give the same groups."""
+    """Return [count] int64: a group for each of `count` features, about `clusters` groups in all, none of them much larger than
+    `slack` times the mean. The same seed and features give the same groups."""
     coarse = clusters if clusters <= FLAT_CLUSTERS else int(np.ceil(np.sqrt(clusters)))
     centres = minibatch_centres(blocks, coarse, seed)
     if clusters <= FLAT_CLUSTERS:
@@ -252,7 +253,8 @@ def minibatch_labels(blocks: Blocks, count: int, clusters: int, seed: int, slack
 
 
 def _parts(blocks: Blocks, outer: Labels, clusters: int) -> Iterable[tuple[Labels, Floats]]:
-    """(places, features) of each cluster; as many clusters together as LARGEST_HELD allows, with a pass over all features each."""
+    """Yield (places, features) of each cluster; as many clusters together as LARGEST_HELD allows, with a pass over all features
+    each."""
     sizes = np.bincount(outer, minlength=clusters)
     width = next((block.shape[1] for block in blocks() if len(block)), 1)
     begin = 0

@@ -24,7 +24,7 @@ class SeenBlocks:
     """All blocks of all views, those without excess too."""
 
     def excess(self, groups: NDArray[np.int64]) -> float:
-        """Sum of D - 1 over all blocks when texture t is decoded by decoder `groups[t]` (paper, Sec. 2)."""
+        """Return the sum of D - 1 over all blocks when texture t is decoded by decoder `groups[t]` (paper, Sec. 2)."""
         choice = np.zeros((len(groups), int(groups.max(initial=-1)) + 1))
         choice[np.arange(len(groups)), groups] = 1.0
         distinct = ((self.members @ choice) > 0.0).sum(axis=1)
@@ -32,7 +32,7 @@ class SeenBlocks:
 
 
 def seen_blocks(views: Sequence[NDArray[np.int32]], textures: int, block: tuple[int, int] = BLOCK) -> SeenBlocks:
-    """The texture sets of `views`, each [H, W] int32 texture ids with -1 for none, row 0 on top.
+    """Return the texture sets of `views`, each [H, W] int32 texture ids with -1 for none, row 0 on top.
 
     Raises ValueError for an id that is not below `textures`.
     """
@@ -90,7 +90,7 @@ class SearchProblem:
 
 
 def feature_spread(features: Floats, groups: Groups) -> float:
-    """Sum of squared distances of `features` [textures, F] from the mean of their group."""
+    """Return the sum of squared distances of `features` [textures, F] from the mean of their group."""
     total = 0.0
     for group in np.unique(groups):
         inside = features[groups == group]
@@ -151,7 +151,7 @@ class _Chains:
         self._away[chains, groups] = self._squares - 2.0 * means @ self._features.T + (means**2).sum(axis=1)[:, None]
 
     def changes(self) -> tuple[Floats, Floats]:
-        """[chains, clusters, textures] change of excess and of spread when one texture moves to a group."""
+        """Return [chains, clusters, textures] change of excess and of spread when one texture moves to a group."""
         chain, texture = self._chain[:, None], np.arange(self.groups.shape[1])[None]
         excess = self._joins - self._leaves[chain, self.groups, texture][:, None, :]
         own = self.sizes[chain, self.groups]
@@ -253,7 +253,7 @@ class CovisibleConfig:
 
 
 def merged_start(seen: SeenBlocks, textures: int, clusters: int, bound: int) -> Groups:
-    """[textures] groups from below: every texture alone, then again and again the two groups whose union saves most."""
+    """Return [textures] groups from below: every texture alone, then again and again the two groups whose union saves most."""
     weighted = seen.members.multiply(seen.weights[:, None]).tocsr()
     together = np.asarray((weighted.T @ seen.members).todense())
     np.fill_diagonal(together, 0.0)
@@ -285,7 +285,7 @@ def merged_start(seen: SeenBlocks, textures: int, clusters: int, bound: int) -> 
 
 
 def _starts(problem: SearchProblem, chains: int, given: Groups | None, random: np.random.Generator) -> Groups:
-    """[chains, textures]: in turn the merged groups, the given ones if any, and two random ones."""
+    """Return [chains, textures]: in turn the merged groups, the given ones if any, and two random ones."""
     textures = len(problem.features)
     merged = merged_start(problem.seen, textures, problem.clusters, problem.bound)
     starts = np.stack([random.permutation(np.arange(textures) % problem.clusters) for _ in range(chains)])
@@ -296,14 +296,14 @@ def _starts(problem: SearchProblem, chains: int, given: Groups | None, random: n
 
 
 def largest_group(textures: int, clusters: int, largest_share: float) -> int:
-    """Most textures of a group: the share of them, but enough for `clusters` groups to hold all."""
+    """Return the most textures of a group: the share of them, but enough for `clusters` groups to hold all."""
     return max(int(largest_share * textures), -(-textures // clusters), 1)
 
 
 def covisible_grouping(
     seen: SeenBlocks, features: Floats, config: CovisibleConfig, start: NDArray[np.int64] | None = None
 ) -> Grouping:
-    """The best groups found over all chains.
+    """Find the groups of least cost over all chains.
 
     `features` [textures, F] describe how alike textures are; `seen` what the views show; `start` [textures] groups to
     begin some chains with. The same seed gives the same groups. Raises InputError where the views show no block with

@@ -80,13 +80,13 @@ def _checksum(text: bytes) -> bytes:
 
 
 def record_line(record: Record) -> bytes:
-    """The line of a record, with its end; the same record gives the same line."""
+    """Return the line of a record, with its end; the same record gives the same line."""
     text = _encoder.encode(record)
     return _checksum(text) + b" " + text + b"\n"
 
 
 def read_line(line: bytes) -> Record:
-    """The record of a line without its end. Raises MetadataError for one that is torn, damaged or of no known kind."""
+    """Return the record of a line without its end. Raises MetadataError for one that is torn, damaged or of no known kind."""
     check, _, text = line.partition(b" ")
     if check != _checksum(text):
         raise MetadataError("the checksum is wrong")
@@ -104,7 +104,7 @@ NAME_DIGITS = 32
 
 
 def is_library(folder: Path) -> bool:
-    """Whether `folder` holds a library."""
+    """Return whether `folder` holds a library."""
     return (folder / INDEX_FILE).is_file()
 
 
@@ -139,7 +139,7 @@ class LibraryIndex:
             self.files.update((file.path, file) for file in record.files)
 
     def holds(self, settings: str, pixel_hash: str) -> bool:
-        """Whether a texture is there, encoded so."""
+        """Return whether a texture is there, encoded so."""
         return (settings, pixel_hash) in self.places
 
     def shards_with(self, wanted: Container[str]) -> dict[str, list[tuple[Shard, frozenset[str]]]]:
@@ -156,7 +156,7 @@ class LibraryIndex:
         }
 
     def path(self, shard: Shard) -> Path:
-        """The file of a shard."""
+        """Return the file of a shard."""
         return shard_path(self.folder, shard.digest)
 
 
@@ -170,8 +170,8 @@ def records_of(lines: Iterable[bytes], index: LibraryIndex) -> None:
 
 
 def read_index(folder: Path) -> LibraryIndex:
-    """The index of the library in `folder`; damaged lines are left out and counted. Raises InputError for a folder without one, and
-    for a library of another version."""
+    """Return the index of the library in `folder`; damaged lines are left out and counted. Raises InputError for a folder without one,
+    and for a library of another version."""
     path = Path(folder) / INDEX_FILE
     try:
         data = read_file(path)

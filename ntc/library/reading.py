@@ -20,7 +20,8 @@ KEY_DIGITS = 16
 
 
 def settings_key(config: CodecSettings, grouping: str, asked: Mapping[str, Any]) -> str:
-    """Key of encodings that are alike: the codec's settings, the name of the grouping, and whatever else decides about the numbers.
+    """Return the key of encodings that are alike: the codec's settings, the name of the grouping, and whatever else decides about the
+    numbers.
 
     `asked` holds JSON values. Equal keys stand for equal settings of the codec, so that such packs can be joined.
     """
@@ -29,7 +30,7 @@ def settings_key(config: CodecSettings, grouping: str, asked: Mapping[str, Any])
 
 
 def settings_of(pack: Pack) -> str:
-    """The key that `pack` records, else one of what it records of its encoding."""
+    """Return the key that `pack` records, else one of what it records of its encoding."""
     recorded = pack.training.get(SETTINGS)
     if isinstance(recorded, str):
         return recorded
@@ -38,7 +39,8 @@ def settings_of(pack: Pack) -> str:
 
 
 def joined_pack(packs: Sequence[Pack]) -> Pack:
-    """The textures and decoders of all `packs` (one or more) in their order as one pack; of a texture that several hold, the first.
+    """Return the textures and decoders of all `packs` (one or more) in their order as one pack; of a texture that several hold, the
+    first.
 
     Raises InputError for packs whose codecs or groupings differ, and for more textures or decoders than a pack may hold.
     """
@@ -78,7 +80,7 @@ Shards = Sequence[tuple[Shard, frozenset[str]]]
 
 
 def library_packs(folder: Path, wanted: Container[str], most: int | None = None) -> list[Pack]:
-    """The textures of the library in `folder` whose pixel hash is `wanted`: a pack for each way in which they were encoded.
+    """Return the textures of the library in `folder` whose pixel hash is `wanted`: a pack for each way in which they were encoded.
 
     Those that hold the most textures come first, `most` of them (None: all). Raises InputError where the library, or a shard, cannot
     be read.
@@ -89,7 +91,7 @@ def library_packs(folder: Path, wanted: Container[str], most: int | None = None)
 
 
 def read_shards(index: LibraryIndex, shards: Shards) -> Pack:
-    """What `shards`, all of one settings key, give, as one pack. Raises InputError."""
+    """Return what `shards`, all of one settings key, give, as one pack. Raises InputError."""
     packs = [_read(index, shard, wanted) for shard, wanted in shards]
     return replace(joined_pack(packs), path=index.folder)
 
@@ -105,7 +107,7 @@ def _read(index: LibraryIndex, shard: Shard, wanted: frozenset[str]) -> Pack:
 
 
 def in_order(pack: Pack, places: Mapping[str, int]) -> Pack:
-    """`pack` with its textures in the order of `places`, by pixel hash; those that it does not name come last."""
+    """Return `pack` with its textures in the order of `places`, by pixel hash; those that it does not name come last."""
     textures = sorted(pack.textures, key=lambda texture: places.get(texture.pixel_hash, len(places)))
     grouping = Grouping(pack.grouping.name, tuple(each.group for each in textures), pack.grouping.parameters)
     return replace(pack, textures=tuple(textures), grouping=grouping)

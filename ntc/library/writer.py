@@ -39,7 +39,7 @@ LOCK_FILE = "lock"
 
 
 def stored_texture(texture: EncodedTexture, pack: Pack) -> StoredTexture:
-    """What the index says of a texture of `pack`."""
+    """Return what the index says of a texture of `pack`."""
     levels = latent_levels(texture.width, texture.height, pack.config)
     texels = sum(level.texel_width * level.texel_height for level in levels)
     stored = codec_of(pack.config).texture_bytes(texture, pack.config)
@@ -49,7 +49,7 @@ def stored_texture(texture: EncodedTexture, pack: Pack) -> StoredTexture:
 
 
 def shard_of(pack: Pack, data: bytes) -> Shard:
-    """The record of a shard with the bytes `data`, which are those of `pack`."""
+    """Return the record of a shard with the bytes `data`, which are those of `pack`."""
     textures = tuple(stored_texture(texture, pack) for texture in pack.textures)
     return Shard(hashlib.sha256(data).hexdigest(), len(data), settings_of(pack), pack.grouping.name, textures)
 
@@ -94,7 +94,7 @@ class LibraryWriter:
         write_bytes(shard_path(self._folder, shard.digest), data)
 
     def add_pack(self, pack: Pack) -> bool:
-        """`add` of a pack."""
+        """Keep a pack as a shard, as `add` does."""
         data = pack_bytes(pack)
         return self.add(shard_of(pack, data), data)
 
@@ -132,7 +132,7 @@ class LibraryWriter:
 
 
 def _locked(folder: Path) -> int:
-    """An open file that no other process holds the lock of. Raises InputError."""
+    """Open and lock the library's lock file; return its handle. Raises InputError."""
     try:
         if folder.is_dir() and any(folder.iterdir()) and not (is_library(folder) or (folder / LOCK_FILE).exists()):
             raise InputError(f"{folder}: holds other files and no library; name an empty folder, or a new one")
@@ -159,7 +159,7 @@ _SHARD_NAME = re.compile(rf"[0-9a-f]{{{NAME_DIGITS}}}{re.escape(SHARD_SUFFIX)}")
 
 
 def problems(folder: Path) -> Iterator[str]:
-    """One line for everything in the library in `folder` that is not as it was written. Reads every byte; changes nothing.
+    """Yield one line for everything in the library in `folder` that is not as it was written. Reads every byte; changes nothing.
 
     Raises InputError where there is no library.
     """
@@ -195,7 +195,7 @@ def _problem(index: LibraryIndex, shard: Shard) -> str:
 
 
 def _not_in_index(index: LibraryIndex) -> list[Path]:
-    """Files of shards that the index does not name: a process ended before it could say that they are there."""
+    """Return files of shards that the index does not name: a process ended before it could say that they are there."""
     named = {shard_path(index.folder, digest) for digest in index.shards}
     found = sorted((index.folder / SHARDS_FOLDER).glob(f"*{SHARD_SUFFIX}"))
     return [path for path in found if path not in named and _SHARD_NAME.fullmatch(path.name)]
@@ -253,7 +253,7 @@ def _adopted(writer: LibraryWriter) -> int:
 
 
 def _joined(writer: LibraryWriter, shards: list[Shard]) -> Iterator[Shard]:
-    """`shards`, of which small ones of one key are joined; the files of joined ones are written, the small ones left."""
+    """Yield `shards`, of which small ones of one key are joined; the files of joined ones are written, the small ones left."""
     index = LibraryIndex(writer.index.folder)
     for shard in shards:
         index.take(shard)

@@ -33,7 +33,7 @@ _MISSING = "block compression: the packages are not installed ({}); pip install 
 
 
 def encode_bc1(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
-    """BC1 blocks of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
+    """Return BC1 blocks of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
     try:
         from quicktex import RawTexture
         from quicktex.s3tc.bc1 import BC1Encoder
@@ -45,7 +45,7 @@ def encode_bc1(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
 
 
 def encode_bc7(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
-    """BC7 blocks of `rgba` [H, W, 4], whole blocks. Raises InputError where etcpak is not installed."""
+    """Return BC7 blocks of `rgba` [H, W, 4], whole blocks. Raises InputError where etcpak is not installed."""
     try:
         import etcpak
     except ImportError as error:
@@ -60,7 +60,7 @@ def encode_bc7(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
 
 
 def decode_bc(blocks: bytes, width: int, height: int, number: int) -> NDArray[np.uint8]:
-    """[height, width, 4] uint8 of BC`number` blocks, whole blocks. Raises InputError where Pillow is not installed."""
+    """Return [height, width, 4] uint8 of BC`number` blocks, whole blocks. Raises InputError where Pillow is not installed."""
     # By Pillow: etcpak 0.9.15 decodes into memory that it does not own.
     try:
         from PIL import Image
@@ -70,7 +70,7 @@ def decode_bc(blocks: bytes, width: int, height: int, number: int) -> NDArray[np
 
 
 def encode_bc5(rgba: NDArray[np.uint8]) -> bytes:
-    """BC5 blocks of red and green of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
+    """Return BC5 blocks of red and green of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
     try:
         from quicktex import RawTexture
         from quicktex.s3tc.bc5 import BC5Encoder
@@ -80,7 +80,7 @@ def encode_bc5(rgba: NDArray[np.uint8]) -> bytes:
 
 
 def decode_bc5(blocks: bytes, width: int, height: int) -> NDArray[np.uint8]:
-    """[height, width, 2] uint8 of BC5 blocks, whole blocks. Raises InputError where Pillow is not installed."""
+    """Return [height, width, 2] uint8 of BC5 blocks, whole blocks. Raises InputError where Pillow is not installed."""
     try:
         from PIL import Image
     except ImportError as error:
@@ -97,7 +97,7 @@ def _astc_package() -> ModuleType:
 
 @lru_cache(maxsize=CONTEXTS_KEPT)
 def _astc_context(block: tuple[int, int], effort: Effort, kind: AstcKind, _thread: int) -> Any:
-    """A context of astcenc, whose tables take longer to make than a small mip to encode. Each thread has its own."""
+    """Return a context of astcenc, whose tables take longer to make than a small mip to encode. Each thread has its own."""
     astc = _astc_package()
     profile = astc.ASTCProfile.LDR_SRGB if kind == "srgb" else astc.ASTCProfile.LDR
     flags = astc.ASTCConfigFlags.MAP_NORMAL if kind == "normal" else astc.ASTCConfigFlags(0)
@@ -105,8 +105,8 @@ def _astc_context(block: tuple[int, int], effort: Effort, kind: AstcKind, _threa
 
 
 def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort, kind: AstcKind = "srgb") -> bytes:
-    """ASTC LDR blocks of (width, height) `block` of `rgba` [H, W, 4], of normals the xy in red and green. Raises InputError without
-    astc-encoder-py."""
+    """Return ASTC LDR blocks of (width, height) `block` of `rgba` [H, W, 4], of normals the xy in red and green. Raises InputError
+    without astc-encoder-py."""
     astc, context = _astc_package(), _astc_context(block, effort, kind, get_ident())
     image = astc.ASTCImage(astc.ASTCType.U8, rgba.shape[1], rgba.shape[0], 1, rgba.tobytes())
     return bytes(context.compress(image, astc.ASTCSwizzle.from_str("RRRG" if kind == "normal" else "RGBA")))
@@ -115,7 +115,7 @@ def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort,
 def decode_astc(
     blocks: bytes, width: int, height: int, block: tuple[int, int], kind: AstcKind = "srgb"
 ) -> NDArray[np.uint8]:
-    """[height, width, 4] uint8 of ASTC LDR blocks, whole blocks; of normals x in red and y in alpha. Raises InputError without
+    """Return [height, width, 4] uint8 of ASTC LDR blocks, whole blocks; of normals x in red and y in alpha. Raises InputError without
     astc-encoder-py."""
     astc, context = _astc_package(), _astc_context(block, "medium", kind, get_ident())
     image = astc.ASTCImage(astc.ASTCType.U8, width, height, 1)
@@ -148,12 +148,12 @@ BLOCK_FORMATS: tuple[BlockFormat, ...] = get_args(BlockFormat)
 
 
 def named_format(name: str | None) -> BlockFormat | None:
-    """The format of that name; None for none."""
+    """Return the format of that name; None for none."""
     return next((block_format for block_format in BLOCK_FORMATS if block_format == name), None)
 
 
 def block_size(block_format: BlockFormat) -> tuple[int, int]:
-    """(width, height) in texels of a block. Raises InputError for a format that is none."""
+    """Return (width, height) in texels of a block. Raises InputError for a format that is none."""
     if block_format not in BLOCK_FORMATS:
         raise InputError(f"block format {block_format}: choose {', '.join(BLOCK_FORMATS[:-1])} or {BLOCK_FORMATS[-1]}")
     if block_format in ("bc1", "bc7"):
@@ -163,12 +163,13 @@ def block_size(block_format: BlockFormat) -> tuple[int, int]:
 
 
 def block_bytes(block_format: BlockFormat) -> int:
-    """Bytes of a block: 8 (BC1) or 16."""
+    """Return the bytes of a block: 8 (BC1) or 16."""
     return 8 if block_format == "bc1" else 16
 
 
 def compressed_bytes(width: int, height: int, block_format: BlockFormat, kind: AstcKind = "srgb") -> int:
-    """Bytes of all blocks of a picture of so many texels, those over the edge included; normals beside BC1 and BC7 are in BC5."""
+    """Return the bytes of all blocks of a picture of so many texels, those over the edge included; normals beside BC1 and BC7 are in
+    BC5."""
     across, down = block_size(block_format)
     return -(-width // across) * -(-height // down) * (16 if kind == "normal" else block_bytes(block_format))
 
@@ -190,7 +191,7 @@ class BlockCompressed:
 
 
 def _padded_rgba(pixels: NDArray[np.uint8], block: tuple[int, int], with_alpha: bool) -> NDArray[np.uint8]:
-    """[whole blocks, whole blocks, 4] uint8: grey repeated, alpha 255 where there is none or it is not wanted."""
+    """Return [whole blocks, whole blocks, 4] uint8: grey repeated, alpha 255 where there is none or it is not wanted."""
     height, width, channels = pixels.shape
     rgba = np.full((height, width, 4), 255, np.uint8)
     rgba[..., :3] = as_rgb(pixels)
@@ -202,8 +203,8 @@ def _padded_rgba(pixels: NDArray[np.uint8], block: tuple[int, int], with_alpha: 
 def compressed_blocks(
     pixels: NDArray[np.uint8], block_format: BlockFormat, effort: Effort = "thorough", kind: AstcKind = "srgb"
 ) -> bytes:
-    """The blocks of `pixels`, as of `compress`, which raises the same; of `kind` normal [H, W, 2] the xy: BC5 beside BC1 and BC7, two
-    channels in its normal mode of ASTC."""
+    """Return the blocks of `pixels`, as of `compress`, which raises the same; of `kind` normal [H, W, 2] the xy: BC5 beside BC1 and
+    BC7, two channels in its normal mode of ASTC."""
     check_image(pixels)
     block = block_size(block_format)
     if kind == "normal":
@@ -223,7 +224,7 @@ def compressed_blocks(
 def decompress(
     blocks: bytes, shape: tuple[int, int, int], block_format: BlockFormat, kind: AstcKind = "srgb"
 ) -> NDArray[np.uint8]:
-    """[H, W, C] uint8: what hardware reads from the blocks of a picture of `shape` (H, W, C); of BC1 without its alpha.
+    """Return [H, W, C] uint8: what hardware reads from the blocks of a picture of `shape` (H, W, C); of BC1 without its alpha.
 
     Raises InputError for blocks of another number, and where the decoder is not installed.
     """
@@ -249,7 +250,7 @@ def decompress(
 
 
 def compress(pixels: NDArray[np.uint8], block_format: BlockFormat, effort: Effort = "thorough") -> BlockCompressed:
-    """`pixels` [H, W, C] uint8 in BC1 (4 bits a texel), BC7 (8 bits) or ASTC (128 bits a block); C from 1 to 4.
+    """Return `pixels` [H, W, C] uint8 in BC1 (4 bits a texel), BC7 (8 bits) or ASTC (128 bits a block); C from 1 to 4.
 
     Least squared error is sought. `thorough`: BC1 by quicktex 0.3.1 (rgbcx) at level 18 of 18, BC7 by etcpak 0.9.15 (bc7enc)
     at uber level 4 of 4 with all 64 partitions, ASTC LDR sRGB by astcenc at quality 98 (`-thorough`). `medium` (levels 8 and 1,

@@ -45,7 +45,7 @@ class BlockCache:
         return self.folder / f"{block_format}-{digest}{SUFFIX}"
 
     def read(self, path: Path, size: int) -> bytes | None:
-        """The `size` bytes of blocks that were written to `path`, if they are as they were written."""
+        """Return the `size` bytes of blocks that were written to `path`, if they are as they were written."""
         try:
             data = read_file(path, size + _DIGEST_BYTES)
         except OSError:
@@ -105,7 +105,7 @@ class CompressedTexture:
         return sum(height * width for height, width, _ in mip_shapes(self.shape))
 
     def mips(self) -> tuple[NDArray[np.uint8], ...]:
-        """[h, w, C] uint8 of each mip, as hardware reads it. Raises InputError where the decoder is not installed."""
+        """Return [h, w, C] uint8 of each mip, as hardware reads it. Raises InputError where the decoder is not installed."""
         shapes = mip_shapes(self.shape)
         kind = kind_of(self.maps)
         return tuple(
@@ -163,7 +163,7 @@ class CompressionRequest:
 
 
 def kind_of(maps: tuple[MapName, ...]) -> AstcKind:
-    """What a picture of `maps` is to encoders."""
+    """Return the kind of data that encoders take a picture of `maps` for."""
     if maps == ("normal",):
         return "normal"
     return "srgb" if maps[0] in SRGB_MAPS else "linear"
@@ -182,7 +182,7 @@ def _compressed(request: CompressionRequest, blocks: tuple[bytes, ...]) -> Compr
 
 
 def kept_texture(request: CompressionRequest) -> CompressedTexture | None:
-    """What an earlier `compress_texture` has kept; None for nothing. Raises InputError where the decoder is not installed."""
+    """Return what an earlier `compress_texture` has kept; None for nothing. Raises InputError where the decoder is not installed."""
     if request.cache is None:
         return None
     cache = BlockCache(request.cache)

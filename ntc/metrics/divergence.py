@@ -10,7 +10,7 @@ BLOCK = (8, 8)
 
 
 def distinct_ids(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> NDArray[np.int32]:
-    """[ceil(H / block height), ceil(W / block width), pixels of a block] int32: the ids of each block, every one once.
+    """Return [ceil(H / block height), ceil(W / block width), pixels of a block] int32: the ids of each block, every one once.
 
     `ids` [H, W] int32, row 0 on top; repeated ids and negative ones, which decode nothing, are -1. Edge blocks may be partial.
     """

@@ -39,12 +39,12 @@ def _luma(image: Image) -> NDArray[np.float64]:
 
 
 def _windowed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[H, W] Gaussian means of `values` [H, W] over the window on every texel; the picture is mirrored at its edges."""
+    """Return [H, W] Gaussian means of `values` [H, W] over the window on every texel; the picture is mirrored at its edges."""
     return np.asarray(ndimage.gaussian_filter(values, WINDOW_SIGMA, mode="reflect", radius=WINDOW_RADIUS))
 
 
 def ssim_map(a: Image, b: Image) -> NDArray[np.float64]:
-    """[H, W] SSIM of the window on each texel, which may reach beyond the picture: there it goes on mirrored.
+    """Return [H, W] SSIM of the window on each texel, which may reach beyond the picture: there it goes on mirrored.
 
     Pictures and errors as of `ssim`.
     """
@@ -59,7 +59,7 @@ def ssim_map(a: Image, b: Image) -> NDArray[np.float64]:
 
 
 def ssim(a: Image, b: Image) -> float:
-    """Mean SSIM (Wang et al. 2004) of the luma of two pictures [H, W, C] uint8, sRGB, C from 1 to 4; 1 when equal.
+    """Return the mean SSIM (Wang et al. 2004) of the luma of two pictures [H, W, C] uint8, sRGB, C from 1 to 4; 1 when equal.
 
     Luma is BT.601's, as in the authors' program, but not rounded; of one or two channels the first is grey; alpha is left out.
     Windows are 11x11 Gaussians (sigma 1.5) that lie inside the picture, as theirs. Along a side
@@ -74,7 +74,7 @@ def ssim(a: Image, b: Image) -> float:
 
 
 def flip_map(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> NDArray[np.float32]:
-    """[H, W] LDR-FLIP of every pixel, 0 to 1. Pictures, `pixels_per_degree` and errors as of `flip`.
+    """Return [H, W] LDR-FLIP of every pixel, 0 to 1. Pictures, `pixels_per_degree` and errors as of `flip`.
 
     Keeps Python's interpreter lock until it is done.
     """
@@ -93,7 +93,7 @@ def flip_map(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PE
 
 
 def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> float:
-    """Mean LDR-FLIP (Andersson et al. 2020) of two pictures [H, W, C] uint8, sRGB, C from 1 to 4: 0 equal, 1 worst.
+    """Return the mean LDR-FLIP (Andersson et al. 2020) of two pictures [H, W, C] uint8, sRGB, C from 1 to 4: 0 equal, 1 worst.
 
     Of one or two channels the first is grey; alpha is left out. `pixels_per_degree` of the viewer's field of view.
     Computed by NVIDIA's flip-evaluator. Raises InputError for pictures of two shapes, of another type or without
@@ -104,7 +104,7 @@ def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DE
 
 
 def level_psnr(pack: Pack, texture_index: int, source: SourceTexture, decode: ImageDecoder) -> tuple[float, ...]:
-    """PSNR in dB over 8-bit values of every latent level of a texture, finest first; infinity where equal.
+    """Return the PSNR in dB over 8-bit values of every latent level of a texture, finest first; infinity where equal.
 
     Level l as `decode` decodes it, against mip l of `source`, which `pack` encodes.
     Raises InputError for a source of another size or with other channels.

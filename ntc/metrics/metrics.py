@@ -40,7 +40,7 @@ class PsnrTable:
         }
 
     def lines(self) -> list[str]:
-        """The table as text, worst texture first."""
+        """Return the table as text, worst texture first."""
         lines = [f"{'texture':40} {'size':>11} {'group':>5} {'PSNR dB':>8} {'latents kB':>10}"]
         ordered = sorted(self.rows, key=lambda row: math.inf if row["psnr_db"] is None else row["psnr_db"])
         for row in ordered:
@@ -63,7 +63,7 @@ class PsnrTable:
 
 
 def _map_line(row: Mapping[str, Any]) -> str:
-    """The maps of a material set, with the quality of each where it is known."""
+    """Return the maps of a material set, with the quality of each where it is known."""
     found, degrees = row["map_psnr_db"], row["normal_degrees"]
     parts = []
     for name in row["maps"]:
@@ -79,7 +79,7 @@ def bits_with_mips(pack: Pack) -> float:
 
 
 def psnr_table(pack: Pack) -> PsnrTable:
-    """The table of `pack`; PSNR as the encoder measured it after quantisation."""
+    """Return the table of `pack`; PSNR as the encoder measured it after quantisation."""
     codec = codec_of(pack.config)
     sizes = [codec.texture_bytes(texture, pack.config) for texture in pack.textures]
     rows = tuple(

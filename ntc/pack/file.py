@@ -47,7 +47,7 @@ def _stored_decoders(metadata: PackMetadata) -> int:
 
 
 def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
-    """Type and shape of every tensor that a file with `metadata` must hold, and no others."""
+    """Return the type and shape of every tensor that a file with `metadata` must hold, and no others."""
     codec, expected = codec_of(metadata.codec), dict[str, TensorShape]()
     for index, texture in enumerate(metadata.textures):
         expected |= _numbered(codec.texture_shapes(metadata.codec, texture.width, texture.height), index)
@@ -58,12 +58,12 @@ def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
 
 
 def _numbered(parts: Mapping[str, T], index: int) -> dict[str, T]:
-    """`parts` by the names that texture or decoder `index` has in a file."""
+    """Return `parts` by the names that texture or decoder `index` has in a file."""
     return {name.format(index): part for name, part in parts.items()}
 
 
 def pack_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
-    """The tensors of the file of `pack`, by name."""
+    """Return the tensors of the file of `pack`, by name."""
     codec, tensors = codec_of(pack.config), dict[str, NDArray[Any]]()
     for index, texture in enumerate(pack.textures):
         tensors |= _numbered(codec.texture_tensors(texture, pack.config), index)
@@ -73,7 +73,7 @@ def pack_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
 
 
 def pack_bytes(pack: Pack) -> bytes:
-    """The file of `pack`: the same pack always gives the same bytes."""
+    """Return the file of `pack`: the same pack always gives the same bytes."""
     return bytes(save(pack_tensors(pack), metadata={METADATA_KEY: metadata_json(pack)}))
 
 
@@ -142,7 +142,7 @@ def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
 
 
 def checked_pack(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
-    """The pack of tensors `file` (by name: "dtype", "shape", "data") and `metadata`, read from `path`.
+    """Return the pack of tensors `file` (by name: "dtype", "shape", "data") and `metadata`, read from `path`.
 
     Raises InputError where they are not those that the metadata stand for, or hold what no pack may.
     """
@@ -193,13 +193,13 @@ class _Place(msgspec.Struct, frozen=True):
 
     @property
     def fits(self) -> bool:
-        """Whether its bytes are as many as its shape takes."""
+        """True if the tensor has as many bytes as its shape takes."""
         begin, end = self.data_offsets
         return self.dtype in NUMPY_TYPES and end - begin == math.prod(self.shape) * NUMPY_TYPES[self.dtype].itemsize
 
 
 def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata, int]:
-    """(tensors by name, metadata, where their bytes begin). Raises InputError, MetadataError."""
+    """Return (tensors by name, metadata, where their bytes begin). Raises InputError, MetadataError."""
     size = os.fstat(file.fileno()).st_size
     length = int.from_bytes(file.read(LENGTH_BYTES), "little")
     begin = LENGTH_BYTES + length
@@ -223,7 +223,7 @@ def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata
 
 
 def _chosen(metadata: PackMetadata, wanted: Container[str]) -> tuple[PackMetadata, dict[str, dict[int, int]]]:
-    """(metadata of the wanted textures alone, and by kind of tensor the new number of each that is kept)."""
+    """Return (metadata of the wanted textures alone, and by kind of tensor the new number of each that is kept)."""
     textures = [index for index, each in enumerate(metadata.textures) if each.pixel_hash in wanted]
     used = {metadata.grouping.groups[index] for index in textures}
     # Of decoders that ship with the program there must be one, whichever textures are there.
@@ -241,7 +241,7 @@ def _chosen(metadata: PackMetadata, wanted: Container[str]) -> tuple[PackMetadat
 
 
 def read_textures(path: Path, wanted: Container[str]) -> Pack:
-    """The pack at `path` with those of its textures alone whose pixel hash is `wanted`, and the decoders that they use.
+    """Return the pack at `path` with those of its textures alone whose pixel hash is `wanted`, and the decoders that they use.
 
     What is read is checked as `read_pack` checks it. Raises InputError with one line; also where no texture is wanted.
     """

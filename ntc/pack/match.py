@@ -39,7 +39,7 @@ class PackMatch:
         return tuple(pack.textures[index].group if index >= 0 else -1 for index in self.texture_index)
 
     def line(self) -> str:
-        """One line: how many textures match, and which do not."""
+        """Return one line: how many textures match, and which do not."""
         line = f"{self.matched} of {len(self.texture_index)} textures match"
         unknown = [name for name in self.absent if name not in self.changed]
         if self.changed:
@@ -72,7 +72,7 @@ _KNOWN_FIELDS = {field.name for field in fields(EncodedTexture)}
 
 
 def _same(first: Any, second: Any) -> bool:
-    """Whether two arrays, or dataclasses or tuples of them, hold the same values; None is the same as None alone."""
+    """Return whether two arrays, or dataclasses or tuples of them, hold the same values; None is the same as None alone."""
     if first is second:
         return True
     if isinstance(first, tuple):
@@ -92,13 +92,13 @@ def _same_texture(first: EncodedTexture, second: EncodedTexture) -> bool:
 
 
 def same_shape(old: Pack, new: Pack) -> bool:
-    """Whether both hold textures of the same sizes and maps in the same order, in one codec."""
+    """Return whether both hold textures of the same sizes and maps in the same order, in one codec."""
     sizes = [[(t.pixel_hash, t.width, t.height, t.maps) for t in pack.textures] for pack in (old, new)]
     return old.config == new.config and sizes[0] == sizes[1]
 
 
 def changed_textures(old: Pack, new: Pack) -> frozenset[int]:
-    """Indices of the textures that the two packs, which have the same shape, decode differently."""
+    """Return the indices of the textures that the two packs, which have the same shape, decode differently."""
     same: dict[tuple[int, int], bool] = {}
 
     def decodes_alike(first: EncodedTexture, second: EncodedTexture) -> bool:
@@ -112,7 +112,7 @@ def changed_textures(old: Pack, new: Pack) -> frozenset[int]:
 
 
 def changed_groups(old: Pack, new: Pack) -> frozenset[int]:
-    """Groups of `new` with a texture that `old`, a pack of the same shape, decodes differently.
+    """Return groups of `new` with a texture that `old`, a pack of the same shape, decodes differently.
 
     Arrays that both packs share are not compared: versions of one training differ in what a snapshot has replaced alone.
     """

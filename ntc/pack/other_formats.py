@@ -118,7 +118,7 @@ class NtexFile(msgspec.Struct, frozen=True):
         ]
 
     def json(self) -> dict[str, Any]:
-        """What `info F.ntc --json` prints."""
+        """Return what `info F.ntc --json` prints."""
         return {"format": "NTEX", **msgspec.to_builtins(self), "bits_per_texel": self.bits_per_texel}
 
 
@@ -135,7 +135,7 @@ def _printable(text: str) -> str:
 
 
 def other_format(beginning: bytes) -> OtherFormat | None:
-    """What a file that begins so (16 bytes are enough) is, where it is one of other programs'; None for packs and all else."""
+    """Return what a file that begins so (16 bytes are enough) is, where it is one of other programs'; None for packs and all else."""
     if beginning.startswith(NTEX_MAGIC):
         return "ntex"
     # A safetensors file begins with a length: this one would have 10^18 bytes of header.
@@ -155,7 +155,7 @@ def refuse_other_formats(path: Path, beginning: bytes) -> None:
 
 
 def beginning_of(path: Path) -> bytes:
-    """The first bytes of the regular file at `path`; none where it cannot be read: who reads it says why."""
+    """Return the first bytes of the regular file at `path`; none where it cannot be read: who reads it says why."""
     try:
         with path.open("rb") as file:
             return file.read(16) if stat.S_ISREG(os.fstat(file.fileno()).st_mode) else b""
@@ -164,7 +164,7 @@ def beginning_of(path: Path) -> bytes:
 
 
 def read_ntex(path: Path) -> NtexFile:
-    """What the texture set at `path` holds. Raises InputError for one that is broken, or of another version."""
+    """Return what the texture set at `path` holds. Raises InputError for one that is broken, or of another version."""
     remedy = "copy or make it again"
     try:
         with path.open("rb") as file:

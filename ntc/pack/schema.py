@@ -93,12 +93,12 @@ SET_FIELDS: dict[str, Any] = {"maps": BASE_ALONE, "map_psnr_db": (), "normal_deg
 
 
 def _without_set_fields(found: dict[str, Any]) -> dict[str, Any]:
-    """Files without material sets are as they were before there were any."""
+    """Return fields to write: files without material sets are as they were before there were any."""
     return {name: value for name, value in found.items() if name not in SET_FIELDS or value != SET_FIELDS[name]}
 
 
 def codec_json(config: CodecSettings) -> dict[str, Any]:
-    """The settings of a codec as the metadata hold them."""
+    """Return the settings of a codec as the metadata hold them."""
     # Files of the first codec are as they were before there was another one.
     found = _without_set_fields(asdict(cast(Any, config)))
     return found if config.kind == FIRST_NAME else {KIND: config.kind, **found}
@@ -109,7 +109,7 @@ def _finite(decibels: float | None) -> float | None:
 
 
 def metadata_json(pack: Pack) -> str:
-    """The metadata of `pack`; the same pack gives the same text. Raises ValueError for numbers that are not finite."""
+    """Return the metadata of `pack`; the same pack gives the same text. Raises ValueError for numbers that are not finite."""
     textures = [{name: getattr(t, name) for name in TextureMetadata.__struct_fields__} for t in pack.textures]
     for texture in textures:
         # Equal pictures have an infinite PSNR.
@@ -137,7 +137,7 @@ def _finite_number(text: str) -> float:
 
 
 def _converted(document: Any, kind: type[T], place: str = "metadata") -> T:
-    """`document`, found at `place`, as a `kind`. Raises MetadataError naming the first field that is missing or wrong."""
+    """Return `document`, found at `place`, as a `kind`. Raises MetadataError naming the first field that is missing or wrong."""
     try:
         return msgspec.convert(document, kind)
     except (ValueError, OverflowError, RecursionError) as error:
@@ -148,7 +148,7 @@ def _converted(document: Any, kind: type[T], place: str = "metadata") -> T:
 
 
 def _codec(document: dict[str, Any]) -> CodecSettings:
-    """The codec with the fields `document`. Raises MetadataError."""
+    """Return the codec with the fields `document`. Raises MetadataError."""
     place = "metadata.codec"
     given = {name: value for name, value in document.items() if name != KIND}
     kind = _converted(document, _Kind, place).kind

@@ -52,7 +52,7 @@ def encode_textures(
     state: Path | None = None,
     rescue: Path | None = None,
 ) -> Pack:
-    """A pack of `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
+    """Return a pack of `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
 
     With `state` an encoding that was stopped continues, and ends as if it had never been stopped: the file is written every
     minute where that is possible, when `cancelled` says so and when the training fails, and removed at the end. Without it,

@@ -30,11 +30,11 @@ class GroupSnapshot:
     """The members; in codec `grid` without PSNR unless final."""
     decoder: Decoder
     final: bool = False
-    """Whether training of this group has ended with this."""
+    """True if training of this group has ended with this."""
 
 
 def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
-    """`pack` with the group of the snapshot; all other textures and decoders are the same objects.
+    """Return `pack` with the group of the snapshot; all other textures and decoders are the same objects.
 
     Where the group's textures are one group of `pack`, its decoder is replaced. Where they are not (the textures are
     being grouped anew), they leave theirs and get a new decoder, and unused decoders are dropped: until the training has
@@ -71,7 +71,7 @@ def _in_group(encoded: EncodedTexture, group: int) -> EncodedTexture:
 
 
 def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
-    """`pack`, in which the same textures share decoders as in `grouping`, with the numbers of `grouping`.
+    """Return `pack`, in which the same textures share decoders as in `grouping`, with the numbers of `grouping`.
 
     Raises ValueError where other textures share one.
     """
@@ -86,14 +86,14 @@ def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
 
 
 def unchanged_groups(old: Grouping, new: Grouping) -> dict[int, int]:
-    """The groups of `new` that have the same textures as a group of `old`: their numbers, and those of the old ones."""
+    """Return the groups of `new` that have the same textures as a group of `old`: their numbers, and those of the old ones."""
     members = {old.members(group): group for group in range(old.group_count)}
     found = {group: members.get(new.members(group)) for group in range(new.group_count)}
     return {group: number for group, number in found.items() if number is not None}
 
 
 def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
-    """`grouping` with one texture in another group; `group` may be one more than there are. A group that is left empty is
+    """Return `grouping` with one texture in another group; `group` may be one more than there are. A group that is left empty is
     closed. Raises InputError for numbers out of range."""
     if not 0 <= texture < len(grouping.groups) or not 0 <= group <= grouping.group_count:
         raise InputError(
@@ -127,7 +127,7 @@ class TrainingRequest:
 
 
 def checked_request(request: TrainingRequest) -> TrainingRequest:
-    """`request` with its dirty groups named. Raises InputError for what cannot be trained."""
+    """Return `request` with its dirty groups named. Raises InputError for what cannot be trained."""
     grouping, start, budget = request.grouping, request.start, request.budget
     check_textures(request.textures, grouping, request.codec)
     if budget is not None:
@@ -205,10 +205,10 @@ class GroupOutcome:
     after_db: float
     """Of the training's result, also where it was not kept."""
     kept_old: bool = False
-    """Whether the training found nothing better, so that the group is unchanged."""
+    """True if the training found nothing better, so that the group is unchanged."""
 
     def line(self) -> str:
-        """One line about it."""
+        """Return the outcome as one line."""
         if self.before_db is None:
             return f"group {self.group}: {self.after_db:.2f} dB"
         if self.kept_old:
@@ -236,13 +236,13 @@ class TrainingHost(Protocol):
         """Called many times a second; waits while training is paused, and raises TrainingCancelledError to end it."""
 
     def seconds(self) -> float:
-        """A clock that stands still in pauses."""
+        """Return the seconds of a clock that stands still in pauses."""
 
     def progress(self, progress: TrainingProgress) -> None:
         """Takes a report, or drops it."""
 
     def wants_snapshot(self, group: int) -> bool:
-        """Whether an intermediate snapshot of the group would be taken now."""
+        """Return whether an intermediate snapshot of the group would be taken now."""
 
     def snapshot(self, snapshot: GroupSnapshot) -> None:
         """Takes a snapshot; waits for room for a final one."""

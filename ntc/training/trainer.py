@@ -242,7 +242,7 @@ class Trainer:
         return "target reached" if psnr_of_mse(float(np.mean(errors))) >= budget.psnr_db else "target not reached"
 
     def _record(self) -> Mapping[str, Any]:
-        """What a pack records of its training; a pack that was trained again keeps its first record."""
+        """Return what a pack records of its training; a pack that was trained again keeps its first record."""
         record = self._encoder.record()
         if self._request.start is None:
             return record
@@ -250,7 +250,7 @@ class Trainer:
 
 
 def _mean_square(textures: Sequence[EncodedTexture]) -> float:
-    """Mean over textures of their mean square errors in 8-bit steps squared, from their PSNRs."""
+    """Return the mean over textures of their mean square errors in 8-bit steps squared, from their PSNRs."""
     return float(np.mean([mse_of_psnr(texture.psnr_db) for texture in textures if texture.psnr_db is not None]))
 
 
@@ -261,7 +261,7 @@ REMEDY = "remove it, or name another file"
 def state_settings(
     textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecSettings, options: EncodingOptions
 ) -> dict[str, Any]:
-    """What must be equal for a training to continue from a state."""
+    """Return what must be equal for a training to continue from a state."""
     return {
         "codec": asdict(cast(Any, codec)),
         "training": asdict(cast(Any, options)),
@@ -278,7 +278,7 @@ def save_state(path: Path, state: Mapping[str, Tensor], settings: Mapping[str, A
 
 
 def load_state(path: Path, settings: Mapping[str, Any]) -> dict[str, Tensor]:
-    """A state that was saved with the same settings. Raises InputError for any other file."""
+    """Return a state that was saved with the same settings. Raises InputError for any other file."""
     try:
         data = read_file(path)
         tensors: dict[str, Tensor] = load(data)

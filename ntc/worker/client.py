@@ -53,7 +53,7 @@ Report = Paused | Resumed | TrainingProgress | GroupSnapshot | Finished | Failed
 
 
 def starting_pack(request: TrainingRequest) -> Pack:
-    """The pack that snapshots of a training are applied to: the one it starts from, else mid-grey (codec `grid`) or the mean
+    """Return the pack that snapshots of a training are applied to: the one it starts from, else mid-grey (codec `grid`) or the mean
     colours of textures (codec `block`)."""
     if request.start is not None:
         return request.start
@@ -92,7 +92,7 @@ class TrainingWorker:
     def __init__(self) -> None:
         self._process: WorkerProcess | None = None
         self._warming = False
-        """Whether the process is still importing what trains."""
+        """True if the process is still importing what trains."""
         self._training: _Training | None = None
         self._cancelled_at: float | None = None
         self._ended: list[Report] = []
@@ -105,7 +105,7 @@ class TrainingWorker:
 
     @property
     def busy(self) -> bool:
-        """Whether a training is under way; its last report is Finished or Failed."""
+        """True if a training is under way; its last report is Finished or Failed."""
         return self._training is not None
 
     @property
@@ -145,8 +145,8 @@ class TrainingWorker:
         return request
 
     def poll(self) -> list[Report]:
-        """The reports since the last call, oldest first, with one snapshot at most: further ones follow in the next calls,
-        so that no call takes long. Arrays of snapshots are copies."""
+        """Return the reports since the last call, oldest first, with one snapshot at most: further ones follow in the next calls, so
+        that no call takes long. Arrays of snapshots are copies."""
         reports, self._ended = self._ended, []
         try:
             while self._process is not None and not (reports and isinstance(reports[-1], GroupSnapshot)):
@@ -205,7 +205,7 @@ class TrainingWorker:
             self._process.send(command)
 
     def _taken(self, report: WorkerReport) -> list[Report]:
-        """The report as the caller gets it, if it gets it."""
+        """Return the report in the form that the caller gets, or nothing."""
         training = self._training
         if self._warming and isinstance(report, Answer | Failed):
             self._warming = False
@@ -237,7 +237,7 @@ class TrainingWorker:
         return [last]
 
     def _lost(self, how: str) -> list[Report]:
-        """The end of a process that was not asked to end, and so of the training under way."""
+        """Report the end of a process that was not asked to end, and so of the training under way."""
         self._end_process()
         if self._cancelled_at is not None:
             return self._finish(Finished("cancelled"))

@@ -137,12 +137,12 @@ class WindowEnd:
 
     @property
     def paused(self) -> bool:
-        """Whether the call is to pause."""
+        """True if the call is to pause."""
         return self._paused and not self._cancelled
 
     @property
     def cancelled(self) -> bool:
-        """Whether the call is to end."""
+        """True if the call is to end."""
         return self._cancelled
 
     def wait(self, waits: Callable[[], bool]) -> None:
@@ -151,7 +151,7 @@ class WindowEnd:
             self._changed.wait_for(lambda: self._cancelled or not waits())
 
     def is_untaken(self, key: int | None) -> bool:
-        """Whether the last Part of a key was not yet taken."""
+        """Return whether the last Part of a key was not yet taken."""
         return key in self._untaken
 
     def send(self, report: WorkerReport) -> None:
@@ -255,7 +255,7 @@ class WorkerProcess:
 
     @property
     def is_alive(self) -> bool:
-        """Whether it can take a call."""
+        """True if the process can take a call."""
         return not self._ended and self._process.is_alive()
 
     def call(self, argument: object) -> None:

@@ -24,7 +24,7 @@ LARGEST_INSIDE = 1 << 12
 
 
 def aligned(size: int) -> int:
-    """Bytes that an array of `size` bytes takes up in a block."""
+    """Return the bytes that an array of `size` bytes takes up in a block."""
     return -(-size // ALIGNMENT) * ALIGNMENT
 
 
@@ -69,7 +69,7 @@ class SharedBlock:
 
     @classmethod
     def create(cls, size: int) -> "SharedBlock":
-        """A new block of at least `size` writable bytes. Raises InputError where there is not enough shared memory."""
+        """Return a new block of at least `size` writable bytes. Raises InputError where there is not enough shared memory."""
         try:
             memory = SharedMemory(f"{PREFIX}{os.getpid()}-{secrets.token_hex(8)}", create=True, size=max(1, size))
         except (OSError, ValueError, ImportError) as error:
@@ -87,7 +87,7 @@ class SharedBlock:
 
     @classmethod
     def open(cls, name: str) -> "SharedBlock":
-        """The block that the other process created, without a name from now on. Raises OSError where there is none."""
+        """Return the block that the other process created, without a name from now on. Raises OSError where there is none."""
         block = cls(SharedMemory(name))
         block._remove_name()
         return block
@@ -103,7 +103,7 @@ class SharedBlock:
         return Parcel(value.data, tuple(array.nbytes for array in value.arrays), start, name)
 
     def read(self, parcel: Parcel) -> Any:
-        """The value of a parcel; its large arrays are read-only copies."""
+        """Return the value of a parcel; its large arrays are read-only copies."""
         copies, position = [], parcel.start
         for size in parcel.sizes:
             # numpy releases Python's lock while it copies.
@@ -133,12 +133,12 @@ class SharedBlock:
 
 
 def inside(value: object) -> Parcel:
-    """A value to be sent whole inside a message."""
+    """Return a value to be sent whole inside a message."""
     return Parcel(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
 
 
 def sent(value: object) -> tuple[Parcel, SharedBlock | None]:
-    """A value to be sent, and the block of its large arrays, if it has any: to be kept until the other process has the value.
+    """Return a value to be sent, and the block of its large arrays, if it has any: to be kept until the other process has the value.
 
     Raises InputError where there is not enough shared memory.
     """
@@ -150,7 +150,7 @@ def sent(value: object) -> tuple[Parcel, SharedBlock | None]:
 
 
 def received(parcel: Parcel) -> Any:
-    """The value that the other process sent."""
+    """Return the value of a parcel that the other process sent."""
     if not parcel.block:
         return pickle.loads(parcel.data)
     block = SharedBlock.open(parcel.block)

@@ -75,7 +75,7 @@ class _WindowHost:
             self._unsent = None
 
     def wants_snapshot(self, group: int) -> bool:
-        """Whether the group's region is free."""
+        """Return whether the group's region is free."""
         return not self._window.is_untaken(group)
 
     def snapshot(self, snapshot: GroupSnapshot) -> None:

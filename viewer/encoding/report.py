@@ -56,7 +56,7 @@ def _figures(stored: Sequence[Stored]) -> dict[str, Any]:
 
 
 def by_category(stored: Sequence[Stored]) -> dict[str, list[Stored]]:
-    """The textures of each category, the largest first; small ones beyond MOST_CATEGORIES together."""
+    """Return the textures of each category, the largest first; small ones beyond MOST_CATEGORIES together."""
     found: dict[str, list[Stored]] = defaultdict(list)
     for each in stored:
         found[each.ref.category or NO_CATEGORY].append(each)
@@ -66,7 +66,7 @@ def by_category(stored: Sequence[Stored]) -> dict[str, list[Stored]]:
 
 
 def summary(result: RunResult) -> dict[str, Any]:
-    """The run as JSON values, without its textures."""
+    """Return the run as JSON values, without its textures."""
     return {
         "asked": result.asked,
         "stored": len(result.stored),
@@ -99,7 +99,7 @@ def _json_row(stored: Stored) -> bytes:
 
 
 def _document(result: RunResult) -> bytes:
-    """The run and every texture of it as JSON."""
+    """Return the run and every texture of it as JSON."""
     whole = msgspec.json.format(msgspec.json.encode(summary(result)), indent=1)
     # Row by row: as objects, they would take a multiple of their text.
     return whole.removesuffix(b"\n}") + b',\n "textures": [\n' + b",\n".join(map(_json_row, result.stored)) + b"\n]}\n"
@@ -110,7 +110,7 @@ def _decibels(value: float | None) -> str:
 
 
 def report_lines(result: RunResult) -> list[str]:
-    """The table of categories and what failed, for the terminal."""
+    """Return the table of categories and what failed, for the terminal."""
     lines = [f"{'category':32} {'textures':>8} {'median dB':>9} {'worst dB':>8} {'bits/texel':>10}"]
     rows = {**{name: _figures(own) for name, own in by_category(result.stored).items()}, "all": _figures(result.stored)}
     for name, row in rows.items():
@@ -140,7 +140,7 @@ def report_lines(result: RunResult) -> list[str]:
 
 
 def _plot(result: RunResult) -> bytes:
-    """PSNR against bits of every texture by category, and how PSNR is spread in each, as PNG."""
+    """Return the PSNR against bits of every texture by category, and how PSNR is spread in each, as PNG."""
     groups = by_category(result.stored)
     figure = Figure(figsize=(11, max(3.2, 0.34 * len(groups) + 1.2)), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=(1.2, 1))
@@ -169,7 +169,7 @@ def _middle(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _pictures(stored: Stored, library: Path, reading: Reading) -> tuple[NDArray[np.uint8], NDArray[np.uint8]] | None:
-    """The middle of a texture, original and decoded; None where it cannot be had any more."""
+    """Return the middle of a texture, original and decoded; None where it cannot be had any more."""
     try:
         if stored.texture.width * stored.texture.height > LARGEST_SHOWN:
             return None
@@ -181,7 +181,7 @@ def _pictures(stored: Stored, library: Path, reading: Reading) -> tuple[NDArray[
 
 
 def worst_textures(result: RunResult) -> list[Stored]:
-    """The textures of the least PSNR, worst first."""
+    """Return the textures of the least PSNR, worst first."""
     return sorted(result.stored, key=lambda each: (_psnr(each), each.ref.name))[:WORST_SHOWN]
 
 

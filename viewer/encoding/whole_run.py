@@ -64,7 +64,7 @@ class Asked:
     choices: EncodingChoices
     labels: Path | None = None
     one_pack: bool = False
-    """Whether all is to become one pack, whose textures share the settings of one codec."""
+    """True if all textures become one pack and share the settings of one codec."""
 
 
 @dataclass(frozen=True, order=True)
@@ -76,12 +76,12 @@ class _Kind:
 
 
 def needs_features(asked: Asked) -> bool:
-    """Whether the groups are found by features."""
+    """Return whether the groups are found by features."""
     return asked.grouping.name in ("clustered", "random")
 
 
 def stand_in(texture: Looked) -> SourceTexture:
-    """A texture whose pixels take no memory, for whoever needs the other fields alone."""
+    """Return a texture whose pixels take no memory, for whoever needs the other fields alone."""
     pixels = blank((texture.height, texture.width, texture.channels))
     return SourceTexture(texture.ref.name, pixels, texture.pixel_hash, category=texture.ref.category, maps=texture.maps)
 
@@ -113,7 +113,7 @@ def _options(asked: Asked) -> EncodingOptions:
 
 
 def _settings(asked: Asked, config: CodecSettings) -> str:
-    """Key of everything that decides about a texture's numbers besides its pixels and those of its group."""
+    """Return the key of everything that decides about a texture's numbers besides its pixels and those of its group."""
     grouping = replace(asked.grouping, clusters=None)
     training = codec_of(config).recorded_options(_options(asked))
     wanted = {"reading": asdict(asked.reading), "grouping": asdict(grouping), "training": training}
@@ -121,7 +121,7 @@ def _settings(asked: Asked, config: CodecSettings) -> str:
 
 
 def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
-    """The jobs that encode `textures` (no two with one pixel hash, none constant), all of them.
+    """Return the jobs that encode `textures` (no two with one pixel hash, none constant), all of them.
 
     Raises InputError for settings that cannot be, and a grouping that needs pictures of the scene.
     """
@@ -164,8 +164,8 @@ def _by_kind(asked: Asked, textures: Sequence[Looked]) -> Mapping[_Kind, list[in
 
 
 def _parts(grouping: Grouping, members: Sequence[int], textures: Sequence[Looked]) -> Iterator[list[tuple[int, int]]]:
-    """`members` in jobs: (texture, group) of each. Groups stay whole up to LARGEST_JOB; textures that share nothing, or the decoder
-    that ships with the program, come in chunks."""
+    """Yield `members` in jobs: (texture, group) of each. Groups stay whole up to LARGEST_JOB; textures that share nothing, or the
+    decoder that ships with the program, come in chunks."""
     if grouping.name in ("baseline", UNIVERSAL):
         yield from _chunks([(index, grouping.groups[index]) for index in members], textures, JOB_TEXELS, MOST_TEXTURES)
         return
@@ -192,7 +192,7 @@ def _chunks(
 
 
 def without(job: EncodeJob, held: frozenset[str]) -> EncodeJob | None:
-    """The job without textures whose pixel hash is `held`; None where nothing is left."""
+    """Return the job without textures whose pixel hash is `held`; None where nothing is left."""
     kept = [number for number, each in enumerate(job.textures) if each.pixel_hash not in held]
     if len(kept) == len(job.textures):
         return job
@@ -310,7 +310,7 @@ class _Run:
 
 
 def _unread(run: _Run, problems: Unread, attempt: int) -> str | None:
-    """One line where images are to be tried again; None where that has been done often enough, and they have been named."""
+    """Return one line where images are to be tried again; None where that has been done often enough, and they have been named."""
     if attempt + 1 < MOST_ATTEMPTS:
         return next(iter(problems.problems.values()))
     for ref, problem in problems.problems.items():
@@ -319,7 +319,7 @@ def _unread(run: _Run, problems: Unread, attempt: int) -> str | None:
 
 
 def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
-    """What each of `refs` is; those that fail are left out and named."""
+    """Look at each of `refs`; those that fail are left out and named."""
     reading, found = run.asked.reading, dict[TextureRef, Looked]()
     features = run.asked.grouping.features if needs_features(run.asked) else None
     plain = features is None and reading.texture_size is None
@@ -362,7 +362,7 @@ def _refs(job: WorkJob) -> tuple[TextureRef, ...]:
 
 
 def _halves(job: WorkJob) -> list[WorkJob]:
-    """Two jobs that do the same together; none where it has one texture."""
+    """Return two jobs that do the same together; none where it has one texture."""
     refs = _refs(job)
     middle = len(refs) // 2
     if middle == 0:
@@ -379,7 +379,7 @@ def _shared(maps: tuple[MapName, ...]) -> tuple[MapName, ...]:
 
 
 def _image_file(looked: Looked) -> ImageFile | None:
-    """What is remembered of an image; None where its time cannot be trusted."""
+    """Return what is remembered of an image; None where its time cannot be trusted."""
     if looked.stamp is None:
         return None
     return ImageFile(looked.ref.path, *looked.stamp, looked.pixel_hash, looked.width, looked.height, looked.channels)
@@ -418,7 +418,7 @@ def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
 
 
 def _left(run: _Run, job: EncodeJob) -> EncodeJob | None:
-    """What of `job` the library lacks."""
+    """Return `job` without textures that the library holds; None where nothing is left."""
     held = {each.pixel_hash for each in job.textures if run.writer.index.holds(job.settings, each.pixel_hash)}
     return without(job, frozenset(held))
 

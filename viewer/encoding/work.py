@@ -57,7 +57,7 @@ class Reading:
 
 
 def texture_refs(source: Path, maps: MapChoice) -> tuple[TextureRef, ...]:
-    """The textures of a folder of images, a list of image paths (a text file, a path a line) or a scene. Raises InputError."""
+    """Return the textures of a folder of images, a list of image paths (a text file, a path a line) or a scene. Raises InputError."""
     if source.is_dir():
         return tuple(_image_ref(path, source) for path in folder_images(source))
     if source.suffix.lower() == LIST_SUFFIX:
@@ -98,7 +98,7 @@ def _scene(path: str) -> Scene:
 
 
 def read_texture(ref: TextureRef, reading: Reading) -> SourceTexture | None:
-    """The texture with its pixels; None where all texels of an image are equal. Raises InputError."""
+    """Return the texture with its pixels; None where all texels of an image are equal. Raises InputError."""
     if ref.index is not None:
         found = source_texture(_scene(ref.path), ref.index, reading.texture_size, reading.maps)
         return replace(found, map_weights=MAP_WEIGHTS[reading.map_weights])
@@ -113,7 +113,7 @@ def read_texture(ref: TextureRef, reading: Reading) -> SourceTexture | None:
 
 
 def stamp_of(path: str) -> tuple[int, int] | None:
-    """(bytes, time of change in ns) of a file; None where there is none."""
+    """Return (bytes, time of change in ns) of a file; None where there is none."""
     try:
         status = Path(path).stat()
     except OSError:
@@ -122,7 +122,7 @@ def stamp_of(path: str) -> tuple[int, int] | None:
 
 
 def blank(shape: Sequence[int]) -> NDArray[np.uint8]:
-    """[shape] zeros that share one byte."""
+    """Return [shape] zeros that share one byte."""
     return np.broadcast_to(np.uint8(0), tuple(shape))
 
 

@@ -50,7 +50,7 @@ class Executor(Protocol[Given_contra, Found_co]):
         ...
 
     def wait(self, seconds: float) -> Sequence[Ended[Found_co]]:
-        """The jobs that have ended since; waits for one at most so long."""
+        """Return the jobs that have ended since the last call; wait for one for at most `seconds`."""
         ...
 
     def close(self) -> None:
@@ -85,7 +85,7 @@ class LocalExecutor(Generic[Argument, Result]):
         self._busy[number] = (process, Job(call).start(process.name))
 
     def wait(self, seconds: float) -> list[Ended[Result]]:
-        """The jobs that have ended."""
+        """Return the jobs that have ended."""
         futures = {job.future: number for number, (_, job) in self._busy.items()}
         done, _ = wait(futures, seconds, FIRST_COMPLETED)
         return [self._ended(number) for number in sorted(futures[future] for future in done)]
@@ -158,7 +158,7 @@ class RayExecutor(Generic[Argument, Result]):
         self._waiting[self._task.remote(argument)] = number
 
     def wait(self, seconds: float) -> list[Ended[Result]]:
-        """The jobs that have ended."""
+        """Return the jobs that have ended."""
         done, _ = self._ray.wait(list(self._waiting), num_returns=1, timeout=seconds)
         return [self._ended(reference) for reference in done]
 

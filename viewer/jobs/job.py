@@ -79,11 +79,12 @@ class Job(Generic[Result]):
 
     @property
     def done(self) -> bool:
-        """Whether there is a result, an error, or the job was cancelled."""
+        """True if there is a result, an error, or the job was cancelled."""
         return self.future.done()
 
     def result(self) -> Result:
-        """What the work returned, once done. Raises CancelledError where it was cancelled, and InputError for every other error."""
+        """Return what the work returned, once done. Raises CancelledError where it was cancelled, and InputError for every other
+        error."""
         try:
             return self.future.result(0.0)
         except (InputError, CancelledError):
@@ -111,7 +112,7 @@ class Background:
         self._closing = False
 
     def submit(self, key: Hashable, work: Callable[[JobReport], Result]) -> Job[Result]:
-        """The job under `key`; a new one, that calls `work`, where there is none."""
+        """Return the job under `key`; a new one, that calls `work`, where there is none."""
         with self._condition:
             if key not in self._jobs:
                 self._jobs[key] = Job(work, self._note_news)
@@ -135,13 +136,13 @@ class Background:
             self._jobs.clear()
 
     def take_news(self) -> bool:
-        """Whether a job has reported or ended since the last call."""
+        """Return whether a job has reported or ended since the last call."""
         news, self._news = self._news, False
         return news
 
     @property
     def is_busy(self) -> bool:
-        """Whether something runs or waits."""
+        """True if something runs or waits."""
         with self._condition:
             return self._running is not None or self._next() is not None
 
@@ -160,7 +161,7 @@ class Background:
         self._news = True
 
     def _next(self) -> Hashable | None:
-        """Key of the latest job that waits: it is what the user looks at."""
+        """Return the key of the latest job that waits: it is what the user looks at."""
         return next((key for key in reversed(self._jobs) if not self._jobs[key].done), None)
 
     def _work(self) -> None:

@@ -35,7 +35,7 @@ class GroupingJob:
 
 
 def grouping_inputs(job: GroupingJob) -> GroupingInputs:
-    """What the grouping needs besides the textures. Raises InputError."""
+    """Return what the grouping needs besides the textures. Raises InputError."""
     features = FeatureOptions(cache=features_cache())
     if job.config.name != "covisible":
         return GroupingInputs(features=features)

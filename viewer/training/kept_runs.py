@@ -64,7 +64,7 @@ class KeptRun:
         return time.strftime("%H:%M" if today else "%Y-%m-%d %H:%M", then)
 
     def is_of(self, path: Path | None) -> bool:
-        """Whether it was made of the scene in that file."""
+        """Return whether the run was made of the scene in the file `path`."""
         return path is not None and self.scene_path == str(path.resolve())
 
     @property
@@ -74,7 +74,7 @@ class KeptRun:
 
 
 def scene_stamp(path: Path | None) -> tuple[int, int]:
-    """(time of the last change in ns, bytes) of a scene's file; (0, 0) where there is none."""
+    """Return (time of the last change in ns, bytes) of a scene's file; (0, 0) where there is none."""
     if path is not None:
         with suppress(OSError):
             status = path.stat()
@@ -136,7 +136,7 @@ class KeptRuns:
         return True
 
     def new_key(self) -> str:
-        """A place for one more run of this window. Raises InputError where none can be made."""
+        """Make a place for one more run of this window, and return its key. Raises InputError where none can be made."""
         key = secrets.token_hex(8)
         try:
             (self._folder / key).mkdir(parents=True)
@@ -158,7 +158,7 @@ class KeptRuns:
         write_text(place / FACTS_FILE, json.dumps(fields, indent=1) + "\n")
 
     def read(self, key: str) -> Pack:
-        """The pack of a run. Raises InputError."""
+        """Return the pack of a run. Raises InputError."""
         return read_pack(self._folder / key / PACK_FILE)
 
     def remove(self, key: str) -> None:

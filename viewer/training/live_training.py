@@ -55,7 +55,7 @@ class LiveTraining:
         """Workers of scenes that were closed, about to end."""
         self._last_tick = 0.0
         self._packs_to_drop = False
-        """Whether a run has ended since old packs were dropped."""
+        """True if a run has ended since old packs were dropped."""
 
     @property
     def state(self) -> State:
@@ -64,7 +64,7 @@ class LiveTraining:
 
     @property
     def saving(self) -> bool:
-        """Whether a pack is being written."""
+        """True if a pack is being written."""
         return self._keeper.accepts
 
     @property
@@ -246,7 +246,7 @@ class LiveTraining:
 
     @property
     def is_due(self) -> bool:
-        """Whether a window at rest should draw a frame, because there may be news."""
+        """True if a window at rest should draw a frame, because there may be news."""
         busy = self.active is not None or self._keeper.busy
         return busy and time.monotonic() - self._last_tick >= SECONDS_BETWEEN_TICKS
 

@@ -57,7 +57,7 @@ TrainingJob = EncodeScene | RetrainGroups | MoveTexture | Regroup
 
 
 def job_title(job: TrainingJob) -> str:
-    """One line for progress and log: `retrain groups 0, 3`."""
+    """Return one line for progress and log: `retrain groups 0, 3`."""
     match job:
         case EncodeScene():
             return f"encode {job.settings.grouping_text}"
@@ -71,7 +71,7 @@ def job_title(job: TrainingJob) -> str:
 
 
 def settings_text(job: TrainingJob) -> str:
-    """The settings that the title does not name: size, codec, recipe, budget."""
+    """Return the settings that the title does not name: size, codec, recipe, budget."""
     settings, budget = job.settings, budget_text(job.settings.budget)
     if not isinstance(job, EncodeScene):
         return f"{settings.recipe}, {budget}"
@@ -85,7 +85,7 @@ def settings_text(job: TrainingJob) -> str:
 
 
 def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport) -> TrainingRequest:
-    """The request for a job. `base` is the pack to go on from; EncodeScene does not use it.
+    """Return the request for a job. `base` is the pack to go on from; EncodeScene does not use it.
 
     Raises InputError for what cannot be trained, and CancelledError where `report` is cancelled.
     """
@@ -136,7 +136,7 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
 
 
 def _reduced(texture: SourceTexture, size: int, report: JobReport) -> SourceTexture:
-    """Textures are reduced one after the other: the second core belongs to the window."""
+    """Reduce one texture. They are reduced one after the other: the second core belongs to the window."""
     report.check()
     return reduce_texture(texture, size)
 
@@ -153,7 +153,7 @@ def _check_clusters(settings: TrainingSettings, textures: tuple[SourceTexture, .
 
 
 def _textures_of(pack: Pack, scene: Scene, report: JobReport) -> tuple[SourceTexture, ...]:
-    """The scene's textures as `pack` was made from them, in its order."""
+    """Return the scene's textures as `pack` was made from them, in its order."""
     by_hash = {texture.pixel_hash: texture for texture in source_textures(scene, None)}
     if pack.config.maps != BASE_ALONE:
         by_hash |= {texture.pixel_hash: texture for texture in source_textures(scene, None, "all")}
@@ -177,7 +177,7 @@ SECONDS_TO_END = 3.0
 
 
 def free_memory() -> int | None:
-    """Bytes that programs can still have; None where the system does not say."""
+    """Return the bytes that programs can still have; None where the system does not say."""
     try:
         for line in MEMORY_FILE.read_text().splitlines():
             name, _, amount = line.partition(":")
@@ -220,7 +220,7 @@ class AheadPreparation:
         self._preparation = Job(begin).start("prepare ahead")
 
     def take(self, job: TrainingJob, scene: Scene, report: JobReport) -> TrainingRequest | None:
-        """The request for `job`, as soon as it is prepared; None where nothing like it was. To be called in a thread.
+        """Return the request for `job`, as soon as it is prepared; None where nothing like it was. To be called in a thread.
 
         Raises what preparing raised, and CancelledError where `report` is cancelled.
         """
@@ -260,6 +260,6 @@ class AheadPreparation:
 
 
 def _prepared_as(job: TrainingJob) -> TrainingJob:
-    """`job` without what its preparation does not depend on."""
+    """Return `job` with fixed values for settings that do not affect its preparation."""
     settings = replace(job.settings, codec=job.settings.codec_kind, budget=DEFAULT_BUDGET)
     return replace(job, settings=settings)

@@ -26,7 +26,8 @@ FileStamp = tuple[int, int, int]
 
 
 def default_path(scene_path: Path | None, pack: Pack) -> Path:
-    """`SCENE.GROUPING.ntc` beside the scene, or in the user's data folder for a built-in one, which is made where it is not there.
+    """Return `SCENE.GROUPING.ntc` beside the scene, or in the user's data folder for a built-in one, which is made where it is not
+    there.
 
     Raises InputError for a scene without file.
     """
@@ -63,7 +64,7 @@ def save_numbered(path: Path, pack: Pack) -> Pack:
 
 
 def checked_path(path: Path) -> Path:
-    """`path`. Raises InputError for a name that no pack can have."""
+    """Return `path` unchanged. Raises InputError for a name that no pack can have."""
     if path.suffix != PACK_SUFFIX:
         raise InputError(f"{path}: a pack's name ends in {PACK_SUFFIX}")
     if path.is_dir():
@@ -72,7 +73,7 @@ def checked_path(path: Path) -> Path:
 
 
 def _is_as_opened(path: Path, opened: Sequence[Pack]) -> bool:
-    """Whether the file at `path` still holds one of these packs, which were read from there or written to it."""
+    """Return whether the file at `path` still holds one of these packs, which were read from there or written to it."""
     try:
         present = read_pack(path)
     except InputError:
@@ -84,7 +85,7 @@ def _is_as_opened(path: Path, opened: Sequence[Pack]) -> bool:
 
 
 def file_stamp(path: Path) -> FileStamp | None:
-    """The stamp of the file at `path`; None without one."""
+    """Return the stamp of the file at `path`; None without one."""
     try:
         status = path.stat()
     except OSError:
@@ -142,7 +143,7 @@ class WaitingRuns:
         raise InputError("training: that run no longer exists")
 
     def adopted(self, key: str, number: int, scene: Scene) -> Run:
-        """A run as one of this window's, which has its lock from now on. Raises InputError where it does not fit `scene`."""
+        """Adopt a waiting run: this window holds its lock from now on. Raises InputError where it does not fit `scene`."""
         kept, facts = self._claim(key)
         try:
             pack = kept.read(key)
@@ -242,16 +243,16 @@ class RunKeeper:
 
     @property
     def accepts(self) -> bool:
-        """Whether an accepted pack is being written."""
+        """True if an accepted pack is being written."""
         return any(task.write is not None for task in self._tasks)
 
     def is_accepting(self, number: int) -> bool:
-        """Whether the pack of this run is being written where it was accepted."""
+        """Return whether the pack of this run is being written where it was accepted."""
         return any(task.write is not None and task.run.number == number for task in self._tasks)
 
     @property
     def busy(self) -> bool:
-        """Whether anything is being written."""
+        """True if anything is being written."""
         return bool(self._tasks)
 
     def keep(self, run: Run, scene: Scene) -> None:
@@ -408,6 +409,6 @@ class RunKeeper:
 
 
 def accepted(run: Run, saved: Saved, open_as: str) -> Run:
-    """`run` as the log keeps it once its pack is written and open under the name `open_as`."""
+    """Return `run` as the log keeps it once its pack is written and open under the name `open_as`."""
     assert saved.pack is not None
     return replace(run, pack=saved.pack, saved=saved.pack.path, open_as=open_as)

@@ -46,7 +46,7 @@ class Run:
     saved: Path | None = None
     """The file that it was written to."""
     discarded: bool = False
-    """Whether the user did not want it."""
+    """True if the user discarded the run."""
     open_as: str = ""
     """Name under which its pack is open since it was accepted; "" before that."""
 
@@ -57,7 +57,7 @@ class Run:
 
     @property
     def is_undecided(self) -> bool:
-        """Whether it made a pack that was neither accepted nor discarded."""
+        """True if the run made a pack that was neither accepted nor discarded."""
         return self.pack is not None and self.saved is None and not self.discarded
 
     @property
@@ -68,7 +68,7 @@ class Run:
 
 
 def mean_of_psnr(values: list[float]) -> float:
-    """PSNR in dB of the mean of the mean square errors that belong to `values`."""
+    """Return the PSNR in dB of the mean of the mean square errors that belong to `values`."""
     return psnr_of_mse(float(np.mean([255.0**2 * 10.0 ** (-value / 10.0) for value in values])))
 
 
@@ -105,7 +105,7 @@ class Curves:
 
     @staticmethod
     def array(curve: list[float]) -> NDArray[np.float64]:
-        """[points] float64, as plots take them."""
+        """Return [points] float64, as plots take them."""
         return np.array(curve, np.float64)
 
 
@@ -134,14 +134,14 @@ class RunLog:
         return any(run.number == number for run in self.runs)
 
     def __getitem__(self, number: int) -> Run:
-        """A run by its number. Raises InputError."""
+        """Return a run by its number. Raises InputError."""
         for run in self.runs:
             if run.number == number:
                 return run
         raise InputError(f"run {number}: there is no such run; runs so far: {len(self.runs)}")
 
     def undecided_run(self) -> Run:
-        """The run that is to be accepted or discarded. Raises InputError where there is none."""
+        """Return the run that is to be accepted or discarded. Raises InputError where there is none."""
         if self.undecided is None:
             raise InputError("training: no finished run waits to be accepted or discarded")
         return self[self.undecided]
@@ -229,7 +229,7 @@ class ActiveRun:
         self.groups_seen |= {snapshot.group}
 
     def pack_so_far(self) -> Pack | None:
-        """The pack of the snapshots, if every group that was to be trained has had one."""
+        """Return the pack of the snapshots, if every group that was to be trained has had one."""
         request, pack = self.request, self.pack
         if request is None or pack is None or not self.groups_seen >= (request.dirty or frozenset()):
             return None
@@ -237,7 +237,7 @@ class ActiveRun:
         return replace(whole, training={**whole.training, "ended_early": True})
 
     def ended(self, outcome: str, pack: Pack | None, lines: tuple[str, ...]) -> Run:
-        """The run as the log keeps it; `pack` is what it made, `lines` say what became of each group."""
+        """Return the run as the log keeps it; `pack` is what it made, `lines` say what became of each group."""
         progress = self.progress
         textures = pack.textures if pack is not None else ()
         known = [texture.psnr_db for texture in textures if texture.psnr_db is not None]

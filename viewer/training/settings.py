@@ -32,7 +32,7 @@ LARGEST_BITS = 1000.0
 
 
 def parse_budget(text: str) -> Budget:
-    """The budget written as `500steps`, `30s` or `35dB`. Raises InputError."""
+    """Return the budget written as `500steps`, `30s` or `35dB`. Raises InputError."""
     found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(steps|s|dB)\s*", text, re.IGNORECASE)
     if found is None:
         raise InputError(f"budget {text!r}: must be steps, seconds or a PSNR: 500steps, 30s or 35dB")
@@ -40,7 +40,7 @@ def parse_budget(text: str) -> Budget:
 
 
 def make_budget(value: float, unit: BudgetUnit) -> Budget:
-    """A budget in a unit. Raises InputError for a value out of range."""
+    """Return a budget in a unit. Raises InputError for a value out of range."""
     most = LARGEST_BUDGETS[unit]
     if not 0 < value <= most or (unit == "steps" and value != int(value)):
         whole = "a whole number " if unit == "steps" else ""
@@ -51,7 +51,7 @@ def make_budget(value: float, unit: BudgetUnit) -> Budget:
 
 
 def budget_text(budget: Budget) -> str:
-    """A budget as it is typed."""
+    """Return a budget as it is typed."""
     if isinstance(budget, StepBudget):
         return f"{budget.steps}steps"
     return f"{budget.seconds:g}s" if isinstance(budget, TimeBudget) else f"{budget.psnr_db:g}dB"
@@ -92,7 +92,7 @@ class TrainingSettings:
 
 
 def read_clusters(text: str) -> int | None:
-    """Number of groups; None for `auto`. Raises InputError."""
+    """Return the number of groups; None for `auto`. Raises InputError."""
     if text == AUTO:
         return None
     if not text.isdecimal() or not 1 <= int(text) <= MOST_CLUSTERS:

@@ -18,14 +18,14 @@ PARTS = "xyzw"
 
 
 def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: str) -> str:
-    """GLSL that adds the product of input `number` to a neuron block's sums (shaders/ntc/half.glsl)."""
+    """Return GLSL that adds the product of input `number` to a neuron block's sums (shaders/ntc/half.glsl)."""
     if number % 2:
         return f"ADD_ODD_PRODUCT({sum_name}, {odd_name}, {weight}, {value});"
     return f"ADD_PRODUCT({sum_name}, {weight}, {value});"
 
 
 def _biases(result: str, channels: Mapping[int, int], fetch: Callable[..., str]) -> list[str]:
-    """GLSL that begins a plane's `result` with the biases of its components' channels; `fetch` reads four of them at once."""
+    """Return GLSL that begins a plane's `result` with the biases of its components' channels; `fetch` reads four of them at once."""
     parts = {component: f"float({fetch(channel // 4)}.{PARTS[channel % 4]})" for component, channel in channels.items()}
     return [f"    vec4 {result} = vec4({', '.join(parts.get(component, '0.0') for component in range(4))});"]
 
@@ -55,7 +55,7 @@ class NetworkLayout:
         self.adapter_blocks = self.adapter_output + output_blocks if config.adapters else 0
 
     def arrange(self, decoder: GridDecoder) -> NDArray[np.float32]:
-        """[blocks, 4] float32: the weights of `decoder` in this order."""
+        """Return [blocks, 4] float32: the weights of `decoder` in this order."""
         first, second, third = decoder.weights
         arranged = [
             first.reshape(self.hidden_blocks, 4, self.inputs).transpose(0, 2, 1),
@@ -69,7 +69,7 @@ class NetworkLayout:
 
 
 def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
-    """[blocks, 4] float32: scales and biases of the first hidden layer, then of the second; then the output layer, if it has
+    """Return [blocks, 4] float32: scales and biases of the first hidden layer, then of the second; then the output layer, if it has
     one, as the decoder's lies."""
     pairs = zip(adapter.scales, adapter.biases, strict=True)
     parts = [part for pair in pairs for part in pair]
@@ -79,7 +79,7 @@ def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
 
 
 def network_glsl(config: GridConfig) -> str:
-    """The include `generated/network.glsl`: `vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks)`.
+    """Return the include `generated/network.glsl`: `vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks)`.
 
     `adapter` is the first block of the texture's adapter, unused where the codec has none. `blocks` is the number of
     hidden blocks, or 0 to leave the decoder out. It must come from a uniform: a loop whose length the compiler knows is
@@ -144,7 +144,7 @@ def network_glsl(config: GridConfig) -> str:
 
 
 def _first_results(config: GridConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
-    """GLSL that begins the result of each pixel with the biases of the output layer."""
+    """Return GLSL that begins the result of each pixel with the biases of the output layer."""
     found = []
     for p in range(pixels):
         own = f"weight(adapters[{p}] + {layout.adapter_output_bias} + {{}})"
@@ -154,7 +154,7 @@ def _first_results(config: GridConfig, layout: NetworkLayout, channels: Mapping[
 
 
 def _add_outputs(config: GridConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
-    """GLSL that adds the products of four hidden values with the weights of the output layer."""
+    """Return GLSL that adds the products of four hidden values with the weights of the output layer."""
     found = []
     for component, channel in channels.items():
         offset = channel * layout.hidden_blocks
@@ -168,8 +168,8 @@ def _add_outputs(config: GridConfig, layout: NetworkLayout, channels: Mapping[in
 
 
 def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
-    """The include `generated/shared_decoder.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are bound
-    alone, so that their addresses do not depend on the pixel.
+    """Return the include `generated/shared_decoder.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are
+    bound alone, so that their addresses do not depend on the pixel.
 
     `void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS])`;
     `blocks` as in `network_glsl`.
@@ -300,7 +300,7 @@ class GridTables(GpuTables):
         return tuple(StoredRows(level.first_cell, level.cells) for level in levels)
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:
-        """Cells as files hold them, padded to whole words."""
+        """Return cells as files hold them, padded to whole words."""
         packed = packed_cells(cast(GridTexture, texture).latents[rows], self._config.latent_bits)
         padding = 4 * self.row_words - packed.shape[1]
         return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")

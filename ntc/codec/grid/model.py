@@ -39,9 +39,9 @@ class GridConfig(CodecSettings):
     weight_bits: Literal[16, 32] = 32
     """Bits of a stored decoder weight: half or single precision."""
     adapters: bool = False
-    """Whether each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
+    """True if each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
     adapter_output: bool = False
-    """Whether adapters hold an output layer too, in place of the decoder's."""
+    """True if adapters hold an output layer too, in place of the decoder's."""
     maps: tuple[MapName, ...] = BASE_ALONE
     """Maps that the outputs stand for (`ntc.codec.maps`): all that any texture of the pack has."""
 
@@ -157,7 +157,7 @@ Layer = tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float3
 
 
 def specialised_layers(decoder: GridDecoder, adapter: Adapter | None) -> list[Layer]:
-    """The layers of `decoder` as `adapter` specialises them."""
+    """Return the layers of `decoder` as `adapter` specialises them."""
     layers: list[Layer] = [(weight, None, bias) for weight, bias in zip(decoder.weights, decoder.biases, strict=True)]
     if adapter is not None:
         for number, (scale, bias) in enumerate(zip(adapter.scales, adapter.biases, strict=True)):
@@ -177,7 +177,7 @@ class GridParts:
 
 
 def grid_parts(pack: Pack) -> GridParts:
-    """The parts of a pack of codec `grid`. Raises InputError for another codec."""
+    """Return the parts of a pack of codec `grid`. Raises InputError for another codec."""
     if not isinstance(pack.config, GridConfig):
         raise InputError(f"{pack.name}: codec {pack.config.kind} has no hidden layers; use a pack of codec grid here")
     textures, decoders = cast(tuple[GridTexture, ...], pack.textures), cast(tuple[GridDecoder, ...], pack.decoders)

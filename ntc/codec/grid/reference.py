@@ -19,7 +19,7 @@ def triangle_wave(turns: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def positional_encoding(texel_coordinates: NDArray[np.float64], octaves: int) -> NDArray[np.float64]:
-    """[N, octaves * 4] of `texel_coordinates` [N, 2]: for each axis, each octave, each phase one wave."""
+    """Return [N, octaves * 4] of `texel_coordinates` [N, 2]: for each axis, each octave, each phase one wave."""
     waves = [
         triangle_wave(texel_coordinates[:, axis] / 2.0 ** (octave + 1) + phase)
         for axis in range(2)
@@ -30,7 +30,7 @@ def positional_encoding(texel_coordinates: NDArray[np.float64], octaves: int) ->
 
 
 def run_decoder(decoder: GridDecoder, inputs: Array, leaky_slope: float, adapter: Adapter | None = None) -> Array:
-    """[N, outputs] of the three linear layers for `inputs` [N, decoder_inputs], not clamped."""
+    """Return [N, outputs] of the three linear layers for `inputs` [N, decoder_inputs], not clamped."""
     values = inputs
     for index, (weight, scale, bias) in enumerate(specialised_layers(decoder, adapter)):
         values = values @ weight.astype(np.float64).T
@@ -43,8 +43,8 @@ def run_decoder(decoder: GridDecoder, inputs: Array, leaky_slope: float, adapter
 
 
 def decoder_inputs(pack: Pack, texture: GridTexture, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode]) -> Array:
-    """[N, decoder_inputs]: what the decoder of a pack of codec `grid` reads at `uv` [N, 2] and `lod` [N] (docs/reference/codecs.md,
-    steps 1 to 4)."""
+    """Return [N, decoder_inputs]: what the decoder of a pack of codec `grid` reads at `uv` [N, 2] and `lod` [N]
+    (docs/reference/codecs.md, steps 1 to 4)."""
     config = grid_parts(pack).config
     levels = latent_levels(texture.width, texture.height, config)
     lod = clamped_lod(lod, len(levels))

@@ -29,7 +29,7 @@ class QuantizedLatents:
     """[channels] float32."""
 
     def values(self) -> NDArray[np.float64]:
-        """[cells, channels] float64: the values that the stored integers stand for."""
+        """Return [cells, channels] float64: the values that the stored integers stand for."""
         return self.offset.astype(np.float64) + self.scale.astype(np.float64) * self.stored
 
 
@@ -49,7 +49,7 @@ def quantize_latents(
 
 
 def packed_cells(stored: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
-    """[cells, channels * bits / 8] uint8: `stored` [cells, channels] as it lies in files, for 4 bits two integers a byte, the
+    """Return [cells, channels * bits / 8] uint8: `stored` [cells, channels] as it lies in files, for 4 bits two integers a byte, the
     first in the low half."""
     if bits == 8:
         return np.ascontiguousarray(stored)
@@ -57,7 +57,7 @@ def packed_cells(stored: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
 
 
 def unpacked_cells(packed: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
-    """[cells, channels] uint8, one integer a byte: the inverse of `packed_cells`."""
+    """Return [cells, channels] uint8, one integer a byte: the inverse of `packed_cells`."""
     if bits == 8:
         return packed
     return np.stack([packed & 15, packed >> 4], axis=-1).reshape(len(packed), -1)
@@ -67,7 +67,7 @@ HIDDEN_LAYERS = 2
 
 
 def texture_shapes(config: GridConfig, width: int, height: int) -> dict[str, TensorShape]:
-    """Type and shape of the tensors of a texture: cells, their range, and the adapter."""
+    """Return the type and shape of the tensors of a texture: cells, their range, and the adapter."""
     channels = config.latent_channels
     shapes: dict[str, TensorShape] = {
         "latents.{}": ("U8", (latent_cell_count(width, height, config), config.cell_bytes)),
@@ -84,7 +84,7 @@ def texture_shapes(config: GridConfig, width: int, height: int) -> dict[str, Ten
 
 
 def decoder_shapes(config: GridConfig) -> dict[str, TensorShape]:
-    """Type and shape of the tensors of a decoder: weights and biases of its layers."""
+    """Return the type and shape of the tensors of a decoder: weights and biases of its layers."""
     kind, shapes = f"F{config.weight_bits}", dict[str, TensorShape]()
     for layer, (outputs, inputs) in enumerate(config.layer_shapes):
         shapes[f"decoder.{{}}.{layer}.weight"] = (kind, (outputs, inputs))
@@ -93,7 +93,7 @@ def decoder_shapes(config: GridConfig) -> dict[str, TensorShape]:
 
 
 def texture_tensors(texture: GridTexture, config: GridConfig) -> dict[str, NDArray[Any]]:
-    """The tensors of a texture, contiguous."""
+    """Return the tensors of a texture, contiguous."""
     tensors: dict[str, NDArray[Any]] = {
         "latents.{}": packed_cells(texture.latents, config.latent_bits),
         "latents.{}.scale": np.ascontiguousarray(texture.scale),
@@ -109,7 +109,7 @@ def texture_tensors(texture: GridTexture, config: GridConfig) -> dict[str, NDArr
 
 
 def read_texture(tensors: Tensors, known: Mapping[str, Any], config: GridConfig) -> GridTexture:
-    """The texture of these tensors."""
+    """Return the texture of these tensors."""
     adapter = None
     if config.adapters:
         parts = ("scales", "biases", "output.weight", "output.bias") if config.adapter_output else ("scales", "biases")
@@ -124,7 +124,7 @@ def read_texture(tensors: Tensors, known: Mapping[str, Any], config: GridConfig)
 
 
 def decoder_tensors(decoder: GridDecoder, config: GridConfig) -> dict[str, NDArray[Any]]:
-    """The tensors of a decoder, contiguous."""
+    """Return the tensors of a decoder, contiguous."""
     kind = np.float16 if config.weight_bits == 16 else np.float32
     tensors: dict[str, NDArray[Any]] = {}
     for layer, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
@@ -134,7 +134,7 @@ def decoder_tensors(decoder: GridDecoder, config: GridConfig) -> dict[str, NDArr
 
 
 def read_decoder(tensors: Tensors, config: GridConfig) -> GridDecoder:
-    """The decoder of these tensors."""
+    """Return the decoder of these tensors."""
     layers = range(len(config.layer_shapes))
     weights, biases = (
         tuple(tensors[f"decoder.{{}}.{layer}.{part}"].astype(np.float32) for layer in layers)
@@ -144,7 +144,7 @@ def read_decoder(tensors: Tensors, config: GridConfig) -> GridDecoder:
 
 
 def grid_texture(source: SourceTexture, group: int, latents: QuantizedLatents, adapter: Adapter | None) -> GridTexture:
-    """`source` in `group`, encoded as `latents` and, where the codec has them, `adapter`; its PSNR is not yet known."""
+    """Return `source` in `group`, encoded as `latents` and, where the codec has them, `adapter`; its PSNR is not yet known."""
     return GridTexture(
         **texture_fields(source, group),
         latents=latents.stored,
@@ -155,7 +155,7 @@ def grid_texture(source: SourceTexture, group: int, latents: QuantizedLatents, a
 
 
 def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, config: GridConfig) -> Pack:
-    """A pack that decodes to mid-grey, in the groups of `grouping`: shown until the first snapshots.
+    """Return a pack that decodes to mid-grey, in the groups of `grouping`: shown until the first snapshots.
 
     Codes have their largest size, so that what comes fits into as much memory.
     """

@@ -20,7 +20,7 @@ Layer = tuple[Tensor, Tensor]
 
 
 def _as_halves(numbers: Tensor) -> NDArray[np.float32]:
-    """What half precision stores of `numbers`; beyond its range would lie infinity, which no pack may hold."""
+    """Return what half precision stores of `numbers`; beyond its range would lie infinity, which no pack may hold."""
     halves = numbers.detach().cpu().clamp(-LARGEST_HALF, LARGEST_HALF).half()
     return np.asarray(halves.float().numpy(), np.float32)
 
@@ -58,7 +58,7 @@ class AdapterStack(nn.Module):
                     own[index] = torch.from_numpy(stored.copy())
 
     def export(self, decoders: "DecoderStack", decoder: Tensor) -> tuple[Adapter, ...]:
-        """The adapters as numpy arrays, rounded to half precision; row t specialises decoder `decoder`[t]."""
+        """Return the adapters as numpy arrays, rounded to half precision; row t specialises decoder `decoder`[t]."""
         parts = [torch.stack(list(values), dim=1) for values in (self.scales, self.biases)]
         if self.output:
             shared = (decoders.weights[-1], decoders.biases[-1])
@@ -88,7 +88,7 @@ class DecoderStack(nn.Module):
     def layers(
         self, decoder: Tensor, adapters: AdapterStack | None = None, textures: Tensor | None = None
     ) -> list[Layer]:
-        """The layers that row t of a batch goes through: those of decoder `decoder`[t], specialised by adapter `textures`[t],
+        """Return the layers that row t of a batch goes through: those of decoder `decoder`[t], specialised by adapter `textures`[t],
         or t where that is None."""
         own: Callable[[Tensor], Tensor] = (lambda rows: rows) if textures is None else (lambda rows: rows[textures])
         choice = nn.functional.one_hot(decoder, len(self.weights[0])).to(self.weights[0].dtype)
@@ -107,7 +107,7 @@ class DecoderStack(nn.Module):
         return found
 
     def forward(self, inputs: Tensor, decoder: Tensor, adapters: AdapterStack | None = None) -> Tensor:
-        """[T, N, outputs] for `inputs` [T, N, decoder_inputs], row t decoded by decoder `decoder`[t]; not clamped.
+        """Return [T, N, outputs] for `inputs` [T, N, decoder_inputs], row t decoded by decoder `decoder`[t]; not clamped.
 
         Row t is specialised by adapter t.
         """
@@ -138,7 +138,7 @@ class DecoderStack(nn.Module):
             self.biases[-1].zero_()
 
     def export(self) -> tuple[GridDecoder, ...]:
-        """The decoders as numpy arrays, exact in the precision in which the codec stores them."""
+        """Return the decoders as numpy arrays, exact in the precision in which the codec stores them."""
 
         def stored(values: Tensor) -> NDArray[np.float32]:
             return _as_halves(values) if self._in_half else np.asarray(values.detach().cpu().numpy(), np.float32)
@@ -152,7 +152,7 @@ class DecoderStack(nn.Module):
 
 
 def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor, octaves: int) -> Tensor:
-    """[N, 4 octaves] triangle waves of the texel coordinate at whole `level` [N]. `table` holds texel sizes."""
+    """Return [N, 4 octaves] triangle waves of the texel coordinate at whole `level` [N]. `table` holds texel sizes."""
     size = torch.stack([table.width[texture, level], table.height[texture, level]], dim=-1)
     texel = (uv * size)[:, :, None, None]
     octave = 2.0 ** -torch.arange(1, octaves + 1, device=uv.device, dtype=uv.dtype)[None, None, :, None]
@@ -162,7 +162,7 @@ def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor,
 
 
 def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: Tensor, octaves: int) -> Tensor:
-    """[N, 4 octaves] triangle waves, blended between the two levels around `lod` [N]."""
+    """Return [N, 4 octaves] triangle waves, blended between the two levels around `lod` [N]."""
     lower = torch.floor(lod).long()
     upper = torch.minimum(lower + 1, table.levels[texture] - 1)
     share = (lod - lower)[:, None]
@@ -171,7 +171,7 @@ def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: T
 
 
 def with_lod(waves: Tensor, lod: Tensor, config: GridConfig) -> Tensor:
-    """[N, rest]: positional encoding `waves` and, where the codec has it, the lod input of `lod` [N]."""
+    """Return [N, rest]: positional encoding `waves` and, where the codec has it, the lod input of `lod` [N]."""
     return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
 
 
@@ -184,7 +184,7 @@ def codec_features(
     uv: Tensor,
     lod: Tensor,
 ) -> tuple[Tensor, Tensor]:
-    """Latents [N, latent_channels] and the other inputs of the decoder [N, rest] at wrapped `uv` [N, 2] in [0, 1] and clamped
+    """Return latents [N, latent_channels] and the other inputs of the decoder [N, rest] at wrapped `uv` [N, 2] in [0, 1] and clamped
     `lod` [N] of `texture` [N].
 
     `latents` [all cells, channels]; differentiable in them.
@@ -240,7 +240,7 @@ class TorchGrid(TorchTexels):
         return self._tables[index, repeats]
 
     def _latents_of(self, index: int) -> tuple[Tensor, Tensor, Tensor]:
-        """[cells, channels] as stored, scale and offset [channels] of a texture."""
+        """Return [cells, channels] as stored, scale and offset [channels] of a texture."""
         if index not in self._latents:
             texture = self._textures[index]
             latents, scale, offset = (
@@ -269,5 +269,5 @@ class TorchGrid(TorchTexels):
         return decode
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
-        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+        """Return [h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
         return image_of_texels(self._pack, texture_index, level, self.decode_texels)

@@ -48,7 +48,7 @@ class Arithmetic:
 
     @property
     def factors_are_half(self) -> bool:
-        """Whether inputs and hidden values are rounded before they are multiplied."""
+        """True if inputs and hidden values are rounded before they are multiplied."""
         return self.products is HALF
 
 
@@ -79,7 +79,7 @@ def _stored(values: NDArray[np.float32], arithmetic: Arithmetic) -> Array:
 
 
 def decoder_layers(decoder: GridDecoder, adapter: Adapter | None, arithmetic: Arithmetic) -> list[Layer]:
-    """The three layers of `decoder` as `adapter` specialises them."""
+    """Return the three layers of `decoder` as `adapter` specialises them."""
     layers = []
     for weight, scale, bias in specialised_layers(decoder, adapter):
         exact = (weight.astype(np.float64), bias.astype(np.float64), None if scale is None else scale.astype(float))
@@ -99,7 +99,8 @@ class LayerSums:
 
 
 def layer_sums(layer: Layer, products: Array, storage: Array, inputs: int, arithmetic: Arithmetic) -> LayerSums:
-    """`products` [outputs]: sums of magnitudes of stored weights times inputs; `storage` alike of what storing changed."""
+    """Return the sums of a layer. `products` [outputs]: sums of magnitudes of stored weights times inputs; `storage`: the same of
+    changes by storing."""
     own = layer.scale is None or layer.stored_scale is None
     bias = np.abs(layer.stored_bias)
     total = products + bias if own else products
@@ -123,7 +124,7 @@ def layer_sums(layer: Layer, products: Array, storage: Array, inputs: int, arith
 
 
 def sums_of_values(layer: Layer, largest: Array, arithmetic: Arithmetic) -> LayerSums:
-    """Sums of a layer that reads values of at most the magnitudes `largest` [..., inputs]."""
+    """Return sums of a layer that reads values of at most the magnitudes `largest` [..., inputs]."""
     changed = np.abs(layer.weight - layer.stored_weight) + SMALLEST_SINGLE
     products, storage = largest @ np.abs(layer.stored_weight).T, largest @ changed.T
     return layer_sums(layer, products, storage, layer.weight.shape[1], arithmetic)
@@ -159,7 +160,7 @@ def _leaky(values: Array, slope: float) -> Array:
 
 
 def hidden_values(low: Array, high: Array, error: Array, slope: float, arithmetic: Arithmetic) -> Hidden:
-    """The activation of sums in [`low`, `high`] that are off by at most `error`."""
+    """Return the activation of sums in [`low`, `high`] that are off by at most `error`."""
     rounding = arithmetic.sums
     kept = float(np.float16(slope)) if rounding is HALF else float(np.float32(slope))
     below = np.maximum(error - low, 0.0)
@@ -179,7 +180,7 @@ def hidden_values(low: Array, high: Array, error: Array, slope: float, arithmeti
 
 
 def effective_weight(layer: Layer) -> Array:
-    """[outputs, inputs] exact weights, scales multiplied in."""
+    """Return [outputs, inputs] exact weights, scales multiplied in."""
     return layer.weight if layer.scale is None else layer.scale[:, None] * layer.weight
 
 
@@ -198,7 +199,7 @@ class ErrorBound:
     activations: tuple[float, float, float]
     """Largest magnitude of any sum in the first, second and third layer, in whatever order it is summed."""
     overflows: bool
-    """Whether a number may leave the range of the format it is kept in."""
+    """True if a number may leave the range of the format it is kept in."""
 
 
 def _bound(
@@ -283,7 +284,7 @@ def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> Error
 
 
 def worst_of(bounds: list[ErrorBound]) -> ErrorBound:
-    """The largest of each bound; zeros for an empty list."""
+    """Return the largest of each bound; zeros for an empty list."""
     if not bounds:
         return ErrorBound(0.0, 0.0, (0.0, 0.0, 0.0), False)
     activations = np.array([bound.activations for bound in bounds]).max(axis=0)
@@ -302,12 +303,12 @@ def texture_bounds(pack: Pack, precision: Precision, rescale: bool = True) -> li
 
 
 def pack_bounds(pack: Pack) -> dict[Precision, ErrorBound]:
-    """The worst of all textures of `pack`, by precision."""
+    """Return the worst of all textures of `pack`, by precision."""
     return {precision: worst_of(texture_bounds(pack, precision)) for precision in get_args(Precision)}
 
 
 def _running(layers: list[Layer], inputs: Array, error: Array, slope: float, arithmetic: Arithmetic) -> Array:
-    """[N, outputs] bounds for exact `inputs` [N, decoder_inputs] that are read with at most `error` [decoder_inputs]."""
+    """Return [N, outputs] bounds for exact `inputs` [N, decoder_inputs] that are read with at most `error` [decoder_inputs]."""
     first, second, third = layers
     weight_1, weight_2 = effective_weight(first), effective_weight(second)
     read = np.broadcast_to(error, inputs.shape)
@@ -343,7 +344,7 @@ def _running(layers: list[Layer], inputs: Array, error: Array, slope: float, ari
 def running_bounds(
     stored: Pack, texture_index: int, uv: Array, lod: Array, precision: Precision, lod_error: float = 0.0
 ) -> Array:
-    """[N, channels] largest differences from the exact decode at `uv` [N, 2] and `lod` [N], where both are fp32 numbers.
+    """Return [N, channels] largest differences from the exact decode at `uv` [N, 2] and `lod` [N], where both are fp32 numbers.
 
     `stored` is what `ntc.codec.grid.accuracy.rescale.stored_pack` gave; a decoder may read a `lod` that is off by `lod_error`.
     1 where numbers may overflow.

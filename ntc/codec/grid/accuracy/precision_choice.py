@@ -19,20 +19,20 @@ Single = NDArray[np.float32]
 
 
 def to_half(values: Single) -> Single:
-    """`values` rounded to the nearest half, ties to even; infinite beyond the range of halves."""
+    """Return `values` rounded to the nearest half, ties to even; infinite beyond the range of halves."""
     with np.errstate(over="ignore"):
         return values.astype(np.float16).astype(np.float32)
 
 
 def as_stored(weights: Single) -> Single:
-    """`weights` as halves; those beyond the range of halves become the largest one, as on the GPU."""
+    """Return `weights` as halves; those beyond the range of halves become the largest one, as on the GPU."""
     return to_half(np.clip(weights, -LARGEST_HALF, LARGEST_HALF))
 
 
 def run_decoder_in_half(
     decoder: GridDecoder, inputs: Single, leaky_slope: float, adapter: Adapter | None = None, accumulate: bool = False
 ) -> Single:
-    """[N, outputs] float32, not clamped, for `inputs` [N, decoder_inputs].
+    """Return [N, outputs] float32, not clamped, for `inputs` [N, decoder_inputs].
 
     Products of hidden layers are halves. With `accumulate` their sums are, too, two for each neuron: of inputs with even and with odd
     numbers. Outputs are computed in single precision.
@@ -67,7 +67,7 @@ def decode_texels_in_half(
     accumulate: bool,
     rescale: bool = True,
 ) -> Single:
-    """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], as `ntc.codec.reference.decode_texels`, in half precision.
+    """Return [N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], as `ntc.codec.reference.decode_texels`, in half precision.
 
     With `rescale`, as the viewer does, weights are rescaled so that nothing overflows (`rescale`); NaN becomes 0.
     """
@@ -105,7 +105,7 @@ def _stored_adapter(adapter: Adapter | None) -> Adapter | None:
 
 
 def sampled_places(pack: Pack, texture_index: int, count: int, random: np.random.Generator) -> tuple[Array, Array]:
-    """([N, 2] uv, [N] lod) at random over one texture, float64 numbers that are fp32 exactly."""
+    """Return random places ([N, 2] uv, [N] lod) over one texture, float64 numbers that are fp32 exactly."""
     texture = grid_parts(pack).textures[texture_index]
     levels = len(latent_levels(texture.width, texture.height, pack.config))
     uv, lod = random.uniform(0.0, 1.0, (count, 2)), random.uniform(0.0, levels - 1, count)
@@ -117,7 +117,7 @@ def _each(pack: Pack, texels: int) -> int:
 
 
 def sampled_bound(pack: Pack, precision: Precision, texels: int = MEASURED_TEXELS, seed: int = 0) -> float:
-    """The largest certified error of `texels` single texels (`ntc.codec.grid.accuracy.error_bound`), without decoding them."""
+    """Return the largest certified error of `texels` single texels (`ntc.codec.grid.accuracy.error_bound`), without decoding them."""
     random = np.random.default_rng(seed)
     stored, worst = stored_pack(pack, precision), 0.0
     for index in range(len(pack.textures)):
@@ -127,7 +127,8 @@ def sampled_bound(pack: Pack, precision: Precision, texels: int = MEASURED_TEXEL
 
 
 def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXELS, seed: int = 0) -> float:
-    """Largest difference from float64 at random places and levels of detail of every texture, `texels` of them or a few more.
+    """Return the largest difference from float64 at random places and levels of detail of every texture, `texels` of them or a few
+    more.
 
     For `fp32` and `fp16` the arithmetic is float64: what is measured is storage.
     """
@@ -152,7 +153,8 @@ def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXE
 
 
 def chosen_precision(pack: Pack, fastest_first: Sequence[Precision], limit: float = HALF_STEP) -> ChosenPrecision:
-    """The first of these precisions whose certified error is at most `limit`, or measured one well below it; fp32 needs neither.
+    """Return the first of these precisions whose certified error is at most `limit`, or measured one well below it; fp32 needs
+    neither.
 
     A precision in which numbers may overflow is never taken.
     """

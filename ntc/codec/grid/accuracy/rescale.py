@@ -42,25 +42,25 @@ class InputBounds:
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
     def spread(self, weight: Array) -> Array:
-        """[N] half the range of `weight` [N, inputs] times the exact inputs."""
+        """Return [N] half the range of `weight` [N, inputs] times the exact inputs."""
         radius = (self.high - self.low) / 2.0
         radius[self.waves] = 0.0
         return np.abs(weight) @ radius + self._waves(np.abs(weight), 1.0)
 
     def largest_sum(self, weight: Array, error: Array) -> Array:
-        """[N] largest sum of the magnitudes of the products of `weight` [N, inputs] with inputs that are off by `error`."""
+        """Return [N] largest sum of the magnitudes of the products of `weight` [N, inputs] with inputs that are off by `error`."""
         magnitude = self.magnitude + error
         magnitude[self.waves] = error[self.waves]
         return np.abs(weight) @ magnitude + self._waves(np.abs(weight), 1.0)
 
     def _waves(self, magnitudes: Array, largest: float) -> Array:
-        """[N] largest sum over the positional inputs: of each pair of phases only one can be at its largest."""
+        """Return [N] largest sum over the positional inputs: of each pair of phases only one can be at its largest."""
         pairs = magnitudes[:, self.waves].reshape(len(magnitudes), -1, len(PHASES))
         return np.asarray(pairs.max(axis=-1).sum(axis=-1) * largest)
 
 
 def _level_errors(level: LatentLevel, config: GridConfig) -> tuple[float, Array]:
-    """(error of a filtered stored latent in stored steps, [positional_inputs] errors of the waves) at one level."""
+    """Return (error of a filtered stored latent in stored steps, [positional_inputs] errors of the waves) at one level."""
     stored = 0.0
     waves = []
     cells, texels = (level.width, level.height), (level.texel_width, level.texel_height)
@@ -82,7 +82,7 @@ def _level_errors(level: LatentLevel, config: GridConfig) -> tuple[float, Array]
 
 
 def input_bounds(texture: GridTexture, config: GridConfig, lod_error: float = 0.0) -> InputBounds:
-    """Bounds for `texture` whatever its latents are, and wherever it is read.
+    """Return the bounds for `texture` whatever its latents are, and wherever it is read.
 
     `lod_error` is how far the level of detail itself may be off: 0 where it is given, more where a shader takes a logarithm.
     """
@@ -128,7 +128,7 @@ class Exponents:
 
 
 def _adapted(sums: Array, adapter: Adapter | None, bias: NDArray[np.float32], layer: int) -> tuple[Array, Array]:
-    """[neurons] bounds of a hidden layer's sums, and of what it hands on, for `sums` of its products."""
+    """Return [neurons] bounds of a hidden layer's sums, and of what it hands on, for `sums` of its products."""
     if adapter is None:
         whole = sums + np.abs(bias)
         return whole, whole
@@ -137,7 +137,7 @@ def _adapted(sums: Array, adapter: Adapter | None, bias: NDArray[np.float32], la
 
 
 def _largest_sums(decoder: GridDecoder, adapter: Adapter | None, inputs: InputBounds) -> tuple[float, float]:
-    """Bounds of all sums in the first and the second hidden layer."""
+    """Return the bounds of all sums in the first and the second hidden layer."""
     weights = [weight.astype(np.float64) for weight in decoder.weights]
     first, hidden = _adapted(inputs.largest_sum(weights[0], inputs.error), adapter, decoder.biases[0], 0)
     second, _ = _adapted(np.abs(weights[1]) @ hidden, adapter, decoder.biases[1], 1)
@@ -184,7 +184,8 @@ def _rescaled_decoder(decoder: GridDecoder, by: Exponents) -> GridDecoder:
 
 
 def _rescaled_texture(texture: GridTexture, by: Exponents) -> GridTexture:
-    """The shared matrices carry the powers of two: so an adapter's biases change with them, and its scales do not."""
+    """Return `texture` for a rescaled decoder: its adapter's biases change with the powers of two in the matrices, its scales do
+    not."""
     adapter = texture.adapter
     if adapter is None or by == Exponents():
         return texture
@@ -194,7 +195,7 @@ def _rescaled_texture(texture: GridTexture, by: Exponents) -> GridTexture:
 
 
 def rescaled_pack(pack: Pack) -> Pack:
-    """`pack` with sums in the range of halves. It decodes to the same values; a pack that is in range is returned as it is."""
+    """Return `pack` with sums in the range of halves. It decodes to the same values; a pack that is in range is returned as it is."""
     by = exponents(pack)
     if all(one == Exponents() for one in by):
         return pack
@@ -206,7 +207,7 @@ def rescaled_pack(pack: Pack) -> Pack:
 
 
 def _halves_are_enough(pack: Pack) -> bool:
-    """Whether all weights fit into halves, and no layer's are so small that halves would keep few digits of them."""
+    """Return whether all weights fit into halves, and no layer's are so small that halves would keep few digits of them."""
     weights = [part for decoder in grid_parts(pack).decoders for part in decoder.weights]
     others = [part for decoder in grid_parts(pack).decoders for part in decoder.biases]
     for texture in grid_parts(pack).textures:
@@ -218,7 +219,7 @@ def _halves_are_enough(pack: Pack) -> bool:
 
 
 def stored_pack(pack: Pack, precision: Precision) -> Pack:
-    """What of `pack` is stored for decoding in `precision`, before weights are rounded to halves.
+    """Return what of `pack` is stored for decoding in `precision`, before weights are rounded to halves.
 
     `fp16` computes in fp32: it needs rescaling only where weights themselves are too large or too small for halves.
     """

@@ -39,7 +39,7 @@ class StepReport:
 
 
 def _side_by_side(flat: Sequence[Tensor], textures: int) -> Tensor:
-    """[T, N, ...] of all parts, each [T n, ...]."""
+    """Return [T, N, ...] of all parts, each [T n, ...]."""
     rows = [values.view(textures, -1, values.shape[1]) for values in flat]
     return torch.cat(rows, dim=1) if len(rows) > 1 else rows[0]
 
@@ -140,7 +140,7 @@ class TrainingBatch:
 
     @property
     def done(self) -> bool:
-        """Whether nothing is left to train."""
+        """True if the batch has no steps left."""
         return self.step >= self.steps or not bool(self._trained.any())
 
     @property
@@ -149,7 +149,7 @@ class TrainingBatch:
         return int((~self._trained).sum())
 
     def _ranges(self, textures: Sequence[int]) -> tuple[Tensor, Tensor]:
-        """Smallest and largest latent [T, channels] of each of `textures`, without outliers."""
+        """Return the smallest and largest latent [T, channels] of each of `textures`, without outliers."""
         lows, highs = [], []
         clip = self._clip
         for texture in textures:
@@ -165,7 +165,7 @@ class TrainingBatch:
         return torch.stack(lows), torch.stack(highs)
 
     def _piece(self, texture: int) -> Tensor:
-        """[cells, channels]: the latents of a texture."""
+        """Return [cells, channels]: the latents of a texture."""
         first = self._first_cells[texture]
         return self._table.values.detach()[first : first + self._data.cell_counts[texture]]
 
@@ -179,13 +179,13 @@ class TrainingBatch:
                 torch.clamp(piece, low[texture], high[texture], out=piece)
 
     def quantized(self) -> list[QuantizedLatents]:
-        """The latents of each texture after final rounding."""
+        """Return the latents of each texture after final rounding."""
         if self._rounded is None:
             self._rounded = self.rounded_now(range(self._data.count))
         return self._rounded
 
     def rounded_now(self, textures: Sequence[int]) -> list[QuantizedLatents]:
-        """The latents of `textures` as they would be stored if training ended here; training is not affected."""
+        """Return the latents of `textures` as they would be stored if training ended here; training is not affected."""
         if self._rounded is not None:
             return [self._rounded[texture] for texture in textures]
         rounded = []
@@ -196,7 +196,7 @@ class TrainingBatch:
         return rounded
 
     def stored_decoders(self) -> tuple[GridDecoder, ...]:
-        """The decoders as packs store them: with an output layer of 0 where adapters have one."""
+        """Return the decoders as packs store them: with an output layer of 0 where adapters have one."""
         decoders = self.decoders.export()
         if not self._config.adapter_output:
             return decoders
@@ -214,7 +214,7 @@ class TrainingBatch:
         return [float(loss) for loss in self._running.cpu()]
 
     def adapters(self) -> tuple[Adapter, ...]:
-        """The adapter of each texture; none where the codec has none."""
+        """Return the adapter of each texture; none where the codec has none."""
         return () if self._adapters is None else self._adapters.export(self.decoders, self._decoder_of)
 
     def _round_finally(self) -> None:
@@ -223,7 +223,7 @@ class TrainingBatch:
             self._table.values.copy_(torch.from_numpy(values))
 
     def advance(self, rate_factor: float) -> StepReport:
-        """One step at `rate_factor` times the scheduled rates. Raises NotFiniteError before anything was changed."""
+        """Do one step at `rate_factor` times the scheduled rates. Raises NotFiniteError before anything was changed."""
         first_rounded = self.steps - math.floor(self.steps * self._training.rounded_share)
         rounded = self._rounded is not None or self.step >= first_rounded
         if rounded and self._rounded is None:
@@ -271,7 +271,7 @@ class TrainingBatch:
             raise NotFiniteError
 
     def _weights(self, chosen: Tensor) -> Tensor:
-        """[T]: how much each texture's loss counts, 1 on average."""
+        """Return [T]: how much each texture's loss counts, 1 on average."""
         running = self._running[chosen]
         if self._training.balance == 0.0 or bool(torch.isnan(running).any()):
             return torch.ones_like(running)
@@ -296,7 +296,7 @@ class TrainingBatch:
                 self._trained[members] = False
 
     def _frozen_rows(self) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """(parameter, rows, values) of textures that stopped training: momentum would change them further."""
+        """Return (parameter, rows, values) of textures that stopped training: momentum would change them further."""
         textures = ~self._trained
         decoders = torch.ones(len(self.decoder_numbers), dtype=torch.bool, device=textures.device)
         decoders[self._decoder_of[self._trained]] = False
@@ -307,7 +307,7 @@ class TrainingBatch:
         return [(p, rows, p.data[rows]) for parameters, rows in owners for p in parameters]
 
     def _losses(self, chosen: Tensor, parts: Sequence[Samples], latents: Tensor, noise_step: Tensor | None) -> Tensor:
-        """[T]: summed squared errors of the samples of each texture, decoded from blended `latents` [T, N, channels]."""
+        """Return [T]: summed squared errors of the samples of each texture, decoded from blended `latents` [T, N, channels]."""
         known = _side_by_side([part.known for part in parts], len(chosen))
         targets = _side_by_side([part.targets for part in parts], len(chosen))
         if noise_step is not None:

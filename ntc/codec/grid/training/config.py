@@ -63,7 +63,7 @@ class TrainingConfig(EncodingOptions):
 
 
 def recipe_config(name: RecipeName) -> TrainingConfig:
-    """`paper`: learning rates, batch, length and freezing of the paper (Sec. 4). `best`: the best found so far."""
+    """Return `paper`: learning rates, batch, length and freezing of the paper (Sec. 4). `best`: the best found so far."""
     if name == "paper":
         return TrainingConfig(
             recipe="paper",
@@ -97,7 +97,7 @@ def in_the_manner_of(name: RecipeName, training: TrainingConfig) -> TrainingConf
 
 
 def chosen_config(choices: EncodingChoices) -> TrainingConfig:
-    """The recipe with what the user's choices override."""
+    """Return the recipe with what the user's choices override."""
     training = replace(recipe_config(choices.recipe), seed=choices.seed, device=choices.device)
     if choices.steps is not None:
         return replace(training, steps=choices.steps, epochs=None)
@@ -109,8 +109,8 @@ def chosen_config(choices: EncodingChoices) -> TrainingConfig:
 def recipe_codec(
     name: RecipeName, output_channels: int, levels: int | None, maps: tuple[MapName, ...] = BASE_ALONE
 ) -> GridConfig:
-    """The settings of codec `grid` in a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8 channels,
-    and adapters."""
+    """Return the settings of codec `grid` in a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8
+    channels, and adapters."""
     if name == "paper":
         return GridConfig(levels=levels, output_channels=output_channels, maps=maps)
     return GridConfig(
@@ -126,7 +126,7 @@ def recipe_codec(
 
 
 def freezing_scale(progress: float, freezing: FreezingConfig | None) -> float:
-    """Scale of the decoder's updates (paper, Sec. 3): 1 before e_s, then 0.5 (1 + cos(pi p)), 0 after e_s + T."""
+    """Return the scale of the decoder's updates (paper, Sec. 3): 1 before e_s, then 0.5 (1 + cos(pi p)), 0 after e_s + T."""
     if freezing is None:
         return 1.0
     if freezing.duration <= 0.0:
@@ -144,9 +144,8 @@ FALL_FROM = 0.6
 
 
 def rate_scale(progress: float, training: TrainingConfig) -> float:
-    """Scale of all learning rates: 1 for constant, half a cosine from 1 to 0 for cosine; for trapezoid a straight line up to 1,
-    then 1, then a straight line down to 0.
-    """
+    """Return the scale of all learning rates: 1 for constant, half a cosine from 1 to 0 for cosine; for trapezoid a straight line up
+    to 1, then 1, then a straight line down to 0."""
     share = min(max(progress, 0.0), 1.0)
     if training.schedule == "constant":
         return 1.0

@@ -31,18 +31,18 @@ RANDOM_SHARE = 0.02
 
 
 def random_latents(cells: int, config: GridConfig, generator: torch.Generator) -> Tensor:
-    """[cells, latent_channels] uniform."""
+    """Return [cells, latent_channels] uniform."""
     return (torch.rand(cells, config.latent_channels, generator=generator) * 2.0 - 1.0) * LATENT_SPREAD
 
 
 def _pooled(planes: NDArray[np.float32], height: int, width: int) -> Tensor:
-    """[height * width, channels]: means of `planes` [H, W, channels] over the area of each cell."""
+    """Return [height * width, channels]: means of `planes` [H, W, channels] over the area of each cell."""
     image = torch.from_numpy(planes).permute(2, 0, 1)
     return torch.nn.functional.adaptive_avg_pool2d(image, (height, width)).flatten(1).t()
 
 
 def image_latents(texture: SourceTexture, config: GridConfig, generator: torch.Generator) -> Tensor:
-    """[cells, latent_channels] float32 of all levels: for each cell the mean of its texels, channel by channel, and how much
+    """Return [cells, latent_channels] float32 of all levels: for each cell the mean of its texels, channel by channel, and how much
     they vary; the remaining channels are random. Each channel has mean 0 and standard deviation IMAGE_DEVIATION over mip 0.
 
     So the decoder starts from inputs that already describe the texture around a texel, instead of noise.
@@ -78,7 +78,7 @@ class LatentTable:
         self._channels = torch.arange(start.shape[1], device=start.device)
 
     def read(self, index: Tensor, weights: Tensor) -> Tensor:
-        """[N, channels]: sum over k of cells `index` [N, k] times `weights` [N, k]."""
+        """Return [N, channels]: sum over k of cells `index` [N, k] times `weights` [N, k]."""
         return torch.nn.functional.embedding_bag(index, self.values.detach(), per_sample_weights=weights, mode="sum")
 
     def set_gradient(self, parts: Iterable[tuple[Tensor, Tensor, Tensor]]) -> None:
@@ -170,7 +170,7 @@ class TexelTables:
         self._first = first.to(device)
 
     def at(self, texture: Tensor, level: Tensor, texel: Tensor) -> CentreFeatures:
-        """Features at texel (column, row) `texel` [N, 2] int64 of `level` [N] int64 of `texture` [N] int64."""
+        """Return features at texel (column, row) `texel` [N, 2] int64 of `level` [N] int64 of `texture` [N] int64."""
         place = self._first[texture, level] + texel
         (column, u), (row, v) = (
             (self._cells.index_select(0, at), self._numbers.index_select(0, at)) for at in place.t().contiguous()
@@ -199,7 +199,7 @@ class Samples:
 
 
 def _in_places(values: NDArray[Any], places: list[int], channels: int) -> NDArray[Any]:
-    """[texels, channels]: `values` [H, W, C] with its channels in `places`, 0 in all others."""
+    """Return [texels, channels]: `values` [H, W, C] with its channels in `places`, 0 in all others."""
     found = np.zeros((values.shape[0] * values.shape[1], channels), values.dtype)
     found[:, places] = values.reshape(-1, values.shape[2])
     return found
@@ -259,9 +259,8 @@ class TrainingData:
         self._level_cumulative = torch.cumsum(shares / shares.sum(dim=1, keepdim=True), dim=1).to(device)
 
     def sample(self, per_texture: int, generator: torch.Generator, chosen: Tensor) -> tuple[Samples, ...]:
-        """`per_texture` random samples of each texture in `chosen` [T] int64, in one part or two: those at texel centres of
-        whole levels, and those anywhere, between levels too, with targets trilinear in linear light as the hardware filters.
-        """
+        """Return `per_texture` random samples of each texture in `chosen` [T] int64, in one part or two: those at texel centres of
+        whole levels, and those anywhere, between levels too, with targets trilinear in linear light as the hardware filters."""
         # With one level all are texels of mip 0, as in the paper.
         centres = per_texture if self._config.levels == 1 else round(CENTRE_SHARE * per_texture)
         parts = [self._at_centres(centres, generator, chosen)] if centres else []
@@ -270,7 +269,7 @@ class TrainingData:
         return tuple(parts)
 
     def _levels(self, random: Tensor, chosen: Tensor) -> Tensor:
-        """[T, N] int64 levels for `random` [T, N] in [0, 1)."""
+        """Return [T, N] int64 levels for `random` [T, N] in [0, 1)."""
         level = torch.searchsorted(self._level_cumulative[chosen], random.contiguous())
         return torch.minimum(level, (self._cells.levels[chosen] - 1)[:, None])
 

@@ -58,7 +58,7 @@ class RollbackStepper:
         self._good_state = {name: value.clone() for name, value in self._batch.state().items()}
 
     def advance(self) -> tuple[StepReport | None, str]:
-        """One step: its report, and a note for the log. The report is None when the step was dropped.
+        """Do one step; return its report and a note for the log. The report is None when the step was dropped.
 
         Raises TrainingFailedError after several in a row; the batch then has its last good state.
         """
@@ -102,7 +102,7 @@ RATE_OF_RETRAINING = 0.5
 
 
 def _batch_members(grouping: Grouping, training: TrainingConfig, groups: Iterable[int]) -> list[tuple[int, ...]]:
-    """The textures of each batch that trains `groups`."""
+    """Return the textures of each batch that trains `groups`."""
     if training.texels_per_group is not None:
         return [grouping.members(group) for group in sorted(groups)]
     chosen = set(groups)

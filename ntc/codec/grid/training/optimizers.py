@@ -86,7 +86,8 @@ def squared_error(
     mask: Tensor,
     interruption: Interruption = no_interruption,
 ) -> Tensor:
-    """[T]: for each texture the sum of squared differences between decoded values and `targets` [T, N, outputs], each times `mask`.
+    """Return [T]: for each texture the sum of squared differences between decoded values and `targets` [T, N, outputs], each times
+    `mask`.
 
     Inputs are `latents` [T, N, channels] and `known` [T, N, rest]; `mask` [T, outputs] is 0 for channels that do not count, else the
     square root of what a squared error is worth: 1 where there is one map.
@@ -107,7 +108,7 @@ SMALLEST = 1e-12
 
 
 def orthogonalised(matrices: Tensor) -> Tensor:
-    """[count, rows, columns]: each matrix with its singular values carried near 1, by a Newton-Schulz iteration."""
+    """Return [count, rows, columns]: each matrix with its singular values carried near 1, by a Newton-Schulz iteration."""
     a, b, c = QUINTIC
     values: Tensor = matrices / (matrices.norm(dim=(1, 2), keepdim=True) + SMALLEST)
     tall = values.shape[1] > values.shape[2]
@@ -151,7 +152,7 @@ class OptimizerPart:
     rate: float
     """Learning rate before any schedule."""
     freezes: bool = False
-    """Whether freezing slows it down: decoders, which the textures of a group share."""
+    """True if freezing slows it down: decoders, which the textures of a group share."""
 
     @property
     def parameters(self) -> list[Tensor]:
@@ -195,7 +196,7 @@ class OptimizerPart:
 def optimizer_parts(
     latents: Tensor, decoders: DecoderStack, adapters: AdapterStack | None, training: TrainingConfig
 ) -> tuple[OptimizerPart, ...]:
-    """The optimisers of `training`, that of the latents first."""
+    """Return the optimisers of `training`, that of the latents first."""
     hidden = list(decoders.weights[:-1]) if training.hidden_optimizer == "muon" else []
     others = [p for p in decoders.parameters() if not any(p is matrix for matrix in hidden)]
 
