@@ -15,17 +15,18 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.gpu_packs import GpuPack, RenderContext, binned_pass, deferred_pass
+from viewer.render.gpu_packs import GpuPack, binned_pass, deferred_pass
+from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.decode import DecodePass
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import (
     GROUP_SIDE,
     MATERIAL_SHIFT,
     scene_includes,
 )
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
-from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.scene.model import Geometry, Instances, LoadReport, Material, Scene
 from viewer.state.view_state import Precision
 
@@ -59,9 +60,10 @@ def white_scene() -> Scene:
 
 def white_material(graphics: GraphicsContext) -> SceneBuffers:
     """The materials of `white_scene` on the GPU. The visibility buffer says which texture is its base colour."""
-    records = material_records(white_scene())
-    records["planes"]["texture_id"], records["planes"]["components"] = 0, 15
-    return SceneBuffers(graphics, white_scene(), records)
+    buffers = SceneBuffers(graphics, white_scene())
+    buffers.materials["planes"]["texture_id"], buffers.materials["planes"]["components"] = 0, 15
+    buffers.upload_materials()
+    return buffers
 
 
 def _words(texture: NDArray[np.int32]) -> NDArray[np.uint32]:
@@ -102,18 +104,17 @@ class PackLoader:
     """Loads packs onto the GPU without a scene that shows their textures. Packs of one codec share their programs."""
 
     def __init__(self, graphics: GraphicsContext) -> None:
-        scene, tiles = white_scene(), TileCacheConfig()
         library = ShaderLibrary(shaders_folder(), scene_includes())
         self.programs = ProgramFactory(graphics.gl, library)
         self.materials = white_material(graphics)
-        timer = PassTimer(graphics)
-        self._context = RenderContext(graphics, scene, self.materials, timer, tiles, TileBudget(tiles), latents=None)
+        scheduler = PassScheduler(PassTimer(graphics))
+        self._context = RenderContext(graphics, self.programs, white_scene(), self.materials, scheduler)
 
     def load(self, pack: Pack, precision: Precision, emulate_half: bool = False) -> GpuPack:
         """`pack` with all its latents; the texture with id i is its i-th. The caller releases it."""
         context = replace(self._context, emulate_half=emulate_half)
         match = PackMatch(tuple(range(len(pack.textures))), (), ())
-        return GpuPack(context, pack, match, precision, self.programs, version=1)
+        return GpuPack(context, pack, match, precision, version=1)
 
     def release(self) -> None:
         """Free all programs and the material."""

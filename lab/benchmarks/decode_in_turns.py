@@ -23,15 +23,15 @@ from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.gpu_packs import GpuPack, RenderContext, binned_pass, deferred_pass
+from viewer.render.gpu_packs import GpuPack, binned_pass, deferred_pass
 from viewer.render.pass_scheduler import PassScheduler, Step
 from viewer.render.passes.visible_latents import VisibleLatents
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import scene_includes
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.tiles import TileTable
 from viewer.scene.load import load_scene
@@ -53,9 +53,9 @@ class Cost:
 class PackInScene:
     """One pack, ready to be decoded over the visibility buffer of one view."""
 
-    def __init__(self, context: RenderContext, programs: ProgramFactory, pack: Pack, inputs: VisibilityInputs) -> None:
+    def __init__(self, context: RenderContext, pack: Pack, inputs: VisibilityInputs) -> None:
         match = match_scene(pack, context.scene)
-        self._gpu = GpuPack(context, pack, match, "fp32", programs, version=1)
+        self._gpu = GpuPack(context, pack, match, "fp32", version=1)
         self._gl, self._inputs = context.graphics.gl, inputs
         self._target = ColorTarget(context.graphics, inputs.visibility.size)
         step = Step(whole=True, is_same_view=False, is_stale=False)
@@ -90,7 +90,6 @@ class PackInScene:
             self._gpu.ranges,
             self._table,
             self._gpu.reading(),
-            context.tile_cache,
             context.tile_budget,
         )
         cache.request(self._inputs)
@@ -114,12 +113,11 @@ def measure(
 ) -> list[dict[str, Any]]:
     """A row of medians for each pack and way."""
     programs = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), scene_includes()))
-    buffers, timer = SceneBuffers(graphics, scene, material_records(scene)), PassTimer(graphics)
-    tiles = TileCacheConfig()
-    context = RenderContext(graphics, scene, buffers, timer, tiles, TileBudget(tiles), latents=None)
+    buffers = SceneBuffers(graphics, scene)
+    context = RenderContext(graphics, programs, scene, buffers, PassScheduler(PassTimer(graphics)))
     visibility = VisibilityTarget(graphics, size, SurfaceContent(buffers.has_colors, gradients=False))
-    inputs = SceneDrawer(graphics, programs, scene, buffers, PassScheduler(timer)).draw(camera, visibility)
-    made = {name: PackInScene(context, programs, pack, inputs) for name, pack in packs.items()}
+    inputs = SceneDrawer(context).draw(camera, visibility)
+    made = {name: PackInScene(context, pack, inputs) for name, pack in packs.items()}
     costs: dict[tuple[str, str], list[Cost]] = {}
     for turn in range(-1, rounds):
         for name, pack in made.items():

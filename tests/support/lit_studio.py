@@ -19,10 +19,11 @@ from viewer.lighting.tone_maps import tone_mapped
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, PassScheduler
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.light import SceneLight
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.scene.model import Camera, Light, Material, Scene, SurfaceFactors
@@ -87,10 +88,11 @@ class LitStudio:
     def __init__(self, context: GraphicsContext, scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
         self.scene, self.camera, self.size, self._context = scene, camera, size, context
         self.programs = scene_programs(context)
-        self.buffers = SceneBuffers(context, scene, material_records(scene))
+        self.buffers = SceneBuffers(context, scene)
         self.scheduler = PassScheduler(PassTimer(context))
-        self.drawer = SceneDrawer(context, self.programs, scene, self.buffers, self.scheduler)
-        self.light_drawer = LightDrawer(context, self.programs, scene, self.buffers, self.drawer, self.scheduler)
+        shared = RenderContext(context, self.programs, scene, self.buffers, self.scheduler)
+        self.drawer = SceneDrawer(shared)
+        self.light_drawer = LightDrawer(shared, self.drawer)
         self.visibility = VisibilityTarget(context, size, SurfaceContent(False, gradients=False, frame=True))
         self.shade_pass = ShadePass(context, self.programs)
         self.target = ColorTarget(context, size)

@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
 from viewer.gl.read_back import ReadBack
-from viewer.render.pass_scheduler import Output, PassScheduler, ToCome
+from viewer.render.pass_scheduler import Output, ToCome
 from viewer.render.passes.composite import (
     COMPARISONS,
     CompositeInputs,
@@ -26,9 +25,9 @@ from viewer.render.passes.composite import (
 )
 from viewer.render.passes.divergence import DivergenceInputs, DivergencePass
 from viewer.render.picture_targets import PictureTargets
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.divergence_maps import CountedGrouping, DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
-from viewer.scene.model import Scene
 from viewer.state.compare_layout import layout_of, shown_slots
 from viewer.state.view_state import Difference, Overlay, ViewState, is_image_source
 
@@ -49,11 +48,9 @@ class MapPlace:
 class DivergenceOverlay:
     """Maps and statistics of the groupings that are shown, all from one visibility buffer in one pass."""
 
-    def __init__(
-        self, context: GraphicsContext, programs: ProgramFactory, scheduler: PassScheduler, stage: Stage
-    ) -> None:
-        self._context, self._scheduler = context, scheduler
-        self._pass = DivergencePass(context, programs, stage)
+    def __init__(self, context: RenderContext, stage: Stage) -> None:
+        self._context, self._scheduler = context.graphics, context.scheduler
+        self._pass = DivergencePass(context.graphics, context.programs, stage)
         self._target: DivergenceTarget | None = None
         self._tables: DecoderTables | None = None
         self._place: MapPlace | None = None
@@ -61,7 +58,9 @@ class DivergenceOverlay:
         """Of the tables, by source, in their order."""
         self._output = Output(0)
         """Of the maps."""
-        self._back = ReadBack[tuple[DivergenceTarget, tuple[str, ...]]](context, "counts of the divergence maps")
+        self._back = ReadBack[tuple[DivergenceTarget, tuple[str, ...]]](
+            context.graphics, "counts of the divergence maps"
+        )
         self.statistics: Mapping[str, DivergenceStatistics] = {}
         """Of each grouping, by the name of its source."""
 
@@ -229,18 +228,11 @@ def largest_error(values: NDArray[np.float32]) -> float:
 class Compositor:
     """Puts the pictures of both slots together."""
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        programs: ProgramFactory,
-        scene: Scene,
-        scheduler: PassScheduler,
-        divergence_stage: Stage,
-    ) -> None:
-        self._scheduler = scheduler
-        self._composite = CompositePass(context, programs)
-        self._divergence = DivergenceOverlay(context, programs, scheduler, divergence_stage)
-        self.errors = ErrorOverlay(context, len(scene.textures))
+    def __init__(self, context: RenderContext, divergence_stage: Stage) -> None:
+        self._scheduler = context.scheduler
+        self._composite = CompositePass(context.graphics, context.programs)
+        self._divergence = DivergenceOverlay(context, divergence_stage)
+        self.errors = ErrorOverlay(context.graphics, len(context.scene.textures))
         """Results of the comparison of A and B, for overlays and the FLIP map."""
 
     def count_divergence(

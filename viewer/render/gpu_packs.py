@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -13,9 +13,6 @@ from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch, changed_groups, same_shape
 from viewer.gl.allocation import GpuMemoryError
-from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
-from viewer.gl.timer import PassTimer
 from viewer.render.frame_result import UploadCounts
 from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.passes.decode import (
@@ -26,37 +23,17 @@ from viewer.render.passes.decode import (
     DecodeSampledPass,
 )
 from viewer.render.passes.visible_latents import NeededLevelsPass, VisibleLatentsPass
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.divergence_maps import CountedGrouping
-from viewer.render.resources.latent_store import LatentBudget, LatentUpdate
+from viewer.render.resources.latent_store import LatentUpdate
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs
-from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading
-from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig, TileCounts, total_counts
+from viewer.render.tile_cache.budget import TileCounts, total_counts
 from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass, DrawnTileCache
 from viewer.render.tile_cache.tiles import TileTable
-from viewer.render.variants import VariantChoice
-from viewer.scene.model import Scene
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import PathChoice, Precision, Slot, TexelFilter, is_image_source
-
-
-@dataclass(frozen=True, eq=False)
-class RenderContext:
-    """What all packs of a renderer share."""
-
-    graphics: GraphicsContext
-    scene: Scene
-    scene_buffers: SceneBuffers
-    timer: PassTimer
-    tile_cache: TileCacheConfig
-    tile_budget: TileBudget
-    latents: LatentBudget | None
-    """None: all latents of a pack are uploaded at once."""
-    emulate_half: bool = False
-    """Round in single precision what the driver cannot compute in halves: for tests and studies."""
-    variants: VariantChoice = field(default_factory=VariantChoice)
-    """How the decoding shaders of each pack are laid out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +87,12 @@ class GpuPack:
         pack: Pack,
         match: PackMatch,
         precision: Precision,
-        programs: ProgramFactory,
         version: int,
     ) -> None:
-        """`programs` are those of the scene. Raises GpuMemoryError."""
+        """Upload the pack. Raises GpuMemoryError."""
         self.context, self.pack, self.match = context, pack, match
         self._variant = context.variants.variant(context.graphics, pack, precision)
-        self.programs = codec_programs(programs, pack, self._variant)
+        self.programs = codec_programs(context.programs, pack, self._variant)
         self.version = version
         """Number of the version that is drawn; `pack` is that version."""
         self.buffers = PackBuffers(
@@ -311,10 +287,9 @@ def _cached(pack: GpuPack, plane: Plane) -> CachedPath:
         pack.ranges,
         TileTable.of(context.scene.materials, pack.pack, pack.match, plane),
         pack.reading(plane),
-        context.tile_cache,
         context.tile_budget,
     )
-    return CachedPath(cache, context.timer, context.tile_budget)
+    return CachedPath(cache, context.scheduler.timer, context.tile_budget)
 
 
 DECODE_PASSES: Mapping[PathChoice, Callable[[GpuPack, TexelFilter, Plane], DecodePass]] = {
@@ -346,8 +321,8 @@ class OpenPack:
 class GpuPacks:
     """Packs of one scene. Each is uploaded when it is first asked for, once for every precision."""
 
-    def __init__(self, context: RenderContext, programs: ProgramFactory) -> None:
-        self._context, self._programs = context, programs
+    def __init__(self, context: RenderContext) -> None:
+        self._context = context
         self._open: dict[str, OpenPack] = {}
         self._last_version = 0
         self._grouping_versions: dict[tuple[int, ...], int] = {}
@@ -403,7 +378,7 @@ class GpuPacks:
         """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""
         if not self.is_updating:
             return UploadCounts()
-        with self._context.timer.measure("upload"):
+        with self._context.scheduler.timer.measure("upload"):
             return self._advance(self._open, budget_bytes)
 
     def _advance(self, names: Collection[str], budget_bytes: int | None) -> UploadCounts:
@@ -436,9 +411,7 @@ class GpuPacks:
         if key not in self._on_gpu:
             opened = self._open[slot.source]
             with naming_memory_errors(f"pack {slot.source}"):
-                self._on_gpu[key] = GpuPack(
-                    self._context, opened.pack, opened.match, slot.precision, self._programs, opened.version
-                )
+                self._on_gpu[key] = GpuPack(self._context, opened.pack, opened.match, slot.precision, opened.version)
         return self._on_gpu[key]
 
     def uploaded(self, slot: Slot) -> GpuPack | None:

@@ -1,6 +1,6 @@
 """Sources that are shown as images: the originals, and what the formats of graphics hardware make of them."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 
 import numpy as np
@@ -9,32 +9,21 @@ from numpy.typing import NDArray
 from ntc.codec.maps import PLANES, Plane
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
-from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
 from viewer.render.passes.reference import ImageUploads, MipsOf, ReferencePass
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.image_places import DEFAULT_BYTES, ImagePlaces, plane_bytes
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.scene.map_pictures import compressed_plane_mips, plane_mips
-from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE
 
 
 class ImageSources:
     """A pass for each source and plane of maps, over one visibility buffer. Images are uploaded when they are seen first."""
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        programs: ProgramFactory,
-        scene: Scene,
-        materials: np.ndarray,
-        write_materials: Callable[[np.ndarray], None],
-        most_bytes: int = DEFAULT_BYTES,
-    ) -> None:
-        """`write_materials` uploads the records `materials` where places of images have changed; `most_bytes` is for all images of a
-        source: beyond it those in sight are there, as large as there is room for."""
-        self._context, self._programs, self._scene, self._materials = context, programs, scene, materials
-        self._write_materials = write_materials
+    def __init__(self, context: RenderContext, most_bytes: int = DEFAULT_BYTES) -> None:
+        """Place all images of each source within `most_bytes`; beyond it those in sight are there, as large as there is room for."""
+        self._context, self._scene, scene = context, context.scene, context.scene
+        self._buffers = context.scene_buffers
         sizes = {plane: plane_bytes(scene, plane) for plane in PLANES}
         total = max(sum(sizes.values()), 1)
         # Each plane has its share of the budget.
@@ -43,33 +32,31 @@ class ImageSources:
             for plane, size in sizes.items()
         }
         for places in self._places.values():
-            places.write(materials)
-        write_materials(materials)
+            places.write(self._buffers.materials)
+        self._buffers.upload_materials()
         self._reference = {plane: self._pass(REFERENCE, plane, partial(self._mips, plane)) for plane in PLANES}
         self._compressed: Mapping[str, CompressedTextures] = {}
         self._passes: dict[tuple[str, Plane], ReferencePass] = {}
 
     def _pass(self, source: str, plane: Plane, mips: MipsOf) -> ReferencePass:
         write = partial(self._write_places, plane)
-        uploads = ImageUploads(self._context, self._places[plane], mips, write, srgb=plane != "surface")
-        return ReferencePass(self._context, self._programs, uploads, source, self._reading(plane))
+        graphics, buffers = self._context.graphics, self._buffers
+        uploads = ImageUploads(graphics, self._places[plane], mips, write, srgb=plane != "surface")
+        reading = PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs)
+        return ReferencePass(graphics, self._context.programs, uploads, source, reading)
 
     def _mips(self, plane: Plane, texture_id: int) -> Sequence[NDArray[np.uint8]]:
         return plane_mips(self._scene.textures[texture_id], plane)
 
     def _write_places(self, plane: Plane) -> None:
-        self._places[plane].write(self._materials)
-        self._write_materials(self._materials)
+        self._places[plane].write(self._buffers.materials)
+        self._buffers.upload_materials()
 
     @property
     def largest_side(self) -> int | None:
         """Texels a side that images in sight are reduced to where there is no room for all of them; None where nothing is."""
         sides = [places.side for places in self._places.values() if places.is_bounded]
         return min(sides, default=None)
-
-    def _reading(self, plane: Plane) -> PlaneReading:
-        geometry = self._scene.geometry
-        return PlaneReading(plane, geometry.colors is not None, geometry.second_uvs is not None)
 
     @property
     def images_not_uploaded(self) -> int:

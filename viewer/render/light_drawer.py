@@ -1,23 +1,23 @@
 """Prepares what lights a view: the prefiltered environment and the sun's shadow map. Nothing is made anew that has not changed."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
+from ntc.errors import InputError
 from ntc.metrics.compressed_textures import BlockCache
-from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
 from viewer.lighting.panorama import Panorama, load_panorama
 from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize
 from viewer.lighting.sky import environment_turn, sky_radiance, sun_of
 from viewer.locations import environments_cache
-from viewer.render.pass_scheduler import Output, PassScheduler
+from viewer.render.pass_scheduler import Output
 from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.passes.shadow import ShadowInputs, ShadowPass
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.light import EnvironmentMaps, SceneLight, ShadowMap, ShadowView, SurfaceKinds, shadow_view
-from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.scene.model import Camera, Scene
+from viewer.scene.model import Camera
 from viewer.state.view_state import SKY, Lighting
 
 MOST_CACHED_BYTES = 1 << 28
@@ -27,18 +27,12 @@ MOST_CACHED_BYTES = 1 << 28
 class LightDrawer:
     """Keeps one environment and one shadow map of one scene."""
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        programs: ProgramFactory,
-        scene: Scene,
-        scene_buffers: SceneBuffers,
-        drawer: SceneDrawer,
-        scheduler: PassScheduler,
-    ) -> None:
-        self._context, self._scene, self._drawer, self._scheduler = context, scene, drawer, scheduler
-        self._prefilter = PrefilterPass(context, programs, BlockCache(environments_cache(), MOST_CACHED_BYTES))
-        self._shadow_pass = ShadowPass(context, programs, scene_buffers)
+    def __init__(self, context: RenderContext, drawer: SceneDrawer) -> None:
+        self._context, self._scene = context.graphics, context.scene
+        self._drawer, self._scheduler = drawer, context.scheduler
+        cache = BlockCache(environments_cache(), MOST_CACHED_BYTES)
+        self._prefilter = PrefilterPass(context.graphics, context.programs, cache)
+        self._shadow_pass = ShadowPass(context.graphics, context.programs, context.scene_buffers)
         self._maps: EnvironmentMaps | None = None
         """Those that are shown."""
         self._shown_key = ""
@@ -49,7 +43,18 @@ class LightDrawer:
         self._panorama: tuple[str, Panorama] | None = None
         self._shadow: ShadowMap | None = None
         self._shadow_inputs: ShadowInputs | None = None
-        self._kinds = SurfaceKinds.of(scene.materials)
+        self._kinds = SurfaceKinds.of(context.scene.materials)
+        self.problem = ""
+        """Message where the last lit picture shows the sky instead of the environment that was asked for; else empty."""
+
+    def prepare_or_sky(self, lighting: Lighting) -> SceneLight:
+        """Return what `prepare` does; the sky stands in for an environment that cannot be read any more. Raises GpuMemoryError."""
+        self.problem = ""
+        try:
+            return self.prepare(lighting)
+        except InputError as error:
+            self.problem = f"{error}; the sky is shown instead of {Path(lighting.environment).name}"
+            return self.prepare(replace(lighting, environment=SKY))
 
     def prepare(self, lighting: Lighting) -> SceneLight:
         """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""

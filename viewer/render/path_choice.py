@@ -8,8 +8,8 @@ from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.render.gpu_packs import GpuPacks
-from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.picture_targets import PictureTargets, PlaneKey, ShownMaterials
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
@@ -89,16 +89,9 @@ def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
 class PathChooser:
     """Paths that `auto` takes, by pack and precision: each is timed once, on small targets that are freed afterwards."""
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        drawer: SceneDrawer,
-        packs: GpuPacks,
-        slots: SlotDrawer,
-        scheduler: PassScheduler,
-    ) -> None:
-        self._context, self._drawer, self._packs = context, drawer, packs
-        self._slots, self._scheduler = slots, scheduler
+    def __init__(self, context: RenderContext, drawer: SceneDrawer, packs: GpuPacks, slots: SlotDrawer) -> None:
+        self._context, self._scheduler = context.graphics, context.scheduler
+        self._drawer, self._packs, self._slots = drawer, packs, slots
         self._times: dict[tuple[str, Precision, TexelFilter], PathTimes] = {}
 
     def times(self, slot: Slot) -> PathTimes | None:

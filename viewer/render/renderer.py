@@ -15,20 +15,21 @@ from viewer.gl.read_back import PicturePart
 from viewer.gl.timer import PassTimer
 from viewer.render.compositor import Compositor
 from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
-from viewer.render.gpu_packs import GpuPacks, PackMemory, RenderContext
+from viewer.render.gpu_packs import GpuPacks, PackMemory
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, PassScheduler, ToCome, largest_of_each
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.path_choice import PathChooser
 from viewer.render.picture_targets import PictureTargets, shown_materials, surface_content
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.render.slot_drawer import BlendSamplesPass, PictureShading, SlotDrawer
+from viewer.render.slot_drawer import BlendSamplesPass, SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Scene
@@ -64,31 +65,36 @@ class Renderer:
         self.scene, self.reset = scene, context.reset
         self.name = context.info.renderer
         """The driver's name of the GPU, or of the software renderer."""
-        self._programs, materials = scene_programs(context), material_records(scene)
+        self._programs = scene_programs(context)
         self._blocked = context.memory.blocking.count
         self._timer = PassTimer(context)
         self._scheduler = PassScheduler(self._timer)
+        self.tile_budget = TileBudget(tile_cache)
+        """Budget that receives measured frame times (`note_frame`)."""
         with context.memory.transaction():
-            self._scene_buffers = SceneBuffers(context, scene, materials)
-            write_materials = self._scene_buffers.write_materials
-            self.images = ImageSources(context, self._programs, scene, materials, write_materials)
-            self._compositor = Compositor(context, self._programs, scene, self._scheduler, divergence_stage)
-        self._drawer = SceneDrawer(context, self._programs, scene, self._scene_buffers, self._scheduler)
-        tiles = tile_cache or TileCacheConfig()
-        self.tile_budget = TileBudget(tiles)
-        """Receives measured frame times (`note_frame`)."""
-        shared = (context, scene, self._scene_buffers, self._timer, tiles, self.tile_budget)
-        own = (latents or LatentBudget(), emulate_half, variants or VariantChoice())
-        render_context = RenderContext(*shared, *own)
+            self._scene_buffers = SceneBuffers(context, scene)
+            shared = RenderContext(
+                context,
+                self._programs,
+                scene,
+                self._scene_buffers,
+                self._scheduler,
+                self.tile_budget,
+                latents or LatentBudget(),
+                emulate_half,
+                variants or VariantChoice(),
+            )
+            self.images = ImageSources(shared)
+            self._compositor = Compositor(shared, divergence_stage)
         self.errors = self._compositor.errors
         """Results of the comparison of A and B, for overlays and the FLIP map."""
-        self._packs = GpuPacks(render_context, self._programs)
-        light = LightDrawer(context, self._programs, scene, self._scene_buffers, self._drawer, self._scheduler)
-        self.shading = PictureShading(context, self._programs, light, self._scheduler)
-        """Tells what is wrong with the light."""
-        self._slots = SlotDrawer(context, self._scheduler, self._packs, self.images, self.shading)
-        self._blend = BlendSamplesPass(context, self._programs, scene, self._drawer, self._slots, self._scheduler)
-        self.paths = PathChooser(context, self._drawer, self._packs, self._slots, self._scheduler)
+        self._drawer = SceneDrawer(shared)
+        self._packs = GpuPacks(shared)
+        self.light = LightDrawer(shared, self._drawer)
+        """Light of the scene; its `problem` tells what is wrong with it."""
+        self._slots = SlotDrawer(shared, self._packs, self.images, self.light)
+        self._blend = BlendSamplesPass(shared, self._drawer, self._slots)
+        self.paths = PathChooser(shared, self._drawer, self._packs, self._slots)
         self._targets: PictureTargets | None = None
         self._composite: CompositeTarget | None = None
         """Of the targets' size."""
@@ -387,7 +393,7 @@ class Renderer:
         if self._picture is not None:
             self._picture.release()
             self._picture = None
-        for part in (self._packs, self._compositor, self.images, self.shading):
+        for part in (self._packs, self._compositor, self.images, self.light, self._slots):
             part.release()
         self._drawer.release()
         self._scene_buffers.release()

@@ -7,12 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.maps import PLANES, Plane
-from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
-from viewer.render.pass_scheduler import Output, PassScheduler
+from viewer.render.pass_scheduler import Output
 from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
 from viewer.render.passes.pose_vertices import PoseVerticesPass
 from viewer.render.passes.visibility import CulledScene, VisibilityPass
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.clusters import (
     CLUSTER_RECORD,
     GPU_CLUSTER_TRIANGLES,
@@ -130,24 +129,19 @@ class CullPass:
 class SceneDrawer:
     """Draws visibility buffers of one scene."""
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        programs: ProgramFactory,
-        scene: Scene,
-        scene_buffers: SceneBuffers,
-        scheduler: PassScheduler,
-    ) -> None:
-        self._context, self._scene, self._buffers, self._scheduler = context, scene, scene_buffers, scheduler
-        on_gpu = context.features.compute and pays_on_gpu(
-            scene, context.memory.limits.storage_block_bytes, context.info.is_software
+    def __init__(self, context: RenderContext) -> None:
+        self._context, self._scheduler = context.graphics, context.scheduler
+        self._scene, self._buffers = context.scene, context.scene_buffers
+        graphics, programs, scene, scene_buffers = self._context, context.programs, self._scene, self._buffers
+        on_gpu = graphics.features.compute and pays_on_gpu(
+            scene, graphics.memory.limits.storage_block_bytes, graphics.info.is_software
         )
         culling = Culling(scene, build_clusters(scene, GPU_CLUSTER_TRIANGLES) if on_gpu else None)
-        self._clusters = ClusterCulling(context, programs, scene, culling) if on_gpu else None
-        self._visibility = VisibilityPass(context, programs, scene_buffers)
+        self._clusters = ClusterCulling(graphics, programs, scene, culling) if on_gpu else None
+        self._visibility = VisibilityPass(graphics, programs, scene_buffers)
         self.posed, self._culled = PosedScene(culling, scene.bounds), Culled()
         motion = scene.motion
-        self._vertices = PoseVerticesPass(context, programs, scene_buffers, () if motion is None else motion.moving)
+        self._vertices = PoseVerticesPass(graphics, programs, scene_buffers, () if motion is None else motion.moving)
         self._pose = None
         if motion is not None:
             self._pose = PosePass(motion, scene, scene_buffers, self._vertices, culling.clusters)

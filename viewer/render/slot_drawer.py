@@ -1,90 +1,26 @@
 """Draws the pictures of slots: planes of maps, as images or by a decode path, what a view makes of them, and means of samples."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 from ntc.codec.maps import PLANE_OF_MAP, MapName, Plane
-from ntc.errors import InputError
 from viewer.gl.allocation import GpuMemoryError
-from viewer.gl.context import GraphicsContext
-from viewer.gl.program import ProgramFactory
 from viewer.render.gpu_packs import GpuPack, GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
-from viewer.render.pass_scheduler import Output, PassScheduler, Progress, Step, ToCome
+from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
 from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
 from viewer.render.passes.decode import DecodePass
 from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
 from viewer.render.passes.visible_latents import VisibleLatents
 from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, PlaneKey, ShownMaterials
+from viewer.render.render_context import RenderContext
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.light import SceneLight
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.scene.model import Scene
-from viewer.state.view_state import REFERENCE, SKY, Lighting, Slot, is_image_source
-
-
-@dataclass(frozen=True, eq=False)
-class Mixture:
-    """One map of another source, in place of that of the planes that all others are taken from."""
-
-    map_name: MapName
-    planes: Mapping[Plane, ColorTarget]
-    """Those of the other source."""
-
-
-def _targets(planes: Mapping[Plane, ColorTarget]) -> PlaneTargets:
-    return PlaneTargets(planes.get("base"), planes.get("surface"), planes.get("emission"))
-
-
-class PictureShading:
-    """Views other than `base`, whose picture is its plane. What they need is made when the first of them is drawn."""
-
-    def __init__(
-        self, context: GraphicsContext, programs: ProgramFactory, light: LightDrawer, scheduler: PassScheduler
-    ) -> None:
-        self._light, self._scheduler = light, scheduler
-        self._pass = ShadePass(context, programs)
-        self.problem: str | None = None
-        """Why the environment of the last lit picture is not the one that was asked for; None where it is."""
-
-    def draw(
-        self,
-        view: VisibilityInputs,
-        planes: Mapping[Plane, ColorTarget],
-        materials: ShownMaterials,
-        output: ColorTarget,
-        mixture: Mixture | None,
-        reads: Sequence[Output],
-    ) -> Output:
-        """Draw the picture; `reads` are the outputs of the planes. Raises GpuMemoryError, ShaderError."""
-        light = None
-        if materials.view == "lit":
-            light = self._lit_by(materials.lighting)
-            reads = (*reads, *light.outputs)
-        other = None if mixture is None else _targets(mixture.planes)
-        taken = frozenset[MapName](() if mixture is None else (mixture.map_name,))
-        inputs = ShadeInputs(view, _targets(planes), materials.view, light, other, taken)
-        return self._scheduler.run(self._pass, inputs, output, reads)
-
-    def _lit_by(self, lighting: Lighting) -> SceneLight:
-        """What lights a view. The sky stands in for an environment that cannot be read any more."""
-        try:
-            light = self._light.prepare(lighting)
-        except InputError as error:
-            self.problem = f"{error}; the sky is shown instead of {Path(lighting.environment).name}"
-            return self._light.prepare(replace(lighting, environment=SKY))
-        self.problem = None
-        return light
-
-    def release(self) -> None:
-        """Free everything."""
-        self._light.release()
-        self._pass.release()
-
+from viewer.state.view_state import REFERENCE, Slot, is_image_source
 
 PREPARED_SIZE = (16, 16)
 """Pixels that `prepare` draws."""
@@ -96,19 +32,17 @@ def _described(source: str) -> str:
     return source if is_image_source(source) else f"pack {source}"
 
 
+def _plane_targets(planes: Mapping[Plane, ColorTarget]) -> PlaneTargets:
+    return PlaneTargets(planes.get("base"), planes.get("surface"), planes.get("emission"))
+
+
 class SlotDrawer:
     """Hands the passes of a slot to the scheduler, which runs those that have something to do."""
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        scheduler: PassScheduler,
-        packs: GpuPacks,
-        images: ImageSources,
-        shading: PictureShading,
-    ) -> None:
-        self._context, self._scheduler = context, scheduler
-        self._packs, self._images, self._shading = packs, images, shading
+    def __init__(self, context: RenderContext, packs: GpuPacks, images: ImageSources, light: LightDrawer) -> None:
+        self._context, self._scheduler = context.graphics, context.scheduler
+        self._packs, self._images, self._light = packs, images, light
+        self._shade = ShadePass(context.graphics, context.programs)
         self.prepared: set[Slot] = set()
         """Slots whose programs have been used."""
 
@@ -144,16 +78,18 @@ class SlotDrawer:
         if targets.materials.view == "base":
             target, output = targets.planes[keys["base"]], outputs["base"]
         else:
-            target, output = self._shade(slot, targets, keys, list(outputs.values()))
+            target, output = self._shaded(slot, targets, keys, list(outputs.values()))
         picture = targets.drawn[slot] = Picture(target, output, self.source_version(slot))
         return picture
 
-    def _shade(
-        self, slot: Slot, targets: PictureTargets, keys: dict[Plane, PlaneKey], reads: list[Output]
+    def _shaded(
+        self, slot: Slot, targets: PictureTargets, keys: Mapping[Plane, PlaneKey], reads: list[Output]
     ) -> tuple[ColorTarget, Output]:
-        mixture, shown = None, {plane: targets.planes[key] for plane, key in keys.items()}
+        """Draw what a view other than `base` makes of the planes; maps that `slot` leaves out are those of the original images."""
+        view, shown = targets.materials.view, {plane: targets.planes[key] for plane, key in keys.items()}
+        light, other, taken = None, None, frozenset[MapName]()
         if slot.maps != "all":
-            mixture = Mixture(slot.maps, shown)
+            other, taken = _plane_targets(shown), frozenset({slot.maps})
             originals = {plane: PlaneKey(Slot(), plane) for plane in keys}
             reads += [self.draw_plane(key, targets) for key in originals.values()]
             shown = {plane: targets.planes[key] for plane, key in originals.items()}
@@ -161,7 +97,11 @@ class SlotDrawer:
             targets.shaded[slot] = ColorTarget(self._context, targets.visibility.size)
         target = targets.shaded[slot]
         with self._scheduler.timer.owned_by(slot):
-            return target, self._shading.draw(targets.view, shown, targets.materials, target, mixture, reads)
+            if view == "lit":
+                light = self._light.prepare_or_sky(targets.materials.lighting)
+                reads += light.outputs
+            inputs = ShadeInputs(targets.view, _plane_targets(shown), view, light, other, taken)
+            return target, self._scheduler.run(self._shade, inputs, target, reads)
 
     def draw_plane(self, key: PlaneKey, targets: PictureTargets) -> Output:
         """One plane of the last view, drawn as far as this frame takes it. Raises GpuMemoryError that names the pack, ShaderError."""
@@ -211,6 +151,10 @@ class SlotDrawer:
             few.release()
         return True
 
+    def release(self) -> None:
+        """Free what shading has allocated; planes and pictures belong to their targets."""
+        self._shade.release()
+
 
 def dithered_materials(scene: Scene) -> frozenset[int]:
     """Materials whose surfaces cover other pixels in each sample: those with alphaMode BLEND that may be neither clear nor opaque."""
@@ -243,17 +187,10 @@ class BlendSamplesPass:
     name = "blend_samples"
     """All passes of further samples, in times of frames."""
 
-    def __init__(
-        self,
-        context: GraphicsContext,
-        programs: ProgramFactory,
-        scene: Scene,
-        drawer: SceneDrawer,
-        slots: SlotDrawer,
-        scheduler: PassScheduler,
-    ) -> None:
-        self._context, self._programs, self._drawer, self._slots = context, programs, drawer, slots
-        self._scheduler, self._materials = scheduler, dithered_materials(scene)
+    def __init__(self, context: RenderContext, drawer: SceneDrawer, slots: SlotDrawer) -> None:
+        self._context, self._programs, self._scheduler = context.graphics, context.programs, context.scheduler
+        self._drawer, self._slots = drawer, slots
+        self._materials = dithered_materials(context.scene)
         self._accumulate: AccumulatePass | None = None
         self._further: PictureTargets | None = None
         """Of the sample that is being added."""
@@ -274,10 +211,8 @@ class BlendSamplesPass:
             targets.release_means()
         elif own.output.is_complete:
             mean = targets.means.setdefault(slot, BlendMean(targets.visibility.size))
-            inputs, timing = (
-                BlendInputs(slot, own.target, targets.view, targets.materials),
-                self._scheduler.timer.counted_as,
-            )
+            inputs = BlendInputs(slot, own.target, targets.view, targets.materials)
+            timing = self._scheduler.timer.counted_as
             output = self._scheduler.advance(self, inputs, mean, (own.output,), timing=timing)
             target = own.target if mean.samples == 1 or mean.target is None else mean.target
             picture = Picture(target, output, own.source_version)

@@ -73,7 +73,7 @@ class Viewport:
         self._camera: Camera | None = None
         self._pose: Pose | None = None
         self._moved_at = -math.inf
-        self._memory_problems: frozenset[str] = frozenset()
+        self._problems: frozenset[str] = frozenset()
         self._is_drawn = False
         """Whether the renderer has drawn anything yet."""
         self._undrawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
@@ -151,7 +151,7 @@ class Viewport:
             return
         renderer.images.keep_only([slot.source for slot in view.slots.values()])
         self.last_view, self._is_drawn, self._undrawable = view, True, None
-        self._notify_memory_problems(self.last)
+        self._notify_problems(self.last, renderer.light.problem)
         self._drawable = (self._session.scene, self._session.packs, self._session.view)
         self.frames_drawn += 1
         if not coarse:
@@ -289,16 +289,16 @@ class Viewport:
         # The last picture stays, at whatever size.
         self._undrawable = self._wanted(size)
 
-    def _notify_memory_problems(self, frame: FrameResult) -> None:
-        """Notify, once, of what is shown coarser than it should be."""
-        short: set[str] = set()
+    def _notify_problems(self, frame: FrameResult, light_problem: str) -> None:
+        """Notify, once, of what is shown coarser than it should be, and of another environment than the one that was asked for."""
+        problems = {light_problem} - {""}
         if any(counts.out_of_memory for counts in frame.tiles.values()):
-            short.add(
+            problems.add(
                 "the GPU has no memory for more decoded tiles: path cached uses a smaller cache; "
                 "close packs, or lower tile_cache_megabytes in settings.json"
             )
         if frame.short_latents:
-            short.add(f"coarser mips are shown: {frame.short_latents}")
-        for line in sorted(short - self._memory_problems):
+            problems.add(f"coarser mips are shown: {frame.short_latents}")
+        for line in sorted(problems - self._problems):
             self._emit(Notification(line, "error"))
-        self._memory_problems = frozenset(short)
+        self._problems = frozenset(problems)

@@ -12,7 +12,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.passes.pose_vertices import PoseVerticesPass
 from viewer.render.renderer import Renderer
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.resources.scene_buffers import SceneBuffers, material_records
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
 from viewer.scene.load import build_scene
@@ -165,7 +165,7 @@ def test_vertices_are_those_of_the_twin(graphics: GraphicsContext, joints: int, 
         np.full((wide, 4), 4.0, np.float32),
     )
     changed = Scene(**{**scene.__dict__, "geometry": geometry})
-    buffers = SceneBuffers(graphics, changed, material_records(changed))
+    buffers = SceneBuffers(graphics, changed)
     poser = PoseVerticesPass(graphics, scene_programs(graphics), buffers, [part])
     poser.run({0: deformation})
     vertices, normals, tangents = (

@@ -98,7 +98,8 @@ class MaterialsSource(Protocol):
 class SceneBuffers:
     """Vertices, indices, one row for each instance, and the indirect commands of the current draw list."""
 
-    def __init__(self, context: GraphicsContext, scene: Scene, materials: np.ndarray) -> None:
+    def __init__(self, context: GraphicsContext, scene: Scene) -> None:
+        """Upload all but what only some views read. Raises InputError for more materials than can be named, GpuMemoryError."""
         if max(len(scene.textures), len(scene.materials)) > LARGEST_ID:
             raise InputError(f"{scene.name}: has more than {LARGEST_ID} textures or materials; split the scene")
         self._context, self._gl, self._memory = context, context.gl, context.memory
@@ -106,12 +107,14 @@ class SceneBuffers:
         geometry = scene.geometry
         self._index_bytes = geometry.indices.itemsize
         self._rows = self._instance_rows()
+        self.materials = material_records(scene)
+        """[materials] MATERIAL_RECORD; `upload_materials` uploads them again after a change."""
         with self._memory.transaction():
             self._vertices = self._interleaved("vertices", geometry.positions, geometry.uvs)
             self._colors = None if geometry.colors is None else self._buffer("colours", geometry.colors)
             self._indices = self._buffer("indices", geometry.indices)
             self._instances = self._buffer("instances", self._rows)
-            self._materials = self._buffer("materials", materials)
+            self._materials = self._buffer("materials", self.materials)
         self._optional: dict[str, moderngl.Buffer] = {}
         """Vertex data that only some views read, by the attribute's name; uploaded when one does."""
         self._alpha: dict[int, moderngl.Texture] = {}
@@ -264,9 +267,9 @@ class SceneBuffers:
         """Bind the materials to their storage binding."""
         self._context.bind_storage(self._materials, int(StorageBinding.MATERIALS))
 
-    def write_materials(self, records: np.ndarray) -> None:
-        """Replace the material records."""
-        self._materials.write(records.tobytes())
+    def upload_materials(self) -> None:
+        """Upload the records of the materials, which have changed."""
+        self._materials.write(self.materials.tobytes())
 
     def draw(self, opaque: moderngl.Program, alpha_tested: moderngl.Program) -> None:
         """Draw the uploaded list: opaque buckets with one program, those that need an alpha test with the other."""

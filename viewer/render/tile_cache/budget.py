@@ -1,7 +1,8 @@
 """Limits and statistics of the cache of decoded tiles (path `cached`)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -31,9 +32,11 @@ LEAST_SHARE = 0.125
 class TileBudget:
     """Adapts the decoding time of a frame to the measured time of the rest of the frame."""
 
-    def __init__(self, config: TileCacheConfig) -> None:
-        self._most = config.milliseconds
-        self.milliseconds = config.milliseconds
+    def __init__(self, config: TileCacheConfig | None = None) -> None:
+        """Begin with the limits of `config`; None: the defaults of a TileCacheConfig."""
+        self.config = config or TileCacheConfig()
+        """Limits of each tile cache."""
+        self.milliseconds = self.config.milliseconds
         """Decoding time of the next frame in ms; None: no limit."""
         self.is_tight = False
         """Whether frames take FRAME_MS without decoding tiles. Then the picture is redrawn once for several frames of decoding."""
@@ -46,12 +49,13 @@ class TileBudget:
     def note_frame(self, milliseconds: float) -> None:
         """End the frame, which took `milliseconds` in all, and set the decoding time of the next one."""
         rest, self._spent = max(milliseconds - self._spent, 0.0), 0.0
-        if self._most is None or self.milliseconds is None:
+        most = self.config.milliseconds
+        if most is None or self.milliseconds is None:
             return
         self.is_tight = FRAME_MS - rest < LEAST_MILLISECONDS
         room = max(FRAME_MS - rest, LEAST_SHARE * rest, LEAST_MILLISECONDS)
         # Half of the way: one frame that something else held up says little about the next.
-        self.milliseconds = min(0.5 * (self.milliseconds + room), self._most)
+        self.milliseconds = min(0.5 * (self.milliseconds + room), most)
 
 
 @dataclass(frozen=True)
@@ -77,16 +81,11 @@ class TileCounts:
 
 
 def total_counts(counts: Sequence[TileCounts]) -> TileCounts | None:
-    """Of several caches that draw one picture; None for none."""
+    """Return the sums of several caches that draw one picture; None for none."""
     if not counts:
         return None
-    return TileCounts(
-        sum(own.resident for own in counts),
-        sum(own.waiting for own in counts),
-        sum(own.starved for own in counts),
-        sum(own.kept for own in counts),
-        sum(own.decoded for own in counts),
-        sum(own.evicted for own in counts),
-        any(own.out_of_memory for own in counts),
-        any(own.coarse_latents for own in counts),
-    )
+    totals: dict[str, Any] = {
+        own.name: (any if own.type is bool else sum)(getattr(each, own.name) for each in counts)
+        for own in fields(TileCounts)
+    }
+    return TileCounts(**totals)

@@ -29,7 +29,7 @@ from viewer.render.resources.layout import (
 )
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
-from viewer.render.tile_cache.budget import AHEAD_MILLISECONDS, TILES_AT_ONCE, TileBudget, TileCacheConfig, TileCounts
+from viewer.render.tile_cache.budget import AHEAD_MILLISECONDS, TILES_AT_ONCE, TileBudget, TileCounts
 from viewer.render.tile_cache.tiles import LAYER_PAGES, PagePool, TileTable, finest_levels
 
 FOLDER = "passes/decode_cached"
@@ -47,17 +47,16 @@ class DecodeCachedPass:
         ranges: DecoderRanges,
         table: TileTable,
         reading: PlaneReading,
-        config: TileCacheConfig,
         budget: TileBudget,
     ) -> None:
         self._context, self._gl = context, context.gl
         self.waits = context.waits
         """Whether every request is answered in the frame that makes it; else fewer tiles are listed."""
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
-        self._buffers, self._ranges, self._table, self._config, self._budget = buffers, ranges, table, config, budget
+        self._buffers, self._ranges, self._table, self._budget = buffers, ranges, table, budget
         self._programs, self._defines = programs, reading.defines()
         self._compile({**self._defines, **buffers.defines, **ranges.defines})
-        self._pool = PagePool(max(1, min(config.budget_bytes // PAGE_BYTES, table.entries)))
+        self._pool = PagePool(max(1, min(budget.config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = TileAtlas(context, PAGES_ACROSS * PAGE_SIDE, srgb=reading.plane != "surface")
         self._out_of_memory = False
         self._coarse: NDArray[np.int64] = np.zeros(0, np.int64)
@@ -226,13 +225,13 @@ class DecodeCachedPass:
 
         The coarse ones that stand in for others are all decoded at once: without them a texture would be grey.
         """
-        fitting = self._fitting(None if whole else self._budget.milliseconds, self._config.least_tiles)
+        fitting = self._fitting(None if whole else self._budget.milliseconds, self._budget.config.least_tiles)
         return max(fitting, min(self._stand_ins, len(self._waiting)))
 
     def tiles_ahead(self) -> int:
         """Number of tiles to decode in a frame that keeps the old picture: fewer where none is missing."""
-        least = self._config.least_tiles if self.is_missing_tiles else 1
-        return self._fitting(None if self._config.milliseconds is None else AHEAD_MILLISECONDS, least)
+        least = self._budget.config.least_tiles if self.is_missing_tiles else 1
+        return self._fitting(None if self._budget.config.milliseconds is None else AHEAD_MILLISECONDS, least)
 
     def _fitting(self, milliseconds: float | None, least: int) -> int:
         waiting = len(self._waiting) + len(self._stale)

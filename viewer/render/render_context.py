@@ -1,0 +1,32 @@
+"""What the parts of one renderer share: the GPU, the scene on it, programs, the scheduler, and settings of packs."""
+
+from dataclasses import dataclass, field
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory
+from viewer.render.pass_scheduler import PassScheduler
+from viewer.render.resources.latent_store import LatentBudget
+from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.tile_cache.budget import TileBudget
+from viewer.render.variants import VariantChoice
+from viewer.scene.model import Scene
+
+
+@dataclass(frozen=True, eq=False)
+class RenderContext:
+    """Objects and settings that the parts of one renderer share."""
+
+    graphics: GraphicsContext
+    programs: ProgramFactory
+    """Programs of all shaders that need no codec; those of codecs are made from it (`codec_programs`)."""
+    scene: Scene
+    scene_buffers: SceneBuffers
+    scheduler: PassScheduler
+    tile_budget: TileBudget = field(default_factory=TileBudget)
+    """Decoding time of path `cached`, with the settings of its tile caches."""
+    latents: LatentBudget | None = None
+    """Limit of GPU memory for the latents of a pack. None: all of them are uploaded at once."""
+    emulate_half: bool = False
+    """Round in single precision what the driver cannot compute in halves: for tests and studies."""
+    variants: VariantChoice = field(default_factory=VariantChoice)
+    """Choice of the decoding shaders' layout for each pack."""
