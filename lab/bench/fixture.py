@@ -15,7 +15,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.gpu_packs import GpuPack, binned_pass, deferred_pass
+from viewer.render.gpu_packs import GpuPack, OpenPack, binned_pass, deferred_pass
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.passes.decode import DecodePass
 from viewer.render.render_context import RenderContext
@@ -114,7 +114,7 @@ class PackLoader:
         """`pack` with all its latents; the texture with id i is its i-th. The caller releases it."""
         context = replace(self._context, emulate_half=emulate_half)
         match = PackMatch(tuple(range(len(pack.textures))), (), ())
-        return GpuPack(context, pack, match, precision, version=1)
+        return GpuPack(context, OpenPack(pack, match, 1), precision)
 
     def release(self) -> None:
         """Free all programs and the material."""

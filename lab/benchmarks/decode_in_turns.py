@@ -23,7 +23,7 @@ from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.gl.timer import PassTimer
 from viewer.locations import shaders_folder
-from viewer.render.gpu_packs import GpuPack, binned_pass, deferred_pass
+from viewer.render.gpu_packs import GpuPack, OpenPack, binned_pass, deferred_pass
 from viewer.render.pass_scheduler import PassScheduler, Step
 from viewer.render.passes.visible_latents import VisibleLatents
 from viewer.render.render_context import RenderContext
@@ -55,7 +55,7 @@ class PackInScene:
 
     def __init__(self, context: RenderContext, pack: Pack, inputs: VisibilityInputs) -> None:
         match = match_scene(pack, context.scene)
-        self._gpu = GpuPack(context, pack, match, "fp32", version=1)
+        self._gpu = GpuPack(context, OpenPack(pack, match, 1), "fp32")
         self._gl, self._inputs = context.graphics.gl, inputs
         self._target = ColorTarget(context.graphics, inputs.visibility.size)
         step = Step(whole=True, is_same_view=False, is_stale=False)

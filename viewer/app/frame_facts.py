@@ -112,9 +112,8 @@ class FactsReader:
 
     def take_problems(self) -> tuple[str, ...]:
         """Return in lines what could not be shown for lack of memory since the last call."""
-        thumbnails = self._picture.thumbnails
-        fallbacks = [self._images.fallback, *([] if thumbnails is None else [thumbnails.fallback])]
-        return tuple(problem for fallback in fallbacks if (problem := fallback.take_problem()) is not None)
+        parts = [part for part in (self._images, self._picture.thumbnails) if part is not None]
+        return tuple(problem for part in parts if (problem := part.take_problem()) is not None)
 
     def release(self) -> None:
         """Free the images of panels."""

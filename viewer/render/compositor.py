@@ -35,16 +35,6 @@ LARGEST_COUNT = 3
 """Groupings that are counted in one pass: those of two slots, and one that was shown before."""
 
 
-@dataclass(frozen=True)
-class MapPlace:
-    """Which blocks of which picture are counted."""
-
-    visibility: VisibilityTarget
-    version: int
-    """Of the visibility buffer's content."""
-    block: tuple[int, int]
-
-
 class DivergenceOverlay:
     """Maps and statistics of the groupings that are shown, all from one visibility buffer in one pass."""
 
@@ -53,7 +43,8 @@ class DivergenceOverlay:
         self._pass = DivergencePass(context.graphics, context.programs, stage)
         self._target: DivergenceTarget | None = None
         self._tables: DecoderTables | None = None
-        self._place: MapPlace | None = None
+        self._place: tuple[VisibilityTarget, int, tuple[int, int]] | None = None
+        """Visibility buffer, version of its content, and size of a block that the maps were counted for."""
         self._groupings: dict[str, CountedGrouping] = {}
         """Of the tables, by source, in their order."""
         self._output = Output(0)
@@ -73,7 +64,7 @@ class DivergenceOverlay:
         Unless frames wait, statistics are those of a frame or two before, but for groupings that have none.
         """
         visibility = view.visibility
-        place = MapPlace(visibility, view.version, block)
+        place = (visibility, view.version, block)
         known = self._groupings if place == self._place else {}
         if any(known.get(source) != grouping for source, grouping in groupings.items()):
             others = [(source, grouping) for source, grouping in known.items() if source not in groupings]
@@ -151,16 +142,6 @@ class ComparisonErrors:
     """[textures]: of all textures of the texture's decoder."""
 
 
-@dataclass(frozen=True)
-class MarksInputs:
-    """What the marks are made from."""
-
-    errors: ComparisonErrors | None
-    """None where the overlay shows none."""
-    by_decoder: bool
-    highlighted: tuple[int, ...]
-
-
 class ErrorOverlay:
     """Textures and buffers are made when they are shown, and once."""
 
@@ -168,7 +149,8 @@ class ErrorOverlay:
         self._context, self._textures = context, textures
         self._errors: ComparisonErrors | None = None
         self._marks: TextureMarks | None = None
-        self._marks_inputs: MarksInputs | None = None
+        self._marks_key: tuple[ComparisonErrors | None, bool, tuple[int, ...]] | None = None
+        """Errors, whether by decoder, and highlighted textures that the marks were made from."""
         self._flip: moderngl.Texture | None = None
         self._flip_key: object = None
 
@@ -199,16 +181,17 @@ class ErrorOverlay:
         errors = self._errors if overlay.kind in ("error-texture", "error-decoder") else None
         if errors is None and not highlighted:
             return None
-        inputs = MarksInputs(errors, errors is not None and overlay.kind == "error-decoder", highlighted)
-        if self._marks is None or inputs != self._marks_inputs:
+        by_decoder = errors is not None and overlay.kind == "error-decoder"
+        key = (errors, by_decoder, highlighted)
+        if self._marks is None or key != self._marks_key:
             shares = None
             if errors is not None:
-                values = errors.by_decoder if inputs.by_decoder else errors.by_texture
+                values = errors.by_decoder if by_decoder else errors.by_texture
                 shares = values / np.float32(largest_error(values))
             made = TextureMarks(self._context, shares, highlighted, self._textures)
             if self._marks is not None:
                 self._marks.release()
-            self._marks, self._marks_inputs = made, inputs
+            self._marks, self._marks_key = made, key
         return MarksOverlay(self._marks, visibility, overlay.opacity, overlay.palette)
 
     def release(self) -> None:
@@ -216,7 +199,7 @@ class ErrorOverlay:
         if self._marks is not None:
             self._marks.release()
         self.set_flip(None, None)
-        self._marks = self._marks_inputs = None
+        self._marks = self._marks_key = None
 
 
 def largest_error(values: NDArray[np.float32]) -> float:

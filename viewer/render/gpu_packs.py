@@ -4,7 +4,6 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +21,7 @@ from viewer.render.passes.decode import (
     DecodePass,
     DecodeSampledPass,
 )
-from viewer.render.passes.visible_latents import NeededLevelsPass, VisibleLatentsPass
+from viewer.render.passes.visible_latents import VisibleLatentsPass
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.divergence_maps import CountedGrouping
 from viewer.render.resources.latent_store import LatentUpdate
@@ -54,19 +53,20 @@ class PackMemory:
 
 
 @dataclass(frozen=True, eq=False)
-class PackVersion:
-    """A pack that replaces another one of the same textures."""
+class OpenPack:
+    """A pack that slots may name, in one of its versions."""
 
     pack: Pack
-    number: int
-    """Differs from that of every other pack of the renderer."""
+    match: PackMatch
+    version: int
+    """Number that differs from that of every other pack of the renderer."""
 
 
 @dataclass(frozen=True, eq=False)
 class PackUpdate:
     """The upload of a version, under way."""
 
-    version: PackVersion
+    opened: OpenPack
     stored: Pack
     """As the buffers store it."""
     groups: frozenset[int]
@@ -81,19 +81,13 @@ Decoder = DecodePass | DecodeSampledPass | CachedPath
 class GpuPack:
     """Buffers and decode paths of one pack. Paths are made when they are first used."""
 
-    def __init__(
-        self,
-        context: RenderContext,
-        pack: Pack,
-        match: PackMatch,
-        precision: Precision,
-        version: int,
-    ) -> None:
+    def __init__(self, context: RenderContext, opened: OpenPack, precision: Precision) -> None:
         """Upload the pack. Raises GpuMemoryError."""
+        pack, match = opened.pack, opened.match
         self.context, self.pack, self.match = context, pack, match
         self._variant = context.variants.variant(context.graphics, pack, precision)
         self.programs = codec_programs(context.programs, pack, self._variant)
-        self.version = version
+        self.version = opened.version
         """Number of the version that is drawn; `pack` is that version."""
         self.buffers = PackBuffers(
             context.graphics,
@@ -110,7 +104,7 @@ class GpuPack:
         self._passes: dict[tuple[PathChoice, TexelFilter, Plane], DecodePass | DecodeSampledPass] = {}
         """Of the paths that decode every pixel."""
         self._caches: dict[Plane, CachedPath] = {}
-        self._next: PackVersion | None = None
+        self._next: OpenPack | None = None
         """Waits until the update under way is done."""
         self._update: PackUpdate | None = None
 
@@ -151,10 +145,8 @@ class GpuPack:
     def latents(self, plane: Plane = "base") -> VisibleLatentsPass:
         """Uploads the mips that the pixels of a view read."""
         if plane not in self._latents:
-            context, count = self.context, len(self.match.texture_index)
-            make = partial(NeededLevelsPass, context.graphics, self.programs, count, self.reading(plane))
-            found = make if context.graphics.features.compute else None
-            self._latents[plane] = VisibleLatentsPass(found, self.buffers, context.graphics.waits)
+            reading = self.reading(plane)
+            self._latents[plane] = VisibleLatentsPass(self.context.graphics, self.programs, self.buffers, reading)
         return self._latents[plane]
 
     def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:
@@ -178,9 +170,9 @@ class GpuPack:
         """Whether a newer version is on its way; the older one is drawn until it is there whole."""
         return self._update is not None or self._next is not None
 
-    def update(self, version: PackVersion) -> None:
+    def update(self, opened: OpenPack) -> None:
         """Replace the pack by a version of the same textures and codec, which `advance_update` uploads."""
-        self._next = version
+        self._next = opened
 
     def advance_update(self, budget_bytes: int | None) -> UploadCounts:
         """Upload up to `budget_bytes` (None: all) of the newer version, and draw it from now on once all is there.
@@ -206,13 +198,13 @@ class GpuPack:
         return self.buffers.bytes_by_part["decoders"] * len(update.groups) // decoders
 
     def _begin_update(self) -> PackUpdate:
-        version, self._next = self._next, None
-        assert version is not None
+        opened, self._next = self._next, None
+        assert opened is not None
         # Whether halves are rescaled depends on all groups: what is stored is compared.
-        stored = self.buffers.stored(version.pack)
+        stored = self.buffers.stored(opened.pack)
         groups = changed_groups(self.buffers.pack, stored)
         slots = self.buffers.slots_of_groups(groups, stored)
-        return PackUpdate(version, stored, groups, LatentUpdate(self.buffers.latent_store, slots))
+        return PackUpdate(opened, stored, groups, LatentUpdate(self.buffers.latent_store, slots))
 
     def _finish_update(self, update: PackUpdate) -> UploadCounts:
         """Upload what is left, and draw this version from now on."""
@@ -229,7 +221,7 @@ class GpuPack:
         uploaded += update.latents.apply()
         if not update.latents.fits:
             self.buffers.note_latents()
-        self.pack, self.version = update.version.pack, update.version.number
+        self.pack, self.version = update.opened.pack, update.opened.version
         for cache in self._caches.values():
             cache.mark_stale(textures)
         if regrouped:
@@ -309,15 +301,6 @@ def naming_memory_errors(name: str) -> Iterator[None]:
         raise GpuMemoryError(f"{name}: {error}") from error
 
 
-@dataclass(frozen=True, eq=False)
-class OpenPack:
-    """A pack that slots may name."""
-
-    pack: Pack
-    match: PackMatch
-    version: int
-
-
 class GpuPacks:
     """Packs of one scene. Each is uploaded when it is first asked for, once for every precision."""
 
@@ -372,7 +355,7 @@ class GpuPacks:
             self._release(name)
             return
         for on_gpu in [on_gpu for (source, _), on_gpu in self._on_gpu.items() if source == name]:
-            on_gpu.update(PackVersion(pack, opened.version))
+            on_gpu.update(opened)
 
     def advance_updates(self, budget_bytes: int | None) -> UploadCounts:
         """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""
@@ -409,9 +392,8 @@ class GpuPacks:
         """The pack that a slot shows, in its precision. Raises GpuMemoryError that names it."""
         key = (slot.source, slot.precision)
         if key not in self._on_gpu:
-            opened = self._open[slot.source]
             with naming_memory_errors(f"pack {slot.source}"):
-                self._on_gpu[key] = GpuPack(self._context, opened.pack, opened.match, slot.precision, opened.version)
+                self._on_gpu[key] = GpuPack(self._context, self._open[slot.source], slot.precision)
         return self._on_gpu[key]
 
     def uploaded(self, slot: Slot) -> GpuPack | None:

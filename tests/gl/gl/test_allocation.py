@@ -36,14 +36,14 @@ def test_the_interface_shows_grey_without_memory(graphics: GraphicsContext) -> N
     context = replace(graphics, memory=memory)
     thumbnails = Thumbnails(context, lambda _: np.zeros((8, 8, 3), np.uint8))
     assert thumbnails[3].size == (1, 1)
-    assert (thumbnails.fallback.take_problem() or "").startswith("thumbnail 3: the GPU has no memory for ")
-    assert thumbnails.fallback.take_problem() is None
+    assert (thumbnails.take_problem() or "").startswith("thumbnail 3: the GPU has no memory for ")
+    assert thumbnails.take_problem() is None
     thumbnails.release()
     images = NamedImages(context)
     memory.word = "image"
     for _ in range(2):
         assert images.get("flat", np.zeros((4, 4, 3), np.uint8)).size == (1, 1)
-    assert (images.fallback.take_problem() or "").startswith("image 'flat': ")
+    assert (images.take_problem() or "").startswith("image 'flat': ")
     images.release()
     assert memory.objects_given == 0
 

@@ -163,13 +163,8 @@ class CompositeParams:
         }
 
 
-@dataclass(frozen=True)
-class CompositeVariant:
-    """A program of the composite. Drivers may compile it anew for other formats of textures."""
-
-    defines: tuple[tuple[str, int], ...]
-    dtypes: tuple[str, str]
-    """Of both pictures' textures."""
+CompositeVariant = tuple[tuple[tuple[str, int], ...], tuple[str, str]]
+"""A program of the composite: defines, and types of both pictures' textures, for which drivers may compile it anew."""
 
 
 @dataclass(frozen=True)
@@ -184,8 +179,7 @@ class CompositeInputs:
     @property
     def variant(self) -> CompositeVariant:
         """Which program draws it."""
-        dtypes = (self.first.texture.dtype, self.second.texture.dtype)
-        return CompositeVariant(tuple(self.params.defines.items()), dtypes)
+        return tuple(self.params.defines.items()), (self.first.texture.dtype, self.second.texture.dtype)
 
 
 def palette_steps(name: PaletteName) -> bytes:

@@ -18,10 +18,8 @@ from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 from viewer.state.view_state import TexelFilter
 
-
-def filter_defines(texel_filter: TexelFilter) -> dict[str, int]:
-    """Defines of the decoding shaders for a filter; with the stochastic one they read `VisibilityInputs.sample`."""
-    return {"FILTER_STOCHASTIC": int(texel_filter == "stochastic")}
+BIN_PIXEL_BYTES = 4
+"""Size of a pixel in the list that path `binned` sorts."""
 
 
 class DecodePass(ABC):
@@ -29,6 +27,23 @@ class DecodePass(ABC):
 
     name: str
     """`decode_` and the name of the decode path."""
+
+    def __init__(
+        self, context: GraphicsContext, buffers: PackBuffers, reading: PlaneReading, texel_filter: TexelFilter
+    ) -> None:
+        """Take the pack in `buffers`, and the defines of the shaders that decode it with a filter."""
+        self._gl, self._buffers = context.gl, buffers
+        self._defines = {
+            **reading.defines(),
+            **buffers.defines,
+            "FILTER_STOCHASTIC": int(texel_filter == "stochastic"),
+        }
+
+    def _bind(self, program: moderngl.Program | moderngl.ComputeShader, inputs: VisibilityInputs) -> None:
+        """Bind the view and the pack for `program`, which decodes."""
+        inputs.bind()
+        self._buffers.bind()
+        set_uniforms(program, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
 
     @abstractmethod
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
@@ -63,9 +78,9 @@ class DecodeForwardPass(DecodePass):
         reading: PlaneReading,
         texel_filter: TexelFilter = "exact",
     ) -> None:
-        self._gl, self._buffers, self._scene_buffers = context.gl, buffers, scene_buffers
-        defines = {**reading.defines(), **buffers.defines, **filter_defines(texel_filter)}
-        self._program = programs.program("common/scene.vert", "passes/decode_forward/decode.frag", defines)
+        super().__init__(context, buffers, reading, texel_filter)
+        self._scene_buffers = scene_buffers
+        self._program = programs.program("common/scene.vert", "passes/decode_forward/decode.frag", self._defines)
 
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode in the fragments that lie at the visible depth."""
@@ -79,12 +94,8 @@ class DecodeForwardPass(DecodePass):
             framebuffer.use()
             gl.enable_only(moderngl.DEPTH_TEST)
             gl.depth_func = "=="
-            inputs.bind()
-            self._buffers.bind()
-            matrix = inputs.matrix.T.astype("<f4").tobytes()
-            blocks = self._buffers.network_blocks
-            values = {"network_blocks": blocks, "view_projection": matrix, "sample_number": inputs.sample}
-            set_uniforms(self._program, values)
+            self._bind(self._program, inputs)
+            set_uniforms(self._program, {"view_projection": inputs.matrix.T.astype("<f4").tobytes()})
             self._scene_buffers.draw(self._program, self._program)
         finally:
             gl.depth_func = "<"
@@ -108,32 +119,24 @@ class DecodeDeferredPass(DecodePass):
         shared_decoder: int | None,
         texel_filter: TexelFilter = "exact",
     ) -> None:
-        self._gl = context.gl
-        self._buffers, self._shared_decoder = buffers, shared_decoder
+        super().__init__(context, buffers, reading, texel_filter)
+        self._shared_decoder = shared_decoder
         self._ranges = ranges if shared_decoder is not None else None
-        defines = {**reading.defines(), **buffers.defines, **filter_defines(texel_filter)}
-        if self._ranges is None:
-            self._program = programs.compute("passes/decode_deferred/decode.comp", defines)
-        else:
-            shared = {**defines, **self._ranges.defines}
-            self._program = programs.compute("passes/decode_deferred/decode_shared.comp", shared)
+        name, defines = "decode", self._defines
+        if self._ranges is not None:
+            name, defines = "decode_shared", {**defines, **self._ranges.defines}
+        self._program = programs.compute(f"passes/decode_deferred/{name}.comp", defines)
 
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode the whole picture."""
-        inputs.bind()
-        self._buffers.bind()
+        self._bind(self._program, inputs)
         target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
-        set_uniforms(self._program, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
         rows = GROUP_SIDE
         if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)
             rows = GROUP_SIDE * self._ranges.pixels
         self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
         self._gl.memory_barrier()
-
-
-FOLDER = "passes/decode_binned"
-PIXEL_BYTES = 4
 
 
 class DecodeBinnedPass(DecodePass):
@@ -150,25 +153,23 @@ class DecodeBinnedPass(DecodePass):
         reading: PlaneReading,
         texel_filter: TexelFilter = "exact",
     ) -> None:
-        self._gl, self._memory, self._buffers, self._ranges = context.gl, context.memory, buffers, ranges
-        self._bin_count = len(buffers.pack.decoders)
-        defines = {**buffers.defines, **filter_defines(texel_filter), **ranges.defines}
+        super().__init__(context, buffers, reading, texel_filter)
+        self._memory, self._ranges, self._bin_count = context.memory, ranges, len(buffers.pack.decoders)
         sorting = {**reading.defines(), "SHARED_SUMS": int(context.features.shared_sums)}
-        self._count = programs.compute(f"{FOLDER}/count.comp", sorting)
-        self._scan = programs.compute(f"{FOLDER}/scan.comp")
-        self._scatter = programs.compute(f"{FOLDER}/scatter.comp", sorting)
-        self._decode = programs.compute(f"{FOLDER}/decode.comp", {**reading.defines(), **defines})
+        self._count = programs.compute("passes/decode_binned/count.comp", sorting)
+        self._scan = programs.compute("passes/decode_binned/scan.comp")
+        self._scatter = programs.compute("passes/decode_binned/scatter.comp", sorting)
+        self._decode = programs.compute("passes/decode_binned/decode.comp", {**self._defines, **ranges.defines})
         what = "path binned"
         with self._memory.transaction():
             self._bins = self._memory.buffer(what, np.zeros(max(1, self._bin_count), BIN_RECORD).tobytes())
-            self._pixels = self._memory.buffer(what, reserve=PIXEL_BYTES)
+            self._pixels = self._memory.buffer(what, reserve=BIN_PIXEL_BYTES)
 
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode the whole picture."""
-        needed = target.size[0] * target.size[1] * PIXEL_BYTES
+        needed = target.size[0] * target.size[1] * BIN_PIXEL_BYTES
         self._pixels = self._memory.grown("pixels of path binned", self._pixels, needed, storage=True)
-        inputs.bind()
-        self._buffers.bind()
+        self._bind(self._decode, inputs)
         target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
         self._bins.bind_to_storage_buffer(int(BinBinding.BINS))
         self._pixels.bind_to_storage_buffer(int(BinBinding.BIN_PIXELS))
@@ -180,7 +181,6 @@ class DecodeBinnedPass(DecodePass):
         self._gl.memory_barrier()
         self._scatter.run(*blocks)
         self._gl.memory_barrier()
-        set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks, "sample_number": inputs.sample})
         decoders = np.unique(self._buffers.decoder_of_texture[list(inputs.textures)])
         for decoder in decoders[decoders >= 0].tolist():
             self._ranges.bind(decoder)

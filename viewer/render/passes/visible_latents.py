@@ -1,6 +1,6 @@
 """Which mips of which textures the visible pixels read: what has to be on the GPU."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,9 +89,11 @@ class VisibleLatentsPass:
 
     name = "latents"
 
-    def __init__(self, needed_levels: Callable[[], NeededLevelsPass] | None, buffers: PackBuffers, waits: bool) -> None:
-        """`needed_levels` makes the pass, once it is needed; None: all mips of what may be visible are uploaded."""
-        self._make_pass, self._buffers, self._waits = needed_levels, buffers, waits
+    def __init__(
+        self, context: GraphicsContext, programs: ProgramFactory, buffers: PackBuffers, reading: PlaneReading
+    ) -> None:
+        """Serve the plane of `reading`. Where nothing computes, all mips of what may be visible are uploaded."""
+        self._context, self._programs, self._buffers, self._reading = context, programs, buffers, reading
         self._pass: NeededLevelsPass | None = None
         self._coarse = np.array([_first_small(pyramid) for pyramid in buffers.latent_store.pyramids], np.int64)
         """[textures] mip that stands in for finer ones."""
@@ -108,16 +110,16 @@ class VisibleLatentsPass:
         if not step.is_same_view:
             target.needed = target.shown = None
         all_of_them = dict.fromkeys(textures, 0)
-        if self._make_pass is None or store.has(all_of_them):
+        if not self._context.features.compute or store.has(all_of_them):
             target.needed = all_of_them
-        elif self._waits or step.whole:
-            self._ask(inputs, self._make_pass)
+        elif self._context.waits or step.whole:
+            self._ask(inputs)
             self._take(inputs, target, waits=True)
         else:
             self._buffers.need({index: int(min(store.finest[index], self._coarse[index])) for index in textures})
             self._take(inputs, target, waits=False)
             if target.needed is None and not (self._pass is not None and self._pass.is_pending):
-                self._ask(inputs, self._make_pass)
+                self._ask(inputs)
         if target.needed is not None:
             self._buffers.need(target.needed)
         left = len(textures) if target.needed is None else 0
@@ -135,8 +137,10 @@ class VisibleLatentsPass:
         target.shown = there
         return True
 
-    def _ask(self, inputs: VisibilityInputs, make_pass: Callable[[], NeededLevelsPass]) -> None:
-        self._pass = self._pass or make_pass()
+    def _ask(self, inputs: VisibilityInputs) -> None:
+        if self._pass is None:
+            textures = len(self._buffers.decoder_of_texture)
+            self._pass = NeededLevelsPass(self._context, self._programs, textures, self._reading)
         self._pass.run(inputs, self._buffers)
 
     def _take(self, inputs: VisibilityInputs, target: VisibleLatents, waits: bool) -> None:

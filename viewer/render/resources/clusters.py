@@ -142,26 +142,16 @@ class ClusterTest(IntEnum):
 
 CLUSTER_RECORD = np.dtype(
     [
-        ("centre", "<f4", (4,)),
-        ("extent", "<f4", (4,)),
-        ("axis", "<f4", (4,)),
-        ("first_index", "<u4"),
-        ("index_count", "<u4"),
-        ("padding_0", "<u4"),
-        ("padding_1", "<u4"),
+        *((name, "<f4", (4,)) for name in ("centre", "extent", "axis")),
+        *((name, "<u4") for name in ("first_index", "index_count", "padding_0", "padding_1")),
     ]
 )
 """A cluster: std430, 64 bytes. Box (centre and half size, local space) and normal cone (axis, and in w the sine of its half angle)."""
 
 PLACEMENT_RECORD = np.dtype(
     [
-        ("row_x", "<f4", (4,)),
-        ("row_y", "<f4", (4,)),
-        ("row_z", "<f4", (4,)),
-        ("base_vertex", "<u4"),
-        ("may_face_away", "<u4"),
-        ("padding_0", "<u4"),
-        ("padding_1", "<u4"),
+        *((name, "<f4", (4,)) for name in ("row_x", "row_y", "row_z")),
+        *((name, "<u4") for name in ("base_vertex", "may_face_away", "padding_0", "padding_1")),
     ]
 )
 """An instance: std430, 64 bytes. Rows of its local-to-world matrix, and whether its clusters can be turned away as a whole."""
@@ -169,14 +159,8 @@ PLACEMENT_RECORD = np.dtype(
 ITEM_RECORD = np.dtype(
     [
         ("eye", "<f4", (4,)),
-        ("first_cluster", "<u4"),
-        ("clusters", "<u4"),
-        ("instance", "<u4"),
-        ("seen_low", "<u4"),
-        ("seen_high", "<u4"),
-        ("runs", "<u4"),
-        ("first_command", "<u4"),
-        ("triangles", "<u4"),
+        *((name, "<u4") for name in ("first_cluster", "clusters", "instance", "seen_low", "seen_high")),
+        *((name, "<u4") for name in ("runs", "first_command", "triangles")),
     ]
 )
 """Up to ITEM_CLUSTERS clusters of one instance: std430, 48 bytes. The eye in the instance's local space; then a bit for each seen
@@ -184,14 +168,8 @@ cluster, how many runs of neighbours those are, the place of the first one's com
 
 BUCKET_RECORD = np.dtype(
     [
-        ("first_item", "<u4"),
-        ("items", "<u4"),
-        ("first_command", "<u4"),
-        ("capacity", "<u4"),
-        ("commands", "<u4"),
-        ("clusters", "<u4"),
-        ("triangles", "<u4"),
-        ("padding_0", "<u4"),
+        *((name, "<u4") for name in ("first_item", "items", "first_command", "capacity")),
+        *((name, "<u4") for name in ("commands", "clusters", "triangles", "padding_0")),
     ]
 )
 """Items that are drawn with the same OpenGL state: std430, 32 bytes. The GPU writes how

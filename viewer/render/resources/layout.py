@@ -142,16 +142,9 @@ BUCKET_DEPTHS = 4096
 
 PLANE_RECORD = np.dtype(
     [
-        ("texture_id", "<i4"),
-        ("wrap_u", "<i4"),
-        ("wrap_v", "<i4"),
-        ("sampler_flags", "<i4"),
-        ("image_array", "<i4"),
-        ("image_layer", "<i4"),
-        ("components", "<i4"),
-        ("second_uvs", "<i4"),
-        ("uv_u", "<f4", (4,)),
-        ("uv_v", "<f4", (4,)),
+        *((name, "<i4") for name in ("texture_id", "wrap_u", "wrap_v", "sampler_flags")),
+        *((name, "<i4") for name in ("image_array", "image_layer", "components", "second_uvs")),
+        *((name, "<f4", (4,)) for name in ("uv_u", "uv_v")),
     ]
 )
 """Where a material finds one plane of its maps: std430, 64 bytes. `components` has a bit for each component that the material reads,
@@ -159,18 +152,11 @@ the others are neutral. `uv_u` and `uv_v` hold (a, b, c, unused) of `PlaneTextur
 
 MATERIAL_RECORD = np.dtype(
     [
-        ("factor", "<f4", (4,)),
-        ("emissive", "<f4", (4,)),
-        ("surface", "<f4", (4,)),
-        ("specular", "<f4", (4,)),
+        *((name, "<f4", (4,)) for name in ("factor", "emissive", "surface", "specular")),
         ("alpha_cutoff", "<f4"),
-        ("alpha_mode", "<i4"),
-        ("unlit", "<i4"),
-        ("clearcoat", "<f4"),
-        ("clearcoat_roughness", "<f4"),
-        ("padding_0", "<i4"),
-        ("padding_1", "<i4"),
-        ("padding_2", "<i4"),
+        *((name, "<i4") for name in ("alpha_mode", "unlit")),
+        *((name, "<f4") for name in ("clearcoat", "clearcoat_roughness")),
+        *((f"padding_{number}", "<i4") for number in range(3)),
         ("planes", PLANE_RECORD, (len(PLANES),)),
     ]
 )
@@ -184,29 +170,14 @@ TILE_LEVEL_RECORD = np.dtype([("first_entry", "<i4"), ("across", "<i4")])
 """Tiles of one mip of a texture under one pair of wrap modes: std430, 8 bytes. Tile (x, y) has entry first_entry + y * across + x."""
 
 TILE_RECORD = np.dtype(
-    [
-        ("texture_id", "<i4"),
-        ("level", "<i4"),
-        ("tile_x", "<i4"),
-        ("tile_y", "<i4"),
-        ("wrap_u", "<i4"),
-        ("wrap_v", "<i4"),
-        ("page", "<i4"),
-        ("entry", "<i4"),
-    ]
+    [(name, "<i4") for name in ("texture_id", "level", "tile_x", "tile_y", "wrap_u", "wrap_v", "page", "entry")]
 )
 """A tile to decode: std430, 32 bytes."""
 
 BIN_RECORD = np.dtype(
     [
-        ("groups_x", "<u4"),
-        ("groups_y", "<u4"),
-        ("groups_z", "<u4"),
-        ("pixels", "<u4"),
-        ("first", "<u4"),
-        ("counted", "<u4"),
-        ("placed", "<u4"),
-        ("padding_0", "<u4"),
+        (name, "<u4")
+        for name in ("groups_x", "groups_y", "groups_z", "pixels", "first", "counted", "placed", "padding_0")
     ]
 )
 """The pixels of one decoder: std430, 32 bytes. It starts with the arguments of an indirect dispatch; `pixels` of the list from

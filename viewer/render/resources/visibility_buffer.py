@@ -52,10 +52,6 @@ class SurfaceContent:
         }
         return flags | {f"OUTPUT_{unit.name}": place for place, unit in enumerate(self.units(), start=1)}
 
-    def reading_defines(self) -> dict[str, int]:
-        """Those of `defines` that shaders need which only read it."""
-        return {name: value for name, value in self.defines().items() if not name.startswith("OUTPUT_")}
-
 
 FORMATS: dict[TextureUnit, tuple[int, Literal["u4", "f4"]]] = {
     TextureUnit.SURFACE_COLOR: (1, "u4"),
@@ -141,9 +137,6 @@ class VisibilityTarget:
         words = np.frombuffer(self._textures[TextureUnit.SURFACE_FRAME].read(), np.uint32)
         return words.reshape(self.size[1], self.size[0], 2)[::-1]
 
-    def _ids(self) -> NDArray[np.uint32]:
-        return self.words()[..., 0]
-
     def read_id_bytes(self) -> bytes:
         """First word of every pixel, uint32, row 0 at the bottom: see `texture_ids_of`, `materials_of`."""
         return bytes(self.framebuffer.read(components=1, attachment=0, alignment=1, dtype="u4"))
@@ -154,11 +147,11 @@ class VisibilityTarget:
 
     def texture_ids(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: texture id of each pixel, -1 for none."""
-        return texture_ids_of(self._ids())
+        return texture_ids_of(self.words()[..., 0])
 
     def materials(self) -> NDArray[np.int32]:
         """[H, W] int32, row 0 on top: material of each pixel, -1 for the background."""
-        return materials_of(self._ids())
+        return materials_of(self.words()[..., 0])
 
     def release(self) -> None:
         """Free the textures."""
