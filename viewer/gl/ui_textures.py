@@ -27,7 +27,7 @@ class UiTextures(Generic[Key]):
         self._problem: str | None = None
 
     def _upload(self, key: Key, what: str, pixels: NDArray[np.uint8]) -> moderngl.Texture:
-        """Return an RGB8 texture of `pixels` [h, w, 3] (row 0 on top, sRGB-coded), in place of the one before. `what` is for messages."""
+        """Return an RGB8 texture of `pixels` [h, w, 3] (row 0 on top, sRGB) in place of the one before; `what` is for messages."""
         before = self._textures.pop(key, self._grey)
         if before is not self._grey:
             before.release()
