@@ -1,4 +1,4 @@
-"""What comes after the pictures of both slots: divergence maps, the comparison, overlays and marks."""
+"""The last part of a frame: divergence maps, the comparison, overlays and marks."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -46,14 +46,14 @@ class DivergenceOverlay:
         self._place: tuple[VisibilityTarget, int, tuple[int, int]] | None = None
         """Visibility buffer, version of its content, and size of a block that the maps were counted for."""
         self._groupings: dict[str, CountedGrouping] = {}
-        """Of the tables, by source, in their order."""
+        """Groupings of the tables by source, in their order."""
         self._output = Output(0)
-        """Of the maps."""
+        """Output of the divergence pass."""
         self._back = ReadBack[tuple[DivergenceTarget, tuple[str, ...]]](
             context.graphics, "counts of the divergence maps"
         )
         self.statistics: Mapping[str, DivergenceStatistics] = {}
-        """Of each grouping, by the name of its source."""
+        """Statistics of each grouping, by the name of its source."""
 
     def update(
         self, view: VisibilityInputs, groupings: Mapping[str, CountedGrouping], block: tuple[int, int]
@@ -177,7 +177,7 @@ class ErrorOverlay:
     def marks(
         self, overlay: Overlay, highlighted: tuple[int, ...], visibility: VisibilityTarget
     ) -> MarksOverlay | None:
-        """How to colour or dim the textures of the picture; None where nothing is."""
+        """Return how to colour or dim the textures of the picture; None where no texture is."""
         errors = self._errors if overlay.kind in ("error-texture", "error-decoder") else None
         if errors is None and not highlighted:
             return None
@@ -228,7 +228,7 @@ class Compositor:
         return (self._divergence.update(targets.view, groupings, view.block),)
 
     def statistics(self, view: ViewState, sources: Iterable[str]) -> dict[str, DivergenceStatistics]:
-        """Of the divergence maps of `sources` that are no images, where the overlay asks for them.
+        """Return statistics of the divergence maps of `sources`, images left out; none without the overlay.
 
         Unless frames wait they may be those of a frame before.
         """

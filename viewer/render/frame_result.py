@@ -1,4 +1,4 @@
-"""What the renderer gives: one frame, and the pictures of both slots."""
+"""Results of the renderer: one frame, and the pictures of both slots."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,19 +17,19 @@ from viewer.state.view_state import PathChoice, Slot
 
 @dataclass(frozen=True)
 class UploadCounts:
-    """What a frame uploaded of packs that replace others of the same textures."""
+    """Bytes that a frame uploaded of packs that replace others of the same textures."""
 
     uploaded: int = 0
-    """Bytes."""
+    """Number of bytes that the frame uploaded."""
     kept: int = 0
-    """Bytes of the packs that were replaced whole in this frame which did not change, and so stayed on the GPU."""
+    """Number of bytes that stayed on the GPU because they are the same in the packs that replaced others in this frame."""
     is_pending: bool = False
-    """Whether an older version of a pack is drawn until the newer one is uploaded."""
+    """True while an older version of a pack is drawn until the newer one is uploaded."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameResult:
-    """One frame."""
+    """Picture of one frame, with its times and counts."""
 
     image: moderngl.Texture
     """RGBA8, sRGB-coded, row 0 at the bottom."""
@@ -40,9 +40,9 @@ class FrameResult:
     slot_ms: Mapping[Slot, float]
     """Time in ms that each shown slot took when it was last drawn at this size."""
     timer: str
-    """How the times were taken."""
+    """Method by which the times were taken."""
     skipped: Mapping[str, int]
-    """What was left out, and how many of it."""
+    """Numbers of passes, images, triangles and other parts that were left out, by name."""
     divergence: Mapping[str, DivergenceStatistics]
     """Statistics of the shown packs' divergence maps, by the pack's name; empty without the overlay."""
     drawn: Mapping[str, int]
@@ -50,28 +50,28 @@ class FrameResult:
     tiles: Mapping[Slot, TileCounts]
     """The tile caches of the shown slots that have one."""
     paths: Mapping[Slot, PathChoice]
-    """The path by which each slot of the view is drawn: what `auto` chose, else its own."""
+    """Path by which each slot of the view is drawn: the choice of `auto`, else the slot's own."""
     samples: Mapping[Slot, int]
-    """Samples in the picture of each slot that the stochastic filter draws."""
+    """Number of samples in the picture of each slot that the stochastic filter draws."""
     blend_samples: Mapping[Slot, int] = field(default_factory=dict)
-    """Samples in the picture of each shown slot, BLEND surfaces against another pattern in each; empty where none may be seen."""
+    """Number of samples in the picture of each shown slot, BLEND surfaces in another pattern in each; empty without such surfaces."""
     short_latents: str = ""
-    """Why latents are coarser than the picture needs, where the GPU has less memory than their budget, or lets shaders read less."""
+    """Reason why latents are coarser than the picture needs: too little GPU memory, or a limit of what shaders read. Empty without."""
 
     upload: UploadCounts = UploadCounts()
     blocking_calls: int = 0
-    """Calls since the frame before for which the CPU waited until the GPU had caught up."""
+    """Number of calls since the frame before for which the CPU waited for the GPU."""
     to_come: tuple[ToCome, ...] = ()
-    """What the same view drawn again adds; empty where the picture is complete."""
+    """Parts that drawing the same view again adds; empty where the picture is complete."""
 
     @property
     def is_complete(self) -> bool:
-        """Whether the same view drawn again would show nothing else."""
+        """True where drawing the same view again would change nothing."""
         return not self.to_come
 
     @property
     def is_short(self) -> bool:
-        """Whether the picture is coarser than it should be, because the GPU has too little memory."""
+        """True where the picture is coarser than it should be, because the GPU has too little memory."""
         return bool(self.short_latents) or any(
             counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values()
         )
@@ -79,12 +79,12 @@ class FrameResult:
 
 @dataclass(frozen=True)
 class PairKey:
-    """Stands for the content of both slots: equal keys mean equal pictures."""
+    """Key of the content of both slots: equal keys mean equal pictures."""
 
     a: Slot
     b: Slot
     versions: tuple[int, int]
-    """Of what is shown of them; 0 for one that is not drawn."""
+    """Versions of the pictures of A and B; 0 for one that is not drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,7 +98,7 @@ class DrawnPair:
 
 
 def read_picture(image: moderngl.Texture) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8 sRGB, row 0 on top, of the image of a FrameResult."""
+    """Return the image of a FrameResult as [H, W, 3] uint8 sRGB, row 0 on top."""
     width, height = image.size
     pixels = np.frombuffer(image.read(), np.uint8).reshape(height, width, 4)
     return np.ascontiguousarray(pixels[::-1, :, :3])

@@ -12,9 +12,9 @@ from viewer.render.frame_result import FrameResult
 from viewer.state.view_state import Slot
 
 FRAMES_REMEMBERED = 15
-"""Frames over which times are medians."""
+"""Number of frames over which medians of times are taken."""
 FRAMES = 300
-"""Frames that are plotted."""
+"""Number of frames that are plotted."""
 
 
 class FrameHistory:
@@ -24,7 +24,7 @@ class FrameHistory:
         self._passes: dict[str, NDArray[np.float64]] = {}
         self._wall = np.zeros(FRAMES)
         self.version = 0
-        """Frames so far, those that are gone included."""
+        """Number of frames so far, those that are forgotten included."""
 
     def add(self, passes_ms: Mapping[str, float], wall_ms: float) -> None:
         """Remember a frame: time of each pass that ran, and of the whole frame on the wall clock, in ms."""
@@ -44,7 +44,7 @@ class FrameHistory:
 
     @property
     def wall_ms(self) -> NDArray[np.float64]:
-        """[frames] float64."""
+        """[frames] float64 wall time of each frame in ms."""
         return self._in_order(self._wall)
 
     @property
@@ -62,39 +62,39 @@ class FrameTimes:
     """Measures each frame between `begin` and `end`."""
 
     def __init__(self, waits: bool) -> None:
-        """`waits` as in the GraphicsContext: times of each frame are told within it; else frames are timed by the wall clock."""
+        """Take `waits` of the GraphicsContext: times of each frame are known within it; else frames are timed by the wall clock."""
         self.history = FrameHistory()
         self._waits = waits
         self.slot_ms: Mapping[Slot, float] = {}
-        """Time that each slot took when it was last drawn whole, ms."""
+        """Time in ms that each slot took when it was last drawn whole."""
         self.whole_frame_ms = 0.0
-        """Of the last pictures that were not coarse: all passes of the last one, or the wall time of the shorter of two."""
+        """Time of a picture that is not coarse, in ms: all passes of the last one, or the wall time of the shorter of the last two."""
         self._wall_ms: deque[float] = deque(maxlen=2)
         self.last_ms = 0.0
-        """Of the last frame that drew a whole picture: all of it, by the wall clock."""
+        """Wall time in ms of the last frame that drew a whole picture."""
         self._passes: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=FRAMES_REMEMBERED))
         self._started = 0.0
         self._drawn: Mapping[str, float] | None = None
-        """Times of the passes of the frame that is being drawn."""
+        """Times in ms of the passes of the frame that is being drawn."""
 
     def begin(self) -> None:
-        """A frame begins."""
+        """Begin a frame."""
         self._started, self._drawn = time.perf_counter(), None
 
     def note(self, frame: FrameResult) -> None:
-        """A picture was drawn at full resolution; coarse ones are not to be passed here."""
+        """Note a picture that was drawn at full resolution; coarse ones are not to be passed here."""
         self._drawn, self.slot_ms = frame.timings_ms, frame.slot_ms
         if self._waits:
             self.whole_frame_ms = sum(frame.timings_ms.values())
         self.note_passes(frame.timings_ms)
 
     def note_passes(self, passes_ms: Mapping[str, float]) -> None:
-        """Times of passes, in ms, have become known."""
+        """Note times of passes, in ms, that have become known."""
         for name, milliseconds in passes_ms.items():
             self._passes[name].append(milliseconds)
 
     def end(self) -> None:
-        """The frame is on its framebuffer; without waiting: handed to the window system, which holds up what comes too fast."""
+        """End the frame: it is on its framebuffer, or was handed to the window system, which holds up what comes too fast."""
         if self._drawn is None:
             return
         self.last_ms = 1000.0 * (time.perf_counter() - self._started)
@@ -105,11 +105,11 @@ class FrameTimes:
             self.whole_frame_ms = min(self._wall_ms)
 
     def medians_ms(self) -> dict[str, float]:
-        """Median time of each pass over the recent frames in which it ran, ms."""
+        """Return the median time in ms of each pass over the recent frames in which it ran."""
         return {name: statistics.median(times) for name, times in self._passes.items()}
 
     def clear(self) -> None:
-        """Another scene is drawn from now on."""
+        """Forget all times: another scene is drawn from now on."""
         self._passes.clear()
         self._wall_ms.clear()
         self.history.clear()

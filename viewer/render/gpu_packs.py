@@ -37,18 +37,18 @@ from viewer.state.view_state import PathChoice, Precision, Slot, TexelFilter, is
 
 @dataclass(frozen=True, eq=False)
 class PackMemory:
-    """GPU memory of one pack in one precision, as one decode path uses it."""
+    """GPU memory of one pack in one precision, as one decode path uses it, in bytes."""
 
     parts: Mapping[str, int]
-    """Bytes by what they are for: latents, decoders (with adapters), tables, tile cache."""
+    """Numbers of bytes by their use: latents, decoders (with adapters), tables, tile cache."""
     idle: int
-    """Bytes of other decode paths, which are kept so that they can be switched to at once; not among the parts."""
+    """Number of bytes of other decode paths, which are kept for switching to them at once; not among the parts."""
     latents: NDArray[np.int64]
-    """[textures of the scene] int64: bytes of each texture's latents."""
+    """[textures of the scene] int64 number of bytes of each texture's latents."""
 
     @property
     def total(self) -> int:
-        """Bytes of all parts: what the path uses."""
+        """Number of bytes of all parts: what the path uses."""
         return sum(self.parts.values())
 
 
@@ -64,18 +64,18 @@ class OpenPack:
 
 @dataclass(frozen=True, eq=False)
 class PackUpdate:
-    """The upload of a version, under way."""
+    """Upload of a newer version of a pack, under way."""
 
     opened: OpenPack
     stored: Pack
-    """As the buffers store it."""
+    """Pack as the buffers store it."""
     groups: frozenset[int]
-    """That differ from what the buffers hold."""
+    """Groups that differ from what the buffers hold."""
     latents: LatentUpdate
 
 
 Decoder = DecodePass | DecodeSampledPass | CachedPath
-"""What draws a plane of a pack."""
+"""Types of passes that draw a plane of a pack."""
 
 
 class GpuPack:
@@ -102,31 +102,31 @@ class GpuPack:
         self._ranges: DecoderRanges | None = None
         self._latents: dict[Plane, VisibleLatentsPass] = {}
         self._passes: dict[tuple[PathChoice, TexelFilter, Plane], DecodePass | DecodeSampledPass] = {}
-        """Of the paths that decode every pixel."""
+        """Passes of the paths that decode every pixel."""
         self._caches: dict[Plane, CachedPath] = {}
         self._next: OpenPack | None = None
-        """Waits until the update under way is done."""
+        """Version that waits until the update under way is done."""
         self._update: PackUpdate | None = None
 
     def reading(self, plane: Plane = "base") -> PlaneReading:
-        """How passes read the scene's surfaces for a plane of their maps."""
+        """Return how passes read the scene's surfaces for a plane of their maps."""
         buffers = self.context.scene_buffers
         return PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs)
 
     @property
     def tiles(self) -> TileCounts | None:
-        """The state of the tile caches, of all planes together; None where there is none."""
+        """State of the tile caches of all planes together; None without a cache."""
         return total_counts([cache.tiles for cache in self._caches.values()])
 
     @property
     def ranges(self) -> DecoderRanges:
-        """Each decoder as a buffer range of its own; made when first asked for."""
+        """Buffer ranges of the decoders, one for each; made when first asked for."""
         if self._ranges is None:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision, self._variant)
         return self._ranges
 
     def decoder(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> Decoder:
-        """What draws a plane that the pack holds by a path, not `auto`, with a filter that it has; made when it is first asked for.
+        """Return the pass that draws a plane of the pack by a path (not `auto`) with a filter of that path; made when first asked for.
 
         Raises GpuMemoryError, ShaderError.
         """
@@ -143,14 +143,14 @@ class GpuPack:
         return self._passes[key]
 
     def latents(self, plane: Plane = "base") -> VisibleLatentsPass:
-        """Uploads the mips that the pixels of a view read."""
+        """Return the pass that uploads the mips that the pixels of a view read."""
         if plane not in self._latents:
             reading = self.reading(plane)
             self._latents[plane] = VisibleLatentsPass(self.context.graphics, self.programs, self.buffers, reading)
         return self._latents[plane]
 
     def memory(self, name: PathChoice, texel_filter: TexelFilter) -> PackMemory:
-        """What lies on the GPU, for those who draw with this path and filter."""
+        """Return the GPU memory of the pack, as drawing with this path and filter uses it."""
         parts = self.buffers.bytes_by_part
         of_passes = {key: own.bytes_on_gpu for key, own in self._passes.items()}
         of_caches = sum(cache.bytes_on_gpu for cache in self._caches.values())
@@ -167,7 +167,7 @@ class GpuPack:
 
     @property
     def is_updating(self) -> bool:
-        """Whether a newer version is on its way; the older one is drawn until it is there whole."""
+        """True while a newer version is uploaded; the older one is drawn until then."""
         return self._update is not None or self._next is not None
 
     def update(self, opened: OpenPack) -> None:
@@ -193,7 +193,7 @@ class GpuPack:
         return UploadCounts(uploaded, kept, self.is_updating)
 
     def _weight_bytes(self, update: PackUpdate) -> int:
-        """About how many bytes the decoders and adapters of the changed groups have."""
+        """Return the approximate number of bytes of the decoders and adapters of the changed groups."""
         decoders = max(1, len(update.stored.decoders))
         return self.buffers.bytes_by_part["decoders"] * len(update.groups) // decoders
 
@@ -254,7 +254,7 @@ def _forward(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> DecodePa
 def deferred_pass(
     pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base", may_share: bool = True
 ) -> DecodePass:
-    """Decode path `deferred`. Without `may_share` every pixel has a decoder index, even where all have one: for benchmarks."""
+    """Return the pass of path `deferred`. Without `may_share` each pixel reads the number of its decoder, even of a single one."""
     used = {decoder for decoder in pack.match.decoders(pack.pack) if decoder >= 0}
     shared = used.pop() if may_share and len(used) == 1 else None
     ranges = pack.ranges if shared is not None else None
@@ -264,7 +264,7 @@ def deferred_pass(
 
 
 def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> DecodePass:
-    """Decode path `binned`."""
+    """Return the pass of path `binned`."""
     graphics, reading = pack.context.graphics, pack.reading(plane)
     return DecodeBinnedPass(graphics, pack.programs, pack.buffers, pack.ranges, reading, texel_filter)
 
@@ -289,7 +289,7 @@ DECODE_PASSES: Mapping[PathChoice, Callable[[GpuPack, TexelFilter, Plane], Decod
     "deferred": deferred_pass,
     "binned": binned_pass,
 }
-"""How the paths that decode every pixel are made for a pack."""
+"""Functions that make the passes of the paths that decode every pixel, for a pack."""
 
 
 @contextmanager
@@ -316,21 +316,21 @@ class GpuPacks:
 
     @property
     def matches(self) -> Mapping[str, PackMatch]:
-        """How each pack fits the scene, by the pack's name."""
+        """Match of each pack with the scene, by the pack's name."""
         return {name: opened.match for name, opened in self._open.items()}
 
     @property
     def is_updating(self) -> bool:
-        """Whether `advance_updates` has something to upload."""
+        """True while `advance_updates` has something to upload."""
         return any(on_gpu.is_updating for on_gpu in self._on_gpu.values())
 
     def version(self, slot: Slot) -> int:
-        """Number of the version of a pack that a slot shows: differs whenever its picture may."""
+        """Return the number of the version of a pack that a slot shows: it differs whenever the picture may."""
         on_gpu = self.uploaded(slot)
         return on_gpu.version if on_gpu is not None else self._open[slot.source].version
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
-        """The packs from now on. Those that are gone are freed; in those that are replaced what differs is uploaded at once."""
+        """Replace the open packs. Packs that are gone are freed; of packs that are replaced the differences are uploaded at once."""
         for name in [name for name in self._open if name not in packs]:
             del self._open[name]
             self._release(name)
@@ -384,12 +384,12 @@ class GpuPacks:
             self._on_gpu.pop(key).release()
 
     def holds(self, source: str, plane: Plane) -> bool:
-        """Whether an open pack has maps of a plane."""
+        """Return whether an open pack has maps of a plane."""
         config = self._open[source].pack.config
         return plane in plane_channels(config.maps, config.output_channels)
 
     def on_gpu(self, slot: Slot) -> GpuPack:
-        """The pack that a slot shows, in its precision. Raises GpuMemoryError that names it."""
+        """Return the pack that a slot shows, in its precision; uploaded when first asked for. Raises GpuMemoryError that names it."""
         key = (slot.source, slot.precision)
         if key not in self._on_gpu:
             with naming_memory_errors(f"pack {slot.source}"):
@@ -397,11 +397,11 @@ class GpuPacks:
         return self._on_gpu[key]
 
     def uploaded(self, slot: Slot) -> GpuPack | None:
-        """The same, if it is on the GPU; None for images, too."""
+        """Return the pack that a slot shows if it is on the GPU; None for others and for images."""
         return self._on_gpu.get((slot.source, slot.precision))
 
     def tile_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> tuple[dict[Slot, TileCounts], str]:
-        """Tile caches of those of `slots` that have one, and why latents of one are missing; "" where none are.
+        """Return the tile caches of `slots`, and the reason why latents of one are missing ("" where none are).
 
         Latents that no view has needed are added to `skipped`.
         """
@@ -420,7 +420,7 @@ class GpuPacks:
         return tiles, short_latents
 
     def counted(self, source: str) -> CountedGrouping:
-        """The grouping of a source, as divergence counts it; for images nothing is decoded."""
+        """Return the grouping of a source whose decoders are counted; for images nothing is decoded."""
         opened = self._open.get(source)
         if opened is None:
             return CountedGrouping(0, (-1,) * len(self._context.scene.textures))

@@ -54,21 +54,21 @@ class ImageSources:
 
     @property
     def largest_side(self) -> int | None:
-        """Texels a side that images in sight are reduced to where there is no room for all of them; None where nothing is."""
+        """Largest side in texels of the images in sight where they are reduced for want of room; None where nothing is."""
         sides = [places.side for places in self._places.values() if places.is_bounded]
         return min(sides, default=None)
 
     @property
     def images_not_uploaded(self) -> int:
-        """Original images that no frame has needed so far."""
+        """Number of original images that no frame has needed so far."""
         return sum(images.uploads.images_not_uploaded for images in self._reference.values())
 
     def holds(self, source: str, plane: Plane) -> bool:
-        """Whether a source has images of a plane: formats of graphics hardware may be there for base colours alone."""
+        """Return whether a source has images of a plane: formats of graphics hardware may have base colours alone."""
         return source == REFERENCE or plane == "base" or bool(self._compressed[source].further)
 
     def of(self, source: str, plane: Plane) -> ReferencePass:
-        """The pass of a source that holds the plane. Raises KeyError where its textures have not been given."""
+        """Return the pass that draws a plane of a source. Raises KeyError where its textures have not been given."""
         if source == REFERENCE:
             return self._reference[plane]
         key = source, plane
@@ -79,7 +79,7 @@ class ImageSources:
         return self._passes[key]
 
     def set_compressed(self, compressed: Mapping[BlockFormat, CompressedTextures]) -> None:
-        """The formats that slots may name from now on, with the scene's textures in their order."""
+        """Set the formats that slots may name, with the scene's textures in their order."""
         self._compressed = {str(name): textures for name, textures in compressed.items()}
         self.keep_only(compressed)
 

@@ -21,7 +21,7 @@ from viewer.scene.model import Camera
 from viewer.state.view_state import SKY, Lighting
 
 MOST_CACHED_BYTES = 1 << 28
-"""Of prefiltered panoramas on disk."""
+"""Limit of prefiltered panoramas on disk, in bytes."""
 
 
 class LightDrawer:
@@ -34,11 +34,11 @@ class LightDrawer:
         self._prefilter = PrefilterPass(context.graphics, context.programs, cache)
         self._shadow_pass = ShadowPass(context.graphics, context.programs, context.scene_buffers)
         self._maps: EnvironmentMaps | None = None
-        """Those that are shown."""
+        """Environment that is shown."""
         self._shown_key = ""
-        """Says which environment they show."""
+        """Key of the environment that is shown."""
         self._coming: EnvironmentMaps | None = None
-        """Those of another environment, or free."""
+        """Maps of the next environment, or unused ones."""
         self._asked: PrefilterInputs | None = None
         self._panorama: tuple[str, Panorama] | None = None
         self._shadow: ShadowMap | None = None
@@ -57,7 +57,7 @@ class LightDrawer:
             return self.prepare(replace(lighting, environment=SKY))
 
     def prepare(self, lighting: Lighting) -> SceneLight:
-        """What lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
+        """Return what lights a view with `lighting`. Raises InputError for an environment file that cannot be used, GpuMemoryError."""
         maps, output = self._environment_maps(*self._environment(lighting))
         outputs = [output]
         sun, view = sun_of(lighting), None
@@ -92,7 +92,7 @@ class LightDrawer:
         return PrefilterInputs(panorama.digest, panorama.pixels, is_kept=True), PANORAMA_SIZE
 
     def _environment_maps(self, inputs: PrefilterInputs, size: PrefilterSize) -> tuple[EnvironmentMaps, Output]:
-        """The maps to draw with, and what is to come of those that are asked for: until they are whole, those before are shown."""
+        """Return the maps to draw with, and the output of those asked for. Earlier maps are shown until the new ones are complete."""
         self._asked = inputs
         if self._maps is not None and self._shown_key == inputs.key:
             return self._maps, self._scheduler.advance(self._prefilter, inputs, self._maps)

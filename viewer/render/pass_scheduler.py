@@ -16,7 +16,7 @@ Inputs = TypeVar("Inputs")
 Target = TypeVar("Target")
 
 Timing = Callable[[str], AbstractContextManager[None]]
-"""Takes the time of a block under a name."""
+"""Function that takes the time of a block under a name."""
 Part = Literal["textures", "images", "tiles", "samples", "packs", "statistics", "environment"]
 SENTENCES: dict[Part, str] = {
     "textures": "{} being read",
@@ -31,59 +31,59 @@ SENTENCES: dict[Part, str] = {
 
 @dataclass(frozen=True)
 class ToCome:
-    """A part of a picture that later frames add."""
+    """Part of a picture that later frames add."""
 
     part: Part
     left: int
-    """How many are still to come, at least 1."""
+    """Number that is still to come, at least 1."""
     total: int = 0
-    """How many there are in all; 0 where that is not known."""
+    """Number in all; 0 where that is not known."""
 
     @property
     def line(self) -> str:
-        """One line for people: "3 of 41 textures are being read"."""
+        """Line for people, such as "3 of 41 textures are being read"."""
         number = f"{self.left:,} of {self.total:,} {self.part}" if self.total else f"{self.left:,} {self.part}"
         return SENTENCES[self.part].format(f"{number} {'is' if self.left == 1 else 'are'}")
 
 
 @dataclass(frozen=True)
 class Output:
-    """What a target holds."""
+    """Content of a target after a pass."""
 
     version: int
-    """Another number whenever the content may be another; no other target's."""
+    """Number that changes whenever the content may have changed; no two targets share one."""
     to_come: tuple[ToCome, ...] = ()
-    """What later frames add; empty where it is complete."""
+    """Parts that later frames add; empty where the content is complete."""
 
     @property
     def is_complete(self) -> bool:
-        """Whether running its passes again would change nothing."""
+        """True where running the passes again would change nothing."""
         return not self.to_come
 
 
 @dataclass(frozen=True)
 class Step:
-    """What a pass that works in parts is told of one run."""
+    """Circumstances of one run of a pass that works in parts."""
 
     whole: bool
-    """Nothing may be left for later frames."""
+    """True where nothing may be left for later frames."""
     is_same_view: bool
-    """The target shows an earlier state of equal inputs."""
+    """True where the target shows an earlier state of equal inputs."""
     is_stale: bool
-    """An output that the pass reads has another version than at the last run."""
+    """True where an output that the pass reads has another version than at the last run."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """What one run of a pass that works in parts has done."""
+    """Result of one run of a pass that works in parts."""
 
     has_changed: bool = True
-    """Whether the target may show something else than before."""
+    """True where the target may show something else than before."""
     to_come: tuple[ToCome, ...] = ()
 
 
 class RenderPass(Protocol[Inputs_contra, Target_contra]):
-    """One step of a frame. It knows no other pass; its settings are given when it is made.
+    """Pass of a frame. It knows no other pass; its settings are given when it is made.
 
     Inputs are a frozen dataclass: equal inputs, and equal versions of what is read, give the same content of the same target. Fields
     that follow from the others do not take part in the comparison.
@@ -98,7 +98,7 @@ class RenderPass(Protocol[Inputs_contra, Target_contra]):
 
 
 class ProgressivePass(Protocol[Inputs_contra, Target_contra]):
-    """The same for a pass whose target becomes complete over several frames."""
+    """Pass of a frame whose target becomes complete over several frames."""
 
     @property
     def name(self) -> str:
@@ -110,18 +110,18 @@ class ProgressivePass(Protocol[Inputs_contra, Target_contra]):
 
 @dataclass(frozen=True)
 class _Record:
-    """How a target came to what it holds."""
+    """Inputs and versions from which the content of a target was made."""
 
     inputs: object
     reads: tuple[int, ...]
     """Versions of the outputs that were read."""
     version: int
     own: tuple[ToCome, ...] = ()
-    """What the pass itself has still to add."""
+    """Parts that the pass itself has still to add."""
 
 
 def largest_of_each(items: Iterable[ToCome]) -> tuple[ToCome, ...]:
-    """One item for each part: the one with most left."""
+    """Return one item for each part: the one with most left."""
     found = dict[Part, ToCome]()
     for item in items:
         if item.part not in found or item.left > found[item.part].left:
@@ -135,11 +135,11 @@ class PassScheduler:
     def __init__(self, timer: PassTimer) -> None:
         self.timer = timer
         self.whole = False
-        """Whether the passes that run now may leave nothing for later frames."""
+        """True while passes may leave nothing for later frames."""
         self.skipped: Counter[str] = Counter()
-        """What was skipped since `take_skipped`, and how many of it."""
+        """Numbers of what was skipped since `take_skipped`, by name."""
         self.ran = 0
-        """Runs of passes so far."""
+        """Number of runs of passes so far."""
         self._records: WeakKeyDictionary[object, _Record] = WeakKeyDictionary()
         self._versions = count(1)
 
@@ -160,7 +160,7 @@ class PassScheduler:
         reads: Sequence[Output] = (),
         timing: Timing | None = None,
     ) -> Output:
-        """What `target` holds after the pass, which runs unless `target` was made from equal inputs and the same versions of `reads`.
+        """Run the pass, unless `target` was made from equal inputs and the same versions of `reads`; return what `target` holds.
 
         `timing`: how its time is taken; None: `PassTimer.measure`.
         """
@@ -179,7 +179,7 @@ class PassScheduler:
         reads: Sequence[Output] = (),
         timing: Timing | None = None,
     ) -> Output:
-        """The same for a pass that works in parts: it runs again in each frame until its target is complete."""
+        """Run a pass that works in parts, in each frame until its target is complete; return what `target` holds."""
         before = self._take(inputs, target, reads)
         if isinstance(before, Output):
             return before
@@ -193,7 +193,7 @@ class PassScheduler:
         return self._note(target, _Record(inputs, versions, version, done.to_come), reads)
 
     def _take(self, inputs: object, target: object, reads: Sequence[Output]) -> Output | _Record | None:
-        """The output where nothing is to be done; else what `target` was made from, which counts for nothing from now on."""
+        """Return the output where nothing is to be done; else the record of `target`, which is forgotten until the pass has run."""
         record = self._records.get(target)
         if record is not None and not record.own and record.inputs == inputs and record.reads == _versions_of(reads):
             self.skipped["passes"] += 1
@@ -208,16 +208,16 @@ class PassScheduler:
         return _output(record, reads)
 
     def invalidate(self, target: object) -> None:
-        """The content of `target` is not to be relied on: the next `run` runs."""
+        """Forget the content of `target`: the next `run` runs."""
         self._records.pop(target, None)
 
     def forget(self) -> None:
-        """What has run and what was skipped since the last frame is no part of a frame."""
+        """Leave what has run and what was skipped since the last frame out of the next frame's figures."""
         self.timer.forget()
         self.skipped.clear()
 
     def take_skipped(self) -> dict[str, int]:
-        """What was skipped since the last call."""
+        """Return what was skipped since the last call, by name."""
         skipped, self.skipped = dict(self.skipped), Counter()
         return skipped
 

@@ -26,26 +26,26 @@ from viewer.state.view_state import (
 )
 
 SHARE = 4
-"""Paths that decode every pixel are timed on pictures whose sides are this many times smaller: their time goes with the pixels.
+"""Factor by which the sides of pictures are smaller that time the paths which decode every pixel: their time goes with the pixels.
 `cached` is timed on whole ones, for the tiles that come into sight do not; what it decodes for that stays decoded."""
 DEGREES = 1.0
-"""The camera turns by so much from picture to picture: what `cached` decoded before counts, but not a view that stands still."""
+"""Turn of the camera from picture to picture, in degrees: `cached` reuses most tiles, and no view stands still."""
 COMPUTING: Final[tuple[PathChoice, ...]] = ("deferred", "binned")
 """Paths that need compute shaders; without them `forward` draws the same picture."""
 PICTURES = 3
-"""Of each path; the first compiles and fills the cache, the least of the others counts."""
+"""Number of pictures that time a path: the first compiles and fills the cache, the least time of the others counts."""
 
 
 @dataclass(frozen=True)
 class PathTimes:
-    """What `auto` found."""
+    """Times of the decode paths that `auto` has measured."""
 
     milliseconds: Mapping[DecodePath, float]
-    """Of a whole picture after a small turn; paths that this driver cannot run are absent."""
+    """Times in ms of a whole picture after a small turn, by path; paths that this driver cannot run are absent."""
 
     @property
     def fastest(self) -> DecodePath:
-        """The path with the least time; `deferred` where none could be timed."""
+        """Path with the least time; `deferred` where none could be timed."""
         return min(self.milliseconds, key=lambda path: self.milliseconds[path], default="deferred")
 
 
@@ -55,7 +55,7 @@ def time_paths(
     slot: Slot,
     paths: Sequence[DecodePath] = get_args(DecodePath),
 ) -> PathTimes:
-    """Times of `paths` for `slot`; `slot_ms` draws slot A of a view whole and gives the time in ms."""
+    """Return the times of `paths` for `slot`; `slot_ms` draws slot A of a view whole and returns the time in ms."""
     times: dict[DecodePath, float] = {}
     for path in paths:
         share = 1 if path == "cached" else SHARE
@@ -72,13 +72,13 @@ def time_paths(
 
 
 def drawable_paths(context: GraphicsContext) -> tuple[DecodePath, ...]:
-    """The paths that this driver can run."""
+    """Return the paths that this driver can run."""
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     return paths if context.features.compute else tuple(path for path in paths if path not in COMPUTING)
 
 
 def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
-    """Why this driver cannot decode by a path, by its name; none of those that it can."""
+    """Return the reasons why this driver cannot decode by a path, by the path's name."""
     version = context.info.version
     reason = (
         f"needs compute shaders (OpenGL 4.3), which are not to be had here ({version}); forward draws the same picture"
@@ -87,7 +87,7 @@ def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
 
 
 class PathChooser:
-    """Paths that `auto` takes, by pack and precision: each is timed once, on small targets that are freed afterwards."""
+    """Choice of `auto` among the decode paths, by pack, precision and filter: each path is timed once, on targets of its own."""
 
     def __init__(self, context: RenderContext, drawer: SceneDrawer, packs: GpuPacks, slots: SlotDrawer) -> None:
         self._context, self._scheduler = context.graphics, context.scheduler
@@ -95,11 +95,11 @@ class PathChooser:
         self._times: dict[tuple[str, Precision, TexelFilter], PathTimes] = {}
 
     def times(self, slot: Slot) -> PathTimes | None:
-        """What was found for the slot's pack, precision and filter; None before `chosen` has timed them."""
+        """Return the times for the slot's pack, precision and filter; None before `chosen` has measured them."""
         return self._times.get((slot.source, slot.precision, slot.filter))
 
     def chosen(self, slot: Slot, view: ViewState) -> Slot:
-        """`slot` with a path in place of `auto`, and without fields that are of no effect: equal pictures have equal slots.
+        """Return `slot` with a path in place of `auto`, and without fields that have no effect: equal pictures have equal slots.
 
         Where paths are timed, the scene drawer's last view is another one afterwards.
         """
@@ -118,18 +118,18 @@ class PathChooser:
         return self._effective(replace(slot, path=times.fastest))
 
     def known(self, slot: Slot) -> Slot:
-        """The same for a slot of a pack whose paths have been timed, or that names one; nothing is timed."""
+        """Return `slot` with a path in place of `auto`, if its paths have been timed; nothing is timed now."""
         times = self.times(slot) if slot.path == "auto" else None
         return self._effective(slot if times is None else replace(slot, path=times.fastest))
 
     def _effective(self, slot: Slot) -> Slot:
-        """`slot` with a path that this driver can run, and without the filter where its path has none: the hardware filters tiles."""
+        """Return `slot` with a path that this driver can run, without the filter where the path has none: the hardware filters tiles."""
         if slot.path in COMPUTING and not self._context.features.compute:
             slot = replace(slot, path="forward")
         return replace(slot, filter="exact") if slot.path == "cached" else slot
 
     def _slot_ms(self, view: ViewState) -> float:
-        """Draw slot A of `view`; the time in ms."""
+        """Draw slot A of `view`, and return the time in ms."""
         slot, context = self._effective(view.slot_a), self._context
         pack = self._packs.on_gpu(slot)
         anisotropy = view.anisotropy if slot.path == "cached" else 1

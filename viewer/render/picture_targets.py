@@ -1,4 +1,4 @@
-"""Everything on the GPU that has the size of the picture."""
+"""Targets on the GPU that have the size of the picture."""
 
 from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -33,7 +33,7 @@ PLANES_OF_VIEW: dict[MaterialView, tuple[Plane, ...]] = {
 
 
 def surface_content(view: ViewState, scene_buffers: SceneBuffers) -> SurfaceContent:
-    """What the visibility buffer of `view` must hold: no more than its passes read."""
+    """Return what the visibility buffer of `view` must hold: no more than its passes read."""
     filters = any(is_image_source(slot.source) or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
     return SurfaceContent(
         scene_buffers.has_colors,
@@ -45,7 +45,7 @@ def surface_content(view: ViewState, scene_buffers: SceneBuffers) -> SurfaceCont
 
 @dataclass(frozen=True)
 class PlaneKey:
-    """One plane of what a slot shows."""
+    """Key of one plane of what a slot shows."""
 
     slot: Slot
     plane: Plane
@@ -53,17 +53,17 @@ class PlaneKey:
 
 @dataclass(frozen=True)
 class ShownMaterials:
-    """What of the materials a picture shows."""
+    """Maps and light of materials that a picture shows."""
 
     view: MaterialView = "base"
     lighting: Lighting = DEFAULT_LIGHTING
-    """Of no effect but in the view `lit`."""
+    """Light of the view `lit`; without effect in others."""
     planes: tuple[Plane, ...] = ("base",)
-    """Those of the view that some visible material has; of the others all is neutral."""
+    """Planes of the view that some visible material has; the others are neutral."""
 
 
 def shown_materials(view: ViewState, inputs: VisibilityInputs) -> ShownMaterials:
-    """What `view` shows of the materials that `inputs` may see."""
+    """Return what `view` shows of the materials that `inputs` may see."""
     planes = tuple(
         plane for plane in PLANES_OF_VIEW[view.material_view] if plane == "base" or inputs.plane_textures[plane]
     )
@@ -73,13 +73,13 @@ def shown_materials(view: ViewState, inputs: VisibilityInputs) -> ShownMaterials
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """What a slot shows."""
+    """Picture of a slot."""
 
     target: ColorTarget
     output: Output
-    """Of the target."""
+    """Output of the pass that drew the target."""
     source_version: int
-    """Of the pack that it shows; 0 for images."""
+    """Version of the pack that the picture shows; 0 for images."""
 
 
 def _samples_left(picture: Picture) -> int:
@@ -88,12 +88,12 @@ def _samples_left(picture: Picture) -> int:
 
 @dataclass(eq=False)
 class BlendMean:
-    """The mean of a slot's own picture and further ones, for which BLEND surfaces are drawn against other patterns of thresholds."""
+    """Mean of a slot's own picture and further ones, for which BLEND surfaces are drawn against other patterns of thresholds."""
 
     size: tuple[int, int]
     samples: int = 1
     target: ColorTarget | None = None
-    """Of no meaning while there is one sample."""
+    """Target of the mean; without meaning while there is one sample."""
 
 
 @dataclass(eq=False)
@@ -102,24 +102,24 @@ class PictureTargets:
 
     visibility: VisibilityTarget
     inputs: VisibilityInputs | None = None
-    """Of the last view, with its anisotropy; None before the first."""
+    """Inputs of the last view, with its anisotropy; None before the first."""
     materials: ShownMaterials = ShownMaterials()
-    """Of the last view."""
+    """Maps and light that the last view shows."""
     planes: dict[PlaneKey, ColorTarget] = field(default_factory=dict)
     shaded: dict[Slot, ColorTarget] = field(default_factory=dict)
-    """Of views other than `base`."""
+    """Pictures of views other than `base`."""
     means: dict[Slot, BlendMean] = field(default_factory=dict)
-    """Of views in which a BLEND surface may be seen."""
+    """Means of views in which a BLEND surface may be seen."""
     latents: WeakKeyDictionary[VisibleLatentsPass, VisibleLatents] = field(default_factory=WeakKeyDictionary)
-    """What the view needs of each pack."""
+    """Mips that the view needs of each pack."""
     drawn: dict[Slot, Picture] = field(default_factory=dict)
-    """Pictures made from the visibility buffer here alone."""
+    """Pictures made from this visibility buffer alone."""
     shown: dict[Slot, Picture] = field(default_factory=dict)
-    """The same, or means of several of them where BLEND surfaces may be seen."""
+    """Pictures that are shown: `drawn`, or means of several samples where BLEND surfaces may be seen."""
     plane_ms: dict[PlaneKey, float] = field(default_factory=dict)
-    """Time that each plane took when it was last drawn."""
+    """Time in ms that each plane took when it was last drawn."""
     shaded_ms: dict[Slot, float] = field(default_factory=dict)
-    """The same for pictures of views other than `base`, without their planes."""
+    """Time in ms that each picture of a view other than `base` took when it was last drawn, without its planes."""
 
     def show(self, inputs: VisibilityInputs, materials: ShownMaterials) -> None:
         """Draw this view from now on. Pictures of another one count for nothing."""
@@ -130,34 +130,34 @@ class PictureTargets:
 
     @property
     def view(self) -> VisibilityInputs:
-        """The last view. Raises RuntimeError before the first."""
+        """Inputs of the last view. Raises RuntimeError before the first."""
         if self.inputs is None:
             raise RuntimeError("draw the visibility buffer first")
         return self.inputs
 
     def inputs_of(self, key: PlaneKey) -> VisibilityInputs:
-        """What a plane is drawn from: only images and path `cached` filter anisotropically."""
+        """Return the inputs that a plane is drawn from: only images and path `cached` filter anisotropically."""
         inputs = self.view.of_plane(key.plane)
         filters = is_image_source(key.slot.source) or key.slot.path == "cached"
         return inputs if filters else replace(inputs, anisotropy=1)
 
     def picture(self, slot: Slot) -> ColorTarget:
-        """What is shown of a slot that has been drawn. Raises KeyError for others."""
+        """Return the target that shows a slot. Raises KeyError for slots that have not been drawn."""
         return self.shown[slot].target
 
     def samples(self, slots: Mapping[Slot, Slot]) -> dict[Slot, int]:
-        """Samples in the pictures of those of `slots` that are drawn with the stochastic filter, by the keys of what draws them."""
+        """Return the number of samples in the pictures of `slots` (shown slot -> slot that draws it) with the stochastic filter."""
         sampled = {key: own for key, own in slots.items() if not is_image_source(own.source) and own.filter != "exact"}
         drawn = {key: self.drawn.get(own) for key, own in sampled.items()}
         return {key: 0 if found is None else SAMPLES - _samples_left(found) for key, found in drawn.items()}
 
     def blend_samples(self, slot: Slot) -> int:
-        """Samples in what is shown of a slot."""
+        """Return the number of samples in the picture that a slot shows."""
         mean = self.means.get(slot)
         return 1 if mean is None else mean.samples
 
     def samples_left(self, slot: Slot) -> int:
-        """Samples that what is shown of a slot lacks."""
+        """Return the number of samples that the shown picture of a slot lacks."""
         picture = self.shown.get(slot)
         return 0 if picture is None else _samples_left(picture)
 
@@ -170,7 +170,7 @@ class PictureTargets:
                 self.shaded_ms[owner] = spent
 
     def slot_ms(self) -> dict[Slot, float]:
-        """Time that each slot took when it was last drawn: its planes of the last view, and the picture."""
+        """Return the time in ms that each slot took when it was last drawn: its planes of the last view, and the picture."""
         found: dict[Slot, float] = {}
         for key, spent in self.plane_ms.items():
             if key.plane in self.materials.planes:
@@ -181,7 +181,7 @@ class PictureTargets:
         return found
 
     def pair_key(self, view: ViewState) -> PairKey:
-        """Stands for the content of both slots."""
+        """Return the key of the content of both slots."""
         pictures = (self.shown.get(slot) for slot in (view.slot_a, view.slot_b))
         a, b = (0 if picture is None else picture.output.version for picture in pictures)
         return PairKey(view.slot_a, view.slot_b, (a, b))

@@ -1,4 +1,4 @@
-"""What the parts of one renderer share: the GPU, the scene on it, programs, the scheduler, and settings of packs."""
+"""Context that the parts of one renderer share: the GPU, the scene on it, programs, the scheduler, and settings of packs."""
 
 from dataclasses import dataclass, field
 

@@ -37,7 +37,7 @@ from viewer.state.compare_layout import shown_slots
 from viewer.state.view_state import REFERENCE, Slot, ViewState
 
 UPDATE_BYTES = 8 << 20
-"""Of a frame, for packs that replace others (`Renderer.update_pack`)."""
+"""Upload budget of a frame for packs that replace others, in bytes (`Renderer.update_pack`)."""
 
 
 class Renderer:
@@ -97,23 +97,23 @@ class Renderer:
         self.paths = PathChooser(shared, self._drawer, self._packs, self._slots)
         self._targets: PictureTargets | None = None
         self._composite: CompositeTarget | None = None
-        """Of the targets' size."""
+        """Composite of the targets' size."""
         self._picture: CompositeTarget | None = None
-        """The image of the last frame, which stays until another one is drawn whole."""
+        """Image of the last frame, which stays until another one is drawn whole."""
         self._view: ViewState | None = None
         """The last view; None where it could not be drawn."""
 
     def want_times(self, are_wanted: bool) -> None:
-        """Whether anybody looks at times."""
+        """Measure times only where somebody looks at them."""
         self._timer.is_wanted = are_wanted or self._timer.waits
 
     @property
     def matches(self) -> Mapping[str, PackMatch]:
-        """How each open pack fits the scene, by the pack's name."""
+        """Match of each open pack with the scene, by the pack's name."""
         return self._packs.matches
 
     def set_packs(self, packs: Mapping[str, Pack]) -> None:
-        """The packs that slots may name. Those that are gone are freed; of those that are replaced, what differs is uploaded now."""
+        """Set the packs that slots may name. Packs that are gone are freed; of replaced packs the differences are uploaded now."""
         self._packs.set_packs(packs)
         self._slots.prepared = {slot for slot in self._slots.prepared if slot.source in packs}
 
@@ -126,7 +126,7 @@ class Renderer:
         self._packs.update_pack(name, pack)
 
     def memory(self, slot: Slot) -> PackMemory | None:
-        """GPU memory that the slot's pack uses by the slot's path; None for images, and before its first frame."""
+        """Return the GPU memory that the slot's pack uses by the slot's path; None for images, and before its first frame."""
         on_gpu = self._packs.uploaded(slot)
         if on_gpu is None:
             return None
@@ -134,7 +134,7 @@ class Renderer:
         return on_gpu.memory(used.path, used.filter)
 
     def decoders(self, source: str) -> tuple[int, ...]:
-        """Decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""
+        """Return the decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""
         return self._packs.counted(source).decoders
 
     @checks_context
@@ -176,7 +176,7 @@ class Renderer:
         return self._result(asked, view, (targets, composite), upload, output)
 
     def _discard_frame(self) -> None:
-        """After a frame that could not be drawn: what it has drawn so far counts for nothing."""
+        """Forget what a frame has drawn that could not be finished."""
         self._scheduler.forget()
         targets = self._targets
         if targets is not None:
@@ -257,19 +257,19 @@ class Renderer:
             composite.release()
 
     def take_times(self) -> dict[str, float]:
-        """Times of passes, in ms, that have become known since the last frame."""
+        """Return the times of passes, in ms, that have become known since the last frame."""
         times = self._timer.take()
         if self._targets is not None:
             self._targets.note_ms(self._timer.take_owned())
         return times
 
     def _forget_frame(self, targets: PictureTargets) -> None:
-        """What was drawn outside of a frame counts for its slot alone."""
+        """Count what was drawn outside of a frame for its slot alone."""
         targets.note_ms(self._timer.take_owned())
         self._scheduler.forget()
 
     def prepare(self, slot: Slot) -> bool:
-        """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before.
+        """Compile what `slot` needs, by drawing a few pixels of the last view with it; return False if that was done before.
 
         Drivers compile shaders when they are first used: after this, a first switch to `slot` takes no longer than any other.
         """
@@ -278,7 +278,7 @@ class Renderer:
         return self._slots.prepare(self.paths.known(slot), self._targets, self._drawer)
 
     def prepare_slots(self) -> bool:
-        """Draw a slot of the last view that is not shown, so that it can be shown at once; whether there was one to draw."""
+        """Draw a slot of the last view that is not shown, so that it can be shown at once; return whether there was one to draw."""
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return False
@@ -291,7 +291,7 @@ class Renderer:
         return False
 
     def prepare_comparison(self) -> bool:
-        """Compile a program that another way to compare the last view would need; whether there was one.
+        """Compile a program that another way to compare the last view would need; return whether there was one.
 
         Both slots must have been drawn. A driver may put off its work to the first drawing: so a few pixels are drawn.
         """
@@ -301,7 +301,7 @@ class Renderer:
         return self._compositor.prepare(view, targets)
 
     def drawn_pair(self) -> DrawnPair | None:
-        """Both slots of the last view as they are on the GPU; None while one is not drawn whole."""
+        """Return both slots of the last view as they are on the GPU; None while one is not drawn whole."""
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return None
@@ -311,12 +311,12 @@ class Renderer:
         return DrawnPair(targets.pair_key(view), a.target, b.target, targets.visibility)
 
     def pair_key(self) -> PairKey | None:
-        """That `drawn_pair` would have; None before the first picture."""
+        """Return the key that `drawn_pair` would have; None before the first picture."""
         return None if self._targets is None or self._view is None else self._targets.pair_key(self._view)
 
     @checks_context
     def picture(self, slot: Slot) -> NDArray[np.float32]:
-        """[H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
+        """Return [H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
         if self._targets is None or self._view is None:
             raise RuntimeError("render a view first")
         slot = self.paths.chosen(slot, self._view)
@@ -327,7 +327,7 @@ class Renderer:
         return picture.target.read()
 
     def decoded_planes(self, slot: Slot) -> tuple[Plane, ...]:
-        """Planes of the last view that are not those of the original images; none before a first view."""
+        """Return the planes of the last view that are decoded; none before a first view."""
         targets, view = self._targets, self._view
         if targets is None or view is None:
             return ()
@@ -336,7 +336,7 @@ class Renderer:
 
     @checks_context
     def planes(self, slot: Slot) -> dict[Plane, NDArray[np.float32]]:
-        """[H, W, 4] float32, row 0 on top: the planes of the last view that `slot` shows (docs/explanation/lighting.md)."""
+        """Return the planes that `slot` shows of the last view: [H, W, 4] float32, row 0 on top (docs/explanation/lighting.md)."""
         self.picture(slot)
         targets, view = self._targets, self._view
         if targets is None or view is None:
@@ -346,12 +346,12 @@ class Renderer:
 
     @checks_context
     def picture_in(self, slot: Slot, pixels: tuple[int, int, int, int]) -> NDArray[np.float32] | None:
-        """[h, w, 3] float32 linear: `picture_part`, read back."""
+        """Return `picture_part`, read back: [h, w, 3] float32 linear."""
         part = self.picture_part(slot, pixels)
         return None if part is None else np.ascontiguousarray(part.read()[..., :3], np.float32)
 
     def picture_part(self, slot: Slot, pixels: tuple[int, int, int, int]) -> PicturePart | None:
-        """A part of what `slot` shows of the last view, with alpha; None if that has not been drawn.
+        """Return a part of what `slot` shows of the last view, with alpha; None if that has not been drawn.
 
         `pixels` are left, top, right, bottom from the upper left corner.
         """
@@ -366,7 +366,7 @@ class Renderer:
 
     @checks_context
     def texture_ids_from(self, camera: Camera, size: tuple[int, int]) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: texture ids that `camera` sees at `size`; the last view stays."""
+        """Return the texture ids that `camera` sees at `size`: [H, W] int32, row 0 on top. The last view stays."""
         content = surface_content(ViewState(camera=camera, size=size), self._scene_buffers)
         return self._drawer.texture_ids(camera, size, content)
 
@@ -379,12 +379,12 @@ class Renderer:
 
     @checks_context
     def texture_ids(self) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: texture id of each pixel of the last view, -1 for none."""
+        """Return the texture id of each pixel of the last view: [H, W] int32, row 0 on top, -1 for none."""
         return self.visibility.texture_ids()
 
     @checks_context
     def covered(self) -> NDArray[np.bool_]:
-        """[H, W], row 0 on top: whether a surface is visible."""
+        """Return where a surface is visible: [H, W] bool, row 0 on top."""
         return self.visibility.materials() >= 0
 
     def release(self) -> None:

@@ -26,15 +26,15 @@ from viewer.scene.model import Camera, Motion, Pose, Scene
 from viewer.state.camera import view_projection
 
 LEAST_CLUSTERS = 1 << 14
-"""Clusters of all instances from which on they are culled on the GPU: 2 million triangles (docs/reports/geometry.md)."""
+"""Fewest clusters of all instances that are culled on the GPU: 2 million triangles (docs/reports/geometry.md)."""
 LEAST_OF_INSTANCE = 8
-"""Clusters that instances must have on the average: what is smaller is culled as well on the CPU, by instances."""
+"""Fewest clusters of an instance on average: the CPU culls smaller instances as well, each as a whole."""
 ON_SOFTWARE = False
-"""Whether software renderers cull by small clusters, too: frames take them as long as with what the CPU culls."""
+"""True where software renderers cull by small clusters, too; their frames take as long as with culling on the CPU."""
 
 
 def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
-    """Whether culling `scene` on the GPU is worth its three steps, and fits into buffers of `storage_bytes`."""
+    """Return whether culling `scene` on the GPU pays for its three steps, and fits into buffers of `storage_bytes`."""
     # Bounds of clusters whose vertices move would have to follow them.
     if (is_software and not ON_SOFTWARE) or scene.motion is not None:
         return False
@@ -46,13 +46,13 @@ def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
 
 @dataclass(eq=False)
 class PosedScene:
-    """Where the scene stands: bounds of its parts, and of all of it."""
+    """Bounds of the parts of a scene in its pose, and of all of it."""
 
     culling: Culling
     bounds: NDArray[np.float32]
-    """[2, 3]."""
+    """[2, 3] lowest and highest corner of the scene."""
     has_moved: bool = False
-    """Whether it has ever stood otherwise than it was read."""
+    """True once the scene has had another pose than it was read with."""
 
 
 class PosePass:
@@ -63,12 +63,12 @@ class PosePass:
     def __init__(
         self, motion: Motion, scene: Scene, buffers: SceneBuffers, vertices: PoseVerticesPass, clusters: Clusters
     ) -> None:
-        """`clusters` are those of the scene as it was read."""
+        """Take the `clusters` of the scene as it was read."""
         self._motion, self._scene, self._buffers, self._vertices = motion, scene, buffers, vertices
         self._clusters = clusters
 
     def run(self, inputs: Pose | None, target: PosedScene) -> None:
-        """Move everything. Raises GpuMemoryError, and InputError for a pose of an animation that the scene has not."""
+        """Move instances and vertices. Raises GpuMemoryError, and InputError for a pose of an unknown animation."""
         stand = self._motion.at(inputs)
         self._buffers.place_instances(stand.instances.transform)
         self._vertices.run(stand.deformations)
@@ -77,7 +77,7 @@ class PosePass:
 
 @dataclass(frozen=True)
 class CameraView:
-    """What is culled for."""
+    """Camera and picture size that are culled for."""
 
     camera: Camera
     size: tuple[int, int]
@@ -86,14 +86,14 @@ class CameraView:
 
 @dataclass(eq=False)
 class Culled:
-    """What the scene buffers are to draw."""
+    """Part of the scene that the scene buffers draw."""
 
     scene: CulledScene | None = None
-    """None before the first view."""
+    """Draw list and its view; None before the first view."""
     materials: tuple[int, ...] = ()
-    """Those that may be seen, ascending."""
+    """Materials that may be seen, ascending."""
     textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict)
-    """The same for the textures of each plane of maps."""
+    """Textures that may be seen, ascending, by plane of maps."""
 
 
 class CullPass:
@@ -109,7 +109,7 @@ class CullPass:
         }
 
     def run(self, inputs: CameraView, target: Culled) -> None:
-        """Find out what may be seen. Raises GpuMemoryError."""
+        """Find what may be seen, and upload its draw list. Raises GpuMemoryError."""
         matrix = view_projection(inputs.camera, inputs.size, self._posed.bounds)
         draw_list = self.draw_list(inputs, matrix)
         self._buffers.upload(draw_list)
@@ -120,7 +120,7 @@ class CullPass:
         target.textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
 
     def draw_list(self, view: CameraView, matrix: NDArray[np.float64]) -> AnyDrawList:
-        """What may be seen with `matrix`, world to clip."""
+        """Return what may be seen with `matrix`, world to clip."""
         if self._clusters is None:
             return self._posed.culling.draw_list(view.camera, matrix)
         return self._clusters.draw_list(ClusterView(view.camera, view.size, matrix))
@@ -147,10 +147,10 @@ class SceneDrawer:
             self._pose = PosePass(motion, scene, scene_buffers, self._vertices, culling.clusters)
         self._cull = CullPass(self.posed, scene, scene_buffers, self._clusters)
         self.pose = Output(0)
-        """Of the PosedScene."""
+        """Output of the pass that poses the scene."""
 
     def stand_in(self, pose: Pose | None) -> None:
-        """Let the scene stand in a pose, None: as it was read.
+        """Pose the scene; None: as it was read.
 
         Raises GpuMemoryError, and InputError for a pose of an animation that the scene has not.
         """
@@ -161,7 +161,7 @@ class SceneDrawer:
             self.pose = self._scheduler.run(self._pose, wanted, posed)
 
     def draw_counts(self) -> DrawCounts:
-        """What the last visibility buffer was drawn from; unless the context waits, perhaps one before.
+        """Return the counts of the last visibility buffer; unless the context waits, perhaps of one before.
 
         Raises RuntimeError before the first.
         """
@@ -209,7 +209,7 @@ class SceneDrawer:
             self._clusters.release()
 
     def texture_ids(self, camera: Camera, size: tuple[int, int], content: SurfaceContent) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: texture ids that `camera` sees, drawn now and read back."""
+        """Return the texture ids that `camera` sees, drawn now and read back: [H, W] int32, row 0 on top."""
         target = VisibilityTarget(self._context, size, content)
         try:
             self.draw(camera, target)

@@ -23,7 +23,7 @@ from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, Slot, is_image_source
 
 PREPARED_SIZE = (16, 16)
-"""Pixels that `prepare` draws."""
+"""Width and height of the picture that `prepare` draws, in pixels."""
 
 
 def _described(source: str) -> str:
@@ -47,7 +47,7 @@ class SlotDrawer:
         """Slots whose programs have been used."""
 
     def keys(self, slot: Slot, targets: PictureTargets) -> dict[Plane, PlaneKey]:
-        """The planes of what `slot` decodes that its picture of the last view is made from.
+        """Return the planes that the picture of `slot` in the last view is made from.
 
         Maps that a pack or a format lacks are those of the original images.
         """
@@ -64,11 +64,11 @@ class SlotDrawer:
         return self._packs.holds(key.slot.source, key.plane)
 
     def source_version(self, slot: Slot) -> int:
-        """Number of what a slot shows: differs whenever its picture may."""
+        """Return the version of what a slot shows: it differs whenever the picture may."""
         return 0 if is_image_source(slot.source) else self._packs.version(slot)
 
     def draw(self, slot: Slot, targets: PictureTargets) -> Picture:
-        """The slot's picture of the last view, drawn as far as this frame takes it.
+        """Draw the slot's picture of the last view as far as this frame takes it.
 
         Raises GpuMemoryError that names the pack, ShaderError.
         """
@@ -104,7 +104,7 @@ class SlotDrawer:
             return target, self._scheduler.run(self._shade, inputs, target, reads)
 
     def draw_plane(self, key: PlaneKey, targets: PictureTargets) -> Output:
-        """One plane of the last view, drawn as far as this frame takes it. Raises GpuMemoryError that names the pack, ShaderError."""
+        """Draw one plane of the last view as far as this frame takes it. Raises GpuMemoryError that names the pack, ShaderError."""
         slot = key.slot
         if key not in targets.planes:
             targets.planes[key] = ColorTarget(self._context, targets.visibility.size, is_image_source(slot.source))
@@ -136,7 +136,7 @@ class SlotDrawer:
             return scheduler.advance(decode, inputs, target, read)
 
     def prepare(self, slot: Slot, targets: PictureTargets, drawer: SceneDrawer) -> bool:
-        """Compile what `slot` needs, by drawing a few pixels of the last view with it; False if that was done before."""
+        """Compile what `slot` needs, by drawing a few pixels of the last view with it; return False if that was done before."""
         if slot in self.prepared or slot.source not in self._packs or slot.path == "auto":
             return False
         self.prepared.add(slot)
@@ -157,7 +157,7 @@ class SlotDrawer:
 
 
 def dithered_materials(scene: Scene) -> frozenset[int]:
-    """Materials whose surfaces cover other pixels in each sample: those with alphaMode BLEND that may be neither clear nor opaque."""
+    """Return the materials whose surfaces cover other pixels in each sample: alphaMode BLEND, neither clear nor opaque everywhere."""
     has_colors = scene.geometry.colors is not None
     found = []
     for number, material in enumerate(scene.materials):
@@ -169,11 +169,11 @@ def dithered_materials(scene: Scene) -> frozenset[int]:
 
 @dataclass(frozen=True)
 class BlendInputs:
-    """What the samples of a slot are drawn from. The slot's own picture, which is the first of them, is read by its version."""
+    """Inputs of the samples of a slot. The slot's own picture, which is the first of them, is read by its version."""
 
     slot: Slot
     own: ColorTarget
-    """Of the slot's own picture."""
+    """Target of the slot's own picture."""
     view: VisibilityInputs
     materials: ShownMaterials
 
@@ -185,7 +185,7 @@ class BlendSamplesPass:
     """
 
     name = "blend_samples"
-    """All passes of further samples, in times of frames."""
+    """Name of the time of all passes of further samples."""
 
     def __init__(self, context: RenderContext, drawer: SceneDrawer, slots: SlotDrawer) -> None:
         self._context, self._programs, self._scheduler = context.graphics, context.programs, context.scheduler
@@ -193,16 +193,16 @@ class BlendSamplesPass:
         self._materials = dithered_materials(context.scene)
         self._accumulate: AccumulatePass | None = None
         self._further: PictureTargets | None = None
-        """Of the sample that is being added."""
+        """Targets of the sample that is being added."""
         self._given_up: VisibilityInputs | None = None
-        """The view whose samples could not be drawn: it stays with the first, in all slots alike."""
+        """View whose samples could not be drawn: all its slots stay with their first sample."""
 
     def is_needed(self, view: VisibilityInputs) -> bool:
-        """Whether a picture of this view takes more than one sample."""
+        """Return whether a picture of this view takes more than one sample."""
         return not self._materials.isdisjoint(view.visible_materials) and view != self._given_up
 
     def show(self, slot: Slot, targets: PictureTargets) -> Picture:
-        """What is shown of a slot: its picture, or the mean of several where BLEND surfaces may be seen.
+        """Draw what is shown of a slot: its picture, or the mean of several where BLEND surfaces may be seen.
 
         Raises GpuMemoryError that names the pack, ShaderError.
         """
@@ -239,7 +239,7 @@ class BlendSamplesPass:
         return Progress(to_come=(ToCome("samples", left, SAMPLES),) if left else ())
 
     def _add(self, inputs: BlendInputs, target: BlendMean) -> bool:
-        """Add a sample to the mean; False where it cannot be drawn whole. Raises GpuMemoryError, ShaderError."""
+        """Add a sample to the mean; return False where it cannot be drawn whole. Raises GpuMemoryError, ShaderError."""
         further = self._draw_visibility(target.samples, inputs)
         with self._scheduler.drawing(whole=True):
             sampled = self._slots.draw(inputs.slot, further)
@@ -258,7 +258,7 @@ class BlendSamplesPass:
         return True
 
     def _draw_visibility(self, number: int, inputs: BlendInputs) -> PictureTargets:
-        """Targets whose visibility buffer is that of sample `number`."""
+        """Draw the visibility buffer of sample `number`; return its targets."""
         shown, further, camera = inputs.view.visibility, self._further, inputs.view.camera
         assert camera is not None
         if further is None or (further.visibility.size, further.visibility.content) != (shown.size, shown.content):

@@ -33,34 +33,34 @@ from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, cod
 from viewer.state.view_state import Precision
 
 SECONDS: Final = 1.5
-"""Nothing is begun after so long: with the compilation under way, 2 s on most drivers."""
+"""Time in seconds after which nothing is begun: with the compilation under way, 2 s on most drivers."""
 LEAST_TEXELS: Final = 1 << 12
 MOST_TEXELS: Final = 1 << 20
 ENOUGH_SECONDS: Final = 4e-3
-"""Texels are doubled until they take so long, for times of less are those of the call."""
+"""Shortest time in seconds that counts: texels are doubled until they take as long, for shorter times are those of the call."""
 RUNS: Final = 3
 
 
 @dataclass(frozen=True)
 class VariantTimes:
-    """What was measured for one codec shape on one device: ns a texel, by precision and variant."""
+    """Times of the variants for one codec shape on one device: ns per texel, by precision and variant."""
 
     nanoseconds: Mapping[Precision, Mapping[DecoderVariant, float]]
 
     def fastest(self, precision: Precision) -> DecoderVariant | None:
-        """The variant with the least time; None where none was measured in this precision."""
+        """Return the variant with the least time; None where none was measured in this precision."""
         own = self.nanoseconds.get(precision, {})
         return min(own, key=lambda variant: own[variant], default=None)
 
     @property
     def precisions(self) -> tuple[Precision, ...]:
-        """Those that were measured, the fastest first."""
+        """Precisions that were measured, the fastest first."""
         least = {precision: min(own.values()) for precision, own in self.nanoseconds.items() if own}
         return tuple(sorted(least, key=lambda precision: least[precision]))
 
 
 def _in_order(first: DecoderVariant, precisions: Sequence[Precision]) -> Iterator[tuple[Precision, DecoderVariant]]:
-    """All to measure: each precision by the device's default, then single precision by the others, then the rest."""
+    """Yield all to measure: each precision by the device's default, then single precision by the others, then the rest."""
     others = [variant for variant in CANDIDATES if variant != first]
     yield from ((precision, first) for precision in precisions)
     yield from (("fp32", variant) for variant in others)
@@ -77,7 +77,7 @@ class VariantMeasurement:
         self._texture = areas.index(min(areas))
 
     def times(self, seconds: float = SECONDS) -> VariantTimes:
-        """Times of as many precisions and variants as `seconds` allow, one at least. What the driver cannot compile is left out."""
+        """Measure as many precisions and variants as `seconds` allow, one at least. What the driver cannot compile is left out."""
         found: dict[Precision, dict[DecoderVariant, float]] = {}
         end = time.perf_counter() + seconds
         first = default_variant(self._context, self._pack.config)
@@ -92,7 +92,7 @@ class VariantMeasurement:
         return VariantTimes(found)
 
     def _nanoseconds(self, precision: Precision, variant: DecoderVariant) -> float:
-        """Least time of a texel."""
+        """Return the least time of a texel in ns."""
         context, pack = self._context, self._pack
         program = codec_programs(self._programs, pack, variant)
         with context.memory.transaction():
@@ -127,7 +127,7 @@ class VariantMeasurement:
 
 LARGEST_FILE: Final = 1 << 16
 FORMAT: Final = 1
-"""Counted up when times of an older version tell nothing of the shaders any more."""
+"""Version of the files; it rises when older times say nothing of the shaders any more."""
 
 
 def _path(folder: Path, device: ContextInformation, shape: str) -> Path:
@@ -136,7 +136,7 @@ def _path(folder: Path, device: ContextInformation, shape: str) -> Path:
 
 
 def read_times(folder: Path, device: ContextInformation, shape: str) -> VariantTimes | None:
-    """What `keep_times` wrote for this device and shape; None where there is nothing, or a file that it did not write."""
+    """Read what `keep_times` wrote for this device and shape; None where there is nothing, or a file that it did not write."""
     try:
         with _path(folder, device, shape).open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
@@ -185,7 +185,7 @@ def keep_times(folder: Path, device: ContextInformation, shape: str, times: Vari
 
 
 def kept_times(folder: Path, device: ContextInformation) -> dict[str, VariantTimes]:
-    """All that is kept for a device, by codec shape."""
+    """Return all times that are kept for a device, by codec shape."""
     found: dict[str, VariantTimes] = {}
     for path in sorted(folder.glob("*.json")):
         try:
@@ -206,14 +206,14 @@ VARIANT_VARIABLE: Final = "NTC_VIEWER_DECODER_VARIANT"
 
 @dataclass
 class VariantChoice:
-    """Gives each pack its variant; where nothing else is asked for, that of the device's class."""
+    """Choice of each pack's variant; where nothing else is asked for, that of the device's class."""
 
     wanted: str = "default"
-    """`default`; `measured`; settings of a variant; or empty: `measured` on a GPU, else `default`."""
+    """Choice by the user: `default`, `measured`, settings of a variant, or empty: `measured` on a GPU, else `default`."""
     folder: Path | None = None
-    """Where times are kept; None: `variants_cache()`."""
+    """Folder where times are kept; None: `variants_cache()`."""
     tell: Callable[[str], None] = lambda _: None
-    """Called once where something has been measured, with a line about it."""
+    """Function that is called with a line when something has been measured."""
     _times: dict[str, VariantTimes] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -221,11 +221,11 @@ class VariantChoice:
 
     @classmethod
     def of_environment(cls, wanted: str, tell: Callable[[str], None]) -> "VariantChoice":
-        """What an option asks for, else VARIANT_VARIABLE. Raises InputError for settings that there are not."""
+        """Choose what an option asks for, else VARIANT_VARIABLE. Raises InputError for unknown settings."""
         return cls(wanted or os.environ.get(VARIANT_VARIABLE, ""), tell=tell)
 
     def variant(self, context: GraphicsContext, pack: Pack, precision: Precision) -> DecoderVariant:
-        """The variant in which `pack` is decoded. May measure, which takes a second or two, once for each shape and driver."""
+        """Return the variant in which `pack` is decoded. May measure, which takes a second or two, once for each shape and driver."""
         if self._named is not None:
             return self._named if context.features.compute else replace(self._named, weights="image")
         times = self._measured(context, pack)
@@ -233,7 +233,7 @@ class VariantChoice:
         return own or default_variant(context, pack.config)
 
     def precisions(self, context: GraphicsContext, pack: Pack) -> tuple[Precision, ...]:
-        """The precisions of this driver, the fastest first: as measured, else as is known of most GPUs."""
+        """Return the precisions of this driver, the fastest first: as measured, else as on most GPUs."""
         times = self._measured(context, pack) if self._named is None else None
         return times.precisions if times is not None else fastest_first(context)
 

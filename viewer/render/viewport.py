@@ -32,21 +32,21 @@ from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE, DecodePath, PictureAlone, ViewState
 
 SLOW_FRAME_MS = 120.0
-"""A whole frame that takes longer makes a moving picture coarse."""
+"""Longest time of a whole frame in ms before a moving picture becomes coarse."""
 COARSENESS = 4
-"""Of a coarse picture: pixels at rest along a side of one of its pixels."""
+"""Side of a pixel of a coarse picture, in pixels of a picture at rest."""
 COARSENESS_OF_MAPS = 2
-"""The same with a map of decoders over it: four of the 64 pixels of a block would say little of its decoders."""
+"""Side of such a pixel under a map of decoders, in pixels: 4 of the 64 pixels of a block would say little of its decoders."""
 TILE_MILLISECONDS = 25.0
-"""Of a frame, for decoding tiles that have come into sight."""
+"""Time in ms that a frame may decode tiles that have come into sight."""
 LEAST_TILES = 3
-"""Of a frame: on a machine that a training keeps busy a tile takes some milliseconds."""
+"""Fewest tiles that a frame decodes: on a machine that a training keeps busy a tile takes some milliseconds."""
 MOVING_SECONDS = 0.3
-"""A camera moves until it has rested for so long."""
+"""Time in seconds that a camera must rest before it counts as at rest."""
 
 
 class Viewport:
-    """The renderer of the session's scene, and what it has drawn. Sizes are (width, height) of the picture in pixels."""
+    """Renderer of the session's scene, with what it has drawn. Sizes are (width, height) of the picture in pixels."""
 
     def __init__(
         self,
@@ -60,59 +60,59 @@ class Viewport:
         self._context, self._session, self._emit = context, session, emit
         self._times, self._background = times, background
         self.variants = VariantChoice.of_environment(session.decoder_variant, lambda text: emit(Notification(text)))
-        """Tells how packs are decoded on this device."""
+        """Choice of the decoding shaders' variant on this device."""
         self._scene: Scene | None = None
         self._packs: Mapping[str, Pack] | None = None
         self._compressed: Mapping[BlockFormat, CompressedTextures] | None = None
         self.renderer: Renderer | None = None
         self.thumbnails: Thumbnails | None = None
-        """Of the renderer's scene."""
+        """Thumbnails of the renderer's scene."""
         self.last: FrameResult | None = None
         self.last_view: ViewState | None = None
-        """What `last` shows; None where that is out of date."""
+        """View that `last` shows; None where that is out of date."""
         self._camera: Camera | None = None
         self._pose: Pose | None = None
         self._moved_at = -math.inf
         self._problems: frozenset[str] = frozenset()
         self._is_drawn = False
-        """Whether the renderer has drawn anything yet."""
+        """True once the renderer has drawn something."""
         self._undrawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
-        """What the GPU had no memory for last: not tried again before something changes."""
+        """Scene, packs and view that the GPU had no memory for last: not tried again before something changes."""
         self._drawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
-        """What was open and shown when it was drawn last."""
+        """Scene, packs and view that were drawn last."""
         self._whole = False
-        """Whether the last picture was asked for whole."""
+        """True where the last picture was asked for whole."""
         self.times_wanted = False
-        """Whether times of passes are shown."""
+        """True while times of passes are shown."""
         self.frames_drawn = 0
-        """Frames in which the renderer had something to do."""
+        """Number of frames in which the renderer had something to do."""
 
     @property
     def to_come(self) -> tuple[ToCome, ...]:
-        """What of the last picture is still to come."""
+        """Parts of the last picture that are still to come."""
         return () if self.last is None else self.last.to_come
 
     @property
     def is_open(self) -> bool:
-        """Whether what is open in the session is what the renderer has."""
+        """True where the renderer has what is open in the session."""
         session = self._session
         same = session.scene is self._scene and session.compressed is self._compressed
         return self.renderer is not None and same and session.packs is self._packs
 
     def is_due(self, size: tuple[int, int]) -> bool:
-        """Whether another picture than the last is to be drawn, as far as is known."""
+        """Return whether another picture than the last is to be drawn, as far as is known."""
         if self.is_undrawable(size):
             return False
         return not self.is_open or bool(self.to_come) or self._view(size) != self.last_view
 
     def is_coarse(self) -> bool:
-        """Whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
+        """Return whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
         if self._whole or not self._session.settings.coarse_while_moving:
             return False
         return self._times.whole_frame_ms > SLOW_FRAME_MS and time.monotonic() - self._moved_at < MOVING_SECONDS
 
     def is_undrawable(self, size: tuple[int, int]) -> bool:
-        """Whether the GPU had no memory for just this the last time."""
+        """Return whether the GPU had no memory for just this the last time."""
         if self._undrawable is None:
             return False
         scene, packs, view = self._undrawable
@@ -164,7 +164,7 @@ class Viewport:
             self.frames_drawn += 1
 
     def alone(self, kind: PictureAlone, size: tuple[int, int]) -> NDArray[np.uint8]:
-        """[H, W, 3] uint8 sRGB, row 0 on top: the picture without the interface. Raises InputError where there is none."""
+        """Return the picture without the interface: [H, W, 3] uint8 sRGB, row 0 on top. Raises InputError where there is none."""
         if self.renderer is None or not self.is_open:
             raise InputError("there is no picture to write: what is open has not been drawn")
         view = self._view(size).alone(kind)
@@ -173,7 +173,7 @@ class Viewport:
         return read_picture(self.renderer.render(view, whole=True).image)
 
     def note_failure(self, size: tuple[int, int]) -> bool:
-        """An error broke drawing off; False where there is no older picture to stay with."""
+        """Note that an error broke drawing off; return False where there is no older picture to stay with."""
         if self.renderer is None:
             if self.frames_drawn == 0:
                 return False
@@ -182,7 +182,7 @@ class Viewport:
         return True
 
     def prepare_next(self) -> bool:
-        """Compile the next thing that the user may toggle to: for when there is nothing else to do. False when all is ready."""
+        """Compile the next thing that the user may switch to, while nothing else is to be done; return False when all is ready."""
         view, renderer = self._session.view, self.renderer
         if renderer is None or not self.is_open:
             return False
@@ -206,7 +206,7 @@ class Viewport:
         self.last = self.last_view = None
 
     def _current_renderer(self) -> Renderer:
-        """The renderer of the session's scene; made anew when the scene has changed, kept when that one cannot be drawn."""
+        """Return the renderer of the session's scene: a new one when the scene has changed, the old one when that cannot be drawn."""
         session = self._session
         if self.renderer is None or self._scene is not session.scene:
             tiles = TileCacheConfig(session.settings.tile_cache_megabytes << 20, TILE_MILLISECONDS, LEAST_TILES)
@@ -251,7 +251,7 @@ class Viewport:
         return replace(view, size=scaled, coarseness=coarseness)
 
     def _wanted(self, size: tuple[int, int]) -> tuple[Scene, Mapping[str, Pack], ViewState]:
-        """What is to be drawn."""
+        """Return the scene, the packs and the view to be drawn."""
         return self._session.scene, self._session.packs, self._view(size)
 
     def _note_movement(self) -> None:
@@ -270,7 +270,7 @@ class Viewport:
                 self._emit(ViewChanged(self._session.view.with_slot(side, replace(slot, precision="fp16"))))
 
     def _give_up(self, error: GpuMemoryError, size: tuple[int, int]) -> None:
-        """The GPU has no memory for what is to be drawn: go back to what it has drawn before, or show less."""
+        """Go back to what was drawn before, or show less: the GPU has no memory for what is to be drawn."""
         session = self._session
         self._emit(Notification(str(error), "error", details_of(error)))
         before = session.scene, session.packs, session.view

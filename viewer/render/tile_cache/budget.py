@@ -39,7 +39,7 @@ class TileBudget:
         self.milliseconds = self.config.milliseconds
         """Decoding time of the next frame in ms; None: no limit."""
         self.is_tight = False
-        """Whether frames take FRAME_MS without decoding tiles. Then the picture is redrawn once for several frames of decoding."""
+        """True where frames take FRAME_MS without decoding tiles. Then the picture is redrawn once for several frames of decoding."""
         self._spent = 0.0
 
     def note_tiles(self, milliseconds: float) -> None:
@@ -75,9 +75,9 @@ class TileCounts:
     evicted: int
     """Tiles evicted so far to make room for others."""
     out_of_memory: bool = False
-    """Whether the GPU had less memory than the budget: the cache keeps the size that it reached."""
+    """True where the GPU had less memory than the budget: the cache keeps the size that it reached."""
     coarse_latents: bool = False
-    """Whether tiles were decoded from coarser latents than they need, because finer ones did not fit into GPU memory."""
+    """True where tiles were decoded from coarser latents than they need, because finer ones did not fit into GPU memory."""
 
 
 def total_counts(counts: Sequence[TileCounts]) -> TileCounts | None:

@@ -11,11 +11,11 @@ from viewer.render.tile_cache.budget import TileBudget, TileCounts
 from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 
 BANDS = 4
-"""Parts in which a picture is drawn anew while the one before is still shown: none of them makes a frame long."""
+"""Number of parts in which a picture is redrawn while the one before is still shown: none of them makes a frame long."""
 FRAMES_AHEAD = 12
-"""Frames that decode tiles and show the picture before, where all tiles are there in an older version."""
+"""Number of frames that decode tiles and show the picture before, where all tiles are there in an older version."""
 FRAMES_AHEAD_OF_MISSING = 4
-"""The same where tiles are shown coarser, and frames are long."""
+"""Number of such frames where tiles are shown coarser, and frames are long."""
 
 
 class CachedPath:
@@ -26,22 +26,22 @@ class CachedPath:
     def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget) -> None:
         self._cache, self._timer, self._budget, self._waits = cache, timer, budget, cache.waits
         self._requested: VisibilityInputs | None = None
-        """The view whose tiles were requested last."""
+        """View whose tiles were requested last."""
         self._is_unasked = False
-        """Whether the last view was not requested, because another request was under way."""
+        """True where the last view was not requested, because another request was under way."""
         self._frames_ahead = 0
-        """Frames that decoded tiles since the last drawing."""
+        """Number of frames that decoded tiles since the last drawing."""
         self._bands_left = 0
-        """Parts of the picture that the next frames draw."""
+        """Number of parts of the picture that the next frames draw."""
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Atlas and tables."""
+        """Number of bytes of atlas and tables."""
         return self._cache.bytes_on_gpu
 
     @property
     def tiles(self) -> TileCounts:
-        """The state of the tile cache; what is decoded but not drawn, or not asked for yet, counts as waiting."""
+        """State of the tile cache; tiles that are decoded but not drawn, or not asked for yet, count as waiting."""
         counts = self._cache.counts
         undrawn = bool(self._frames_ahead or self._bands_left or self._is_unasked)
         return replace(counts, waiting=max(counts.waiting, 1)) if undrawn else counts
@@ -60,7 +60,7 @@ class CachedPath:
         return (ToCome("tiles", waiting),) if waiting else ()
 
     def _decodes_ahead(self) -> bool:
-        """Decode tiles without drawing, where all are there in an older version, or frames are long; False when it is time to draw.
+        """Decode tiles without drawing, where all are there in an older version, or frames are long; return False when drawing is due.
 
         Drawing costs as much as decoding many tiles: the picture is drawn once for several frames that decode.
         """
@@ -79,7 +79,7 @@ class CachedPath:
         return True
 
     def _draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, again: bool) -> None:
-        """Request, decode and draw. With `whole` all missing tiles are decoded, however long it takes.
+        """Request, decode and draw tiles. With `whole` all missing tiles are decoded, however long it takes.
 
         Drawn `again`, where `target` shows an older picture of this view, only some rows may be drawn.
         """
@@ -134,7 +134,7 @@ class CachedPath:
             self._requested = inputs
 
     def mark_stale(self, textures: Collection[int]) -> None:
-        """The pack's buffers hold another version of these scene textures: their tiles are decoded anew."""
+        """Decode the tiles of these scene textures anew: the pack's buffers hold another version of them."""
         self._cache.mark_stale(textures)
 
     def _decode(self, count: int) -> None:

@@ -51,7 +51,7 @@ class DecodeCachedPass:
     ) -> None:
         self._context, self._gl = context, context.gl
         self.waits = context.waits
-        """Whether every request is answered in the frame that makes it; else fewer tiles are listed."""
+        """True where every request is answered in the frame that makes it; else fewer tiles are listed."""
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
         self._buffers, self._ranges, self._table, self._budget = buffers, ranges, table, budget
         self._programs, self._defines = programs, reading.defines()
@@ -67,18 +67,18 @@ class DecodeCachedPass:
             self._make_tables(context.memory)
         self._back = ReadBack[int](context, "tiles that are asked for")
         self._frame = self._heard = 0
-        """Numbers of the last request, and of the last that was answered."""
+        """Number of the last request, and of the last one that was answered."""
         self._used = np.zeros(self._pool.pages, np.uint32)
         """[pages] number of the request that read each page last, as of the last answer."""
         self._tiles_of = np.zeros(len(table.levels), np.int64)
         """[rows of the table] tiles in the cache of each texture, by its first row."""
         self._is_outdated = False
-        """Whether tiles have been evicted since the last request was made, which may have counted on them."""
+        """True where tiles have been evicted since the last request was made, which may have counted on them."""
         self._decoded_since: NDArray[np.int64] = np.zeros(0, np.int64)
         """Stand-ins that were decoded while a request was under way, which may list them."""
         self._waiting: NDArray[np.int64] = np.zeros(0, np.int64)
         self._stand_ins = 0
-        """Of the waiting tiles the first so many are the only ones of their mips."""
+        """Number of the first waiting tiles that are the only ones of their mips."""
         self._stale: NDArray[np.int64] = np.zeros(0, np.int64)
         """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
         self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
@@ -104,7 +104,7 @@ class DecodeCachedPass:
 
     @property
     def counts(self) -> TileCounts:
-        """State of the cache."""
+        """State of the cache: numbers of tiles."""
         return TileCounts(
             self._pool.taken,
             len(self._waiting) + len(self._stale) + self._unheard + (self.is_pending or self._is_outdated),
@@ -118,27 +118,27 @@ class DecodeCachedPass:
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Atlas and tables."""
+        """Number of bytes of atlas and tables."""
         return self._atlas.bytes_on_gpu + sum(buffer.size for buffer in (*self._places.values(), self._tiles))
 
     def _bind_tables(self) -> None:
-        """For what reads tiles; the pack's latents and decoders are not bound then."""
+        """Bind the tables for shaders that read tiles; the pack's latents and decoders are not bound then."""
         self._buffers.bind_records()
         for binding, buffer in self._places.items():
             self._context.bind_storage(buffer, int(binding))
 
     @property
     def request_overflowed(self) -> bool:
-        """Whether the last view needs more tiles than its request has told, and all listed ones are decoded: request again."""
+        """True where the last view needs more tiles than its request listed, and all listed ones are decoded: request again."""
         return (self._unheard > 0 or self._is_outdated) and not len(self._waiting)
 
     @property
     def is_pending(self) -> bool:
-        """Whether a request has not been answered yet; nothing waits to be decoded then."""
+        """True while a request has not been answered; nothing waits to be decoded then."""
         return self._back.is_pending
 
     def request(self, inputs: VisibilityInputs) -> None:
-        """Find out which tiles this view reads and which of them are missing: `answer` tells. One request is under way at a time."""
+        """Ask the GPU which tiles this view reads and which of them are missing (`answer`). One request is under way at a time."""
         if self.is_pending:
             self.answer(waits=True)
         # What the GPU has listed must be read: else it is never listed again.
@@ -166,7 +166,7 @@ class DecodeCachedPass:
         return self._places[StorageBinding.RESULTS].size + 4 * max(1, self._pool.reach(0))
 
     def answer(self, waits: bool) -> bool:
-        """Take the list of missing tiles that was requested; False where it is not there. With `waits` it is waited for."""
+        """Take the list of missing tiles that was requested; return False where it has not arrived. With `waits` it is waited for."""
         found = self._back.wait() if waits else self._back.newest()
         if found is None:
             return False
@@ -183,7 +183,7 @@ class DecodeCachedPass:
         return True
 
     def _told(self, content: bytes) -> NDArray[np.int64]:
-        """Entries of missing tiles in what `_ask` has sent for; notes how many more there are, and which pages were read."""
+        """Return the entries of missing tiles in the answer; note how many more there are, and which pages were read."""
         words = np.frombuffer(content, np.uint32)
         listed = self._places[StorageBinding.RESULTS].size // 4
         self._used[:] = 0
@@ -207,21 +207,21 @@ class DecodeCachedPass:
 
     @property
     def only_stale(self) -> bool:
-        """Whether no tile is missing, but some are shown in an older version."""
+        """True where no tile is missing, but some are shown in an older version."""
         return bool(len(self._stale)) and not len(self._waiting) and not self._unheard
 
     @property
     def is_missing_tiles(self) -> bool:
-        """Whether the last request listed tiles that are not decoded yet; coarser ones are shown in their place."""
+        """True where the last request listed tiles that are not decoded yet; coarser ones are shown in their place."""
         return bool(len(self._waiting))
 
     @property
     def has_work(self) -> bool:
-        """Whether there are tiles to decode now."""
+        """True where there are tiles to decode now."""
         return bool(len(self._waiting) or len(self._stale))
 
     def tiles_now(self, whole: bool) -> int:
-        """Number of waiting tiles to decode in this frame; all where the picture must be `whole`.
+        """Return the number of waiting tiles to decode in this frame; all where the picture must be `whole`.
 
         The coarse ones that stand in for others are all decoded at once: without them a texture would be grey.
         """
@@ -229,7 +229,7 @@ class DecodeCachedPass:
         return max(fitting, min(self._stand_ins, len(self._waiting)))
 
     def tiles_ahead(self) -> int:
-        """Number of tiles to decode in a frame that keeps the old picture: fewer where none is missing."""
+        """Return the number of tiles to decode in a frame that keeps the old picture: fewer where none is missing."""
         least = self._budget.config.least_tiles if self.is_missing_tiles else 1
         return self._fitting(None if self._budget.config.milliseconds is None else AHEAD_MILLISECONDS, least)
 
@@ -240,7 +240,7 @@ class DecodeCachedPass:
         return min(waiting, max(least, 0 if self._tile_ms is None else int(milliseconds / self._tile_ms)))
 
     def decode(self, count: int) -> int:
-        """Decode the next `count` waiting tiles; the number decoded, less where all pages of the budget are visible."""
+        """Decode the next `count` waiting tiles; return the number decoded, less where all pages of the budget are visible."""
         missing = min(count, len(self._waiting))
         return self._decode_missing(missing) + self._decode_stale(count - missing)
 
@@ -259,7 +259,7 @@ class DecodeCachedPass:
         return done
 
     def _place(self, entries: NDArray[np.int64]) -> int:
-        """Decode the first of these missing tiles into pages, as many as there is room for; their number."""
+        """Decode the first of these missing tiles into pages, as many as there is room for; return their number."""
         # Whatever may fail for want of memory comes before tiles get their pages.
         self._buffers.need(finest_levels(self._table.tiles(entries)))
         if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
@@ -336,7 +336,7 @@ class DecodeCachedPass:
         self._gl.memory_barrier()
 
     def _work_groups(self, tiles: int) -> tuple[int, int]:
-        """Those that decode `tiles` tiles: invocations decode four texels of a block, or pixels of any tile."""
+        """Return the work groups that decode `tiles` tiles: invocations decode four texels of a block, or texels of any tile."""
         if self._buffers.decodes_quads:
             return tiles, -(-PAGE_QUADS // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
@@ -396,7 +396,7 @@ ROW = 4096
 
 
 class DrawnTileCache(DecodeCachedPass):
-    """Differs in what the GPU does. The CPU keeps the table of tiles, and tells shaders; they tell which tiles are read."""
+    """Tile cache of drivers without compute shaders: the CPU keeps the table of tiles, and fragment shaders mark the tiles that are read."""
 
     def _compile(self, defines: Defines) -> None:
         program = self._programs.program(f"{FOLDER}/decode.vert", f"{FOLDER}/decode.frag", defines)
@@ -413,7 +413,7 @@ class DrawnTileCache(DecodeCachedPass):
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Atlas and tables."""
+        """Number of bytes of atlas and tables."""
         return super().bytes_on_gpu + self._read_tiles.width * self._read_tiles.height
 
     @property

@@ -24,7 +24,7 @@ class TileTable:
     levels: NDArray[np.void]
     """[rows] TILE_LEVEL_RECORD."""
     texture_of_level: NDArray[np.int32]
-    """[rows]."""
+    """[rows] texture id."""
     level_of_level: NDArray[np.int32]
     """[rows] mip number."""
     wrap_of_level: NDArray[np.int32]
@@ -34,11 +34,11 @@ class TileTable:
     first_of_level: NDArray[np.int32]
     """[rows] row of the finest mip of the same texture under the same modes."""
     entries: int
-    """Tiles of all levels."""
+    """Number of tiles of all levels."""
 
     @staticmethod
     def of(materials: tuple[Material, ...], pack: Pack, match: PackMatch, plane: Plane = "base") -> "TileTable":
-        """The tiles of the textures that `pack` decodes in a plane of their maps."""
+        """Make the table of the textures that `pack` decodes in a plane of their maps."""
         first_of: dict[tuple[int, int, int], int] = {}
         firsts: list[int] = []
         rows: list[tuple[int, int, int, int, int, int]] = []
@@ -74,12 +74,12 @@ class TileTable:
         )
 
     def are_single(self, entries: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """[N] whether these entries are the only tile of their mip: what is shown first of a texture."""
+        """Return [N] whether these entries are the only tile of their mip: what is shown first of a texture."""
         single: NDArray[np.bool_] = self.single_of_level[self._rows(entries)]
         return single
 
     def stand_ins(self, firsts: NDArray[np.int64]) -> NDArray[np.int64]:
-        """Entries of tiles that stand in for others, of textures given by first rows [N].
+        """Return the entries of tiles that stand in for others, of textures given by first rows [N].
 
         They are those of the finest mip that is a single tile, and of the coarsest: a tile stands in for finer ones alone.
         """
@@ -94,7 +94,7 @@ class TileTable:
         return entries
 
     def textures(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
-        """[N] first rows of the textures of these entries."""
+        """Return [N] first rows of the textures of these entries."""
         firsts: NDArray[np.int64] = self.first_of_level[self._rows(entries)].astype(np.int64)
         return firsts
 
@@ -103,7 +103,7 @@ class TileTable:
         return rows
 
     def tiles(self, entries: NDArray[np.int64]) -> NDArray[np.void]:
-        """[N] TILE_RECORD of these entries; their pages are left 0."""
+        """Return [N] TILE_RECORD of these entries; their pages are left 0."""
         rows = self._rows(entries)
         place = entries - self.levels["first_entry"][rows]
         tiles = np.zeros(len(entries), TILE_RECORD)
@@ -115,7 +115,7 @@ class TileTable:
 
 
 def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
-    """Finest mip by texture id of TILE_RECORDs."""
+    """Return the finest mip of TILE_RECORDs, by texture id."""
     order = np.lexsort((tiles["level"], tiles["texture_id"]))
     textures, first = np.unique(tiles["texture_id"][order], return_index=True)
     return dict(zip(textures.tolist(), tiles["level"][order][first].tolist(), strict=True))
@@ -123,11 +123,11 @@ def finest_levels(tiles: NDArray[np.void]) -> dict[int, int]:
 
 FREE = -1
 LAYER_PAGES = PAGES_ACROSS * PAGES_ACROSS
-"""Pages on a layer of the atlas."""
+"""Number of pages on a layer of the atlas."""
 
 
 class PagePool:
-    """`pages` pages, at least one. Entries are numbers of tiles."""
+    """Pages of the tile atlas, at least one: free ones go first, then those not read for longest. Entries are numbers of tiles."""
 
     def __init__(self, pages: int) -> None:
         if pages < 1:
@@ -139,11 +139,11 @@ class PagePool:
 
     @property
     def pages(self) -> int:
-        """All pages, taken or not."""
+        """Number of pages, taken or not."""
         return len(self._entry_of_page)
 
     def reach(self, count: int) -> int:
-        """Number of pages that must exist to place `count` more tiles: all up to the last one ever used."""
+        """Return the number of pages that must exist to place `count` more tiles: all up to the last one ever used."""
         return min(self.pages, self._fresh + max(0, count - len(self._free)))
 
     def shrink(self, pages: int) -> None:
@@ -153,13 +153,13 @@ class PagePool:
 
     @property
     def taken(self) -> int:
-        """Pages that hold a tile."""
+        """Number of pages that hold a tile."""
         return self._fresh - len(self._free)
 
     def place(
         self, entries: NDArray[np.int64], frame: int, last_read: Callable[[], NDArray[np.uint32]]
     ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """Pages for the first of `entries`, and the entries that had to go for them.
+        """Return pages for the first of `entries`, and the entries that had to go for them.
 
         There are fewer pages than entries where all others were read in `frame`. `last_read` gives the last frame that read each
         page [pages]; it is asked only if tiles must go.
@@ -189,15 +189,15 @@ class PagePool:
         self._free += pages.tolist()
 
     def pages_of(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
-        """The pages that hold `entries`, which all must have one."""
+        """Return the pages that hold `entries`, which all must have one."""
         order = np.argsort(self._entry_of_page, kind="stable")
         return order[np.searchsorted(self._entry_of_page[order], entries)]
 
     def needed_in(self, pages: NDArray[np.int64], frame: int, last_read: NDArray[np.uint32]) -> NDArray[np.bool_]:
-        """Which of `pages` were read in `frame`, or placed in it and so not read yet. `last_read` as for `place`."""
+        """Return which of `pages` were read in `frame`, or placed in it and so not read yet. `last_read` as for `place`."""
         return np.asarray((last_read[pages] == frame) | (self._placed_in[pages] == frame), np.bool_)
 
     def held(self) -> NDArray[np.int64]:
-        """Entries of the tiles that have a page."""
+        """Return the entries of the tiles that have a page."""
         held: NDArray[np.int64] = self._entry_of_page[self._entry_of_page != FREE]
         return held
