@@ -123,7 +123,7 @@ class PathChooser:
         return self._effective(slot if times is None else replace(slot, path=times.fastest))
 
     def _effective(self, slot: Slot) -> Slot:
-        """Return `slot` with a path that this driver can run, without the filter where the path has none: the hardware filters tiles."""
+        """Return `slot` with a path that this driver can run, without the filter of paths that have none."""
         if slot.path in COMPUTING and not self._context.features.compute:
             slot = replace(slot, path="forward")
         return replace(slot, filter="exact") if slot.path == "cached" else slot

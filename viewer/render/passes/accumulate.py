@@ -10,7 +10,7 @@ from viewer.render.resources.layout import TextureUnit
 
 PIXEL_BYTES = 16
 SAMPLES = 16
-"""Of a picture at rest with the stochastic filter, or with BLEND surfaces; then it is complete."""
+"""Number of samples that complete a picture at rest with the stochastic filter, or with BLEND surfaces."""
 
 
 class AccumulatePass:
@@ -24,14 +24,14 @@ class AccumulatePass:
         self._sample: ColorTarget | None = None
 
     def sample(self, size: tuple[int, int]) -> ColorTarget:
-        """What the next sample of a picture of this size is drawn into. Raises GpuMemoryError."""
+        """Return the target for the next sample of a picture of this size. Raises GpuMemoryError."""
         if self._sample is None or self._sample.size != size:
             self.release()
             self._sample = ColorTarget(self._context, size)
         return self._sample
 
     def run(self, samples_before: int, mean: ColorTarget) -> None:
-        """Add the sample to `mean`, that of `samples_before` samples, in fp32."""
+        """Add the sample to `mean` of `samples_before` samples, in fp32."""
         gl = self._context.gl
         mean.framebuffer.use()
         self.sample(mean.size).texture.use(int(TextureUnit.PICTURE_A))
@@ -47,7 +47,7 @@ class AccumulatePass:
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Size of the sample."""
+        """Number of bytes of the sample."""
         return PIXEL_BYTES * self._sample.size[0] * self._sample.size[1] if self._sample is not None else 0
 
     def release(self) -> None:

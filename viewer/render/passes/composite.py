@@ -18,17 +18,17 @@ from viewer.state.palettes import PaletteName, palette_colors
 from viewer.state.view_state import WHOLE, CompareMode, Difference, DifferenceKind, Zoom
 
 DIMMED = 0.18
-"""Light of what is not highlighted."""
+"""Factor of the light of textures that are not highlighted."""
 NO_COLOR = -1.0
 
 
 class TextureMarks:
-    """Two numbers for each texture and, first, for what has none: place on the palette (-1: no colour), and light, 0 to 1."""
+    """Two numbers for each texture, and first for surfaces without one: place on the palette (-1: no colour), and light, 0 to 1."""
 
     def __init__(
         self, context: GraphicsContext, shares: NDArray[np.float32] | None, lit: Sequence[int], textures: int
     ) -> None:
-        """`shares` [textures], NaN for none, or None for no colours; `lit` ids of the textures that keep their light, or none."""
+        """Take `shares` [textures] of the palette (NaN: no colour; None: no colours), and ids of textures that keep their light."""
         marks = np.empty((textures + 1, 2), "<f4")
         marks[:, 0] = NO_COLOR
         if shares is not None:
@@ -48,9 +48,9 @@ class TextureMarks:
 
 
 LEAST_LIGHT = 0.01
-"""Linear light: what is darker than this is not divided by less in a relative difference."""
+"""Smallest divisor of a relative difference, in linear light."""
 SCRATCH = (8, 8)
-"""Pixels that are drawn to have a program compiled."""
+"""Width and height in pixels of the picture that is drawn to compile a program."""
 COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
     ("a", "raw"),
     ("b", "raw"),
@@ -59,7 +59,7 @@ COMPARISONS: tuple[tuple[CompareMode, DifferenceKind], ...] = (
     ("difference", "relative"),
     ("difference", "flip"),
 )
-"""One way to compare for each program that the composite has."""
+"""Ways to compare, one for each program of the composite."""
 FLIP_PALETTE: PaletteName = "viridis"
 
 
@@ -87,16 +87,16 @@ class HeatmapOverlay:
 
     maps: DivergenceTarget
     first: int
-    """Which map is for the slot that is shown alone, or left of the divider."""
+    """Number of the map for the slot that is shown alone, or left of the divider."""
     second: int
-    """Which map is for the slot right of the divider."""
+    """Number of the map for the slot right of the divider."""
     most: int
-    """Decoders at the far end of the palette."""
+    """Number of decoders at the far end of the palette."""
     opacity: float
     palette: PaletteName
 
     def uniforms(self) -> dict[str, object]:
-        """Values of the shader's uniforms."""
+        """Return the values of the shader's uniforms."""
         rows = self.maps.size[1]
         return {
             "picture": self.maps.picture,
@@ -120,7 +120,7 @@ class MarksOverlay:
 
 @dataclass(frozen=True)
 class DifferenceParams:
-    """The difference of A and B in place of a slot."""
+    """Difference of A and B in place of a slot."""
 
     difference: Difference
     flip_map: moderngl.Texture | None = None
@@ -128,11 +128,11 @@ class DifferenceParams:
 
     @property
     def variant(self) -> int:
-        """DIFFERENCE of the shader."""
+        """Value of DIFFERENCE in the shader."""
         return {"raw": 1, "amplified": 1, "relative": 2, "flip": 3}[self.difference.kind]
 
     def uniforms(self) -> dict[str, object]:
-        """Values of the shader's uniforms."""
+        """Return the values of the shader's uniforms."""
         values: dict[str, object] = {
             "gain": self.difference.gain if self.difference.kind == "amplified" else 1.0,
             "least": LEAST_LIGHT,
@@ -153,7 +153,7 @@ class CompositeParams:
 
     @property
     def defines(self) -> dict[str, int]:
-        """Which variant of the shader draws it."""
+        """Defines of the shader that draws the composite."""
         return {
             "SPLIT": int(self.layout is not None),
             "DIFFERENCE": self.difference.variant if self.difference is not None else 0,
@@ -169,21 +169,21 @@ CompositeVariant = tuple[tuple[tuple[str, int], ...], tuple[str, str]]
 
 @dataclass(frozen=True)
 class CompositeInputs:
-    """What the pass reads. Equal inputs of the same content give equal pictures."""
+    """Inputs of the composite. Equal inputs of the same content give equal pictures."""
 
     first: ColorTarget
     second: ColorTarget
-    """The same where one slot fills the picture: it is not read then."""
+    """Picture of the second slot; the first again where one slot fills the picture, and not read then."""
     params: CompositeParams
 
     @property
     def variant(self) -> CompositeVariant:
-        """Which program draws it."""
+        """Program that draws the composite."""
         return tuple(self.params.defines.items()), (self.first.texture.dtype, self.second.texture.dtype)
 
 
 def palette_steps(name: PaletteName) -> bytes:
-    """A palette as the shader reads it."""
+    """Return a palette as the shader reads it."""
     return palette_colors(name, np.linspace(0.0, 1.0, PALETTE_STEPS)).astype("<f4").tobytes()
 
 
@@ -195,7 +195,7 @@ def _layout_uniforms(layout: CompareLayout, size: tuple[int, int]) -> dict[str, 
 
 
 class CompositePass:
-    """Output: an 8-bit sRGB picture."""
+    """Pass that composes the picture. Output: an 8-bit sRGB picture."""
 
     name = "composite"
 
@@ -206,7 +206,7 @@ class CompositePass:
         self._scratch = CompositeTarget(context, SCRATCH)
 
     def prepare(self, inputs: CompositeInputs) -> bool:
-        """Compile the program for `inputs` by drawing a few pixels to a scratch picture; False where it has been used before."""
+        """Compile the program for `inputs` by drawing a few pixels to a scratch picture; return False where it is known."""
         if inputs.variant in self._drawn:
             return False
         self.run(inputs, self._scratch)

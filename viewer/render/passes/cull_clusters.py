@@ -27,7 +27,7 @@ ALL_TESTS = ClusterTest.FRUSTUM | ClusterTest.CONE | ClusterTest.SIZE
 
 @dataclass(frozen=True)
 class ClusterView:
-    """Whose view is culled."""
+    """View whose clusters are culled."""
 
     camera: Camera
     size: tuple[int, int]
@@ -37,14 +37,14 @@ class ClusterView:
 
 
 def cluster_programs(programs: ProgramFactory, padded: bool) -> tuple[moderngl.ComputeShader, ...]:
-    """The three steps; `padded`: commands behind the last one are made empty, because the CPU draws as many as there may be."""
+    """Return the programs of the three steps; `padded`: further commands are emptied, because the CPU draws as many as there may be."""
     own = programs.with_generated({"generated/clusters.glsl": cluster_layout_glsl()})
     test, write = (own.compute(f"{FOLDER}/{name}.comp") for name in ("test", "write"))
     return test, own.compute(f"{FOLDER}/scan.comp", {"PADDED": int(padded)}), write
 
 
 class ClusterCulling:
-    """The clusters of a scene on the GPU, and the commands of the last view."""
+    """Clusters of a scene on the GPU, and the commands of the last view."""
 
     def __init__(
         self,
@@ -54,14 +54,14 @@ class ClusterCulling:
         culling: Culling,
         tests: int | None = None,
     ) -> None:
-        """`tests`: bits of ClusterTest, ALL_TESTS unless given; with 0 all of the scene is drawn. Raises GpuMemoryError."""
+        """Upload the clusters. `tests`: bits of ClusterTest, ALL_TESTS unless given; with 0 all is drawn. Raises GpuMemoryError."""
         self._context, self._memory, self._culling = context, context.memory, culling
         self._tests = ALL_TESTS if tests is None else tests
         self._draws = IndirectDraws(context)
         self._test, self._scan, self._write = cluster_programs(programs, padded=not self._draws.are_counted)
         self.instances = InstanceCulling(scene, culling)
         self.item_count = 0
-        """Items of the last list."""
+        """Number of items of the last list."""
         self._what = f"clusters of {scene.name}"
         placements = placement_records(scene, culling)
         with self._memory.transaction():
@@ -88,7 +88,7 @@ class ClusterCulling:
         return records.view(np.uint8)
 
     def draw_list(self, view: ClusterView) -> GpuDrawList:
-        """What `view` may see, in the place of the list before. Raises GpuMemoryError."""
+        """Return what `view` may see, in the place of the list before. Raises GpuMemoryError."""
         work = self.instances.items(view.camera, view.matrix, all_instances=not self._tests)
         self.item_count = len(work.items)
         ranges = tuple(
@@ -134,7 +134,7 @@ class ClusterCulling:
         self._back.copy([(self._buckets, BUCKET_RECORD.itemsize * buckets)], buckets)
 
     def counts(self, waits: bool) -> DrawCounts:
-        """Of the last list; unless this `waits`, of one before where the GPU has not come so far."""
+        """Return the counts of the last list; unless this `waits`, of one before where the GPU has not come so far."""
         if self._is_new:
             arrived = self._back.wait() if waits else self._back.newest()
             if arrived is not None:
@@ -151,7 +151,7 @@ class ClusterCulling:
         return DrawCounts(whole.clusters - clusters, whole.triangles - triangles, triangles, commands)
 
     def items(self, count: int) -> NDArray[np.void]:
-        """[count] ITEM_RECORD of the last list as the GPU left them: reads them back, which drawing never does."""
+        """Return [count] ITEM_RECORD of the last list as the GPU left them: reads them back, which drawing never does."""
         return np.frombuffer(self._items.read(count * ITEM_RECORD.itemsize), ITEM_RECORD)
 
     def release(self) -> None:

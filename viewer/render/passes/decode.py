@@ -23,10 +23,10 @@ BIN_PIXEL_BYTES = 4
 
 
 class DecodePass(ABC):
-    """Decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: a plane of the whole picture."""
+    """Pass that decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: a plane of the whole picture."""
 
     name: str
-    """`decode_` and the name of the decode path."""
+    """Name of the decode path after `decode_`."""
 
     def __init__(
         self, context: GraphicsContext, buffers: PackBuffers, reading: PlaneReading, texel_filter: TexelFilter
@@ -50,12 +50,12 @@ class DecodePass(ABC):
         """Decode every visible pixel once."""
 
     def own_buffers(self) -> Sequence[moderngl.Buffer]:
-        """GPU buffers that belong to this pass alone."""
+        """Return the GPU buffers that belong to this pass alone."""
         return ()
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Size of the pass's own buffers."""
+        """Number of bytes of the pass's own buffers."""
         return sum(buffer.size for buffer in self.own_buffers())
 
     def release(self) -> None:
@@ -65,7 +65,7 @@ class DecodePass(ABC):
 
 
 class DecodeForwardPass(DecodePass):
-    """Draws the draw list of the visibility buffer again, with its matrix."""
+    """Pass of path `forward`: draws the draw list of the visibility buffer again, with its matrix."""
 
     name = "decode_forward"
 
@@ -102,7 +102,7 @@ class DecodeForwardPass(DecodePass):
 
 
 class DecodeDeferredPass(DecodePass):
-    """Where the scene's textures have one decoder between them (`shared_decoder`), an invocation decodes several pixels.
+    """Pass of path `deferred`. Where all textures share one decoder (`shared_decoder`), an invocation decodes several pixels.
 
     `ranges` may be None where they have not.
     """
@@ -140,7 +140,7 @@ class DecodeDeferredPass(DecodePass):
 
 
 class DecodeBinnedPass(DecodePass):
-    """Count, scan and scatter fill the bins; then one indirect dispatch for each decoder that may be visible."""
+    """Pass of path `binned`: count, scan and scatter fill the bins; each decoder that may be visible has an indirect dispatch."""
 
     name = "decode_binned"
 
@@ -189,27 +189,27 @@ class DecodeBinnedPass(DecodePass):
         self._gl.memory_barrier()
 
     def bins(self) -> bytes:
-        """BIN_RECORD of every decoder after the last frame: reads them back, which drawing never does."""
+        """Return BIN_RECORD of every decoder after the last frame: reads them back, which drawing never does."""
         content: bytes = self._bins.read()
         return content
 
     def own_buffers(self) -> Sequence[moderngl.Buffer]:
-        """Bins and the list of pixels."""
+        """Return the bins and the list of pixels."""
         return self._bins, self._pixels
 
 
 class DecodeSampledPass:
-    """Draws the mean of up to SAMPLES samples, each of one texel of every pixel's footprint."""
+    """Pass of a path with the stochastic filter: draws the mean of up to SAMPLES samples of one texel a pixel."""
 
     def __init__(self, decode: DecodePass, accumulate: AccumulatePass) -> None:
-        """`decode` is the pass with the stochastic filter; both belong to this one."""
+        """Take `decode`, a pass with the stochastic filter; both passes belong to this one."""
         self.name = decode.name
         self._decode, self._accumulate = decode, accumulate
         self._samples: WeakKeyDictionary[ColorTarget, int] = WeakKeyDictionary()
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Buffers of the pass, and the last sample."""
+        """Number of bytes of the pass's buffers and the last sample."""
         return self._decode.bytes_on_gpu + self._accumulate.bytes_on_gpu
 
     def advance(self, inputs: VisibilityInputs, target: ColorTarget, step: Step) -> Progress:

@@ -23,7 +23,7 @@ TEXELS_AT_ONCE = 1 << 18
 
 
 class GlTexelDecoder:
-    """The GLSL twin of `ntc.codec.reference` for one pack."""
+    """Decoder of single texels in GLSL: the twin of `ntc.codec.reference` for one pack."""
 
     def __init__(
         self,
@@ -34,7 +34,7 @@ class GlTexelDecoder:
         programs: ProgramFactory | None = None,
         rescale: bool = True,
     ) -> None:
-        """`programs` with the includes of every scene, where several packs share them; `rescale` as for
+        """Upload the pack. `programs` has the includes of every scene, where several packs share them; `rescale` as for
         the PackBuffers."""
         self._context, self.reset = context, context.reset
         self._gl: moderngl.Context = context.gl
@@ -48,8 +48,7 @@ class GlTexelDecoder:
     def decode_texels(
         self, texture_index: int, uv: NDArray[Any], lod: NDArray[Any], wrap: tuple[WrapMode, WrapMode] | None = None
     ) -> NDArray[np.float32]:
-        """[N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], all channels of the texture's maps; `wrap` None takes the
-        texture's own modes."""
+        """Return [N, channels] float32 in [0, 1] of all maps at `uv` [N, 2] and `lod` [N]; `wrap` None: the texture's own modes."""
         texture = self._pack.textures[texture_index]
         modes = texture.wrap if wrap is None else wrap
         code = texture_index * 16 + WRAP_CODES[modes[0]] * 4 + WRAP_CODES[modes[1]]
@@ -63,7 +62,7 @@ class GlTexelDecoder:
 
     @checks_context
     def _decode(self, uv: NDArray[Any], lod: NDArray[Any], code: int, plane: Plane) -> NDArray[np.float32]:
-        """[N, 4] float32: the plane's components."""
+        """Return the plane's components: [N, 4] float32."""
         defines = {**self._buffers.defines, **PlaneReading(plane).defines()}
         program = self._programs.compute("passes/decode_texels/decode.comp", defines)
         requests = np.zeros(len(uv), REQUEST_RECORD)
@@ -84,7 +83,7 @@ class GlTexelDecoder:
             result_buffer.release()
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
-        """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+        """Return mip `level`, decoded at its texel centres: [h, w, channels] uint8 in the texture's colour space."""
         return image_of_texels(self._pack, texture_index, level, self.decode_texels)
 
     def release(self) -> None:

@@ -13,16 +13,16 @@ from viewer.render.resources.visibility_buffer import VisibilityTarget
 
 @dataclass(frozen=True)
 class DivergenceInputs:
-    """What the pass reads. Equal inputs give equal maps."""
+    """Inputs of the divergence pass. Equal inputs give equal maps."""
 
     visibility: VisibilityTarget
     version: int
-    """Of the visibility buffer's content."""
+    """Version of the visibility buffer's content."""
     tables: DecoderTables
 
 
 class DivergencePass:
-    """Output: a DivergenceTarget with as many maps as there are tables."""
+    """Pass that counts decoders. Output: a DivergenceTarget with as many maps as there are tables."""
 
     name = "divergence"
 

@@ -16,17 +16,17 @@ from viewer.scene.moving import Deformation, MovingVertices
 
 FOLDER = "passes/pose_vertices"
 POSE_GROUP = 64
-"""Work group size: vertices."""
+"""Number of vertices of a work group."""
 REST_FLOATS = 10
-"""Of a vertex: position, normal, tangent with its sign."""
+"""Number of floats of a vertex: position, normal, tangent with its sign."""
 TARGET_FLOATS = 9
-"""Of a vertex in a morph target: offsets of the three."""
+"""Number of floats of a vertex in a morph target: offsets of position, normal and tangent."""
 JOINT_FLOATS = 12
-"""The first three rows of a joint's matrix."""
+"""Number of floats of a joint: the first three rows of its matrix."""
 
 
 class PoseBinding(IntEnum):
-    """Storage buffers, in place of others that this program does not read."""
+    """Bindings of storage buffers, in place of others that this program does not read."""
 
     REST = 0
     TARGETS = 1
@@ -38,7 +38,7 @@ class PoseBinding(IntEnum):
 
 
 def pose_layout_glsl() -> str:
-    """The include `generated/pose.glsl`."""
+    """Return the include `generated/pose.glsl`."""
     lines = ["// Generated from viewer/render/passes/pose_vertices.py."]
     lines += [f"#define BINDING_{member.name} {member.value}" for member in PoseBinding]
     sizes = {"POSE_GROUP": POSE_GROUP, "REST_FLOATS": REST_FLOATS}
@@ -47,23 +47,23 @@ def pose_layout_glsl() -> str:
 
 
 def pose_program(programs: ProgramFactory) -> moderngl.ComputeShader:
-    """The pass's program."""
+    """Return the program of the pass."""
     return programs.with_generated({"generated/pose.glsl": pose_layout_glsl()}).compute(f"{FOLDER}/pose.comp")
 
 
 class _Uploaded(NamedTuple):
-    """What never changes of one primitive's vertices, on the GPU."""
+    """Buffers of one primitive's vertices that move."""
 
     rest: moderngl.Buffer
     targets: moderngl.Buffer
     influences: moderngl.Buffer
     pose: moderngl.Buffer
     joints: int
-    """That fit into `pose`."""
+    """Number of joints that fit into `pose`."""
 
 
 def rest_floats(part: MovingVertices) -> NDArray[np.float32]:
-    """[V, REST_FLOATS]; zero for what the primitive has not."""
+    """Return [V, REST_FLOATS]; zero for what the primitive lacks."""
     frames, rows = part.frames, np.zeros((len(part.frames.positions), REST_FLOATS), np.float32)
     rows[:, :3] = frames.positions
     if frames.normals is not None:
@@ -74,7 +74,7 @@ def rest_floats(part: MovingVertices) -> NDArray[np.float32]:
 
 
 def target_floats(part: MovingVertices) -> NDArray[np.float32]:
-    """[targets, V, TARGET_FLOATS]."""
+    """Return [targets, V, TARGET_FLOATS] offsets of the morph targets."""
     rows = np.zeros((len(part.targets), len(part.frames.positions), TARGET_FLOATS), np.float32)
     for row, target in zip(rows, part.targets, strict=True):
         for first, offsets in zip((0, 3, 6), (target.positions, target.normals, target.tangents), strict=True):
@@ -84,7 +84,7 @@ def target_floats(part: MovingVertices) -> NDArray[np.float32]:
 
 
 def influence_words(part: MovingVertices) -> NDArray[np.uint32]:
-    """[V, influences, 2]: number of a joint, and the bits of its weight in float32."""
+    """Return [V, influences, 2]: number of a joint, and the bits of its weight in float32."""
     if part.influences is None:
         return np.zeros((len(part.frames.positions), 0, 2), np.uint32)
     weights = part.influences.weights.astype(np.float32)
@@ -92,7 +92,7 @@ def influence_words(part: MovingVertices) -> NDArray[np.uint32]:
 
 
 class PoseVerticesPass:
-    """Input: deformations by node. Output: positions, normals and tangents in the scene's vertex buffers.
+    """Pass that moves vertices. Input: deformations by node. Output: positions, normals and tangents in the scene's vertex buffers.
 
     Where nothing computes, `MovingVertices.at` does on the CPU what the shader does in float32.
     """
@@ -103,7 +103,7 @@ class PoseVerticesPass:
         self._context, self._memory, self._buffers, self._parts = context, context.memory, buffers, tuple(parts)
         self._program = pose_program(programs) if context.features.compute and parts else None
         self._uploaded: dict[int, _Uploaded] = {}
-        """By number in `parts`; from the first pose on."""
+        """Buffers by number in `parts`, from the first pose on."""
 
     def run(self, deformations: Mapping[int, Deformation]) -> None:
         """Move all vertices. Raises GpuMemoryError."""
@@ -168,7 +168,7 @@ class PoseVerticesPass:
         program.run(*self._memory.limits.rows_of_work_groups(-(-count // POSE_GROUP)))
 
     def release(self) -> None:
-        """Free what it has uploaded."""
+        """Free what the pass has uploaded."""
         for own in self._uploaded.values():
             for buffer in own[:4]:
                 buffer.release()

@@ -1,4 +1,4 @@
-"""Prefilters an environment for the shading pass."""
+"""Prefiltering of an environment for the shading pass."""
 
 import hashlib
 from collections.abc import Mapping
@@ -19,33 +19,33 @@ from viewer.render.resources.layout import TextureUnit, UniformBinding
 from viewer.render.resources.light import EnvironmentMaps
 
 VERSION = 2
-"""Of prefiltered environments in the cache: changes with what the shaders write."""
+"""Version of prefiltered environments in the cache: changes with what the shaders write."""
 
 
 @dataclass(frozen=True)
 class PrefilterInputs:
-    """Equal keys stand for equal panoramas."""
+    """Inputs of the prefilter. Equal keys stand for equal panoramas."""
 
     key: str
     panorama: NDArray[np.float32] = field(compare=False)
     """[H, 2 H, 3] linear radiance."""
     is_kept: bool = field(default=False, compare=False)
-    """Whether the result is kept on disk, and found there: for files, whose key is the digest of their content."""
+    """True where the result is kept on disk, and found there: for files, whose key is the digest of their content."""
 
 
 @dataclass(eq=False)
 class _Filtering:
-    """How far an environment is."""
+    """Progress of filtering one environment."""
 
     key: str
     irradiance: Job[NDArray[np.float32]]
     """[side + 2, 6, side + 2, 4] float32: takes seconds, in a thread."""
     level: int = 0
-    """The next map to be written."""
+    """Number of the next map to be written."""
 
 
 class PrefilterPass:
-    """Inputs: a panorama. Output: EnvironmentMaps of the panorama's size.
+    """Pass that prefilters an environment. Inputs: a panorama. Output: EnvironmentMaps of the panorama's size.
 
     Those of a file come in parts where frames do not wait: one map a frame. The sky follows the sun, and is small: it comes at once.
     """
@@ -53,7 +53,7 @@ class PrefilterPass:
     name = "prefilter"
 
     def __init__(self, context: GraphicsContext, programs: ProgramFactory, cache: BlockCache | None = None) -> None:
-        """`cache`: where prefiltered files are kept; None: nowhere."""
+        """Take `cache`, where prefiltered files are kept; None: nowhere."""
         self._context, self._cache = context, cache
         self._mean = programs.fullscreen("passes/prefilter/source.frag")
         self._convolution = programs.fullscreen("passes/prefilter/convolve.frag")

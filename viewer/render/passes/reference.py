@@ -27,16 +27,16 @@ from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceConte
 from viewer.state.view_state import REFERENCE
 
 MipsOf = Callable[[int], Sequence[NDArray[np.uint8]]]
-"""Texture id -> every mip down to 1x1 texel, as `plane_mips` gives them."""
+"""Function: texture id -> every mip down to 1x1 texel, as `plane_mips` returns them."""
 DEFAULT_READING = PlaneReading()
 MOST_AHEAD = 2 * (os.cpu_count() or 1)
-"""Images that are read before they are uploaded."""
+"""Most images that are read before they are uploaded."""
 SECONDS_BETWEEN_NEWS = 0.25
-"""Images that come one after the other are shown together so often: each time the whole plane is drawn again."""
+"""Time in seconds between showing new images: each time the whole plane is drawn again."""
 
 
 class ImageUploads:
-    """Keeps the images of one source and plane on the GPU that the visible materials need.
+    """Pass that keeps the images of one source and plane on the GPU that the visible materials need.
 
     All of them, uploaded when a material that may be visible first needs them; or where that would take too much memory those in
     sight, which are read in threads beside the frames unless frames wait.
@@ -47,32 +47,32 @@ class ImageUploads:
     def __init__(
         self, context: GraphicsContext, places: ImagePlaces, mips: MipsOf, write_places: Callable[[], None], srgb: bool
     ) -> None:
-        """`mips` gives the images by texture id, in threads. `write_places` hands the places to shaders, when they have changed."""
+        """Take `mips`, which returns images by texture id, in threads, and `write_places`, which hands changed places to shaders."""
         self._context, self._srgb = context, srgb
         self._mips, self._places, self._write_places = mips, places, write_places
         self.arrays: dict[int, tuple[ImageArrayPlan, ImageArray]] = {}
-        """By number: what shaders sample."""
+        """Texture arrays that shaders sample, by number."""
         self._uploaded: dict[ImagePlace, ImageContent] = {}
         self._pool: ThreadPoolExecutor | None = None
         self._coming: dict[ImageContent, Future[Sequence[NDArray[np.uint8]]]] = {}
         self._arrived: list[ImagePlace] = []
-        """Uploaded, not shown yet."""
+        """Places whose image is uploaded and not shown yet."""
         self._news_at = -math.inf
         self._shown = -1
-        """Version of the places when pictures were last told of new ones."""
+        """Version of the places when a change was last reported."""
 
     @property
     def images_not_uploaded(self) -> int:
-        """Images that no frame has needed so far, or that are not there any more."""
+        """Number of images that no frame has needed so far, or that are not there any more."""
         return self._places.images - len(self._uploaded)
 
     @property
     def places(self) -> Output:
-        """Where images lie: sources that are shown as images share that."""
+        """Output that changes with the places of images, which all sources that are shown as images share."""
         return Output(self._places.version)
 
     def arrays_of(self, visible_materials: Sequence[int]) -> list[int]:
-        """Numbers of the arrays that hold their images, ascending."""
+        """Return the numbers of the arrays that hold the images of these materials, ascending."""
         return sorted({place.array for place in self._places.of(visible_materials)})
 
     def advance(self, visible_materials: Sequence[int], _target: object, step: Step) -> Progress:
@@ -108,7 +108,7 @@ class ImageUploads:
         self._arrived = [place for place in self._arrived if place in self._uploaded]
 
     def _drop_all_but(self, wanted: Collection[int]) -> bool:
-        """Free all other arrays; whether there were any."""
+        """Free all other arrays; return whether there were any."""
         others = [array for array in self.arrays if array not in wanted]
         for array in others:
             self._drop(array)
@@ -186,7 +186,7 @@ class ImageUploads:
 
 
 class ReferencePass:
-    """Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps."""
+    """Pass that shows images. Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps."""
 
     def __init__(
         self,
@@ -196,7 +196,7 @@ class ReferencePass:
         name: str = REFERENCE,
         reading: PlaneReading = DEFAULT_READING,
     ) -> None:
-        """`name` is that of the source."""
+        """Take the name of the source as `name`."""
         self._context, self.name, self._reading = context, name, reading
         self.uploads = uploads
         self._samplers = SamplerCache(context)

@@ -1,4 +1,4 @@
-"""Makes the picture of a slot from its maps: lit, or one of the maps as it is stored."""
+"""Shading: the picture of a slot from its maps, lit, or one of the maps as it is stored."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -19,7 +19,7 @@ from viewer.render.resources.visibility_buffer import VisibilityInputs
 from viewer.state.view_state import MaterialView, ToneMap
 
 SHOWN_MAPS: Final[dict[MaterialView, int]] = {"normal": 0, "orm": 1, "emissive": 2}
-"""VIEW of shaders/passes/shade/show_map.frag."""
+"""Values of VIEW in shaders/passes/shade/show_map.frag."""
 TONE_MAP_CODES: Final[dict[ToneMap, int]] = {"none": 0, "neutral": 1, "agx": 2}
 
 
@@ -34,24 +34,24 @@ class PlaneTargets:
 
 @dataclass(frozen=True)
 class ShadeInputs:
-    """Equal inputs give equal pictures of the same planes and maps of light."""
+    """Inputs of the shading. Equal inputs give equal pictures of the same planes and maps of light."""
 
     view: VisibilityInputs
-    """With frames where `material_view` is lit."""
+    """Visibility buffer, with frames where `material_view` is lit."""
     planes: PlaneTargets
     material_view: MaterialView
-    """Any but `base`, whose picture is its plane."""
+    """View of the maps; any but `base`, whose picture is its plane."""
     light: SceneLight | None = None
-    """For `lit`, else None."""
+    """Light of a `lit` view; None for others."""
     other: PlaneTargets | None = None
-    """Another set of planes of the same view, for mixtures."""
+    """Planes of the same view from another source, for mixtures."""
     other_maps: frozenset[MapName] = frozenset()
     """Maps that are taken from `other`; the rest are taken from `planes`."""
 
 
 @dataclass(frozen=True, eq=False)
 class ViewRays:
-    """What a world-to-clip matrix says of the rays through pixels; everything is relative to `eye`."""
+    """Rays through pixels, from a world-to-clip matrix; all places are relative to `eye`."""
 
     eye: NDArray[np.float64]
     """[3] world space: the viewer's place, or for parallel rays any."""
@@ -60,13 +60,13 @@ class ViewRays:
     middle: NDArray[np.float64]
     """[3] direction through the picture's middle, of any length."""
     right: NDArray[np.float64]
-    """[3] what is added to it at the right edge."""
+    """[3] vector that is added to `middle` at the right edge."""
     up: NDArray[np.float64]
-    """[3] what is added at the upper edge."""
+    """[3] vector that is added to `middle` at the upper edge."""
 
 
 def view_rays(matrix: NDArray[np.float64]) -> ViewRays:
-    """The rays of `matrix` [4, 4]."""
+    """Return the rays of `matrix` [4, 4]."""
     inverse = np.linalg.inv(matrix)
     apex = inverse[:, 2]
     has_apex = abs(apex[3]) > 1e-9 * float(np.linalg.norm(apex[:3]))
@@ -92,7 +92,9 @@ def _matrix_bytes(matrix: NDArray[np.float64]) -> bytes:
 
 
 class ShadePass:
-    """Output: an ColorTarget, linear light in [0, 1]. Alpha is 1 where a surface is seen; elsewhere is the environment, or black."""
+    """Pass that makes a picture. Output: a ColorTarget, linear light in [0, 1].
+
+    Alpha is 1 where a surface is seen; elsewhere is the environment, or black."""
 
     name = "shade"
 
@@ -179,7 +181,7 @@ class ShadePass:
         self._draw_background(background, target.depth, output)
 
     def _surfaces(self, light: SceneLight, rays: ViewRays, defines: dict[str, int]) -> moderngl.VertexArray:
-        """The program that lights surfaces, with what lights them."""
+        """Return the program that lights surfaces, with its uniforms and textures set."""
         shadow, view = light.shadow, light.shadow_view
         lights = min(len(light.lights), MOST_LIGHTS)
         defines |= {

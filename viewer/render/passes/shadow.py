@@ -1,4 +1,4 @@
-"""Draws the sun's shadow map."""
+"""Drawing of the sun's shadow map."""
 
 from dataclasses import dataclass, field
 
@@ -11,14 +11,14 @@ from viewer.render.resources.light import ShadowMap, ShadowView
 from viewer.render.resources.scene_buffers import SceneBuffers
 
 SLOPE_BIAS = 1.5
-"""Times a triangle's steepest change of depth from texel to texel."""
+"""Bias of depths in multiples of a triangle's steepest change from texel to texel."""
 CONSTANT_BIAS = 4.0
-"""Smallest steps of depth."""
+"""Bias of depths in smallest steps."""
 
 
 @dataclass(frozen=True)
 class ShadowInputs:
-    """Equal directions of the sun give equal shadow maps of one pose of a scene."""
+    """Inputs of the shadow map. Equal directions of the sun give equal maps of one pose of a scene."""
 
     direction: tuple[float, float, float]
     pose: int
@@ -28,7 +28,10 @@ class ShadowInputs:
 
 
 class ShadowPass:
-    """Output: the depth of what the sun sees first. Single-sided triangles that face away from it cast no shadow."""
+    """Pass that draws the shadow map. Output: the depth of what the sun sees first.
+
+    Single-sided triangles that face away from the sun cast no shadow.
+    """
 
     name = "shadow"
 

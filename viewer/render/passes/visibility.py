@@ -15,7 +15,7 @@ from viewer.scene.model import Camera
 
 @dataclass(frozen=True)
 class CulledScene:
-    """What the pass reads: the draw list that the scene buffers hold. Equal for equal views of one scene."""
+    """Inputs of the visibility pass: the draw list that the scene buffers hold. Equal for equal views of one scene."""
 
     camera: Camera
     size: tuple[int, int]
@@ -28,7 +28,7 @@ class CulledScene:
 
 
 class VisibilityPass:
-    """Output: a VisibilityTarget."""
+    """Pass that draws the visibility buffer. Output: a VisibilityTarget."""
 
     name = "visibility"
 

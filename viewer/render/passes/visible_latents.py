@@ -1,4 +1,4 @@
-"""Which mips of which textures the visible pixels read: what has to be on the GPU."""
+"""Mips of textures that the visible pixels read: what has to be on the GPU."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ STAND_IN_SIDE = 64
 
 
 class NeededLevelsPass:
-    """Inputs: visibility buffer, materials, a pack's tables. Output, read back: the finest mip that is visible, by texture."""
+    """Pass that finds the finest visible mip of each texture. Inputs: visibility buffer, materials, a pack's tables."""
 
     def __init__(
         self, context: GraphicsContext, programs: ProgramFactory, textures: int, reading: PlaneReading
@@ -36,11 +36,11 @@ class NeededLevelsPass:
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Size of the buffers."""
+        """Number of bytes of the buffers."""
         return self._levels.size + self._none.size
 
     def run(self, inputs: VisibilityInputs, buffers: PackBuffers) -> None:
-        """Find the finest mips of this view; `answer` tells them."""
+        """Find the finest mips of this view; `answer` returns them."""
         inputs.bind()
         buffers.bind_records()
         self._gl.copy_buffer(self._levels, self._none)
@@ -51,11 +51,11 @@ class NeededLevelsPass:
 
     @property
     def is_pending(self) -> bool:
-        """Whether the levels of a view are under way."""
+        """True while the levels of a view are under way."""
         return self._back.is_pending
 
     def answer(self, waits: bool) -> tuple[dict[int, int], VisibilityInputs] | None:
-        """Finest mip by texture id, without textures that are not visible, and the view that it is of: the newest that has arrived.
+        """Return the finest mip by id of each visible texture, and the view that was asked for: the newest answer that has arrived.
 
         None where nothing has. With `waits` that of the last view.
         """
@@ -73,16 +73,16 @@ class NeededLevelsPass:
 
 @dataclass(eq=False)
 class VisibleLatents:
-    """What one view needs of the latents of one plane of a pack's maps, as far as it is known."""
+    """Mips that one view needs of the latents of one plane of a pack's maps, as far as they are known."""
 
     needed: Mapping[int, int] | None = None
-    """Finest mip by texture; None until the GPU has told."""
+    """Finest mip by texture; None until the GPU has answered."""
     shown: NDArray[np.int32] | None = None
     """[textures of the view] finest mip that was there when the version of the output changed last."""
 
 
 class VisibleLatentsPass:
-    """Keeps the mips on the GPU that the visible pixels of a view read of one plane of a pack's maps.
+    """Pass that keeps the mips on the GPU that the visible pixels of a view read of one plane of a pack's maps.
 
     Where frames do not wait, the GPU tells a frame or two later which those are: coarser mips are shown until then.
     """
@@ -92,7 +92,7 @@ class VisibleLatentsPass:
     def __init__(
         self, context: GraphicsContext, programs: ProgramFactory, buffers: PackBuffers, reading: PlaneReading
     ) -> None:
-        """Serve the plane of `reading`. Where nothing computes, all mips of what may be visible are uploaded."""
+        """Serve the plane of `reading`. Without compute shaders, all mips of what may be visible are uploaded."""
         self._context, self._programs, self._buffers, self._reading = context, programs, buffers, reading
         self._pass: NeededLevelsPass | None = None
         self._coarse = np.array([_first_small(pyramid) for pyramid in buffers.latent_store.pyramids], np.int64)
@@ -100,7 +100,7 @@ class VisibleLatentsPass:
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Buffers of the pass."""
+        """Number of bytes of the pass's buffers."""
         return 0 if self._pass is None else self._pass.bytes_on_gpu
 
     def advance(self, inputs: VisibilityInputs, target: VisibleLatents, step: Step) -> Progress:
@@ -127,7 +127,7 @@ class VisibleLatentsPass:
         return Progress(self._is_finer(textures, target), to_come)
 
     def _is_finer(self, textures: Sequence[int], target: VisibleLatents) -> bool:
-        """Whether pixels of the view read finer mips than when this was asked last."""
+        """Return whether pixels of the view read finer mips than when this was asked last."""
         there = self._buffers.latent_store.finest[textures]
         if target.shown is not None:
             levels = dict.fromkeys(textures, 0) if target.needed is None else target.needed
@@ -144,7 +144,7 @@ class VisibleLatentsPass:
         self._pass.run(inputs, self._buffers)
 
     def _take(self, inputs: VisibilityInputs, target: VisibleLatents, waits: bool) -> None:
-        """Upload what the GPU has told last, which may be of a view before."""
+        """Upload what the GPU answered last, which may be for a view before."""
         answer = None if self._pass is None else self._pass.answer(waits)
         if answer is None:
             return
@@ -162,6 +162,6 @@ class VisibleLatentsPass:
 
 
 def _first_small(pyramid: Sequence[LatentLevel]) -> int:
-    """The finest level of at most STAND_IN_SIDE texels a side, else the coarsest; 0 for none."""
+    """Return the finest level of at most STAND_IN_SIDE texels a side, else the coarsest; 0 for none."""
     sides = [max(level.texel_width, level.texel_height) for level in pyramid]
     return next((number for number, side in enumerate(sides) if side <= STAND_IN_SIDE), max(0, len(sides) - 1))

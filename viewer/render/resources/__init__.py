@@ -1,1 +1,1 @@
-"""What passes read and write on the GPU: scene and pack buffers, layout, network, latents, culling."""
+"""Resources that passes read and write on the GPU: scene and pack buffers, layout, network, latents, culling."""

@@ -13,23 +13,23 @@ from viewer.render.resources.layout import SCAN_GROUP
 from viewer.scene.model import Geometry, Primitive, Scene
 
 NEVER_BACKFACING = 2.0
-"""A cone cutoff that no angle reaches."""
+"""Cone cutoff that no angle reaches."""
 PIECE_TRIANGLES = 1 << 18
-"""Triangles that are bounded at once, about."""
+"""Approximate number of triangles that are bounded at once."""
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
 class Clusters:
-    """All clusters of a scene's primitives, in order; primitive p owns clusters `first[p]` to `first[p + 1]`."""
+    """Clusters of a scene's primitives, in order; primitive p owns clusters `first[p]` to `first[p + 1]`."""
 
     first: NDArray[np.int64]
-    """[P + 1]."""
+    """[P + 1] number of the first cluster of each primitive."""
     first_index: NDArray[np.int64]
     """[C] position in the index array."""
     index_count: NDArray[np.int64]
-    """[C]."""
+    """[C] number of indices."""
     centre: Array
     """[C, 3] centre of the bounding box, local space."""
     half: Array
@@ -41,7 +41,7 @@ class Clusters:
 
 
 def _corners(geometry: Geometry, primitive: Primitive, before: int, triangles: int) -> tuple[Array, Array, Array]:
-    """[3 coordinates, T] of each of the corners of `triangles` triangles of a primitive, behind its first `before`."""
+    """Return [3 coordinates, T] of each of the corners of `triangles` triangles of a primitive, after its first `before`."""
     begin = primitive.first_index + 3 * before
     indices = geometry.indices[begin : begin + 3 * triangles].astype(np.int64) + primitive.base_vertex
     # Coordinate by coordinate: sums and extremes over rows of three take ten times as long.
@@ -50,7 +50,7 @@ def _corners(geometry: Geometry, primitive: Primitive, before: int, triangles: i
 
 
 def _normals(a: Array, b: Array, c: Array) -> Array:
-    """[3, T] normals, of twice the triangles' areas."""
+    """Return [3, T] normals as long as twice the triangles' areas."""
     u, v = b - a, c - a
     return np.stack([u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]])
 
@@ -70,7 +70,7 @@ def _cones(normals: Array, starts: NDArray[np.int64]) -> tuple[Array, Array]:
 
 
 def _pieces(primitive: Primitive, size: int) -> Iterator[tuple[int, int]]:
-    """(first triangle, triangles) of runs of whole clusters: a large primitive takes no more memory than a small one."""
+    """Yield (first triangle, triangles) of runs of whole clusters: a large primitive takes no more memory than a small one."""
     triangles = primitive.index_count // 3
     step = max(1, PIECE_TRIANGLES // size) * size
     for start in range(0, triangles, step):
@@ -78,13 +78,13 @@ def _pieces(primitive: Primitive, size: int) -> Iterator[tuple[int, int]]:
 
 
 def cluster_count(scene: Scene, size: int) -> int:
-    """Clusters of at most `size` triangles that all instances have."""
+    """Return the number of clusters of at most `size` triangles of all instances."""
     counts = np.array([max(1, -(-primitive.index_count // (3 * size))) for primitive in scene.primitives], np.int64)
     return int(counts[scene.instances.primitive].sum())
 
 
 def build_clusters(scene: Scene, size: int) -> Clusters:
-    """Clusters of at most `size` consecutive triangles of each primitive."""
+    """Return the clusters of at most `size` consecutive triangles of each primitive."""
     counts = [max(1, -(-primitive.index_count // (3 * size))) for primitive in scene.primitives]
     first = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     total = int(first[-1])
@@ -107,23 +107,23 @@ def build_clusters(scene: Scene, size: int) -> Clusters:
 
 
 GPU_CLUSTER_TRIANGLES = 128
-"""Of scenes that are culled on the GPU."""
+"""Most triangles of a cluster of scenes that are culled on the GPU."""
 ITEM_CLUSTERS = 64
-"""Clusters of one instance that a work group tests."""
+"""Number of clusters of one instance that a work group tests."""
 COMMAND_WORDS = COMMAND_BYTES // 4
-"""Of a DrawElementsIndirectCommand."""
+"""Number of words of a DrawElementsIndirectCommand."""
 ROUNDING = 4e-6
-"""What is lost to rounding in float32, here and in the vertex shader, in units of the largest number that is added: 32 times the unit
+"""Loss to rounding in float32, here and in the vertex shader, in units of the largest number that is added: 32 times the unit
 roundoff of 2^-23."""
 CONE_MARGIN = 1.0 / 64.0
 """Sine of the angle (about 1 degree) by which a cluster must be turned away: rasterisers move corners to a grid, which may turn
 a small triangle that is seen almost from its edge."""
 PIXEL_MARGIN = 1.0 / 8.0
-"""Pixels that a cluster's outline is taken to be wider: the coarsest grid that OpenGL allows has steps of 1/16."""
+"""Margin around a cluster's outline in pixels: the coarsest grid that OpenGL allows has steps of 1/16."""
 
 
 class ClusterBinding(IntEnum):
-    """Storage buffers, in place of others that these programs do not read."""
+    """Bindings of storage buffers, in place of others that these programs do not read."""
 
     CLUSTERS = 3
     PLACEMENTS = 4
@@ -133,7 +133,7 @@ class ClusterBinding(IntEnum):
 
 
 class ClusterTest(IntEnum):
-    """What clusters are tested for: bits."""
+    """Bits of the tests of a cluster."""
 
     FRUSTUM = 1
     CONE = 2
@@ -177,7 +177,7 @@ many commands, clusters and triangles there are."""
 
 
 def cluster_layout_glsl() -> str:
-    """The include `generated/clusters.glsl`."""
+    """Return the include `generated/clusters.glsl`."""
     lines = ["// Generated from viewer/render/resources/clusters.py."]
     lines += [f"#define BINDING_{member.name} {member.value}" for member in ClusterBinding]
     lines += [f"#define TEST_{member.name} {member.value}u" for member in ClusterTest]

@@ -28,7 +28,7 @@ class ColorTarget:
         self._with_depth: tuple[moderngl.Texture, moderngl.Framebuffer] | None = None
 
     def framebuffer_with_depth(self, depth: moderngl.Texture) -> moderngl.Framebuffer:
-        """The framebuffer of this target and a depth texture; made anew only for another texture than at the last call."""
+        """Return the framebuffer of this target and a depth texture; made anew only for another texture than at the last call."""
         if self._with_depth is None or self._with_depth[0] is not depth:
             self._release_with_depth()
             # Has no memory of its own: nothing to check.
@@ -48,24 +48,24 @@ class ColorTarget:
 
     @property
     def pixel_type(self) -> np.dtype[np.floating]:
-        """Of each of the four channels."""
+        """Type of each of the four channels."""
         return self._type
 
     def read_bytes(self) -> bytes:
-        """RGBA of `pixel_type`, row 0 at the bottom: what `read` gives, before anything is done to it."""
+        """Return the texture's bytes: RGBA of `pixel_type`, row 0 at the bottom."""
         return bytes(self.texture.read())
 
     def part(self, pixels: tuple[int, int, int, int]) -> PicturePart:
-        """Linear RGBA of a part of the picture: left, top, right, bottom from the upper left corner."""
+        """Return linear RGBA of a part of the picture: left, top, right, bottom from the upper left corner."""
         return PicturePart(self.framebuffer, pixels, "f2" if self._type.itemsize == 2 else "f4")
 
     def read_all(self) -> NDArray[np.float32]:
-        """[H, W, 4] float32, row 0 on top: all four channels as they are."""
+        """Return all four channels as they are: [H, W, 4] float32, row 0 on top."""
         pixels = np.frombuffer(self.texture.read(), self._type).reshape(self.size[1], self.size[0], 4)
         return np.ascontiguousarray(pixels[::-1], np.float32)
 
     def read(self) -> NDArray[np.float32]:
-        """[H, W, 3] float32 linear, row 0 on top, background 0."""
+        """Return [H, W, 3] float32 linear, row 0 on top, background 0."""
         return np.ascontiguousarray(self.read_all()[..., :3])
 
     def release(self) -> None:

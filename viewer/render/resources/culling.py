@@ -20,7 +20,7 @@ from viewer.scene.model import Camera, Sampler, Scene, Stand
 from viewer.state.camera import frustum_planes
 
 CPU_CLUSTER_TRIANGLES = 512
-"""Of scenes that are culled on the CPU."""
+"""Most triangles of a cluster of scenes that are culled on the CPU."""
 
 COMMAND = np.dtype(
     [("count", "<u4"), ("instances", "<u4"), ("first_index", "<u4"), ("base_vertex", "<i4"), ("base_instance", "<u4")]
@@ -41,18 +41,18 @@ class Bucket:
     """Texture id, or OPAQUE, or NO_ALPHA_TEXTURE."""
     double_sided: bool
     mirrored: bool
-    """Whether the transform turns the winding round."""
+    """True where the transform turns the winding round."""
     alpha_sampler: Sampler | None = None
-    """How the alpha texture is sampled; None without one."""
+    """Sampler of the alpha texture; None without one."""
 
     def sort_key(self) -> tuple[object, ...]:
-        """Order in which buckets are drawn: opaque ones first, so that they hide what would cost an alpha test."""
+        """Return the key of the drawing order: opaque buckets first, so that they hide what would cost an alpha test."""
         return self.alpha_texture, self.double_sided, self.mirrored, repr(self.alpha_sampler)
 
 
 @dataclass(frozen=True)
 class DrawCounts:
-    """What of a scene is drawn."""
+    """Numbers of what is drawn of a scene, and what is culled."""
 
     clusters_culled: int
     triangles_culled: int
@@ -62,7 +62,7 @@ class DrawCounts:
 
 @dataclass(frozen=True, eq=False)
 class DrawList:
-    """What to draw for one camera."""
+    """Commands that draw what one camera may see."""
 
     commands: NDArray[np.void]
     """[N] COMMAND, bucket by bucket."""
@@ -74,7 +74,7 @@ class DrawList:
 
 
 def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
-    """The bucket of an instance."""
+    """Return the bucket of an instance."""
     material = scene.materials[scene.primitives[int(scene.instances.primitive[instance])].material]
     if material.alpha_mode == "opaque":
         alpha = OPAQUE
@@ -85,7 +85,7 @@ def instance_bucket(scene: Scene, instance: int, mirrored: bool) -> Bucket:
 
 
 def _moved(clusters: Clusters, scene: Scene, stand: Stand) -> Clusters:
-    """`clusters` of which those of moving vertices all have the primitive's box, and may face any way."""
+    """Return `clusters`, where those of moving vertices have the primitive's box and may face any way."""
     centre, half, cutoff = clusters.centre.copy(), clusters.half.copy(), clusters.cutoff.copy()
     for number, primitive in enumerate(scene.primitives):
         box = stand.boxes.get(primitive.base_vertex)
@@ -99,7 +99,7 @@ class Culling:
     """World-space bounds of every cluster of every instance, and the test of a frustum against them."""
 
     def __init__(self, scene: Scene, clusters: Clusters | None = None, stand: Stand | None = None) -> None:
-        """`clusters`: those of the scene as it was read; None: as it is best on the CPU. `stand`: where what moves is now."""
+        """Take `clusters` of the scene as it was read (None: those that suit the CPU) and `stand`, where moving parts are now."""
         self.clusters = clusters or build_clusters(scene, CPU_CLUSTER_TRIANGLES)
         if stand is not None:
             self.clusters = _moved(self.clusters, scene, stand)
@@ -137,11 +137,11 @@ class Culling:
         self._triangles = self.clusters.index_count[self._cluster] // 3
 
     def local_eyes(self, eye: NDArray[np.float64]) -> NDArray[np.float64]:
-        """[N, 3] `eye` in the local space of each instance."""
+        """Return [N, 3] `eye` in the local space of each instance."""
         return np.asarray(np.einsum("nij,nj->ni", self._inverse, eye - self._translation))
 
     def _faces_away(self, eye: NDArray[np.float64], rows: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """[rows] whether all triangles of a cluster turn their backs; tested in local space, where the cones are."""
+        """Return [rows] whether all triangles of a cluster turn their backs; tested in local space, where the cones are."""
         instance, cluster = self._instance[rows], self._cluster[rows]
         local_eyes = self.local_eyes(eye)
         towards = self.clusters.centre[cluster] - local_eyes[instance]
@@ -150,7 +150,7 @@ class Culling:
         return np.asarray(self._may_face_away[rows] & (along >= reach), np.bool_)
 
     def draw_list(self, camera: Camera, matrix: NDArray[np.float64]) -> DrawList:
-        """Commands for what `camera`, whose world-to-clip matrix is `matrix`, may see."""
+        """Return the commands for what `camera`, whose world-to-clip matrix is `matrix`, may see."""
         planes = frustum_planes(matrix)
         distance = self._centre @ planes[:, :3].T + planes[:, 3] + self._half @ np.abs(planes[:, :3]).T
         rows = np.nonzero((distance >= 0.0).all(axis=1))[0]
@@ -198,11 +198,11 @@ class Culling:
 
 
 MARGIN = 1e-5
-"""By which an instance must be outside, in units of the largest number that is added."""
+"""Distance by which an instance must be outside, in units of the largest number that is added."""
 
 
 def placement_records(scene: Scene, culling: Culling) -> NDArray[np.void]:
-    """[N] PLACEMENT_RECORD of the scene's instances."""
+    """Return [N] PLACEMENT_RECORD of the scene's instances."""
     instances = scene.instances
     records = np.zeros(len(instances.primitive), PLACEMENT_RECORD)
     for number, name in enumerate(("row_x", "row_y", "row_z")):
@@ -215,7 +215,7 @@ def placement_records(scene: Scene, culling: Culling) -> NDArray[np.void]:
 
 @dataclass(frozen=True, eq=False)
 class DrawItems:
-    """Work for the GPU, and what of it the CPU knows."""
+    """Work for the GPU, with what the CPU knows of it."""
 
     items: NDArray[np.void]
     """[I] ITEM_RECORD, bucket by bucket, nearest instances first."""
@@ -228,7 +228,7 @@ class DrawItems:
 
     @property
     def capacity(self) -> int:
-        """Commands that there may be."""
+        """Most commands that there may be."""
         return int(self.buckets["capacity"].sum())
 
 
@@ -246,12 +246,12 @@ class InstanceCulling:
         self._material = np.array([p.material for p in scene.primitives], np.int64)[self._primitive]
         self._materials = len(scene.materials)
         self.clusters = int(np.diff(clusters.first)[self._primitive].sum())
-        """Of all instances."""
+        """Number of clusters of all instances."""
         triangles = np.add.reduceat(clusters.index_count, clusters.first[:-1]) // 3
         self.triangles = int(triangles[self._primitive].sum())
 
     def items(self, camera: Camera, matrix: NDArray[np.float64], all_instances: bool = False) -> DrawItems:
-        """What `camera`, whose world-to-clip matrix is `matrix`, may see. `all_instances`: none is left out."""
+        """Return what `camera`, whose world-to-clip matrix is `matrix`, may see. `all_instances`: none is left out."""
         planes = frustum_planes(matrix)
         distance = self._centre @ planes[:, :3].T + planes[:, 3]
         reach = self._half @ np.abs(planes[:, :3]).T
@@ -279,7 +279,7 @@ class InstanceCulling:
 
 
 def _primitive_boxes(clusters: Clusters) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Lowest and highest corners [P, 3] of each primitive."""
+    """Return the lowest and highest corners [P, 3] of each primitive."""
     starts = clusters.first[:-1]
     low = np.minimum.reduceat(clusters.centre - clusters.half, starts, axis=0)
     return low, np.maximum.reduceat(clusters.centre + clusters.half, starts, axis=0)
@@ -288,7 +288,7 @@ def _primitive_boxes(clusters: Clusters) -> tuple[NDArray[np.float64], NDArray[n
 def _bucket_records(
     bucket: NDArray[np.int64], clusters: NDArray[np.uint32]
 ) -> tuple[NDArray[np.void], tuple[int, ...]]:
-    """(BUCKET_RECORD [B], numbers of the buckets) of items [I] that are sorted by `bucket`, of so many `clusters`."""
+    """Return (BUCKET_RECORD [B], numbers of the buckets) of items [I] of so many `clusters`, sorted by `bucket`."""
     numbers, first, count = np.unique(bucket, return_index=True, return_counts=True)
     records = np.zeros(len(numbers), BUCKET_RECORD)
     if len(numbers) == 0:
@@ -301,12 +301,12 @@ def _bucket_records(
 
 
 COUNT_OFFSET = int(BUCKET_RECORD.fields["commands"][1]) if BUCKET_RECORD.fields else 0
-"""Bytes before the number of commands in a BUCKET_RECORD."""
+"""Offset in bytes of the number of commands in a BUCKET_RECORD."""
 
 
 @dataclass(frozen=True, eq=False)
 class GpuDrawList:
-    """What to draw for one camera and one size of its picture; in the same buffers as the list before."""
+    """Commands on the GPU that draw what one camera may see at one picture size; in the same buffers as the list before."""
 
     ranges: tuple[tuple[Bucket, int, int], ...]
     """(bucket, first command, most commands)."""

@@ -1,4 +1,4 @@
-"""How the decoding shaders are compiled: by precision, by the variant that suits a device, for a codec."""
+"""Settings of the decoding shaders: precision, and the variant that suits a device."""
 
 from dataclasses import fields, replace
 from typing import Final
@@ -12,7 +12,7 @@ from viewer.gl.program import EXTENSION
 from viewer.state.view_state import Precision
 
 LEVELS: dict[Precision, int] = {"fp32": 0, "fp16": 0, "fp16-arithmetic": 1, "fp16-accumulate": 2}
-"""HALF_ARITHMETIC of shaders/ntc/half.glsl."""
+"""Values of HALF_ARITHMETIC in shaders/ntc/half.glsl."""
 
 EVERYWHERE: tuple[Precision, ...] = ("fp32", "fp16")
 """Precisions that every driver supports."""
@@ -24,18 +24,18 @@ that are summed up in single precision take more of them than single precision a
 
 
 def fastest_first(context: GraphicsContext) -> tuple[Precision, ...]:
-    """Precisions that this driver supports, as FASTEST_FIRST has them."""
+    """Return the precisions that this driver supports, in the order of FASTEST_FIRST."""
     supported = supported_precisions(context)
     return tuple(precision for precision in FASTEST_FIRST if precision in supported)
 
 
 def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
-    """Precisions that this driver supports."""
+    """Return the precisions that this driver supports."""
     return tuple(LEVELS) if context.features.half_arithmetic is not None else EVERYWHERE
 
 
 def unsupported_precisions(context: GraphicsContext) -> dict[str, str]:
-    """Why this driver cannot compute in a precision, by its name; none of those that it supports."""
+    """Return the reasons why this driver cannot compute in a precision, by its name."""
     lacking = set(LEVELS) - set(supported_precisions(context))
     reason = f"{context.info.renderer} has no 16-bit arithmetic in shaders; take fp16, which stores decoders in 16 bits"
     return {precision: reason for precision in LEVELS if precision in lacking}
@@ -44,7 +44,7 @@ def unsupported_precisions(context: GraphicsContext) -> dict[str, str]:
 def precision_defines(
     context: GraphicsContext, precision: Precision, emulated: bool = False
 ) -> dict[str, int | float | str]:
-    """Defines of the decoding shaders. `emulated` rounds in single precision what the driver cannot compute in halves.
+    """Return the defines of the decoding shaders. `emulated` rounds in single precision what the driver cannot compute in halves.
 
     Raises InputError where the driver has no half arithmetic and `precision` needs it.
     """
@@ -63,7 +63,7 @@ def precision_defines(
 
 
 NVIDIA: Final = DecoderVariant(pixels=2)
-"""Two pixels of 64 hidden values fit the 255 registers of an invocation there."""
+"""Variant for NVIDIA: two pixels of 64 hidden values fit the 255 registers of an invocation."""
 NVIDIA_HIDDEN: Final = 64
 CANDIDATES: Final = (
     GPU,
@@ -73,11 +73,11 @@ CANDIDATES: Final = (
     replace(GPU, unrolled=1),
     replace(GPU, weights="storage"),
 )
-"""What is measured on a GPU, the most promising first."""
+"""Variants that are measured on a GPU, the most promising first."""
 
 
 def default_variant(context: GraphicsContext, config: CodecSettings) -> DecoderVariant:
-    """The variant of the device's class, for a codec: what is taken where nothing has been measured."""
+    """Return the variant of the device's class for a codec: the choice where nothing has been measured."""
     if context.info.is_software or not context.features.compute:
         return SOFTWARE if context.features.weights_in_image else replace(SOFTWARE, weights="uniforms")
     tables = codec_of(config).gpu_tables(config)
@@ -87,7 +87,7 @@ def default_variant(context: GraphicsContext, config: CodecSettings) -> DecoderV
 
 
 def parsed_variant(text: str) -> DecoderVariant:
-    """The variant that `str` writes; settings that are not named are those of GPU. Raises InputError."""
+    """Parse the text of a variant; settings that are not named are those of GPU. Raises InputError."""
     kinds = {field.name: str if field.name == "weights" else int for field in fields(DecoderVariant)}
     given: dict[str, int | str] = {}
     for part in text.split(","):

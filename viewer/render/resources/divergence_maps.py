@@ -15,15 +15,15 @@ from viewer.render.resources.layout import StorageBinding
 
 T = TypeVar("T")
 Stage = Literal["compute", "fragment"]
-"""Which kind of shader counts: `fragment` is for drivers whose compute shaders are slow or missing."""
+"""Kind of shader that counts: `fragment` is for drivers whose compute shaders are slow or missing."""
 
 
 @dataclass(frozen=True)
 class CountedGrouping:
-    """One grouping whose decoders are counted."""
+    """Grouping whose decoders are counted."""
 
     version: int
-    """Changes with the decoders, and only with them."""
+    """Version that changes with the decoders, and only with them."""
     decoders: tuple[int, ...] = field(compare=False)
     """Decoder of each texture of the scene, -1 where nothing is decoded."""
 
@@ -48,10 +48,10 @@ class DivergenceTarget:
             self.framebuffer = memory.framebuffer(what, [self.texture])
             self.histogram = memory.buffer(what, reserve=4 * self._counts * groupings)
         self.counted_by: Stage = "compute"
-        """Which stage wrote the maps; only `compute` fills the histogram."""
+        """Stage that wrote the maps; only `compute` fills the histogram."""
 
     def read(self, grouping: int = 0) -> NDArray[np.uint16]:
-        """[ceil(H / block height), ceil(W / block width)] uint16, as `ntc.metrics.divergence.divergence_map`."""
+        """Return a map: [ceil(H / block height), ceil(W / block width)] uint16, as `ntc.metrics.divergence.divergence_map`."""
         return np.asarray(self._maps(self.texture.read(alignment=1))[grouping], np.uint16)
 
     def _maps(self, content: bytes) -> NDArray[np.uint16]:
@@ -60,21 +60,21 @@ class DivergenceTarget:
         return np.asarray(words, np.uint16)
 
     def copy_counts(self, back: ReadBack[T], tag: T) -> None:
-        """Have `back` bring what `statistics_in` reads: a few hundred bytes, or the maps where no histogram is counted."""
+        """Copy what `statistics_in` reads to `back`: a few hundred bytes, or the maps where no histogram is counted."""
         if self.counted_by == "fragment":
             back.copy_texture(self.texture, 4 * self.size[0] * self.size[1] * self.groupings, tag)
         else:
             back.copy([(self.histogram, self.histogram.size)], tag)
 
     def statistics_in(self, content: bytes) -> tuple[DivergenceStatistics, ...]:
-        """Statistics of each map."""
+        """Return the statistics of each map."""
         if self.counted_by == "fragment":
             return tuple(DivergenceStatistics.of(counted) for counted in self._maps(content))
         counts = np.frombuffer(content, np.uint32).reshape(self.groupings, self._counts)
         return tuple(DivergenceStatistics(tuple(row.tolist())) for row in counts)
 
     def statistics(self, grouping: int = 0) -> DivergenceStatistics:
-        """Statistics of one map, read back now."""
+        """Return the statistics of one map, read back now."""
         read = self.texture.read(alignment=1) if self.counted_by == "fragment" else self.histogram.read()
         return self.statistics_in(read)[grouping]
 

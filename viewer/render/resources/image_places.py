@@ -1,4 +1,4 @@
-"""Where the images of one plane of maps lie in texture arrays: all of them, or those in sight that a budget allows."""
+"""Places of the images of one plane of maps in texture arrays: of all of them, or of those in sight that a budget allows."""
 
 from collections import OrderedDict, defaultdict
 from collections.abc import Iterable, Mapping
@@ -10,20 +10,20 @@ from ntc.codec.maps import PLANES, Plane
 from viewer.scene.model import Sampler, Scene
 
 LAYERS_AT_MOST = 256
-"""Every OpenGL 4.3 driver has at least this many layers."""
+"""Most layers of an array: every OpenGL 4.3 driver has at least this many."""
 ARRAY_BYTES = 1 << 24
-"""Of an array whose layers come and go, unless one layer takes more: what is left of it unused is lost."""
+"""Size in bytes of an array whose layers come and go, unless one layer takes more: layers left unused are lost."""
 DEFAULT_BYTES = 1 << 30
-"""Of all images of one source."""
+"""Default limit of all images of one source, in bytes."""
 TEXEL_BYTES = 4
 
 _Key = tuple[int, Sampler]
-"""Texture and how it is sampled."""
+"""Texture and its sampler."""
 
 
 @dataclass(frozen=True)
 class ImagePlace:
-    """Where a material finds its original image."""
+    """Place of an image that materials sample."""
 
     array: int
     layer: int
@@ -31,17 +31,17 @@ class ImagePlace:
 
 @dataclass(frozen=True)
 class ImageContent:
-    """What lies in a layer: a texture from one of its mips on."""
+    """Content of a layer: a texture from one of its mips on."""
 
     texture: int
     level: int = 0
     number: int = 0
-    """Tells content apart that came to one place at different times."""
+    """Number that tells content apart which came to one place at different times."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImageArrayPlan:
-    """An array of images of one size that are sampled alike."""
+    """Array of images of one size that are sampled alike."""
 
     size: tuple[int, int]
     sampler: Sampler
@@ -49,17 +49,17 @@ class ImageArrayPlan:
 
 
 def image_bytes(size: tuple[int, int]) -> int:
-    """Bytes of an image of (width, height) texels with its mips."""
+    """Return the number of bytes of an image of (width, height) texels with its mips."""
     return size[0] * size[1] * TEXEL_BYTES * 4 // 3
 
 
 def plane_bytes(scene: Scene, plane: Plane) -> int:
-    """Bytes of all images of a plane, each as often as it is sampled in another way."""
+    """Return the number of bytes of all images of a plane, each as often as it is sampled in another way."""
     return sum(image_bytes(scene.textures[texture].size) for texture, _ in set(_keys(scene, plane).values()))
 
 
 def _keys(scene: Scene, plane: Plane) -> dict[int, _Key]:
-    """By material: its image of the plane."""
+    """Return the image of the plane by material."""
     found = {index: material.plane(plane) for index, material in enumerate(scene.materials)}
     return {index: (own.texture_id, own.sampler) for index, own in found.items() if own is not None}
 
@@ -69,12 +69,12 @@ def _reduced(size: tuple[int, int], level: int) -> tuple[int, int]:
 
 
 def _level(size: tuple[int, int], side: int) -> int:
-    """The first mip of at most `side` texels a side."""
+    """Return the first mip of at most `side` texels a side."""
     return max(0, (max(size) - 1).bit_length() - (side - 1).bit_length())
 
 
 class ImagePlaces:
-    """The places of a plane's images, which all sources that are shown as images share.
+    """Places of a plane's images, which all sources that are shown as images share.
 
     If all images fit into `most_bytes`, each has its place for good. Else those in sight have, at the largest size at which all of
     them fit: mips above that are left out. An image that is coming finer, or for the first time, is pending until it is `arrived`.
@@ -85,19 +85,19 @@ class ImagePlaces:
         self._keys = _keys(scene, plane)
         self.is_bounded = plane_bytes(scene, plane) > most_bytes
         self.plans: dict[int, ImageArrayPlan] = {}
-        """By number of array."""
+        """Plans of the arrays, by number."""
         self.content: dict[ImagePlace, ImageContent] = {}
         self._current: OrderedDict[_Key, ImagePlace] = OrderedDict()
-        """Those seen last at the end."""
+        """Places that are shown; those seen last at the end."""
         self._pending: dict[_Key, ImagePlace] = {}
         self._free: dict[int, list[int]] = {}
-        """By array, its layers without content."""
+        """Layers without content, by array."""
         self._bytes = self._placed = 0
         self._wanted: frozenset[_Key] = frozenset()
         self.version = 0
-        """Another number whenever images lie elsewhere, or other ones are coming."""
+        """Version that changes whenever images lie elsewhere, or other ones are coming."""
         self.side = max((max(scene.textures[texture].size) for texture, _ in self._keys.values()), default=1)
-        """Largest side in texels at which the images in sight are there."""
+        """Size limit of the images in sight: their largest side in texels."""
         if not self.is_bounded:
             self._place_all()
 
@@ -115,31 +115,31 @@ class ImagePlaces:
 
     @property
     def images(self) -> int:
-        """Images of the plane."""
+        """Number of images of the plane."""
         return len(set(self._keys.values()))
 
     @property
     def pending(self) -> Mapping[ImagePlace, ImageContent]:
-        """What is coming."""
+        """Content that is coming, by place."""
         return {place: self.content[place] for place in self._pending.values()}
 
     @property
     def in_sight(self) -> int:
-        """Images that are in sight, where they are bounded."""
+        """Number of images in sight, where they are bounded."""
         return len(self._wanted)
 
     @property
     def bytes_placed(self) -> int:
-        """Bytes of what is there or coming, where that is bounded."""
+        """Number of bytes of what is there or coming, where that is bounded."""
         return self._bytes
 
     def of(self, materials: Iterable[int]) -> set[ImagePlace]:
-        """Places of the images of `materials`, those that are there."""
+        """Return the places of the images of `materials` that are there."""
         keys = {self._keys[index] for index in materials if index in self._keys}
         return {self._current[key] for key in keys if key in self._current}
 
     def want(self, materials: Iterable[int]) -> None:
-        """Have places for the images of these materials, which are in sight; others lose theirs where there is no room."""
+        """Find places for the images of these materials, which are in sight; others lose theirs where there is no room."""
         if not self.is_bounded:
             return
         wanted = frozenset(self._keys[index] for index in materials if index in self._keys)
@@ -225,7 +225,7 @@ class ImagePlaces:
         return place
 
     def arrived(self, places: Iterable[ImagePlace]) -> None:
-        """These are there now: what was shown in their stead goes."""
+        """Show what has arrived at these places; what was shown in its stead goes."""
         there = set(places)
         self.version += 1
         for key in [key for key, place in self._pending.items() if place in there]:

@@ -23,21 +23,21 @@ class LatentBudget:
 
 @dataclass(frozen=True)
 class LatentCounts:
-    """Which latents are on the GPU, and which are not."""
+    """Numbers of the latents that are on the GPU, and of those that are not."""
 
     bytes_uploaded: int
     bytes_left_out: int
-    """Bytes of mips that no view has needed so far."""
+    """Number of bytes of mips that no view has needed so far."""
     textures_left_out: int
-    """Textures of which no view has needed any mip so far."""
+    """Number of textures of which no view has needed any mip so far."""
     levels_without_room: int
-    """Visible mips that do not fit into the budget: a coarser one is shown."""
+    """Number of visible mips that do not fit into the budget: a coarser one is shown."""
     out_of_memory: bool = False
-    """Whether the GPU had less memory than the budget, which has been lowered, or lets shaders read less of it than was needed."""
+    """True where the GPU had less memory than the budget, which was lowered, or lets shaders read less of it than was needed."""
 
 
 class LatentStore:
-    """Latents of a table of textures, None for those that are not encoded. Coarse mips are there whenever a finer one is.
+    """Latents of a table of textures (None: not encoded). Coarse mips are there whenever a finer one is.
 
     They are counted in cells: rows of the stored latents (`GpuTables.row_words`).
     """
@@ -52,7 +52,7 @@ class LatentStore:
         self.gl, self.memory = context.gl, context.memory
         self.tables, self._textures = tables, list(textures)
         self.cell_bytes = 4 * tables.row_words
-        """Bytes of one cell on the GPU."""
+        """Number of bytes of one cell on the GPU."""
         # Shaders find all latents in one buffer, of which they read no more than the driver allows.
         limits = context.memory.limits
         self._most_bytes, self._limit_name = limits.storage_block_bytes, limits.storage_limit
@@ -63,7 +63,7 @@ class LatentStore:
             for texture in textures
         )
         self.rows: list[tuple[StoredRows, ...]] = [self._rows_of(texture) for texture in textures]
-        """Where each mip lies in its texture's latents."""
+        """Rows of each mip in its texture's latents."""
         counts = [len(pyramid) for pyramid in self.pyramids]
         self.first_level = np.concatenate([[0], np.cumsum(counts)])[: len(counts)].astype(np.int32)
         """[textures] row of `levels` of each texture's finest mip."""
@@ -92,18 +92,18 @@ class LatentStore:
         )
 
     def _cells(self, index: int, finest: int) -> int:
-        """Cells of a texture from mip `finest` on."""
+        """Return the number of cells of a texture from mip `finest` on."""
         return int(self._cells_from[self._first_sum[index] + finest])
 
     @property
     def bytes_by_texture(self) -> NDArray[np.int64]:
-        """[textures] int64: what of each texture is there."""
+        """[textures] int64 number of bytes of each texture that are there."""
         cells: NDArray[np.int64] = self._cells_from[self._first_sum + self.finest]
         return cells * self.cell_bytes
 
     @property
     def counts(self) -> LatentCounts:
-        """What is on the GPU."""
+        """Numbers of what is on the GPU."""
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
         there = int(self.bytes_by_texture.sum())
         absent = int(np.count_nonzero((self.finest >= self._mips) & (self._mips > 0)))
@@ -112,7 +112,7 @@ class LatentStore:
 
     @property
     def refusal(self) -> str:
-        """Why not all latents are there, and what helps."""
+        """Message that says why latents are missing, and what helps."""
         if self._out_of_memory:
             return "latents: the GPU has no memory for all of them; close other programs"
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
@@ -122,24 +122,24 @@ class LatentStore:
         )
 
     def all_levels(self) -> dict[int, int]:
-        """Every mip of every texture, for `need`."""
+        """Return every mip of every texture, for `need`."""
         return {index: 0 for index, pyramid in enumerate(self.pyramids) if pyramid}
 
     def has(self, wanted: Mapping[int, int]) -> bool:
-        """Whether these mips are there, given as finest mip by texture."""
+        """Return whether these mips are there, given as finest mip by texture."""
         return all(self.finest[index] <= level for index, level in wanted.items())
 
     def replace_textures(self, textures: Mapping[int, EncodedTexture]) -> None:
-        """Upload from these versions, given by index, from now on. What is on the GPU stays (`LatentUpdate` replaces it)."""
+        """Upload from these versions, given by index, from now on. The GPU keeps what it has (`LatentUpdate` replaces it)."""
         for index, texture in textures.items():
             self._textures[index] = texture
 
     def fits(self, index: int, texture: EncodedTexture) -> bool:
-        """Whether each mip of this version takes as much as that of the present one, and so can replace it in its place."""
+        """Return whether each mip of this version takes as much room as that of the present one, and so can replace it in place."""
         return self._rows_of(texture) == self.rows[index]
 
     def reload(self, textures: Mapping[int, EncodedTexture]) -> int:
-        """Hold these versions, given by index, whatever room they take: all that is there is uploaded anew; the bytes.
+        """Hold these versions, given by index, whatever room they take: upload all that is there anew. Return the number of bytes.
 
         Raises GpuMemoryError as `need` does.
         """
@@ -153,7 +153,7 @@ class LatentStore:
         return int(self.bytes_by_texture.sum())
 
     def need(self, wanted: Mapping[int, int]) -> bool:
-        """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; whether anything changed.
+        """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; return whether anything changed.
 
         Where the budget is full all that is not wanted goes; where that is not enough, the finest mips of the largest
         textures stay out. Where the GPU has no memory for the budget, what it has is the budget from then on. Raises GpuMemoryError
@@ -180,14 +180,14 @@ class LatentStore:
         return True
 
     def _begin_anew(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
-        """Drop all latents; the part of `wanted` that fits, and its number of cells."""
+        """Drop all latents; return the part of `wanted` that fits, and its number of cells."""
         self.finest[:] = self._mips
         self._used = 0
         fitting = self._fitting(wanted)
         return fitting, sum(self._cells(index, level) for index, level in fitting.items())
 
     def _fitting(self, wanted: Mapping[int, int]) -> dict[int, int]:
-        """As much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
+        """Return as much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
         fitting = dict(wanted)
         while sum(self._cells(index, level) for index, level in fitting.items()) > self._budget_cells:
             open_ones = [index for index, level in fitting.items() if level + 1 < len(self.pyramids[index])]
@@ -215,7 +215,7 @@ class LatentStore:
         self.buffer = grown
 
     def _place(self, index: int, finest: int) -> bytes:
-        """A texture's mips from `finest` to those that are there, which come behind what is used and count as used from now on."""
+        """Return a texture's mips from `finest` to those that are there; they follow what is used, and count as used from now on."""
         texture, rows = self._textures[index], self.rows[index]
         assert texture is not None
         present = int(self.finest[index])
@@ -235,18 +235,18 @@ class LatentStore:
 
 @dataclass(frozen=True)
 class CellRange:
-    """Some cells of one mip of one texture."""
+    """Range of cells of one mip of one texture."""
 
     texture: int
-    """Index in the store."""
+    """Index of the texture in the store."""
     level: int
     first: int
-    """Counted from the first cell of the mip."""
+    """First cell of the range, counted from the first cell of the mip."""
     count: int
 
 
 class LatentUpdate:
-    """Replaces the latents of `textures`, given by index in the store, by others of textures of the same sizes.
+    """Replacement of the latents of `textures`, given by index in the store, by others of textures of the same sizes.
 
     The store keeps its old latents, and may load more of them, until `apply`. Latents that take other room than before are not
     staged: with them the store is filled anew.
@@ -255,13 +255,13 @@ class LatentUpdate:
     def __init__(self, store: LatentStore, textures: Mapping[int, EncodedTexture]) -> None:
         self._store, self._textures = store, textures
         self.fits = all(store.fits(index, texture) for index, texture in textures.items())
-        """Whether the new latents take the places of the old ones."""
+        """True where the new latents take the places of the old ones."""
         self._staged: dict[tuple[int, int], int] = {}
-        """Cells that are staged, by texture and mip."""
+        """Numbers of cells that are staged, by texture and mip."""
         self._batches: list[tuple[moderngl.Buffer, list[CellRange]]] = []
 
     def _missing(self) -> Iterator[CellRange]:
-        """Cells on the GPU whose new version is not staged."""
+        """Yield the cells on the GPU whose new version is not staged."""
         for index in self._textures if self.fits else ():
             rows = self._store.rows[index]
             for level in range(int(self._store.finest[index]), len(rows)):
@@ -271,7 +271,7 @@ class LatentUpdate:
 
     @property
     def missing_bytes(self) -> int:
-        """Bytes that are still to be uploaded."""
+        """Number of bytes that are still to be uploaded."""
         return sum(part.count for part in self._missing()) * self._store.cell_bytes
 
     def _words(self, part: CellRange) -> bytes:
@@ -280,7 +280,7 @@ class LatentUpdate:
         return self._store.tables.latent_words(self._textures[part.texture], cells).tobytes()
 
     def stage(self, budget_bytes: int) -> int:
-        """Upload up to `budget_bytes`, and at least one cell, to a buffer beside the store; the bytes. Raises GpuMemoryError."""
+        """Upload up to `budget_bytes`, and at least one cell, to a staging buffer; return the number of bytes. Raises GpuMemoryError."""
         room = max(1, budget_bytes // self._store.cell_bytes)
         batch: list[CellRange] = []
         for part in self._missing():
@@ -295,7 +295,7 @@ class LatentUpdate:
         return len(data)
 
     def apply(self) -> int:
-        """Upload what is not staged, and have the store hold the new latents; the bytes uploaded.
+        """Upload what is not staged, and let the store hold the new latents; return the number of bytes uploaded.
 
         The store's `levels` and `finest` may then be others. Raises GpuMemoryError where latents take more room than before.
         """

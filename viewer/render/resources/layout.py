@@ -1,4 +1,4 @@
-"""Everything that Python and GLSL must agree on: bindings, units, records, constants. GLSL gets it as a generated include."""
+"""Bindings, units, records and constants that Python and GLSL share. GLSL gets them as a generated include."""
 
 from enum import IntEnum
 
@@ -24,14 +24,14 @@ class StorageBinding(IntEnum):
 
 
 class BinBinding(IntEnum):
-    """Storage buffers of path `binned`, in place of others that its programs do not read."""
+    """Bindings of the storage buffers of path `binned`, in place of others that its programs do not read."""
 
     BINS = 5
     BIN_PIXELS = 6
 
 
 class TileBinding(IntEnum):
-    """Storage buffers of path `cached`: what asks for tiles and shows them reads no latents, what decodes them none of the rest."""
+    """Bindings of the storage buffers of path `cached`: those that decode read no tables, the others no latents."""
 
     MATERIAL_TILES = 3
     TILE_LEVELS = 4
@@ -102,39 +102,39 @@ class SamplerFlag(IntEnum):
 ALPHA_CODES: dict[AlphaMode, AlphaCode] = {"opaque": AlphaCode.OPAQUE, "mask": AlphaCode.MASK, "blend": AlphaCode.BLEND}
 
 GROUP_SIDE = 8
-"""Side of a compute work group in pixels: the block of the divergence map."""
+"""Side of a compute work group in pixels, as of a block of the divergence map."""
 TEXEL_GROUP = 64
-"""Work group size of the texel decoder."""
+"""Number of invocations in a work group of the texel decoder."""
 BIN_GROUP = 64
-"""Work group size of the binned decode; each of its invocations decodes several pixels."""
+"""Number of invocations in a work group of the binned decode; each decodes several pixels."""
 SCAN_GROUP = 256
-"""Work group size of the scan over bins; there is one group."""
+"""Number of invocations in the one work group of the scan over bins."""
 TILE_SIDE = 32
 """Side in texels of a tile of a decoded mip."""
 TILE_BORDER = 1
-"""Texels around a tile that are kept with it, so that the hardware can filter at its edges."""
+"""Width in texels of the border that is kept around a tile, so that the hardware can filter at its edges."""
 PAGE_SIDE = TILE_SIDE + 2 * TILE_BORDER
 """Side in texels of a page of the tile atlas: a tile and its border."""
 TILE_QUADS = TILE_SIDE * TILE_SIDE // 4
-"""Groups of four texels of one texel block that a tile has, its border left out."""
+"""Number of groups of four texels of one texel block in a tile without its border."""
 PAGE_QUADS = TILE_QUADS + TILE_SIDE + 4
-"""The same with the border: rows of four texels, and each corner alone."""
+"""Number of such groups in a tile with its border: rows of four texels, and each corner alone."""
 PAGES_ACROSS = 30
-"""Pages along a side of a layer of the tile atlas."""
+"""Number of pages along a side of a layer of the tile atlas."""
 TILE_REQUESTED = 0xFFFFFFFF
 """Table entry of a missing tile that has been requested. 0: missing; other values: the tile's page + 1."""
 MAX_TILE_REQUESTS = 1 << 16
 """Most tiles that one frame can request; the others are requested again."""
 LATE_TILE_REQUESTS = 1 << 12
-"""The same where frames do not wait, for which a frame decodes few."""
+"""Most tiles that one frame can request where frames do not wait: such a frame decodes few."""
 PALETTE_STEPS = 32
-"""Entries of a palette as shaders read it."""
+"""Number of entries of a palette as shaders read it."""
 MATERIAL_SHIFT = 16
 """The visibility buffer's first word: texture id + 1 in the low bits, material + 1 above this bit."""
 LARGEST_ID = 65534
 """Most textures, and most materials, that the visibility buffer can name."""
 MOST_LIGHTS = 64
-"""Lights of a scene that light it, besides the sun."""
+"""Most lights of a scene that light it, besides the sun."""
 MAP_BITS: dict[MapName, int] = {name: 1 << number for number, name in enumerate(MAPS)}
 """A bit for each map, for choosing among them."""
 BUCKET_DEPTHS = 4096
@@ -147,7 +147,7 @@ PLANE_RECORD = np.dtype(
         *((name, "<f4", (4,)) for name in ("uv_u", "uv_v")),
     ]
 )
-"""Where a material finds one plane of its maps: std430, 64 bytes. `components` has a bit for each component that the material reads,
+"""Record of one plane of a material's maps: std430, 64 bytes. `components` has a bit for each component that the material reads,
 the others are neutral. `uv_u` and `uv_v` hold (a, b, c, unused) of `PlaneTexture.uv_transform`."""
 
 MATERIAL_RECORD = np.dtype(
@@ -160,19 +160,19 @@ MATERIAL_RECORD = np.dtype(
         ("planes", PLANE_RECORD, (len(PLANES),)),
     ]
 )
-"""One material: std430, 288 bytes. `emissive`: RGB and the strength of occlusion. `surface`: roughness, metalness, scale of normals,
+"""Record of a material: std430, 288 bytes. `emissive`: RGB, strength of occlusion. `surface`: roughness, metalness, scale of normals,
 transmission. `specular`: reflectance of a dielectric at normal incidence (RGB), and at grazing incidence."""
 
 REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
-"""One texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
+"""Record of one texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""
 
 TILE_LEVEL_RECORD = np.dtype([("first_entry", "<i4"), ("across", "<i4")])
-"""Tiles of one mip of a texture under one pair of wrap modes: std430, 8 bytes. Tile (x, y) has entry first_entry + y * across + x."""
+"""Record of the tiles of one mip under one pair of wrap modes: std430, 8 bytes. Tile (x, y) has entry first_entry + y * across + x."""
 
 TILE_RECORD = np.dtype(
     [(name, "<i4") for name in ("texture_id", "level", "tile_x", "tile_y", "wrap_u", "wrap_v", "page", "entry")]
 )
-"""A tile to decode: std430, 32 bytes."""
+"""Record of a tile to decode: std430, 32 bytes."""
 
 BIN_RECORD = np.dtype(
     [
@@ -180,22 +180,22 @@ BIN_RECORD = np.dtype(
         for name in ("groups_x", "groups_y", "groups_z", "pixels", "first", "counted", "placed", "padding_0")
     ]
 )
-"""The pixels of one decoder: std430, 32 bytes. It starts with the arguments of an indirect dispatch; `pixels` of the list from
+"""Record of one decoder's pixels: std430, 32 bytes. It starts with the arguments of an indirect dispatch; `pixels` of the list from
 `first` on are its own. `counted` and `placed` are at work while a frame is binned, and 0 between frames."""
 
 
 def texture_ids_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
-    """Texture ids in first words of the visibility buffer, any shape; -1 for none."""
+    """Return the texture ids in first words of the visibility buffer, any shape; -1 for none."""
     return (words & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int32) - 1
 
 
 def materials_of(words: NDArray[np.uint32]) -> NDArray[np.int32]:
-    """Materials in first words of the visibility buffer, any shape; -1 for the background."""
+    """Return the materials in first words of the visibility buffer, any shape; -1 for the background."""
     return (words >> np.uint32(MATERIAL_SHIFT)).astype(np.int32) - 1
 
 
 def sampler_flags(sampler: Sampler) -> int:
-    """Bits of SamplerFlag for a glTF sampler; 0 is trilinear."""
+    """Return the bits of SamplerFlag for a glTF sampler; 0 is trilinear."""
     flags = 0 if sampler.magnify_linear else SamplerFlag.MAGNIFY_NEAREST
     flags |= 0 if sampler.minify_linear else SamplerFlag.MINIFY_NEAREST
     flags |= {"none": SamplerFlag.MIPMAP_NONE, "nearest": SamplerFlag.MIPMAP_NEAREST, "linear": 0}[sampler.mipmap]
@@ -206,7 +206,7 @@ _NESTED = {PLANE_RECORD: "PlaneRecord"}
 
 
 def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
-    """The include `generated/layout.glsl`: bindings, units, codes and the records that do not depend on a codec.
+    """Return the include `generated/layout.glsl`: bindings, units, codes and the records that do not depend on a codec.
 
     `groups_across`: work groups in a row of a dispatch, as `Limits` has them.
     """
@@ -256,7 +256,7 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
 
 
 def scene_includes(groups_across: int = GROUPS_ACROSS) -> dict[str, str]:
-    """The generated includes of all shaders that need no codec, by name."""
+    """Return the generated includes of all shaders that need no codec, by name."""
     return {
         "generated/decoding.glsl": decoding_layout_glsl(),
         "generated/layout.glsl": scene_layout_glsl(groups_across),

@@ -1,4 +1,4 @@
-"""What lights a view, on the GPU: the prefiltered environment, the sun's shadow map, and the lights of the scene."""
+"""Light of a view on the GPU: the prefiltered environment, the sun's shadow map, and the lights of the scene."""
 
 import math
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ LINEAR = (moderngl.LINEAR, moderngl.LINEAR)
 
 
 class EnvironmentMaps:
-    """Textures of one environment; `PrefilterPass` writes `maps`."""
+    """Textures of one environment, of which `PrefilterPass` writes `maps`."""
 
     def __init__(self, context: GraphicsContext, size: PrefilterSize, panorama_width: int) -> None:
-        """`panorama_width`: texels across, twice the height. Raises GpuMemoryError."""
+        """Allocate the textures; `panorama_width`: texels across, twice the height. Raises GpuMemoryError."""
         self.size, self.panorama_width = size, panorama_width
         what, memory = f"an environment of {panorama_width} x {panorama_width // 2}", context.memory
         table = np.ascontiguousarray(brdf_table(), np.float32)
@@ -74,14 +74,14 @@ class EnvironmentMaps:
 
 
 SHADOW_SIDE: Final = 2048
-"""Texels a side."""
+"""Side of the shadow map in texels."""
 MARGIN: Final = 0.01
-"""Of the scene's extent, on each side."""
+"""Margin on each side, as a share of the scene's extent."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShadowView:
-    """How the sun sees a scene."""
+    """View of a scene from the sun."""
 
     matrix: NDArray[np.float64]
     """[4, 4] world to clip."""
@@ -97,7 +97,7 @@ class ShadowView:
 
 
 def shadow_view(bounds: NDArray[np.float32], direction: tuple[float, float, float]) -> ShadowView:
-    """The view of `bounds` [2, 3] along the light of a sun that stands in `direction` (unit vector)."""
+    """Return the view of `bounds` [2, 3] along the light of a sun in `direction` (unit vector)."""
     backward = np.array(direction, np.float64)
     helper = np.array([0.0, 0.0, 1.0]) if abs(backward[1]) > 0.9 else np.array([0.0, 1.0, 0.0])
     right = np.cross(helper, backward)
@@ -117,10 +117,10 @@ def shadow_view(bounds: NDArray[np.float32], direction: tuple[float, float, floa
 
 
 class ShadowMap:
-    """A depth texture, and the framebuffer that it is drawn into."""
+    """Shadow map of the sun: a depth texture, and its framebuffer."""
 
     def __init__(self, context: GraphicsContext, side: int = SHADOW_SIDE) -> None:
-        """Raises GpuMemoryError."""
+        """Allocate the map. Raises GpuMemoryError."""
         what = f"a shadow map of {side} x {side}"
         with context.memory.transaction():
             self.depth = context.memory.depth_texture(what, (side, side))
@@ -130,7 +130,7 @@ class ShadowMap:
         self.depth.repeat_x = self.depth.repeat_y = False
 
     def read(self) -> NDArray[np.float32]:
-        """[side, side] float32 depth in [0, 1], row 0 at the bottom."""
+        """Return [side, side] float32 depth in [0, 1], row 0 at the bottom."""
         return np.frombuffer(self.depth.read(), np.float32).reshape(self.depth.size[1], self.depth.size[0])
 
     def release(self) -> None:
@@ -142,22 +142,22 @@ class ShadowMap:
 LIGHT_RECORD = np.dtype(
     [("color", "<f4", (4,)), ("position", "<f4", (4,)), ("direction", "<f4", (4,)), ("cone", "<f4", (4,))]
 )
-"""A light: std140, 64 bytes, see shaders/lighting/lights.glsl."""
+"""Record of a light: std140, 64 bytes, see shaders/lighting/lights.glsl."""
 
 
 @dataclass(frozen=True)
 class SurfaceKinds:
-    """What any material of a scene has: shaders leave out what none has, for every pixel costs what its shader could need."""
+    """Kinds of factors that any material of a scene has. Shaders leave out the others: each pixel costs what its shader could need."""
 
     clearcoat: bool = False
     specular: bool = True
-    """Another reflectance than that of ior 1.5, or transmission."""
+    """True where a material has another reflectance than that of ior 1.5, or transmission."""
     emissive: bool = True
     unlit: bool = True
 
     @staticmethod
     def of(materials: Sequence[Material]) -> "SurfaceKinds":
-        """Of all `materials`."""
+        """Return the kinds of factors that any of `materials` has."""
         factors = [material.factors for material in materials]
         plain = SurfaceFactors()
         return SurfaceKinds(
@@ -172,7 +172,7 @@ class SurfaceKinds:
         )
 
     def defines(self) -> dict[str, int]:
-        """Defines of shaders/passes/shade/shade.frag."""
+        """Return the defines of shaders/passes/shade/shade.frag."""
         return {
             "CLEARCOAT": int(self.clearcoat),
             "SPECULAR": int(self.specular),
@@ -183,30 +183,30 @@ class SurfaceKinds:
 
 @dataclass(frozen=True)
 class SceneLight:
-    """Equal values light a scene alike."""
+    """Light of a view, as the shading pass reads it. Equal values light a scene alike."""
 
     environment_key: str
-    """Says which environment the maps show."""
+    """Key of the environment that the maps show."""
     turn: float
-    """Degrees that it is turned by, from north towards east."""
+    """Turn of the environment in degrees from north towards east."""
     sun: Sun
     shows_sun: bool
-    """Whether the sun's disk is drawn in front of the environment."""
+    """True where the sun's disk is drawn in front of the environment."""
     exposure: float
-    """In stops."""
+    """Exposure in stops."""
     tone_map: ToneMap
     environment: EnvironmentMaps = field(compare=False)
     shadow: ShadowMap | None = None
-    """None where nothing casts shadows. What it shows follows from the sun."""
+    """Shadow map, which follows from the sun; None where nothing casts shadows."""
     shadow_view: ShadowView | None = field(default=None, compare=False)
     lights: tuple[Light, ...] = ()
     kinds: SurfaceKinds = SurfaceKinds()
     outputs: tuple[Output, ...] = field(default=(), compare=False)
-    """Of the environment and the shadow map."""
+    """Outputs of the passes that made the environment and the shadow map."""
 
 
 def light_records(lights: tuple[Light, ...], eye: NDArray[np.float64]) -> NDArray[np.void]:
-    """[MOST_LIGHTS] LIGHT_RECORD of the first MOST_LIGHTS lights, their places relative to `eye` [3]."""
+    """Return [MOST_LIGHTS] LIGHT_RECORD of the first MOST_LIGHTS lights, with places relative to `eye` [3]."""
     records = np.zeros(MOST_LIGHTS, LIGHT_RECORD)
     for record, light in zip(records, lights, strict=False):
         axis = np.array(light.direction, np.float64)

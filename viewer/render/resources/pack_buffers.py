@@ -38,20 +38,20 @@ class PackBuffers:
         on_demand: LatentBudget | None = None,
         rescale: bool = True,
     ) -> None:
-        """`variant` is what the programs are generated for; None: the default of the device.
+        """Upload the pack; `variant` is what the programs are generated for; None: the default of the device.
 
         Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
         """
         self._context, self._memory, self._rescale = context, context.memory, rescale
         self.precision = precision
         self.pack = self.stored(pack)
-        """As it is stored in this precision."""
+        """Pack as it is stored in this precision."""
         self._texture_index = tuple(texture_index)
         self._tables = codec_of(pack.config).gpu_tables(pack.config, precision)
         self.network_blocks = self._tables.loop_length
-        """The decoding shaders' uniform of that name."""
+        """Value of the decoding shaders' uniform of that name."""
         self.decodes_quads = self._tables.decodes_quads
-        """Whether tiles are decoded four texels at a time (shaders/passes/decode_cached/decode.comp)."""
+        """True where tiles are decoded four texels at a time (shaders/passes/decode_cached/decode.comp)."""
         self.variant = variant or default_variant(context, pack.config)
         self.defines = {
             **precision_defines(context, self._tables.precision, emulate_half),
@@ -79,11 +79,11 @@ class PackBuffers:
                     raise GpuMemoryError(self.latent_store.refusal)
 
     def stored(self, pack: Pack) -> Pack:
-        """`pack` as these buffers store it: rescaled where the precision needs that."""
+        """Return `pack` as these buffers store it: rescaled where the precision needs that."""
         return codec_of(pack.config).stored_pack(pack, self.precision) if self._rescale else pack
 
     def _textures(self) -> Iterator[tuple[int, EncodedTexture]]:
-        """Slot of the table and texture, for all that the pack holds."""
+        """Yield slot of the table and texture, for all that the pack holds."""
         return ((slot, self.pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
 
     def _fill_records(self) -> None:
@@ -111,7 +111,7 @@ class PackBuffers:
         return decoders
 
     def slots_of_groups(self, groups: Collection[int], pack: Pack) -> dict[int, EncodedTexture]:
-        """Textures of these groups of `pack`, a version of this pack, by slot of the table."""
+        """Return the textures of these groups of `pack`, a version of this pack, by slot of the table."""
         slots = ((slot, pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
         return {slot: texture for slot, texture in slots if texture.group in groups}
 
@@ -150,7 +150,7 @@ class PackBuffers:
         return uploaded
 
     def _write_weights(self, first_block: int, weights: bytes) -> int:
-        """Write `weights` from block `first_block` on; the bytes."""
+        """Write `weights` from block `first_block` on; return the number of bytes."""
         block_bytes = self._tables.block_bytes
         if isinstance(self._weights, moderngl.Buffer):
             self._memory.write(self._weights, weights, first_block * block_bytes)
@@ -166,19 +166,19 @@ class PackBuffers:
 
     @property
     def bytes_by_part(self) -> dict[str, int]:
-        """Bytes on the GPU by what they are for; adapters count as decoders."""
+        """Numbers of bytes on the GPU by their use; adapters count as decoders."""
         tables = sum(buffer.size for buffer in self._record_buffers.values())
         return {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
 
     def need(self, wanted: Mapping[int, int]) -> bool:
-        """Upload what is missing of these mips, given as finest mip by texture; whether anything was. Raises GpuMemoryError."""
+        """Upload what is missing of these mips, given as finest mip by texture; return whether anything was. Raises GpuMemoryError."""
         changed = self.latent_store.need(wanted)
         if changed:
             self.note_latents()
         return changed
 
     def note_latents(self) -> None:
-        """Tell shaders which mips are there, and where, after the store has changed."""
+        """Upload which mips are there, and where, after the store has changed."""
         finest = self.latent_store.finest
         last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
         self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
@@ -186,7 +186,7 @@ class PackBuffers:
         replace_content(self._record_buffers[DecodingBinding.LEVELS], self.latent_store.levels.tobytes())
 
     def bind_records(self) -> None:
-        """Bind what tells of textures and mips, for what decodes nothing (ntc/records.glsl)."""
+        """Bind the records of textures and mips, for shaders that decode nothing (ntc/records.glsl)."""
         for binding, buffer in self._record_buffers.items():
             self._context.bind_storage(buffer, int(binding))
 
@@ -206,7 +206,7 @@ class PackBuffers:
 
 
 def weight_image(memory: GpuMemory, weights: bytes, tables: GpuTables) -> moderngl.Texture:
-    """`weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
+    """Return `weights` as an image in rows of 2^WEIGHT_COLUMN_BITS blocks of four."""
     row_bytes = tables.block_bytes << WEIGHT_COLUMN_BITS
     rows = -(-len(weights) // row_bytes)
     padded = weights.ljust(rows * row_bytes, b"\0")
@@ -214,30 +214,30 @@ def weight_image(memory: GpuMemory, weights: bytes, tables: GpuTables) -> modern
 
 
 def scene_programs(context: GraphicsContext) -> ProgramFactory:
-    """Programs of all shaders but those that need the layout of a codec, in the GLSL of the driver at hand."""
+    """Return the programs of all shaders that need no codec, in the GLSL of this driver."""
     generated = scene_includes(context.memory.limits.groups_across)
     library = ShaderLibrary(shaders_folder(), generated, older=not context.features.compute)
     return ProgramFactory(context.gl, library, context.functions)
 
 
 def codec_programs(factory: ProgramFactory, pack: Pack, variant: DecoderVariant) -> ProgramFactory:
-    """`factory` with the includes that the decoding shaders need for the codec of `pack`, laid out as `variant` says."""
+    """Return `factory` with the includes that the decoding shaders need for the codec of `pack`, laid out as `variant` says."""
     return factory.with_generated(codec_of(pack.config).gpu_tables(pack.config).includes(variant))
 
 
 LARGEST_ALIGNMENT = 256
-"""Bytes: OpenGL lets no implementation ask for more (OpenGL 4.3, table 23.57)."""
+"""Largest alignment of a buffer range in bytes that an implementation may ask for (OpenGL 4.3, table 23.57)."""
 SHARED_BYTES = 1 << 15
-"""Of shared memory, which every implementation has (likewise, table 23.64)."""
+"""Shared memory in bytes that every implementation has (OpenGL 4.3, table 23.64)."""
 
 
 class DecoderRanges:
-    """All decoders of a pack, each at an aligned place of a uniform buffer: its weights, or where they are among all weights."""
+    """Decoders of a pack, each at an aligned place of a uniform buffer: its weights, or their place among all weights."""
 
     def __init__(
         self, context: GraphicsContext, pack: Pack, precision: Precision, variant: DecoderVariant | None = None
     ) -> None:
-        """`variant` is what the programs are generated for; None: the default of the device."""
+        """Upload the pack; `variant` is what the programs are generated for; None: the default of the device."""
         codec = codec_of(pack.config)
         tables = codec.gpu_tables(pack.config, precision)
         variant = variant or default_variant(context, pack.config)
@@ -252,7 +252,7 @@ class DecoderRanges:
         }
         place = variant.weights if tables.shares_decoders and fits.get(variant.weights, True) else "storage"
         self.defines = {"DECODER_PLACE": {"uniforms": 0, "shared": 2}.get(place, 1)}
-        """Of the shaders that read ranges (shaders/ntc/decoder_weights.glsl)."""
+        """Defines of the shaders that read ranges (shaders/ntc/decoder_weights.glsl)."""
         self._places_only = place != "uniforms"
         self._size = 16 if self._places_only else stored
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
@@ -270,7 +270,7 @@ class DecoderRanges:
         return self._memory.buffer("decoders", b"".join(ranges) or bytes(self._stride))
 
     def replace(self, pack: Pack, groups: Collection[int]) -> int:
-        """Hold the decoders of `pack`, stored as `Codec.stored_pack` gives it, in which those of `groups` differ; the bytes uploaded.
+        """Hold the decoders of `pack` (of `Codec.stored_pack`), of which `groups` differ; return the number of bytes uploaded.
 
         Raises GpuMemoryError, with nothing changed.
         """
@@ -286,7 +286,7 @@ class DecoderRanges:
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Size of the buffer."""
+        """Number of bytes of the buffer."""
         return self._buffer.size
 
     def bind(self, decoder: int) -> None:

@@ -1,4 +1,4 @@
-"""OpenGL samplers for glTF samplers, each distinct one made once."""
+"""Samplers of OpenGL for those of glTF, each distinct one made once."""
 
 import moderngl
 
@@ -27,7 +27,7 @@ class SamplerCache:
         self._samplers: dict[tuple[Sampler, int], moderngl.Sampler] = {}
 
     def get(self, sampler: Sampler, anisotropy: int = 1) -> moderngl.Sampler:
-        """The OpenGL sampler; `anisotropy` from 1 (none) to 16, as far as the driver has it."""
+        """Return the OpenGL sampler; `anisotropy` from 1 (none) to 16, as far as the driver has it."""
         anisotropy = min(anisotropy, self._most)
         key = (sampler, anisotropy)
         if key not in self._samplers:

@@ -27,18 +27,18 @@ from viewer.render.resources.samplers import SamplerCache
 from viewer.scene.model import Material, Sampler, Scene
 
 COMPONENTS_OF_MAP: dict[MapName, int] = {**MAP_CHANNELS, "base": 4}
-"""Components of a plane that each map takes."""
+"""Number of components of a plane that each map takes."""
 
 
 def component_bits(plane: Plane, maps: tuple[MapName, ...]) -> int:
-    """A bit for each of the plane's four components that `maps` take."""
+    """Return a bit for each of the plane's four components that `maps` take."""
     places = PLANE_COMPONENTS[plane]
     taken = [range(places[name], places[name] + COMPONENTS_OF_MAP[name]) for name in maps if name in places]
     return sum(1 << component for part in taken for component in part)
 
 
 def dielectric_reflectance(material: Material) -> tuple[float, float, float, float]:
-    """Reflectance of the material where it is no metal: linear RGB at normal incidence, and at grazing incidence.
+    """Return the reflectance of a material where it is no metal: linear RGB at normal incidence, and at grazing incidence.
 
     KHR_materials_ior and KHR_materials_specular.
     """
@@ -49,7 +49,7 @@ def dielectric_reflectance(material: Material) -> tuple[float, float, float, flo
 
 
 def material_records(scene: Scene) -> np.ndarray:
-    """[materials] MATERIAL_RECORD; `image_array` and `image_layer` of planes are left to the reference pass."""
+    """Return [materials] MATERIAL_RECORD; `image_array` and `image_layer` of planes are left to the reference pass."""
     records = np.zeros(max(1, len(scene.materials)), MATERIAL_RECORD)
     records["planes"]["uv_u"][..., 0] = records["planes"]["uv_v"][..., 1] = 1.0
     records["planes"]["texture_id"] = records["planes"]["image_array"] = -1
@@ -80,16 +80,16 @@ def material_records(scene: Scene) -> np.ndarray:
 
 INSTANCE_FORMAT = "4f 4f 4f 1u 1f /i"
 FIRST_INSTANCE_LOCATION = 3
-"""Of the attributes that follow, in shaders/common/scene.vert."""
+"""Location of the first attribute of an instance in shaders/common/scene.vert."""
 INSTANCE_NAMES = ("transform_x", "transform_y", "transform_z", "instance_ids", "instance_aspect")
 VERTICES_AT_ONCE = 1 << 20
-"""Vertices that are made ready for the GPU in one piece."""
+"""Number of vertices that are prepared for the GPU in one piece."""
 
 AnyDrawList = DrawList | GpuDrawList
 
 
 class MaterialsSource(Protocol):
-    """What knows the materials of what is seen."""
+    """Owner of the materials of visible surfaces."""
 
     def bind_materials(self) -> None:
         """Bind the materials to their storage binding."""
@@ -116,7 +116,7 @@ class SceneBuffers:
             self._instances = self._buffer("instances", self._rows)
             self._materials = self._buffer("materials", self.materials)
         self._optional: dict[str, moderngl.Buffer] = {}
-        """Vertex data that only some views read, by the attribute's name; uploaded when one does."""
+        """Buffers of vertex data that only some views read, by the attribute's name; uploaded when one does."""
         self._alpha: dict[int, moderngl.Texture] = {}
         self._samplers = SamplerCache(context)
         self._commands: moderngl.Buffer | None = None
@@ -126,16 +126,16 @@ class SceneBuffers:
 
     @property
     def has_colors(self) -> bool:
-        """Whether the scene has vertex colours."""
+        """True where the scene has vertex colours."""
         return self._colors is not None
 
     @property
     def has_second_uvs(self) -> bool:
-        """Whether some maps are found by another UV set than the others."""
+        """True where some maps are found by another UV set than the others."""
         return self._scene.geometry.second_uvs is not None
 
     def _optional_content(self, program: moderngl.Program) -> list[tuple[object, ...]]:
-        """Normals, tangents and second UVs that `program` reads. What the scene lacks is 0 there, OpenGL's own value."""
+        """Return the normals, tangents and second UVs that `program` reads. What the scene lacks is 0, OpenGL's own value."""
         geometry, content = self._scene.geometry, list[tuple[object, ...]]()
         for name, array in (
             ("normal", geometry.normals),
@@ -154,11 +154,11 @@ class SceneBuffers:
 
     @property
     def vertex_floats(self) -> int:
-        """Of a vertex in the first of `moving_buffers`: its position, then its UV."""
+        """Number of floats of a vertex in the first of `moving_buffers`: its position, then its UV."""
         return sum(array.shape[1] for array in (self._scene.geometry.positions, self._scene.geometry.uvs))
 
     def moving_buffers(self) -> tuple[moderngl.Buffer, moderngl.Buffer, moderngl.Buffer]:
-        """What holds positions, normals ([V, 3]) and tangents ([V, 4]); another of them where the scene has none.
+        """Return the buffers of positions, normals ([V, 3]) and tangents ([V, 4]); that of positions where the scene has no others.
 
         From then on what is in them may differ from the scene's geometry. Raises GpuMemoryError.
         """
@@ -181,7 +181,7 @@ class SceneBuffers:
                 self._memory.write(buffer, content.tobytes(), base * content.shape[1] * 4)
 
     def place_instances(self, transforms: np.ndarray) -> None:
-        """Let instances stand elsewhere: [N, 4, 4] local-to-world matrices. Raises GpuMemoryError."""
+        """Place the instances by [N, 4, 4] local-to-world matrices. Raises GpuMemoryError."""
         self._rows["transform"] = transforms[:, :3, :]
         self._memory.write(self._instances, self._rows.tobytes())
 
@@ -191,7 +191,7 @@ class SceneBuffers:
         return self._memory.buffer(f"{kind} of {self._scene.name}", content)
 
     def _interleaved(self, kind: str, *arrays: np.ndarray) -> moderngl.Buffer:
-        """Rows of `arrays` [V, ...] float32 one after another, written in pieces: a large scene must not be held twice for it."""
+        """Return a buffer of rows of `arrays` [V, ...] float32 one after another, written in pieces to save memory."""
         count, stride = len(arrays[0]), sum(array.shape[1] for array in arrays) * 4
         buffer = self._memory.buffer(f"{kind} of {self._scene.name}", reserve=max(64, count * stride))
         for start in range(0, count, VERTICES_AT_ONCE):

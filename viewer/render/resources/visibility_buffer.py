@@ -21,19 +21,19 @@ from viewer.scene.model import Camera
 
 @dataclass(frozen=True)
 class SurfaceContent:
-    """What a visibility buffer holds besides ids, uv and footprint."""
+    """Content of a visibility buffer besides ids, uv and footprint."""
 
     colors: bool
-    """Vertex colours."""
+    """True where the buffer holds vertex colours."""
     gradients: bool
-    """Changes of uv from pixel to pixel, for anisotropic filtering."""
+    """True where the buffer holds changes of uv from pixel to pixel, for anisotropic filtering."""
     frame: bool = False
-    """The surface's normal and tangent, for light."""
+    """True where the buffer holds the surface's normal and tangent, for light."""
     second_uvs: bool = False
-    """UV and footprint of another UV set."""
+    """True where the buffer holds UV and footprint of another UV set."""
 
     def units(self) -> tuple[TextureUnit, ...]:
-        """What is stored beside ids, uv and footprint, in the order of the attachments from 1 on."""
+        """Return the units of what is stored beside ids, uv and footprint, in the order of the attachments from 1 on."""
         present = {
             TextureUnit.SURFACE_COLOR: self.colors,
             TextureUnit.SURFACE_GRADIENTS: self.gradients,
@@ -43,7 +43,7 @@ class SurfaceContent:
         return tuple(unit for unit, stored in present.items() if stored)
 
     def defines(self) -> dict[str, int]:
-        """Defines for shaders that write or read it."""
+        """Return the defines of shaders that write or read the buffer."""
         flags = {
             "VERTEX_COLORS": int(self.colors),
             "GRADIENTS": int(self.gradients),
@@ -59,21 +59,21 @@ FORMATS: dict[TextureUnit, tuple[int, Literal["u4", "f4"]]] = {
     TextureUnit.SURFACE_FRAME: (2, "u4"),
     TextureUnit.SURFACE_SECOND_UVS: (4, "f4"),
 }
-"""Components and their type."""
+"""Number and type of the components of each texture."""
 
 
 @dataclass(frozen=True)
 class PlaneReading:
-    """How a pass reads surfaces that shows one plane of their maps."""
+    """Reading of surfaces by a pass that shows one plane of their maps."""
 
     plane: Plane = "base"
     colors: bool = False
-    """Whether the visibility buffer holds vertex colours."""
+    """True where the visibility buffer holds vertex colours."""
     second_uvs: bool = False
-    """Whether it holds another UV set; only planes besides `base` read it."""
+    """True where the visibility buffer holds another UV set; only planes besides `base` read it."""
 
     def defines(self) -> dict[str, int]:
-        """Of the shaders."""
+        """Return the defines of shaders that read surfaces so."""
         second_uvs = self.second_uvs and self.plane != "base"
         return {"VERTEX_COLORS": int(self.colors), "SECOND_UVS": int(second_uvs), "PLANE": PLANES.index(self.plane)}
 
@@ -120,11 +120,11 @@ class VisibilityTarget:
             texture.use(int(unit))
 
     def words(self) -> NDArray[np.uint32]:
-        """[H, W, 4] uint32, row 0 on top: ids, uv and footprint of each pixel (docs/explanation/decode-paths.md)."""
+        """Return [H, W, 4] uint32, row 0 on top: ids, uv and footprint of each pixel (docs/explanation/decode-paths.md)."""
         return np.frombuffer(self._words.read(), np.uint32).reshape(self.size[1], self.size[0], 4)[::-1]
 
     def colors(self) -> NDArray[np.float64] | None:
-        """[H, W, 3] linear vertex colours, row 0 on top; None where the scene has none."""
+        """Return [H, W, 3] linear vertex colours, row 0 on top; None where the scene has none."""
         if not self.content.colors:
             return None
         words = np.frombuffer(self._textures[TextureUnit.SURFACE_COLOR].read(), np.uint32)
@@ -133,24 +133,24 @@ class VisibilityTarget:
         return (roots / 1023.0) ** 2
 
     def frames(self) -> NDArray[np.uint32]:
-        """[H, W, 2] uint32, row 0 on top: normal and tangent as shaders/common/frame.glsl packs them. Raises KeyError without them."""
+        """Return [H, W, 2] uint32, row 0 on top: normal and tangent, packed (shaders/common/frame.glsl). Raises KeyError without."""
         words = np.frombuffer(self._textures[TextureUnit.SURFACE_FRAME].read(), np.uint32)
         return words.reshape(self.size[1], self.size[0], 2)[::-1]
 
     def read_id_bytes(self) -> bytes:
-        """First word of every pixel, uint32, row 0 at the bottom: see `texture_ids_of`, `materials_of`."""
+        """Return the first word of every pixel, uint32, row 0 at the bottom: see `texture_ids_of`, `materials_of`."""
         return bytes(self.framebuffer.read(components=1, attachment=0, alignment=1, dtype="u4"))
 
     def words_in(self, pixels: tuple[int, int, int, int]) -> PicturePart:
-        """The words of a part of the picture: left, top, right, bottom from the upper left corner."""
+        """Return the words of a part of the picture: left, top, right, bottom from the upper left corner."""
         return PicturePart(self.framebuffer, pixels, "u4")
 
     def texture_ids(self) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: texture id of each pixel, -1 for none."""
+        """Return the texture id of each pixel: [H, W] int32, row 0 on top, -1 for none."""
         return texture_ids_of(self.words()[..., 0])
 
     def materials(self) -> NDArray[np.int32]:
-        """[H, W] int32, row 0 on top: material of each pixel, -1 for the background."""
+        """Return the material of each pixel: [H, W] int32, row 0 on top, -1 for the background."""
         return materials_of(self.words()[..., 0])
 
     def release(self) -> None:
@@ -163,19 +163,19 @@ class VisibilityTarget:
 
 @dataclass(frozen=True)
 class VisibilityInputs:
-    """What passes read that colour the pixels of one view. Equal inputs show the same surfaces, filtered alike."""
+    """Inputs of passes that colour the pixels of one view. Equal inputs show the same surfaces, filtered alike."""
 
     visibility: VisibilityTarget
-    """With gradients where `anisotropy` is above 1."""
+    """Visibility buffer of the view, with gradients where `anisotropy` is above 1."""
     materials: MaterialsSource = field(compare=False)
     camera: Camera | None = None
-    """None for a visibility buffer that no camera drew."""
+    """Camera of the view; None for a visibility buffer that no camera drew."""
     version: int = 0
-    """Another number whenever the visibility buffer may hold something else."""
+    """Version that changes whenever the visibility buffer may hold something else."""
     anisotropy: int = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
     plane: Plane = "base"
-    """Of the maps: what is drawn."""
+    """Plane of the maps that is drawn."""
     sample: int = 0
     """Number of the sample that the stochastic filter takes; of no effect without it."""
     blend_sample: int = 0
@@ -183,18 +183,18 @@ class VisibilityInputs:
     textures: tuple[int, ...] = field(default=(), compare=False)
     """Ids of the textures that may be visible in this plane, ascending."""
     plane_textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict, compare=False)
-    """The same for every plane."""
+    """Ids of the textures that may be visible, ascending, by plane."""
     visible_materials: tuple[int, ...] = field(default=(), compare=False)
     """Materials that may be visible, ascending."""
     matrix: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), compare=False)
     """[4, 4] float64, world to clip."""
 
     def of_plane(self, plane: Plane) -> "VisibilityInputs":
-        """The same for another plane of the maps."""
+        """Return these inputs for another plane of the maps."""
         return self if plane == self.plane else replace(self, plane=plane, textures=self.plane_textures[plane])
 
     def of_sample(self, number: int) -> "VisibilityInputs":
-        """The same for another sample of the stochastic filter."""
+        """Return these inputs for another sample of the stochastic filter."""
         return replace(self, sample=number)
 
     def bind(self) -> None:

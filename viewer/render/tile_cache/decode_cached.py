@@ -396,7 +396,7 @@ ROW = 4096
 
 
 class DrawnTileCache(DecodeCachedPass):
-    """Tile cache of drivers without compute shaders: the CPU keeps the table of tiles, and fragment shaders mark the tiles that are read."""
+    """Tile cache without compute shaders: the CPU keeps the table of tiles, and fragment shaders mark the tiles that are read."""
 
     def _compile(self, defines: Defines) -> None:
         program = self._programs.program(f"{FOLDER}/decode.vert", f"{FOLDER}/decode.frag", defines)
