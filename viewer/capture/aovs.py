@@ -1,4 +1,4 @@
-"""What is known of every pixel's surface, as channels of one EXR file."""
+"""Maps of every pixel's surface, as channels of one EXR file."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,11 +12,11 @@ from viewer.scene.images import write_image
 from viewer.state.view_state import Slot
 
 Channels = Mapping[str, NDArray[np.float32]]
-"""[H, W] float32 by name, row 0 on top."""
+"""Channels of an EXR file: [H, W] float32 by name, row 0 on top."""
 
 
 def material_aovs(renderer: Renderer, slot: Slot) -> Channels:
-    """The maps that the last view has read of a slot, before factors but for the base colour, and coverage.
+    """Return the maps that the last view has read of a slot (factors applied to the base colour alone), and coverage.
 
     Colours are linear; `normal` is the tangent-space normal, a unit vector.
     """

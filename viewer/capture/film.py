@@ -13,17 +13,17 @@ from PIL import Image
 from ntc.io import write_bytes
 
 SECONDS_BETWEEN_PICTURES = 0.1
-"""A film holds at most so many pictures a second."""
+"""Shortest time in seconds between two pictures of a film."""
 LAST_PICTURE_SECONDS = 1.5
-"""How long the last picture stays before a player begins anew."""
+"""Time in seconds that the last picture stays before a player begins anew."""
 LARGEST_FILM = 512 << 20
-"""Bytes of all pictures in memory; when they are full every second one is dropped."""
+"""Limit in bytes of all pictures in memory, at which every second one is dropped."""
 QUALITY = 60
-"""Of 100, as libwebp counts it."""
+"""Quality of the pictures, 0 to 100, as libwebp counts it."""
 
 
 def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8 of a framebuffer, row 0 on top."""
+    """Read a framebuffer: [H, W, 3] uint8, row 0 on top."""
     # The window's own framebuffer goes on saying the size that it was opened with: its viewport is what is shown.
     viewport = framebuffer.viewport
     width, height = viewport[2:]
@@ -33,7 +33,7 @@ def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
 
 @dataclass
 class Film:
-    """The pictures of a film so far; each is shown until the next one was taken."""
+    """Film so far; each of its pictures is shown until the next one was taken."""
 
     path: Path
     _pictures: list[NDArray[np.uint8]] = field(default_factory=list)
@@ -41,7 +41,7 @@ class Film:
     """Monotonic seconds at which each picture was taken."""
 
     def wants(self, now: float) -> bool:
-        """Whether a picture at `now` (monotonic seconds) would be taken."""
+        """Return whether a picture at `now` (monotonic seconds) would be taken."""
         return now - (self._times[-1] if self._times else -math.inf) >= SECONDS_BETWEEN_PICTURES
 
     def add(self, pixels: NDArray[np.uint8], now: float) -> None:

@@ -15,7 +15,7 @@ MOST_TICKS = 16
 
 
 def with_color_bar(picture: NDArray[np.uint8], palette: PaletteName, most: int) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8: `picture` with a colour bar at its lower left: which colour stands for how many decoders.
+    """Return `picture` [H, W, 3] uint8 with a colour bar at its lower left, which shows the colour of each number of decoders.
 
     A picture too small for it stays as it is.
     """
@@ -46,6 +46,6 @@ def with_color_bar(picture: NDArray[np.uint8], palette: PaletteName, most: int) 
 
 
 def error_overlay(color: NDArray[np.uint8], reference: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[H, W, 3] uint8: absolute difference of 8-bit sRGB values, amplified 8 times, black where equal."""
+    """Return [H, W, 3] uint8: absolute difference of 8-bit sRGB values, amplified 8 times, black where equal."""
     difference = np.abs(color.astype(np.int16) - reference.astype(np.int16)) * ERROR_AMPLIFICATION
     return np.minimum(difference, 255).astype(np.uint8)

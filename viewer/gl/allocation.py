@@ -12,15 +12,15 @@ from ntc.errors import InputError
 from viewer.gl.limits import Limits
 
 READS = ("read", "read_into", "read_chunks", "read_chunks_into")
-"""Methods of moderngl's objects that wait."""
+"""Names of the methods of moderngl's objects that wait."""
 
 
 class BlockingCalls:
-    """Of one context: reads of buffers, textures and framebuffers, `finish`, and queries that were not there yet."""
+    """Counter of the calls of one context for which the CPU waits until the GPU has caught up: frames in motion should make none."""
 
     def __init__(self) -> None:
         self.count = 0
-        """So far."""
+        """Number of calls so far."""
 
     def watch(self, thing: object) -> None:
         """Count what is read from a buffer, texture or framebuffer of moderngl from now on."""
@@ -39,7 +39,7 @@ class BlockingCalls:
 
 
 LIMIT_VARIABLE = "NTC_VIEWER_GPU_MEGABYTES"
-"""Environment variable: a limit in MB on all GPU memory, for trying what happens without memory."""
+"""Environment variable that limits all GPU memory, in MB, for trying what happens without memory."""
 NO_ERROR = "GL_NO_ERROR"
 OUT_OF_MEMORY = "GL_OUT_OF_MEMORY"
 REFUSALS = (OUT_OF_MEMORY, "GL_INVALID_VALUE")
@@ -48,15 +48,15 @@ REMEDY = "close packs or other programs, or make the picture or the window small
 MOST_ERRORS = 16
 """Error flags that a driver may hold at once."""
 TEXEL_TYPES = {"f1": 1, "f2": 2, "f4": 4, "u4": 4}
-"""Bytes of a channel."""
+"""Number of bytes of a channel, by type."""
 
 
 class GpuMemoryError(InputError):
-    """The GPU has no memory, or no textures that large. Nothing of the request was allocated."""
+    """Error of an allocation: the GPU has no memory, or no textures that large. Nothing of the request was allocated."""
 
 
 class Releasable(Protocol):
-    """An object with GPU memory."""
+    """Object with GPU memory."""
 
     def release(self) -> None:
         """Free it; a second time does nothing."""
@@ -66,7 +66,7 @@ Made = TypeVar("Made", bound=Releasable)
 
 
 def limit_from_environment() -> int | None:
-    """Bytes that LIMIT_VARIABLE allows; None without it. Raises InputError for anything but a whole number."""
+    """Return the number of bytes that LIMIT_VARIABLE allows; None without it. Raises InputError for anything but a whole number."""
     text = os.environ.get(LIMIT_VARIABLE, "").strip()
     if not text:
         return None
@@ -76,7 +76,7 @@ def limit_from_environment() -> int | None:
 
 
 def is_released(made: Releasable) -> bool:
-    """Whether an object from GpuMemory has been freed."""
+    """Return whether an object from GpuMemory has been freed."""
     return isinstance(getattr(made, "mglo", None), moderngl.InvalidObject) or getattr(made, "is_released", False)
 
 
@@ -87,7 +87,7 @@ def replace_content(buffer: moderngl.Buffer, data: bytes) -> None:
 
 
 class GpuMemory:
-    """Allocates the buffers, textures and framebuffers of one context.
+    """Allocator of the buffers, textures and framebuffers of one context.
 
     Errors of OpenGL are read at each allocation, never while drawing. All methods that allocate raise GpuMemoryError, whose one line
     says for what there was no memory, and how much.
@@ -100,7 +100,7 @@ class GpuMemory:
         blocking: BlockingCalls | None = None,
         limits: Limits | None = None,
     ) -> None:
-        """`limit_bytes`: never allocate more in all; None: as much as the driver has. `blocking` counts what is read back.
+        """Take a limit of all memory in bytes (None: as much as the driver has), and a counter of what is read back.
 
         `limits`: of what is allocated; None: those of a driver that computes.
         """
@@ -113,21 +113,21 @@ class GpuMemory:
 
     @property
     def bytes_given(self) -> int:
-        """Bytes of all objects that have not been freed; known only where there is a limit."""
+        """Number of bytes of all objects that have not been freed; known only where there is a limit."""
         self._given = [(made, size) for made, size in self._given if not is_released(made)]
         return sum(size for _, size in self._given)
 
     @property
     def objects_given(self) -> int:
-        """Objects that have not been freed; known only where there is a limit."""
+        """Number of objects that have not been freed; known only where there is a limit."""
         return sum(not is_released(made) for made, _ in self._given)
 
     def allows(self, _what: str, size: int, /) -> bool:
-        """Whether the limit has room for `size` bytes more. `_what` lets tests reject allocations by label."""
+        """Return whether the limit has room for `size` bytes more. `_what` lets tests reject allocations by label."""
         return self._limit is None or self.bytes_given + size <= self._limit
 
     def _take_errors(self) -> set[str]:
-        """OpenGL's errors since the last call."""
+        """Return OpenGL's errors since the last call."""
         errors: set[str] = set()
         for _ in range(MOST_ERRORS):
             error = str(self.gl.error)
@@ -137,7 +137,7 @@ class GpuMemory:
         return errors
 
     def made(self, what: str, size: int, make: Callable[[], Made]) -> Made:
-        """The object of `size` bytes that `make` returns; freed again where OpenGL reports an error afterwards."""
+        """Return the object of `size` bytes that `make` returns; freed again where OpenGL reports an error afterwards."""
         if not self.allows(what, size):
             raise self._refusal(what, size)
         # Errors of earlier calls are not this allocation's.
@@ -155,7 +155,7 @@ class GpuMemory:
         return thing
 
     def write(self, buffer: moderngl.Buffer, data: bytes, offset: int = 0) -> None:
-        """Write a part of a buffer that the GPU may be reading: by way of another, so that nothing waits for it to be done."""
+        """Write a part of a buffer that the GPU may be reading, through another buffer, so that nothing waits."""
         try:
             staged = self.buffer("what is uploaded", reserve=len(data))
         except GpuMemoryError:
@@ -181,7 +181,7 @@ class GpuMemory:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """If the block ends with an exception, all that was allocated in it is freed."""
+        """Free all that was allocated in the block if it ends with an exception."""
         made: list[Releasable] = []
         self._open.append(made)
         try:
@@ -198,7 +198,7 @@ class GpuMemory:
     def buffer(
         self, what: str, data: Any = None, reserve: int = 0, dynamic: bool = False, storage: bool = False
     ) -> moderngl.Buffer:
-        """A buffer of `data`, or of `reserve` bytes, uninitialised. `what` names it in error messages, here and below.
+        """Return a buffer of `data`, or of `reserve` bytes, uninitialised. `what` names it in error messages, here and below.
 
         `storage`: shaders are to read it whole as a storage buffer, which drivers allow up to a size.
         """
@@ -214,7 +214,7 @@ class GpuMemory:
     def grown(
         self, what: str, old: moderngl.Buffer, size: int, dynamic: bool = False, storage: bool = False
     ) -> moderngl.Buffer:
-        """`old`, or where it is smaller than `size` bytes a new buffer without its content; `old` is freed then."""
+        """Return `old`, or where it is smaller than `size` bytes a new buffer without its content; `old` is freed then."""
         if old.size >= size:
             return old
         made = self.buffer(what, reserve=size, dynamic=dynamic, storage=storage)
@@ -240,7 +240,7 @@ class GpuMemory:
         dtype: str = "f1",
         alignment: int = 1,
     ) -> moderngl.Texture:
-        """A texture of `size` (width, height); `dtype` as in TEXEL_TYPES, `alignment` of the rows of `data` in bytes."""
+        """Return a texture of `size` (width, height); `dtype` as in TEXEL_TYPES, `alignment` of the rows of `data` in bytes."""
         self.check_size(what, size)
         number = size[0] * size[1] * components * TEXEL_TYPES[dtype]
         return self.made(
@@ -248,7 +248,7 @@ class GpuMemory:
         )
 
     def depth_texture(self, what: str, size: tuple[int, int]) -> moderngl.Texture:
-        """A depth texture of `size` (width, height)."""
+        """Return a depth texture of `size` (width, height)."""
         self.check_size(what, size)
         return self.made(what, size[0] * size[1] * 4, lambda: self.gl.depth_texture(size))
 
@@ -261,5 +261,5 @@ class GpuMemory:
     def framebuffer(
         self, what: str, colors: list[moderngl.Texture], depth: moderngl.Texture | None = None
     ) -> moderngl.Framebuffer:
-        """A framebuffer of these textures."""
+        """Return a framebuffer of these textures."""
         return self.made(what, 0, lambda: self.gl.framebuffer(colors, depth))

@@ -20,7 +20,7 @@ LEAST = f"{DRAWING_VERSION // 100}.{DRAWING_VERSION // 10 % 10}"
 
 @dataclass(frozen=True)
 class ContextInformation:
-    """The driver's own description of a context."""
+    """Description of a context by its driver."""
 
     renderer: str
     vendor: str
@@ -28,28 +28,28 @@ class ContextInformation:
 
     @property
     def is_software(self) -> bool:
-        """Whether the renderer is known to run on the CPU."""
+        """True where the renderer is known to run on the CPU."""
         return is_software(self.renderer)
 
 
 @dataclass(frozen=True, eq=False)
 class GraphicsContext:
-    """A moderngl context with all that modules of `viewer` need of it."""
+    """Context of moderngl with all that modules of `viewer` need of it."""
 
     gl: moderngl.Context
     info: ContextInformation
     load: FunctionLoader
-    """Addresses of all functions of OpenGL."""
+    """Loader of the addresses of OpenGL's functions."""
     functions: GlFunctions
     features: Features
     reset: ResetStatus
-    """Tells whether the context is lost."""
+    """Status that tells whether the context is lost."""
     memory: GpuMemory
     """GPU allocator: all buffers, textures and framebuffers come from it."""
     texture_buffers: TextureBuffers
-    """What stands in for storage buffers where `features` says that nothing computes."""
+    """Stand-ins for storage buffers where `features` has no compute shaders."""
     waits: bool = True
-    """Whether frames wait for what they ask of the GPU, and so are the same each time. Those of a window go on, and take it later."""
+    """True where frames wait for what they ask of the GPU, and so are always the same. Frames of a window go on, and take it later."""
 
     def bind_storage(self, buffer: moderngl.Buffer, binding: int, offset: int = 0, size: int = -1) -> None:
         """Let shaders read a buffer, or a part of it, by this storage binding."""
@@ -69,7 +69,7 @@ class GraphicsContext:
 def wrap_context(
     gl: moderngl.Context, load: FunctionLoader, losses: SimulatedLosses | None = None, waits: bool = True
 ) -> GraphicsContext:
-    """A GraphicsContext around a current moderngl context. Raises InputError where the driver lacks a required function.
+    """Wrap a current moderngl context. Raises InputError where the driver lacks a required function.
 
     `waits` as in the GraphicsContext; `losses`: simulated losses of the context; None: those that the environment asks for.
     """
@@ -86,7 +86,7 @@ def wrap_context(
 
 
 def create_headless_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:
-    """A context without a window, on the GPU that `device` names (None: `viewer.gl.devices.device_number`).
+    """Create a context without a window, on the GPU that `device` names (None: `viewer.gl.devices.device_number`).
 
     Raises InputError where there is no such device, or no OpenGL 4.1 on it.
     """
@@ -111,7 +111,7 @@ def _newest_context(device: int, system: GraphicsSystem) -> tuple[moderngl.Conte
 
 
 def _older_context(device: int, system: GraphicsSystem) -> str | None:
-    """Version and renderer of the context that the device offers below DRAWING_VERSION; None where it offers none."""
+    """Return version and renderer of the context that the device offers below DRAWING_VERSION; None where it offers none."""
     # glcontext raises plain Exceptions.
     with suppress(Exception):
         gl, _ = make_context(OLDEST_VERSION, device, system)

@@ -20,14 +20,14 @@ MOST_NUMBERS = 1000
 
 Blame = Literal["guilty", "innocent", "unknown"]
 BLAMES: Final[Mapping[int, Blame]] = {0x8253: "guilty", 0x8254: "innocent", GL_UNKNOWN_RESET: "unknown"}
-"""By the value of glGetGraphicsResetStatus; 0: not lost."""
+"""Causes of a loss by the value of glGetGraphicsResetStatus; 0: not lost."""
 CAUSES: Final[Mapping[Blame, str]] = {
     "guilty": "what this program drew was too much for it",
     "innocent": "another program was the cause",
     "unknown": "the cause is not known",
 }
 STATUS_NAMES = ("glGetGraphicsResetStatus", "glGetGraphicsResetStatusKHR", "glGetGraphicsResetStatusARB")
-"""The function of OpenGL 4.5, and those of the extensions before it."""
+"""Names of the function of OpenGL 4.5, and of the extensions before it."""
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -35,7 +35,7 @@ S = TypeVar("S", bound="_ContextUser")
 
 
 class ContextLostError(Exception):
-    """The OpenGL context is lost, with all objects on the GPU. The message is one line that names the cause."""
+    """Error of a lost OpenGL context, with all objects on the GPU. The message is one line that names the cause."""
 
     def __init__(self, blame: Blame) -> None:
         super().__init__(f"the graphics driver was reset ({CAUSES[blame]})")
@@ -43,27 +43,27 @@ class ContextLostError(Exception):
 
 
 class SimulatedLosses:
-    """Checks that report an intact context as lost. One object for the whole run: it counts on over contexts."""
+    """Simulated losses: checks that report an intact context as lost. One object counts on over all contexts of a run."""
 
     def __init__(self, at: frozenset[int] = frozenset()) -> None:
         self._at, self._checks = at, 0
 
     @classmethod
     def of_environment(cls, environment: Mapping[str, str] = os.environ) -> "SimulatedLosses":
-        """The checks that LOSE_VARIABLE lists. Raises InputError for anything but numbers."""
+        """Read the checks that LOSE_VARIABLE lists. Raises InputError for anything but numbers."""
         given = [part.strip() for part in environment.get(LOSE_VARIABLE, "").split(",") if part.strip()]
         if len(given) > MOST_NUMBERS or not all(part.isascii() and part.isdigit() and len(part) < 10 for part in given):
             raise InputError(f"{LOSE_VARIABLE}: must be numbers of checks, separated by commas, such as 40,80")
         return cls(frozenset(map(int, given)))
 
     def next_is_lost(self) -> bool:
-        """Count one check; whether it reports a loss."""
+        """Count one check, and return whether it reports a loss."""
         self._checks += 1
         return self._checks in self._at
 
 
 class ResetStatus:
-    """Reset status of one context. Call from its thread only, with the context current.
+    """Reset status of one context. Call it from the context's thread only, with the context current.
 
     Drivers without the function, and contexts without robustness, never report a loss.
     """
@@ -77,7 +77,7 @@ class ResetStatus:
         self._error: Callable[[], int] = call(error) if error else lambda: GL_NO_ERROR
         self._blame: Blame | None = None
         self.is_supported: Final = bool(address)
-        """Whether the driver has the function."""
+        """True where the driver has the function."""
 
     def check(self) -> None:
         """Raise ContextLostError if the context is lost, or was at an earlier check."""
@@ -111,7 +111,7 @@ class ResetStatus:
         self.check()
 
     def wait_until_over(self, seconds: float) -> bool:
-        """Wait for the end of the reset, before which no context can be created; False if it takes longer than `seconds`."""
+        """Wait for the end of the reset, before which no context can be created; return False if it takes longer than `seconds`."""
         end = time.monotonic() + seconds
         while self._status() != GL_NO_ERROR:
             if time.monotonic() >= end:

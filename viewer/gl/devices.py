@@ -1,4 +1,4 @@
-"""The GPUs of this machine, as EGL lists them, and which of them draws what needs no window."""
+"""GPUs of this machine, as EGL lists them, and the choice of the one that draws without a window."""
 
 import ctypes
 import ctypes.util
@@ -11,43 +11,43 @@ from ntc.errors import InputError
 from viewer.gl.systems import SYSTEM, GraphicsSystem, make_context
 
 DEVICE_VARIABLE: Final = "NTC_VIEWER_DEVICE"
-"""Environment variable: what --device says, for commands that lack the option as well."""
+"""Environment variable that sets --device, for commands without the option as well."""
 SOFTWARE_VARIABLE: Final = "LIBGL_ALWAYS_SOFTWARE"
-"""Mesa's, for whatever opens a window; here it means SOFTWARE."""
+"""Environment variable of Mesa for whatever opens a window; here it means SOFTWARE."""
 SOFTWARE: Final = "software"
-"""As a choice: the first device that is no GPU."""
+"""Choice of the first device that is no GPU."""
 SOFTWARE_RENDERERS: Final = ("llvmpipe", "softpipe", "swr", "swiftshader")
 OLDEST_VERSION: Final = 330
-"""Asked for to learn what a device has."""
+"""Version of OpenGL that is asked for to learn what a device has."""
 EGL_DRM_DEVICE_FILE: Final = 0x3233
 
 
 def is_software(renderer: str) -> bool:
-    """Whether a renderer of this name is known to run on the CPU."""
+    """Return whether a renderer of this name is known to run on the CPU."""
     return any(name in renderer.lower() for name in SOFTWARE_RENDERERS)
 
 
 @dataclass(frozen=True)
 class Device:
-    """One device of EGL's list."""
+    """Device of EGL's list."""
 
     index: int
     renderer: str
-    """OpenGL's name of it, or why it makes no context."""
+    """Name of the device in OpenGL, or the reason why it makes no context."""
     version: str
-    """OpenGL's version and the driver's; empty where it makes no context."""
+    """Versions of OpenGL and of the driver; empty where the device makes no context."""
     file: str
     """Device file, which tells apart GPUs of one kind; empty where EGL does not say."""
 
     @property
     def line(self) -> str:
-        """One line on it."""
+        """Line that describes the device."""
         described = f"{self.renderer}, OpenGL {self.version}" if self.version else f"unusable ({self.renderer})"
         return f"{self.index}: {described}" + (f", {self.file}" if self.file else "")
 
 
 def _device_files() -> tuple[str, ...]:
-    """Of each EGL device its file, or an empty name; none where EGL or its list is missing."""
+    """Return the file of each EGL device, or an empty name; none where EGL or its list is missing."""
     try:
         library = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
     except OSError:
@@ -80,7 +80,7 @@ def _examined(index: int, file: str) -> Device:
 
 
 def find_devices(system: GraphicsSystem = SYSTEM) -> tuple[Device, ...]:
-    """All devices, each asked for its name by a context of its own; none where the system offers no choice.
+    """Return all devices, each asked for its name by a context of its own; none where the system offers no choice.
 
     No context is current afterwards.
     """
@@ -88,7 +88,7 @@ def find_devices(system: GraphicsSystem = SYSTEM) -> tuple[Device, ...]:
 
 
 def choose_device(choice: str, devices: Sequence[Device]) -> int:
-    """Index of the device that `choice` names: by its number, by part of its name or file, or SOFTWARE. Raises InputError."""
+    """Return the index of the device that `choice` names: by number, by part of its name or file, or SOFTWARE. Raises InputError."""
     there = "; ".join(device.line for device in devices) or "none"
     wanted = choice.strip().lower()
     found = [device for device in devices if wanted == str(device.index)]
@@ -112,7 +112,7 @@ def _software_if_asked(system: GraphicsSystem) -> str | None:
 
 
 def device_number(choice: str | None, system: GraphicsSystem = SYSTEM) -> int:
-    """Index of the device that `choice` names, else the one of DEVICE_VARIABLE, else the first one.
+    """Return the index of the device that `choice` names, else the one of DEVICE_VARIABLE, else the first one.
 
     Raises InputError where it names none, and where the system offers no choice.
     """

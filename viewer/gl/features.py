@@ -13,11 +13,11 @@ from viewer.gl.program import EXTENSION, ShaderLibrary
 from viewer.locations import shaders_folder
 
 COMPUTE_VERSION: Final = 430
-"""OpenGL 4.3: for all that is there."""
+"""Version of OpenGL with compute shaders (4.3)."""
 DRAWING_VERSION: Final = 410
-"""OpenGL 4.1, where macOS ends: for what is drawn without computing."""
+"""Oldest version of OpenGL that can draw (4.1, the last of macOS)."""
 WITHOUT_VARIABLE: Final = "NTC_VIEWER_WITHOUT"
-"""Environment variable: names of NAMES, separated by commas, that are not used although the driver has them."""
+"""Environment variable with the features of NAMES, separated by commas, that are not used although the driver has them."""
 NAMES: Final = (
     "compute",
     "timer-queries",
@@ -32,7 +32,7 @@ HALF_EXTENSIONS: Final = (
     "GL_AMD_gpu_shader_half_float",
     "GL_NV_gpu_shader5",
 )
-"""GLSL extensions with the types `float16_t` and `f16vec4`, the one that says most of them first."""
+"""GLSL extensions with the types `float16_t` and `f16vec4`, the most specific first."""
 _HALF_PROBE: Final = """#version 430
 layout(local_size_x = 1) in;
 #include "ntc/half.glsl"
@@ -48,7 +48,7 @@ void main() {
     values[5] = vec4(AS_MUL_T(sum)) + PRODUCT_SUM(sum, values[6]);
 }
 """
-"""All that decoders do in halves (shaders/ntc/half.glsl)."""
+"""Shader that does in halves what decoders do (shaders/ntc/half.glsl)."""
 
 
 @dataclass(frozen=True)
@@ -56,23 +56,23 @@ class Features:
     """Optional features in use. Pictures do not depend on them, but for anisotropic filtering and half arithmetic."""
 
     compute: bool
-    """OpenGL 4.3: shaders that compute, storage buffers. False: OpenGL 4.1 at least, with paths `forward` and `cached`."""
+    """True with OpenGL 4.3: compute shaders, storage buffers. False: OpenGL 4.1 at least, with paths `forward` and `cached`."""
     timer_queries: bool
-    """Times by the GPU's own clock, else wall time around `finish()`."""
+    """True where passes are timed by the GPU's own clock, else by wall time around `finish()`."""
     uniform_block_bytes: int
-    """Largest decoder that is bound as a uniform buffer; larger ones are read from a storage buffer."""
+    """Largest decoder in bytes that is bound as a uniform buffer; larger ones are read from a storage buffer."""
     weights_in_image: bool
-    """Keep the weights of decoders in an image, which software renderers fetch from several times faster than from buffers."""
+    """True where the weights of decoders lie in an image, which software renderers read several times faster than buffers."""
     half_arithmetic: str | None
-    """GLSL extension for half-precision arithmetic; None: precisions that need it are refused."""
+    """Extension of GLSL for half-precision arithmetic; None: precisions that need it are refused."""
     anisotropy: int
     """Largest anisotropy of the driver's filter; 1: none."""
     shared_sums: bool
-    """Add up what a work group counts in shared memory first: atomics of all groups meet on GPUs, barriers take long on CPUs."""
+    """True where a work group adds up its counts in shared memory first: global atomics collide on GPUs, barriers are slow on CPUs."""
 
 
 def features_without(names: str) -> frozenset[str]:
-    """The features that WITHOUT_VARIABLE names. Raises InputError for a name that is not in NAMES."""
+    """Return the features that WITHOUT_VARIABLE names. Raises InputError for a name that is not in NAMES."""
     given = frozenset(name.strip() for name in names.split(",") if name.strip())
     for name in sorted(given - set(NAMES)):
         raise InputError(f"{WITHOUT_VARIABLE}: {name!r} is none of {', '.join(NAMES)}")
@@ -80,14 +80,14 @@ def features_without(names: str) -> frozenset[str]:
 
 
 def half_probes(extension: str) -> tuple[str, ...]:
-    """GLSL of compute shaders that do what decoders do in halves: with products alone in halves, and with sums as well."""
+    """Return GLSL of compute shaders that do what decoders do in halves: with products alone in halves, and with sums as well."""
     library = ShaderLibrary(shaders_folder(), {"half_probe.comp": _HALF_PROBE})
     levels = ({EXTENSION: extension, "HALF_ARITHMETIC": level} for level in (1, 2))
     return tuple(library.assemble("half_probe.comp", defines).text for defines in levels)
 
 
 def half_arithmetic(gl: moderngl.Context) -> str | None:
-    """The first of HALF_EXTENSIONS with which the driver compiles what decoders do in halves; None where there is none."""
+    """Return the first of HALF_EXTENSIONS with which the driver compiles what decoders do in halves; None where there is none."""
     for extension in HALF_EXTENSIONS:
         try:
             for probe in half_probes(extension):
@@ -99,7 +99,7 @@ def half_arithmetic(gl: moderngl.Context) -> str | None:
 
 
 def find_features(gl: moderngl.Context, is_software: bool, environment: Mapping[str, str] = os.environ) -> Features:
-    """The features to use with this driver. Raises InputError where WITHOUT_VARIABLE names an unknown one."""
+    """Find the features to use with this driver. Raises InputError where WITHOUT_VARIABLE names an unknown one."""
     without = features_without(environment.get(WITHOUT_VARIABLE, ""))
     # llvmpipe's timer queries return nonsense.
     compute = "compute" not in without and gl.version_code >= COMPUTE_VERSION

@@ -85,9 +85,9 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glGetQueryObjectui64v": (_UINT, _UINT, _POINTER),
 }
 _RESULTS: dict[str, type] = {"glFenceSync": _POINTER, "glClientWaitSync": _UINT}
-"""Of those that give one."""
+"""Types of the results, of functions that return one."""
 _BEYOND_DRAWING = ("glTexStorage3D", "glTextureView", "glBindImageTexture", "glCopyImageSubData")
-"""Those that OpenGL 4.1 lacks: nothing calls them where `Features.compute` is false."""
+"""Functions that OpenGL 4.1 lacks: nothing calls them where `Features.compute` is false."""
 
 
 class GlFunctions:

@@ -12,11 +12,11 @@ GL_PARAMETER_BUFFER = 0x80EE
 EXTENSION = "GL_ARB_indirect_parameters"
 CORE_VERSION = 460
 COMMAND_BYTES = 20
-"""Of a DrawElementsIndirectCommand."""
+"""Number of bytes of a DrawElementsIndirectCommand."""
 
 
 class IndirectDraws:
-    """Draws of commands in a buffer, as many as another buffer says."""
+    """Draws of commands in a buffer, whose number is in another buffer."""
 
     def __init__(self, context: GraphicsContext) -> None:
         self._functions = context.functions
@@ -31,7 +31,7 @@ class IndirectDraws:
 
     @property
     def are_counted(self) -> bool:
-        """Whether the driver reads the number from a buffer; else as many are drawn as there may be, and the last must be empty."""
+        """True where the driver reads the number from a buffer; else all there may be are drawn, and unused ones must be empty."""
         return self._call is not None
 
     def draw(

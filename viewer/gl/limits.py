@@ -7,31 +7,31 @@ from typing import Any, Final
 GROUPS_ACROSS: Final = 65535
 """Most work groups along one axis of a dispatch that OpenGL guarantees; more lie in several rows."""
 WORD_BYTES: Final = 4
-"""Of a texel of the texture buffers that stand in for storage buffers (viewer/gl/older_glsl.py)."""
+"""Number of bytes of a texel of the texture buffers that stand in for storage buffers (viewer/gl/older_glsl.py)."""
 LARGEST_INT: Final = (1 << 31) - 1
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The most that a driver allows."""
+    """Limits of a driver."""
 
     texture_side: int
-    """Texels (GL_MAX_TEXTURE_SIZE)."""
+    """Largest side of a texture in texels (GL_MAX_TEXTURE_SIZE)."""
     array_layers: int
-    """Layers of a texture array (GL_MAX_ARRAY_TEXTURE_LAYERS)."""
+    """Most layers of a texture array (GL_MAX_ARRAY_TEXTURE_LAYERS)."""
     storage_block_bytes: int
-    """Bytes of a storage buffer that shaders can read; OpenGL 4.3 guarantees 16 MiB. Without compute, of a texture buffer: 4.1
+    """Largest storage buffer in bytes that shaders can read; OpenGL 4.3 guarantees 16 MiB. Without compute, of a texture buffer: 4.1
     guarantees 256 KiB."""
     uniform_block_bytes: int
-    """The same of a uniform buffer (GL_MAX_UNIFORM_BLOCK_SIZE)."""
+    """Largest uniform buffer in bytes (GL_MAX_UNIFORM_BLOCK_SIZE)."""
     groups_across: int = GROUPS_ACROSS
-    """Work groups of a dispatch in one row: GROUPS_ACROSS, or fewer where the driver has fewer (GL_MAX_COMPUTE_WORK_GROUP_COUNT)."""
+    """Most work groups of a dispatch in one row: GROUPS_ACROSS, or the driver's smaller limit (GL_MAX_COMPUTE_WORK_GROUP_COUNT)."""
     storage_limit: str = "GL_MAX_SHADER_STORAGE_BLOCK_SIZE"
-    """OpenGL's name of what `storage_block_bytes` follows from."""
+    """Name in OpenGL of the limit that `storage_block_bytes` follows from."""
 
     @classmethod
     def of(cls, info: Mapping[str, Any], computes: bool = True) -> "Limits":
-        """Those of a context, by what moderngl asked of it (`Context.info`). `computes`: as `Features.compute`."""
+        """Return the limits of a context from what moderngl asked of it (`Context.info`). `computes`: as `Features.compute`."""
 
         def most(name: str) -> int:
             # moderngl reads 32 bits with a sign, and some drivers allow 4 GiB.
@@ -52,6 +52,6 @@ class Limits:
         )
 
     def rows_of_work_groups(self, groups: int) -> tuple[int, int]:
-        """(width, height) of a dispatch of at least `groups` work groups, fewer than `height` more (common/work_groups.glsl)."""
+        """Return (width, height) of a dispatch of at least `groups` work groups, less than `height` more (common/work_groups.glsl)."""
         rows = max(1, -(-groups // self.groups_across))
         return -(-groups // rows), rows

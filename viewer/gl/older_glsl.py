@@ -15,13 +15,13 @@ import moderngl
 from viewer.gl.functions import GL_R32UI, GL_TEXTURE0, GL_TEXTURE_BUFFER, GlFunctions
 
 STORAGE_UNITS: Final = 32
-"""The storage binding b is texture unit STORAGE_UNITS + b."""
+"""First texture unit of storage bindings: binding b is unit STORAGE_UNITS + b."""
 IMAGE_UNITS: Final = 48
-"""The image unit i is texture unit IMAGE_UNITS + i. 80 texture units are guaranteed (OpenGL 4.1, table 6.41)."""
+"""First texture unit of image units: image unit i is unit IMAGE_UNITS + i. 80 units are guaranteed (OpenGL 4.1, table 6.41)."""
 
 
 class TextureBuffers:
-    """One texture for each storage binding. What is bound last stays allocated until something else is bound there."""
+    """Texture buffers, one for each storage binding. A buffer stays allocated until another one is bound there."""
 
     def __init__(self, call: GlFunctions) -> None:
         self._call = call
@@ -44,7 +44,7 @@ class TextureBuffers:
 
 
 WORD_COLUMN_BITS: Final = 11
-"""Words of a buffer lie in rows of 2^11 where they are the texels of a picture: WebGL 2 has no smaller largest texture."""
+"""Bits of the column of a word where a buffer is a picture: rows of 2^11 words, the smallest limit of a texture in WebGL 2."""
 # Early tests are the rule for shaders that neither discard nor write a depth.
 _EARLY_TESTS: Final = "layout(early_fragment_tests) in;"
 _SNORM: Final = (
@@ -59,7 +59,7 @@ _HALF: Final = (
     "return (h & 0x8000u) != 0u ? -v : v; }",
     "vec2 unpackHalf2x16(uint bits) { return vec2(half_value(bits & 0xFFFFu), half_value(bits >> 16)); }",
 )
-"""Of finite halves: weights are stored without others."""
+"""Functions that unpack finite halves: weights are stored without others."""
 _WIDE_PRODUCT: Final = (
     "void umulExtended(uint a, uint b, out uint high, out uint low) { uint al = a & 65535u; uint ah = a >> 16; "
     "uint bl = b & 65535u; uint bh = b >> 16; uint m = ah * bl + ((al * bl) >> 16); uint n = al * bh + (m & 65535u); "
@@ -73,20 +73,20 @@ _BIT_COUNT: Final = (
 
 @dataclass(frozen=True)
 class Dialect:
-    """A version of GLSL that has neither storage buffers nor images that are read."""
+    """Version of GLSL that has neither storage buffers nor images that are read."""
 
     version: str
-    """What stands for `#version 430`."""
+    """Line in place of `#version 430`."""
     words: str
     """Type of the samplers of words."""
     fetch: str
     """GLSL for the word at {place} of {words}."""
     precision: str = ""
-    """Of samplers of images."""
+    """Precision of samplers of images."""
     opening: tuple[str, ...] = ()
     """Lines that come first."""
     missing: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    """Functions that the version lacks: part of their names, and their lines."""
+    """Functions that the version lacks, as parts of their names and lines."""
 
 
 GLSL_410: Final = Dialect(
@@ -117,12 +117,12 @@ _WRITTEN: Final = {"int": "int({})", "uint": "{}", "float": "uintBitsToFloat({})
 
 
 class UnsuitableShaderError(Exception):
-    """A shader that cannot be said in an older GLSL."""
+    """Error of a shader that an older GLSL cannot express."""
 
 
 @dataclass(frozen=True)
 class OlderSource:
-    """A shader in an older GLSL, and what it cannot say itself."""
+    """Shader in an older GLSL, with the bindings that its text cannot express."""
 
     text: str
     units: Mapping[str, int]
@@ -132,7 +132,7 @@ class OlderSource:
 
 
 class _Records:
-    """The structs of a shader: how many words they take in a buffer (std430), and how they are read."""
+    """Structs of a shader: their size in words of a buffer (std430), and how they are read."""
 
     def __init__(self, text: str, fetch: str) -> None:
         self._fetch = fetch
@@ -147,7 +147,7 @@ class _Records:
         return max(self._alignment(own) for own, _, _ in self._fields[kind])
 
     def words(self, kind: str) -> int:
-        """Size of an element of an array of `kind`, in words of 4 bytes."""
+        """Return the size of an element of an array of `kind`, in words of 4 bytes."""
         if kind in _WORDS:
             return _WORDS[kind]
         if kind not in self._fields:
@@ -162,7 +162,7 @@ class _Records:
         return -(-place // alignment) * alignment
 
     def read(self, kind: str, words: str, first: int) -> str:
-        """GLSL for a value that begins at word `first` after `at`; `words` is the sampler."""
+        """Return GLSL for a value that begins at word `first` after `at`; `words` is the sampler."""
         if kind in _WRITTEN:
             return _WRITTEN[kind].format(self._fetch.format(words=words, place=f"at + {first}"))
         if kind in _WORDS:
@@ -179,7 +179,7 @@ class _Records:
 
 
 def _rewritten(text: str, opening: str, closing: str, head: str, tail: str) -> str:
-    """`text` with `head` in place of what the pattern `opening` finds, and `tail` in place of the `closing` that belongs to it."""
+    """Return `text` with `head` in place of what `opening` finds, and `tail` in place of the `closing` that belongs to it."""
     found = re.compile(opening)
     start = 0
     while (match := found.search(text, start)) is not None:
@@ -193,7 +193,7 @@ def _rewritten(text: str, opening: str, closing: str, head: str, tail: str) -> s
 
 
 def older_source(text: str, dialect: Dialect = GLSL_410) -> OlderSource:
-    """An assembled shader in an older GLSL. Raises UnsuitableShaderError."""
+    """Rewrite an assembled shader in an older GLSL. Raises UnsuitableShaderError."""
     records = _Records(text, dialect.fetch)
     numbers = {name: int(value) for name, value in _DEFINE.findall(text)}
     units: dict[str, int] = {}
@@ -239,7 +239,7 @@ def older_source(text: str, dialect: Dialect = GLSL_410) -> OlderSource:
 
 
 def _completed(text: str, dialect: Dialect) -> str:
-    """`text` with the functions that the version lacks, and macros on one line each."""
+    """Return `text` with the functions that the version lacks, and macros on one line each."""
     lines = [*dialect.opening, *(line for name, own in dialect.missing if name in text for line in own)]
     head, mark, rest = text.partition("#line 2 0\n")
     if mark:

@@ -22,12 +22,12 @@ _UNIFORM = re.compile(r"\buniform\s+(?:\w+\s+)+(\w+)\s*(?:\[[^\]]*\]\s*)?;")
 
 
 class ShaderError(Exception):
-    """A shader that cannot be assembled or compiled; the message names file and line."""
+    """Error of a shader that cannot be assembled or compiled; the message names file and line."""
 
 
 @dataclass(frozen=True)
 class ShaderSource:
-    """An assembled shader."""
+    """Assembled shader."""
 
     text: str
     files: tuple[str, ...]
@@ -35,7 +35,7 @@ class ShaderSource:
     units: Mapping[str, int] = field(default_factory=dict)
     """Texture units of samplers whose declarations do not tell them."""
     blocks: Mapping[str, int] = field(default_factory=dict)
-    """Bindings of uniform blocks, alike."""
+    """Bindings of uniform blocks whose declarations do not tell them."""
 
     @property
     def uniforms(self) -> frozenset[str]:
@@ -43,7 +43,7 @@ class ShaderSource:
         return frozenset(_UNIFORM.findall(self.text))
 
     def explain(self, log: str) -> str:
-        """A compiler's log with source numbers replaced by file names."""
+        """Return a compiler's log with source numbers replaced by file names."""
 
         def name(match: re.Match[str]) -> str:
             number, line = int(match[1]), match[2] or match[3]
@@ -53,15 +53,15 @@ class ShaderSource:
 
 
 class ShaderLibrary:
-    """The GLSL files of a folder, and generated ones that exist only in memory."""
+    """GLSL files of a folder, and generated ones that exist only in memory."""
 
     def __init__(self, folder: Path, generated: Mapping[str, str] | None = None, older: bool = False) -> None:
-        """`older`: assemble GLSL 4.10 for what draws (`viewer.gl.older_glsl`)."""
+        """Take the folder and generated files; `older`: assemble GLSL 4.10 for what draws (`viewer.gl.older_glsl`)."""
         self._folder, self.is_older = folder, older
         self._generated = dict(generated or {})
 
     def with_generated(self, generated: Mapping[str, str]) -> "ShaderLibrary":
-        """This library with further generated files."""
+        """Return this library with further generated files."""
         return ShaderLibrary(self._folder, {**self._generated, **generated}, self.is_older)
 
     def _read(self, name: str) -> str:
@@ -75,7 +75,7 @@ class ShaderLibrary:
             raise ShaderError(f"{name}: {error.strerror}") from error
 
     def assemble(self, name: str, defines: Defines | None = None) -> ShaderSource:
-        """The shader `name` with its includes, each file once. `defines` (0 is a value like any other) follow `#version`."""
+        """Assemble the shader `name` with its includes, each file once. `defines` (0 is a value like any other) follow `#version`."""
         files: list[str] = []
         output: list[str] = []
         self._append(name, files, output)
@@ -122,10 +122,10 @@ class ShaderLibrary:
 
 
 class ProgramFactory:
-    """Compiles programs of a library, each distinct one once."""
+    """Factory of a library's programs; it compiles each distinct one once."""
 
     def __init__(self, gl: moderngl.Context, library: ShaderLibrary, functions: GlFunctions | None = None) -> None:
-        """`functions` are needed where the library assembles GLSL 4.10."""
+        """Take a library; `functions` are needed where it assembles GLSL 4.10."""
         self._gl, self._functions = gl, functions
         self._library = library
         self._programs: dict[object, moderngl.Program | moderngl.ComputeShader] = {}
@@ -133,20 +133,20 @@ class ProgramFactory:
         self._triangles: dict[moderngl.Program, moderngl.VertexArray] = {}
 
     def with_generated(self, generated: Mapping[str, str]) -> "ProgramFactory":
-        """The factory for the same library with further generated files: one for equal files, freed with this one."""
+        """Return the factory for the same library with further generated files: one for equal files, freed with this one."""
         key = tuple(sorted(generated.items()))
         if key not in self._variants:
             self._variants[key] = ProgramFactory(self._gl, self._library.with_generated(generated), self._functions)
         return self._variants[key]
 
     def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
-        """Program of a vertex and a fragment shader file. Raises ShaderError."""
+        """Return the program of a vertex and a fragment shader file. Raises ShaderError."""
         found = self._find((vertex, fragment), defines)
         assert isinstance(found, moderngl.Program)
         return found
 
     def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
-        """Compute program of a file. Raises ShaderError."""
+        """Return the compute program of a file. Raises ShaderError."""
         if self._library.is_older:
             raise ShaderError(f"{name}: computing needs OpenGL 4.3")
         found = self._find((name,), defines)
@@ -154,7 +154,7 @@ class ProgramFactory:
         return found
 
     def fullscreen(self, fragment: str, defines: Defines | None = None) -> moderngl.VertexArray:
-        """A triangle over the whole target, for a fragment shader file: to be rendered with 3 vertices. Raises ShaderError."""
+        """Return a triangle over the whole target for a fragment shader file, to be rendered with 3 vertices. Raises ShaderError."""
         program = self.program("common/fullscreen.vert", fragment, defines)
         if program not in self._triangles:
             self._triangles[program] = self._gl.vertex_array(program, [])
@@ -181,7 +181,7 @@ class ProgramFactory:
         return self._programs[key]
 
     def _place(self, program: moderngl.Program | moderngl.ComputeShader, source: ShaderSource) -> None:
-        """Tell a program where the textures and uniform buffers are bound whose declarations do not say it."""
+        """Set the bindings of a program's textures and uniform buffers whose declarations do not tell them."""
         for name, unit in source.units.items():
             sampler = program.get(name, None)
             if isinstance(sampler, moderngl.Uniform) and self._functions is not None:

@@ -1,4 +1,4 @@
-"""What the GPU computes and the CPU wants to know: copied to small buffers, and read a frame or two later without waiting."""
+"""Results of the GPU for the CPU: copied to small buffers, and read a frame or two later without waiting."""
 
 from collections import deque
 from collections.abc import Sequence
@@ -20,10 +20,10 @@ FOREVER = 2**63
 
 
 class Fence:
-    """A place in the stream of commands: has the GPU got so far?"""
+    """Fence in the stream of commands, which tells whether the GPU has come so far."""
 
     def __init__(self, functions: GlFunctions) -> None:
-        """The place is here. What comes before is sent to the GPU."""
+        """Put the fence here. What comes before is sent to the GPU."""
         self._functions = functions
         self._sync: int | None = functions("glFenceSync", names.GL_SYNC_GPU_COMMANDS_COMPLETE, 0)
         functions("glFlush")
@@ -42,11 +42,11 @@ class Fence:
 
     @property
     def is_reached(self) -> bool:
-        """Whether the GPU has done all that came before; never waits."""
+        """True once the GPU has done all that came before; never waits."""
         return self._wait(0)
 
     def wait(self) -> None:
-        """Wait until it has."""
+        """Wait until the GPU has done all that came before."""
         self._wait(FOREVER)
 
     def release(self) -> None:
@@ -58,17 +58,17 @@ class Fence:
 
 @dataclass(frozen=True, eq=False)
 class PicturePart:
-    """A rectangle of a picture with four numbers a pixel, that of the first attachment."""
+    """Rectangle of a picture (the first attachment) with four numbers per pixel."""
 
     framebuffer: moderngl.Framebuffer
     pixels: tuple[int, int, int, int]
     """Left, top, right, bottom from the upper left corner; inside the picture, not empty."""
     kind: Literal["u4", "f2", "f4"]
-    """Of each number."""
+    """Type of each number."""
 
     @property
     def byte_count(self) -> int:
-        """Of the rectangle."""
+        """Number of bytes of the rectangle."""
         left, top, right, bottom = self.pixels
         return (right - left) * (bottom - top) * 4 * np.dtype(self.kind).itemsize
 
@@ -79,12 +79,12 @@ class PicturePart:
         return left, self.framebuffer.height - bottom, right - left, bottom - top
 
     def array(self, content: bytes) -> NDArray[Any]:
-        """[bottom - top, right - left, 4] of `kind`, row 0 on top: what has been read."""
+        """Return the bytes that were read as [bottom - top, right - left, 4] of `kind`, row 0 on top."""
         _, _, width, height = self.viewport
         return np.frombuffer(content, self.kind).reshape(height, width, 4)[::-1]
 
     def read(self) -> NDArray[Any]:
-        """The same, waited for."""
+        """Read the rectangle now: [bottom - top, right - left, 4] of `kind`, row 0 on top."""
         return self.array(self.framebuffer.read(self.viewport, components=4, alignment=1, dtype=self.kind))
 
 
@@ -100,18 +100,18 @@ class ReadBack(Generic[Tag]):
     """Copies of parts of buffers on their way to the CPU. The newest that has arrived counts; older ones are dropped then."""
 
     def __init__(self, context: GraphicsContext, what: str) -> None:
-        """`what` names the buffers in error messages."""
+        """Take `what`, which names the buffers in error messages."""
         self._functions, self._memory, self._what = context.functions, context.memory, what
         self._under_way: deque[_Copy[Tag]] = deque()
         self._free: list[moderngl.Buffer] = []
 
     @property
     def is_pending(self) -> bool:
-        """Whether a copy is under way."""
+        """True while a copy is under way."""
         return bool(self._under_way)
 
     def reserve(self, size: int) -> None:
-        """Make sure that the next copy, of at most `size` bytes, does not fail for want of memory. Raises GpuMemoryError."""
+        """Reserve memory for the next copy, of at most `size` bytes. Raises GpuMemoryError."""
         self._free.append(self._buffer(size))
 
     def copy(self, parts: Sequence[tuple[moderngl.Buffer, int]], tag: Tag) -> None:
@@ -128,14 +128,14 @@ class ReadBack(Generic[Tag]):
         self._under_way.append(_Copy(buffer, size, Fence(self._functions), tag))
 
     def copy_texture(self, texture: moderngl.Texture, size: int, tag: Tag) -> None:
-        """The same for all of a texture of `size` bytes, rows without padding."""
+        """Copy all of a texture of `size` bytes, rows without padding. Raises GpuMemoryError."""
         buffer = self._buffer(size)
         # The class's own method: into a buffer nothing waits.
         moderngl.Texture.read_into(texture, buffer, alignment=1)
         self._under_way.append(_Copy(buffer, size, Fence(self._functions), tag))
 
     def copy_parts(self, parts: Sequence[PicturePart], tag: Tag) -> None:
-        """The same for parts of pictures, one after the other."""
+        """Copy parts of pictures, one after the other. Raises GpuMemoryError."""
         size = sum(part.byte_count for part in parts)
         buffer, at = self._buffer(size), 0
         for part in parts:
@@ -156,7 +156,7 @@ class ReadBack(Generic[Tag]):
         return readable_buffer(self._memory, self._functions, self._what, 1 << max(size - 1, 0).bit_length())
 
     def newest(self) -> tuple[bytes, Tag] | None:
-        """The newest copy that has arrived since the last call; None where none has. Never waits."""
+        """Return the newest copy that has arrived since the last call; None where none has. Never waits."""
         arrived = None
         while self._under_way and self._under_way[0].fence.is_reached:
             if arrived is not None:
@@ -165,7 +165,7 @@ class ReadBack(Generic[Tag]):
         return None if arrived is None else self._content(arrived)
 
     def wait(self) -> tuple[bytes, Tag] | None:
-        """The newest copy, waited for; None where none is under way."""
+        """Wait for the newest copy and return it; None where none is under way."""
         if not self._under_way:
             return None
         self._memory.blocking.count += not self._under_way[-1].fence.is_reached
@@ -194,7 +194,7 @@ class ReadBack(Generic[Tag]):
 
 
 def readable_buffer(memory: GpuMemory, functions: GlFunctions, what: str, size: int) -> moderngl.Buffer:
-    """A buffer that the driver may keep where the CPU reads fast. Raises GpuMemoryError."""
+    """Return a buffer that the driver may keep where the CPU reads fast. Raises GpuMemoryError."""
 
     def make() -> moderngl.Buffer:
         buffer = memory.gl.buffer(reserve=size)

@@ -1,4 +1,4 @@
-"""What differs between operating systems: how a context is made without a window, and what to advise where none can be made."""
+"""Differences between operating systems: how a context is made without a window, and what to advise where none can be made."""
 
 import os
 import sys
@@ -10,9 +10,9 @@ import glcontext
 import moderngl
 
 FunctionLoader = Callable[[str], int]
-"""Name of an OpenGL function -> its address, 0 if there is none."""
+"""Function: name of an OpenGL function -> its address, 0 if there is none."""
 NO_ADDRESS: Final = frozenset({1, 2, 3, (1 << 64) - 1})
-"""What some drivers' wglGetProcAddress returns, besides 0, for a function that they lack."""
+"""Values that wglGetProcAddress of some drivers returns, besides 0, for a function that they lack."""
 DRIVER_SETTINGS: Final = {"ZINK_DESCRIPTORS": "lazy"}
 """Environment variables that drivers read. zink of Mesa 25.0 and 26.2, left to choose, computes wrong results from the second frame on
 that no wait divides from the first (docs/explanation/decode-paths.md)."""
@@ -20,19 +20,19 @@ that no wait divides from the first (docs/explanation/decode-paths.md)."""
 
 @dataclass(frozen=True)
 class GraphicsSystem:
-    """OpenGL on one operating system."""
+    """Facts about OpenGL on one operating system."""
 
     name: str
     has_egl: bool
-    """Contexts without a window come from EGL, which lists the machine's GPUs; elsewhere from the window system's own library."""
+    """True where contexts without a window come from EGL, which lists the machine's GPUs; elsewhere from the window system."""
     driver: str
-    """What to install where there is no context without a window."""
+    """Advice on what to install where there is no context without a window."""
     window: str
-    """What to check where no window opens."""
+    """Advice on what to check where no window opens."""
     software: str
-    """How to draw without a GPU."""
+    """Advice on how to draw without a GPU."""
     window_gpu: str
-    """How the user chooses the GPU of what opens a window, and of everything where there is no EGL."""
+    """Advice on how to choose the GPU of a window, and of everything where there is no EGL."""
 
 
 LINUX: Final = GraphicsSystem(
@@ -62,7 +62,7 @@ MACOS: Final = GraphicsSystem(
 
 
 def system_of(platform: str) -> GraphicsSystem:
-    """The system that `sys.platform` names; every other Unix is as Linux."""
+    """Return the system that `sys.platform` names; every other Unix is as Linux."""
     return {"win32": WINDOWS, "cygwin": WINDOWS, "darwin": MACOS}.get(platform, LINUX)
 
 
@@ -78,7 +78,7 @@ def set_up_drivers(environment: MutableMapping[str, str] = os.environ) -> None:
 def make_context(
     version: int, device: int = 0, system: GraphicsSystem = SYSTEM
 ) -> tuple[moderngl.Context, FunctionLoader]:
-    """A context without a window, current, of at least `version` (430 is 4.3), and the addresses of its functions.
+    """Make a context without a window, current, of at least `version` (430 is 4.3); return it and the addresses of its functions.
 
     `device`: number of the GPU in EGL's list; only 0 where the system has no EGL. Raises whatever moderngl and glcontext raise, plain
     Exception included.

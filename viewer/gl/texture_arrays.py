@@ -16,7 +16,7 @@ from viewer.gl.context import GraphicsContext
 
 
 class _TextureArray:
-    """A texture array of 8-bit channels with `levels` mips, uninitialised, and a view of it that shaders can write."""
+    """Texture array of 8-bit channels with `levels` mips, uninitialised, and a view of it that shaders can write."""
 
     def __init__(
         self, context: GraphicsContext, size: tuple[int, int], layers: int, srgb: bool, levels: int = 1
@@ -62,7 +62,7 @@ class _TextureArray:
 
     @property
     def is_released(self) -> bool:
-        """Whether it has been freed."""
+        """True once it has been freed."""
         return self.texture == 0
 
     def release(self) -> None:
@@ -73,10 +73,10 @@ class _TextureArray:
 
 
 class ImageArray:
-    """`layers` textures of (width, height) texels, each with its whole mip chain."""
+    """Array of `layers` textures of (width, height) texels, each with its whole mip chain."""
 
     def __init__(self, context: GraphicsContext, size: tuple[int, int], layers: int, srgb: bool = True) -> None:
-        """Raises GpuMemoryError."""
+        """Allocate the array. Raises GpuMemoryError."""
         self.size = size
         self.levels = max(size).bit_length()
         self._call, self._memory = context.functions, context.memory
@@ -89,7 +89,7 @@ class ImageArray:
 
     @property
     def is_released(self) -> bool:
-        """Whether it has been freed."""
+        """True once it has been freed."""
         return self._array.is_released
 
     def use(self, unit: int) -> None:
@@ -134,11 +134,11 @@ class TileAtlas:
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Bytes of all layers."""
+        """Number of bytes of all layers."""
         return self.layers * self._side * self._side * 4
 
     def grow(self, layers: int) -> bool:
-        """Have at least this many layers; False, and all as before, where the driver has no memory for them, or allows fewer."""
+        """Grow to at least this many layers; return False, with nothing changed, without memory or where the driver allows fewer."""
         if layers <= self.layers:
             return True
         if layers > self._memory.limits.array_layers:
@@ -172,7 +172,7 @@ class TileAtlas:
 
     @contextmanager
     def _attached(self, array: _TextureArray, layer: int) -> Iterator[None]:
-        """A framebuffer of one layer is bound meanwhile."""
+        """Bind a framebuffer of one layer within the block."""
         name = ctypes.c_uint()
         self._call("glGenFramebuffers", 1, ctypes.addressof(name))
         try:
@@ -185,7 +185,7 @@ class TileAtlas:
 
     @contextmanager
     def drawing(self, layer: int) -> Iterator[None]:
-        """Fragment shaders write sRGB-coded numbers into this layer within the block; whoever draws next binds a framebuffer anew."""
+        """Let fragment shaders write sRGB-coded numbers into this layer within the block; the next pass binds its framebuffer anew."""
         assert self._array is not None
         with self._attached(self._array, layer):
             self._call("glViewport", 0, 0, self._side, self._side)

@@ -14,18 +14,18 @@ from viewer.gl.functions import GlFunctions
 
 TimerKind = Literal["gpu timer query", "wall time around finish", "timestamps between passes", "not measured"]
 MOST_FRAMES = 8
-"""Frames whose times are waited for; of a driver that is later than that the oldest are given up."""
+"""Most frames whose times are awaited; of a slower driver the oldest are given up."""
 
 
 class Stamps:
-    """Timestamps of the GPU in the order of its commands: nanoseconds in 64 bits."""
+    """Timestamps of the GPU in the order of its commands, in ns."""
 
     def __init__(self, functions: GlFunctions) -> None:
         self._functions = functions
         self._free: list[int] = []
 
     def put(self) -> int:
-        """Have the GPU note the time once it has done all that came before; the query's name."""
+        """Let the GPU note the time once it has done all that came before; return the query's name."""
         if not self._free:
             name = ctypes.c_uint()
             self._functions("glGenQueries", 1, ctypes.addressof(name))
@@ -35,11 +35,11 @@ class Stamps:
         return query
 
     def is_there(self, query: int) -> bool:
-        """Whether reading would not wait."""
+        """Return whether reading would not wait."""
         return bool(self._number("glGetQueryObjectuiv", query, names.GL_QUERY_RESULT_AVAILABLE, ctypes.c_uint()))
 
     def read(self, query: int) -> int:
-        """The time; waited for where it is not there."""
+        """Return the time in ns; waits where it is not there."""
         return self._number("glGetQueryObjectui64v", query, names.GL_QUERY_RESULT, ctypes.c_uint64())
 
     def _number(self, name: str, query: int, what: int, into: Any) -> int:
@@ -47,16 +47,16 @@ class Stamps:
         return int(into.value)
 
     def give_back(self, query: int) -> None:
-        """It is not read any more."""
+        """Reuse the query, which is not read any more."""
         self._free.append(query)
 
 
 @dataclass(frozen=True, eq=False)
 class _Measurement:
-    """One pass in one frame: its time, or the stamps that it lies between."""
+    """Measurement of one pass in one frame: its time, or the stamps that it lies between."""
 
     name: str | None
-    """None where only `note` wants it."""
+    """Name of the pass; None where only `note` wants the time."""
     milliseconds: float
     stamps: tuple[int, int] | None = None
     owner: Hashable | None = None
@@ -67,11 +67,11 @@ class _Measurement:
 class _Frame:
     measurements: list[_Measurement] = field(default_factory=list)
     stamps: list[int] = field(default_factory=list)
-    """In their order."""
+    """Timestamps in their order."""
 
 
 class PassTimer:
-    """Collects the times of passes, frame by frame.
+    """Timer that collects the times of passes, frame by frame.
 
     Where the context waits for the GPU, a frame's times are known at its end. Else the timer does not hold
     the GPU up: it measures while `is_wanted`, and tells the times of a frame two or three frames later.
@@ -84,17 +84,17 @@ class PassTimer:
         self._stamps = Stamps(context.functions)
         self.waits = context.waits
         self.is_wanted = context.waits
-        """Whether anybody looks at the times of the frames to come."""
+        """True while somebody looks at the times of the next frames."""
         self._frame = _Frame()
         self._under_way: deque[_Frame] = deque()
         self._owned: dict[Hashable, float] = {}
         self._whole: str | None = None
-        """What the passes that run now are parts of."""
+        """Name that the passes which run now are counted as."""
         self._owner: Hashable | None = None
 
     @property
     def kind(self) -> TimerKind:
-        """How times are measured, for reports."""
+        """Method of measuring, for reports."""
         if self.waits:
             return "gpu timer query" if self._has_queries else "wall time around finish"
         if not self.is_wanted:
@@ -157,7 +157,7 @@ class PassTimer:
         self._gl.finish()
 
     def _between(self, name: str) -> Iterator[None]:
-        """Times from the end of the pass before: rasterisers in tiles note what comes first in a batch of commands at its end, too."""
+        """Measure from the end of the pass before: tiled rasterisers note what comes first in a batch of commands at its end, too."""
         first = self._frame.stamps[-1] if self._frame.stamps else self._put()
         yield
         self._add_late(name, None, (first, self._put()))
@@ -190,7 +190,7 @@ class PassTimer:
 
     @contextmanager
     def waiting(self) -> Iterator[None]:
-        """Wait for the times of the block's passes."""
+        """Wait for the times of the passes of the block."""
         before, self.waits = self.waits, True
         try:
             yield
@@ -211,7 +211,7 @@ class PassTimer:
         self._frame.measurements.append(_Measurement(shown, 0.0, stamps, owner, note))
 
     def take(self) -> dict[str, float]:
-        """End the frame. Times in ms by pass, in order of their first measurement.
+        """End the frame, and return times in ms by pass, in order of their first measurement.
 
         They are those of this frame where the timer waits, else of a frame before whose times have arrived; {} where none have.
         """
@@ -231,12 +231,12 @@ class PassTimer:
         return found
 
     def take_owned(self) -> Mapping[Hashable, float]:
-        """Times in ms that have arrived since the last call, by owner."""
+        """Return the times in ms that have arrived since the last call, by owner."""
         owned, self._owned = self._owned, {}
         return owned
 
     def forget(self) -> None:
-        """What was measured since the last frame is no part of a frame."""
+        """Leave what was measured since the last frame out of all frames."""
         self._give_back(self._frame)
         self._frame, self._owned = _Frame(), {}
 

@@ -1,1 +1,1 @@
-"""What lights a scene, as plain data: sky, sun, panoramas, tone maps, and the float64 twin of the shading."""
+"""Light of a scene as plain data: sky, sun, panoramas, tone maps, and the float64 twin of the shading."""

@@ -14,9 +14,9 @@ import numpy as np
 from viewer.lighting.directions import Array
 
 SMALLEST_ROUGHNESS: Final = 0.045
-"""Of reflections of single lights: without it a mirror would show a light that has no size nowhere. alpha is 0.002."""
+"""Smallest roughness of reflections of single lights (alpha 0.002): a perfect mirror would never show a light without size."""
 SMALLEST_COSINE: Final = 1e-4
-"""To the viewer: surfaces that interpolated normals turn away count as seen at a grazing angle."""
+"""Smallest cosine to the viewer: surfaces that interpolated normals turn away count as seen at a grazing angle."""
 TABLE_SIDE: Final = 64
 TABLE_SAMPLES: Final = 256
 CLEARCOAT_F0: Final = 0.04
@@ -24,7 +24,7 @@ CLEARCOAT_F0: Final = 0.04
 
 @dataclass(frozen=True, eq=False)
 class Reflection:
-    """What N surfaces reflect at their places, maps and factors multiplied: metals and dielectrics, mixed by `metalness`."""
+    """Reflection of N surfaces, maps and factors multiplied: metals and dielectrics, mixed by `metalness`."""
 
     diffuse: Array
     """[N, 3] linear albedo of what is scattered below a dielectric's surface, without the share that is transmitted."""
@@ -33,7 +33,7 @@ class Reflection:
     dielectric: Array
     """[N, 3] reflectance of the dielectric's surface at normal incidence."""
     dielectric_grazing: Array
-    """[N, 1] the same at grazing angles."""
+    """[N, 1] reflectance of the dielectric's surface at grazing angles."""
     metalness: Array
     """[N, 1]."""
     roughness: Array
@@ -49,30 +49,30 @@ def reflection_of(
     specular_color: Array,
     transmission: Array,
 ) -> Reflection:
-    """The reflection of surfaces: `base`, `specular_color` [N, 3] linear; all others [N, 1]."""
+    """Return the reflection of surfaces: `base`, `specular_color` [N, 3] linear; all others [N, 1]."""
     reflectance = ((ior - 1.0) / (ior + 1.0)) ** 2
     dielectric = np.minimum(reflectance * specular_color, 1.0) * specular
     return Reflection(base * (1.0 - transmission), base, dielectric, specular, metalness, roughness)
 
 
 def dot(a: Array, b: Array) -> Array:
-    """[..., 1] scalar products of vectors [..., 3]."""
+    """Return [..., 1] scalar products of vectors [..., 3]."""
     return np.asarray(np.sum(a * b, axis=-1, keepdims=True))
 
 
 def normalized(vectors: Array) -> Array:
-    """Vectors [..., 3] with length 1; zero stays zero."""
+    """Return vectors [..., 3] scaled to length 1; zero stays zero."""
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-30))
 
 
 def ggx(half_cosine: Array, alpha: Array) -> Array:
-    """Distribution of microfacet normals D (Walter et al. 2007) at the cosine between normal and half vector."""
+    """Return the distribution of microfacet normals D (Walter et al. 2007) at the cosine between normal and half vector."""
     spread = half_cosine**2 * (alpha**2 - 1.0) + 1.0
     return np.asarray(alpha**2 / (np.pi * spread**2))
 
 
 def smith(view_cosine: Array, light_cosine: Array, alpha: Array) -> Array:
-    """Height-correlated visibility V = G / (4 NoL NoV) (Heitz 2014)."""
+    """Return the height-correlated visibility V = G / (4 NoL NoV) (Heitz 2014)."""
     a2 = alpha**2
     view = light_cosine * np.sqrt(view_cosine**2 * (1.0 - a2) + a2)
     light = view_cosine * np.sqrt(light_cosine**2 * (1.0 - a2) + a2)
@@ -80,7 +80,7 @@ def smith(view_cosine: Array, light_cosine: Array, alpha: Array) -> Array:
 
 
 def hammersley(count: int) -> Array:
-    """[count, 2] points in [0, 1): (i / count, bits of i reversed), `count` up to 65536."""
+    """Return [count, 2] points in [0, 1): (i / count, bits of i reversed), `count` up to 65536."""
     numbers = np.arange(count)
     reversed_bits = np.zeros(count)
     for bit in range(16):
@@ -89,7 +89,7 @@ def hammersley(count: int) -> Array:
 
 
 def half_vectors(points: Array, alpha: Array) -> Array:
-    """[..., 3] half vectors around (0, 0, 1), drawn from GGX by `points` [..., 2] in [0, 1)."""
+    """Return [..., 3] half vectors around (0, 0, 1), drawn from GGX by `points` [..., 2] in [0, 1)."""
     cosine = np.sqrt((1.0 - points[..., 0]) / (1.0 + (alpha**2 - 1.0) * points[..., 0]))
     sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
     turn = 2.0 * np.pi * points[..., 1]
@@ -98,7 +98,7 @@ def half_vectors(points: Array, alpha: Array) -> Array:
 
 @lru_cache(maxsize=2)
 def brdf_table(side: int = TABLE_SIDE, samples: int = TABLE_SAMPLES) -> Array:
-    """[side, side, 2]: directional albedo of the specular lobe as f0 * table[..., 0] + f90 * table[..., 1].
+    """Return [side, side, 2]: directional albedo of the specular lobe as f0 * table[..., 0] + f90 * table[..., 1].
 
     Rows: roughness, columns: cosine to the viewer, both at (index + 0.5) / side. Karis 2013, "Real Shading in Unreal Engine 4".
     """
@@ -121,7 +121,7 @@ def brdf_table(side: int = TABLE_SIDE, samples: int = TABLE_SAMPLES) -> Array:
 
 
 def table_lookup(table: Array, view_cosine: Array, roughness: Array) -> tuple[Array, Array]:
-    """Both columns of `table` [side, side, 2] at [N, 1] cosines and roughnesses, filtered as a texture, clamped at its edges."""
+    """Sample both columns of `table` [side, side, 2] at [N, 1] cosines and roughnesses, as a clamped texture with a linear filter."""
     side = table.shape[0]
     x, y = (np.clip(values[..., 0] * side - 0.5, 0.0, side - 1.0) for values in (view_cosine, roughness))
     left, top = (np.minimum(values.astype(np.int64), side - 2) for values in (x, y))
@@ -133,7 +133,7 @@ def table_lookup(table: Array, view_cosine: Array, roughness: Array) -> tuple[Ar
 
 
 def light_response(surface: Reflection, table: tuple[Array, Array], normal: Array, view: Array, light: Array) -> Array:
-    """[N, 3] radiance towards `view` for irradiance 1 on a surface that faces a light in direction `light`; unit vectors [N, 3]."""
+    """Return [N, 3] radiance towards `view` for irradiance 1 on a surface that faces `light`; both are unit vectors [N, 3]."""
     light_cosine = dot(normal, light)
     view_cosine = np.clip(dot(normal, view), SMALLEST_COSINE, 1.0)
     half = normalized(view + light)
@@ -154,7 +154,7 @@ def light_response(surface: Reflection, table: tuple[Array, Array], normal: Arra
 
 
 def _scattering(f0: Array, f90: Array, table: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Directional albedo of the specular lobe: of single scattering, and of what is scattered more often."""
+    """Return the directional albedo of the specular lobe: of single scattering, and of further scattering."""
     lost = 1.0 - (table[0] + table[1])
     single = f0 * table[0] + f90 * table[1]
     average = f0 + (f90 - f0) / 21.0
@@ -162,7 +162,7 @@ def _scattering(f0: Array, f90: Array, table: tuple[Array, Array]) -> tuple[Arra
 
 
 def environment_response(surface: Reflection, table: tuple[Array, Array], specular: Array, irradiance: Array) -> Array:
-    """[N, 3] radiance that a surface sends back of an environment.
+    """Return [N, 3] radiance that a surface reflects of an environment.
 
     `specular`: [N, 3] prefiltered radiance around the mirrored view; `irradiance`: [N, 3] irradiance over pi around the normal.
     """
@@ -176,5 +176,5 @@ def environment_response(surface: Reflection, table: tuple[Array, Array], specul
 
 
 def clearcoat_fresnel(view_cosine: Array) -> Array:
-    """[N, 1] what a clear coat of ior 1.5 reflects."""
+    """Return [N, 1] the share of light that a clear coat of ior 1.5 reflects."""
     return np.asarray(CLEARCOAT_F0 + (1.0 - CLEARCOAT_F0) * (1.0 - view_cosine) ** 5)

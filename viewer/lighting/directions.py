@@ -13,21 +13,21 @@ Array = NDArray[np.float64]
 
 
 def direction_towards(azimuth: float, elevation: float) -> tuple[float, float, float]:
-    """Unit vector towards a place in the sky: degrees from north towards east, and above the horizon."""
+    """Return the unit vector towards a place in the sky: degrees from north towards east, and above the horizon."""
     turn, height = math.radians(azimuth), math.radians(elevation)
     flat = math.cos(height)
     return flat * math.sin(turn), math.sin(height), -flat * math.cos(turn)
 
 
 def turned(directions: Array, degrees: float) -> Array:
-    """Directions [..., 3] turned about the vertical axis from north towards east."""
+    """Return directions [..., 3] turned about the vertical axis from north towards east."""
     sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
     x, y, z = np.moveaxis(directions, -1, 0)
     return np.stack([cosine * x - sine * z, y, sine * x + cosine * z], axis=-1)
 
 
 def panorama_directions(height: int) -> Array:
-    """[height, 2 * height, 3] unit vectors through the centres of the texels of an equirectangular panorama, row 0 on top."""
+    """Return [height, 2 * height, 3] unit vectors through the centres of the texels of an equirectangular panorama, row 0 on top."""
     elevation = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
     azimuth = ((np.arange(2 * height) + 0.5) / height - 1.0) * np.pi
     flat = np.cos(elevation)[:, None]
@@ -36,14 +36,14 @@ def panorama_directions(height: int) -> Array:
 
 
 def panorama_solid_angles(height: int) -> Array:
-    """[height] solid angle in steradian of one texel of each row of a panorama [height, 2 * height]."""
+    """Return [height] solid angle in steradian of one texel of each row of a panorama [height, 2 * height]."""
     edges = np.cos(np.arange(height + 1) / height * np.pi)
     solid: Array = (edges[:-1] - edges[1:]) * np.pi / height
     return solid
 
 
 def panorama_coordinates(directions: Array) -> Array:
-    """[..., 2] (u, v) in [0, 1] where `directions` [..., 3] meet a panorama; v is 0 on top."""
+    """Return [..., 2] (u, v) in [0, 1] where `directions` [..., 3] meet a panorama; v is 0 on top."""
     x, y, z = np.moveaxis(directions, -1, 0)
     u = np.arctan2(x, -z) / (2.0 * np.pi) + 0.5
     v = np.arccos(np.clip(y / np.maximum(np.linalg.norm(directions, axis=-1), 1e-30), -1.0, 1.0)) / np.pi
@@ -51,21 +51,21 @@ def panorama_coordinates(directions: Array) -> Array:
 
 
 def _fold(planar: Array) -> Array:
-    """Points [..., 2] of the octahedral map in [-1, 1] with inner and outer triangles exchanged."""
+    """Return points [..., 2] of the octahedral map in [-1, 1] with inner and outer triangles exchanged."""
     signs = np.where(planar >= 0.0, 1.0, -1.0)
     folded: Array = (1.0 - np.abs(planar[..., ::-1])) * signs
     return folded
 
 
 def octahedral_coordinates(directions: Array) -> Array:
-    """[..., 2] in [0, 1] where `directions` [..., 3], not zero, lie in the octahedral map."""
+    """Return [..., 2] in [0, 1] where `directions` [..., 3], not zero, lie in the octahedral map."""
     scaled = directions / np.maximum(np.sum(np.abs(directions), axis=-1, keepdims=True), 1e-30)
     planar = scaled[..., [0, 2]]
     return np.where(scaled[..., 1:2] >= 0.0, planar, _fold(planar)) * 0.5 + 0.5
 
 
 def octahedral_directions(coordinates: Array) -> Array:
-    """[..., 3] unit vectors of places [..., 2] in the octahedral map, in [0, 1]."""
+    """Return [..., 3] unit vectors of places [..., 2] in the octahedral map, in [0, 1]."""
     planar = coordinates * 2.0 - 1.0
     y = 1.0 - np.abs(planar[..., 0]) - np.abs(planar[..., 1])
     flat = np.where(y[..., None] >= 0.0, planar, _fold(planar))

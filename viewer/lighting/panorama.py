@@ -14,27 +14,27 @@ from ntc.io import read_file
 from viewer.scene.images import library_message
 
 LARGEST_WIDTH: Final = 8192
-"""Texels across that are read."""
+"""Largest width in texels of a panorama that is read."""
 KEPT_WIDTH: Final = 4096
-"""Texels across that are kept: larger panoramas are reduced to that."""
+"""Width in texels that larger panoramas are reduced to."""
 LARGEST_FILE: Final = 1 << 28
 TEXELS_PER_BYTE: Final = 256
 FREE_TEXELS: Final = 1 << 21
-"""Texels that any file may hold; beyond them, TEXELS_PER_BYTE for each byte: more is taken for a broken header."""
+"""Number of texels that any file may hold; beyond them, TEXELS_PER_BYTE for each byte: more is taken for a broken header."""
 LARGEST_RADIANCE: Final = 65000.0
-"""Brighter texels are set to it: suns in panoramas are often brighter than half floats can be."""
+"""Largest radiance, to which brighter texels are set: suns in panoramas are often brighter than half floats can be."""
 NEGATIVE_ALLOWED: Final = 0.05
-"""Negative values may reach this share of the mean: filters leave such, and they are set to 0."""
+"""Largest negative value as a share of the mean: filters leave such values, and they are set to 0."""
 
 
 @dataclass(frozen=True, eq=False)
 class Panorama:
-    """All directions around a point, equirectangular (`viewer.lighting.directions`)."""
+    """Panorama: light from all directions around a point, equirectangular (`viewer.lighting.directions`)."""
 
     pixels: NDArray[np.float32] = field(repr=False)
     """[H, 2 H, 3] linear RGB radiance, finite, at least 0; row 0 on top."""
     digest: str
-    """Of the file's content."""
+    """Digest of the file's content."""
 
 
 def _checked_size(path: Path, width: int, height: int, channels: int, byte_count: int) -> None:
@@ -87,7 +87,7 @@ def _checked_radiance(path: Path, pixels: NDArray[np.float32]) -> NDArray[np.flo
 
 
 def reduced(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
-    """`pixels` [H, 2 H, 3] as means of squares of texels: the smallest that is at least `width` across, or itself."""
+    """Reduce `pixels` [H, 2 H, 3] to means of squares of texels: the smallest that is at least `width` across, or itself."""
     factor = next((n for n in range(pixels.shape[1] // width, 1, -1) if pixels.shape[0] % n == 0), 1)
     if factor <= 1:
         return pixels
@@ -97,7 +97,7 @@ def reduced(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
 
 
 def load_panorama(path: Path) -> Panorama:
-    """The panorama in an HDR or EXR file, at most KEPT_WIDTH texels across where its size divides.
+    """Read the panorama in an HDR or EXR file, at most KEPT_WIDTH texels across where its size divides.
 
     Raises InputError, naming file and remedy: for a file that cannot be read or is no such image, for other sizes than 2:1 and sizes
     beyond LARGEST_WIDTH (before memory is allocated), for values that are not finite, and for negative ones.

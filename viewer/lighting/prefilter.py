@@ -22,48 +22,48 @@ from viewer.lighting.directions import (
 )
 
 ENVIRONMENT_LEVELS: Final = 7
-"""Roughnesses from 0 to 1 that an environment is prefiltered for."""
+"""Number of roughnesses from 0 to 1 that an environment is prefiltered for."""
 MOST_SAMPLES: Final = 256
 IRRADIANCE_ROWS: Final = 64
-"""Rows of directions, and half the columns, that irradiance is integrated over."""
+"""Number of rows of directions, and half the number of columns, that irradiance is integrated over."""
 
 
 @dataclass(frozen=True)
 class PrefilterSize:
-    """How finely an environment is prefiltered."""
+    """Sizes of the maps of a prefiltered environment."""
 
     source_side: int
-    """Of the octahedral map that all others are made of: a power of 2."""
+    """Side in texels of the octahedral map that all others are made of: a power of 2."""
     sides: tuple[int, ...]
-    """Of a face of the cube map of each roughness from 0 to 1 in equal steps, in texels, borders left out."""
+    """Sides of a face of the cube map of each roughness from 0 to 1 in equal steps, in texels, borders left out."""
     samples: int
-    """Directions that each texel is the mean of."""
+    """Number of directions that each texel is the mean of."""
     irradiance_side: int
-    """Of a face of the cube map of irradiance."""
+    """Side of a face of the cube map of irradiance, in texels, borders left out."""
 
     @property
     def all_sides(self) -> tuple[int, ...]:
-        """Of all maps, that of irradiance last."""
+        """Sides of the faces of all maps, that of irradiance last."""
         return (*self.sides, self.irradiance_side)
 
     @property
     def tops(self) -> tuple[int, ...]:
-        """First row of each map in their common texture, where its faces lie side by side."""
+        """First rows of the maps in their common texture, where the faces of a map lie side by side."""
         return tuple(sum(side + 2 for side in self.all_sides[:level]) for level in range(len(self.all_sides)))
 
     @property
     def texture_size(self) -> tuple[int, int]:
-        """(width, height) of that texture."""
+        """(width, height) in texels of the common texture of all maps."""
         return 6 * (max(self.all_sides) + 2), sum(side + 2 for side in self.all_sides)
 
 
 SKY_SIZE: Final = PrefilterSize(128, (64, 32, 16, 16, 8, 8, 8), 32, 8)
-"""Of the sky: smooth, and prefiltered again when the sun moves."""
+"""Size of the sky's maps: smooth, and prefiltered again when the sun moves."""
 PANORAMA_SIZE: Final = PrefilterSize(512, (256, 64, 32, 32, 16, 16, 16), 256, 16)
 
 
 def irradiance_map(panorama: NDArray[np.float32], side: int) -> Array:
-    """[side + 2, 6, side + 2, 3] irradiance over pi of surfaces that face the directions of a cube map, `cube_directions`.
+    """Return [side + 2, 6, side + 2, 3] irradiance over pi of surfaces that face the directions of a cube map, `cube_directions`.
 
     `panorama`: [H, 2 H, 3] linear radiance, equirectangular. Its light is summed up in blocks of texels first, each of which shines
     from the mean direction of its light.
@@ -89,7 +89,7 @@ def irradiance_map(panorama: NDArray[np.float32], side: int) -> Array:
 
 
 def sample_bilinear(image: Array, x: Array, y: Array, repeat_x: bool = False) -> Array:
-    """[..., C] of `image` [H, W, C] at texel coordinates (0.5: the first centre), clamped at its edges, or around along x."""
+    """Sample `image` [H, W, C] at texel coordinates (0.5: the first centre), clamped at its edges, or repeated along x: [..., C]."""
     height, width = image.shape[:2]
     x, y = x - 0.5, y - 0.5
     left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
@@ -101,19 +101,19 @@ def sample_bilinear(image: Array, x: Array, y: Array, repeat_x: bool = False) ->
 
 
 def sample_panorama(panorama: Array, directions: Array) -> Array:
-    """[..., 3] radiance of a panorama [H, 2 H, 3] in `directions` [..., 3], filtered bilinearly."""
+    """Return [..., 3] radiance of a panorama [H, 2 H, 3] in `directions` [..., 3], filtered bilinearly."""
     places = panorama_coordinates(directions)
     height, width = panorama.shape[:2]
     return sample_bilinear(panorama, places[..., 0] * width, places[..., 1] * height, repeat_x=True)
 
 
 def source_samples(panorama_width: int, side: int) -> int:
-    """Places along each side of a texel of the first octahedral map that the panorama is read at."""
+    """Return the number of places along each side of a texel of the first octahedral map that the panorama is read at."""
     return min(max(-(-panorama_width // (2 * side)), 1), 8)
 
 
 def octahedral_source(panorama: Array, side: int) -> Array:
-    """[side, side, 3]: `panorama` [H, 2 H, 3] as an octahedral map."""
+    """Return `panorama` [H, 2 H, 3] as an octahedral map [side, side, 3]."""
     steps = source_samples(panorama.shape[1], side)
     places = (np.arange(side * steps) + 0.5) / (side * steps)
     columns, rows = np.meshgrid(places, places)
@@ -122,7 +122,7 @@ def octahedral_source(panorama: Array, side: int) -> Array:
 
 
 def mip_chain(image: Array) -> list[Array]:
-    """`image` [S, S, C] and its halves as means of four texels; S is a power of 2."""
+    """Return `image` [S, S, C] and its halves as means of four texels; S is a power of 2."""
     chain = [image]
     while chain[-1].shape[0] > 1:
         half = chain[-1].shape[0] // 2
@@ -131,7 +131,7 @@ def mip_chain(image: Array) -> list[Array]:
 
 
 def around(axis: Array, local: Array) -> Array:
-    """Vectors `local` [..., 3] around (0, 0, 1) turned around unit vectors `axis` [..., 3] (Duff et al. 2017, "Building an
+    """Turn vectors `local` [..., 3] around (0, 0, 1) to lie around unit vectors `axis` [..., 3] (Duff et al. 2017, "Building an
     Orthonormal Basis, Revisited")."""
     x, y, z = np.moveaxis(axis, -1, 0)
     sign = np.where(z >= 0.0, 1.0, -1.0)
@@ -155,7 +155,7 @@ def _sample_chain(chain: list[Array], directions: Array, lod: Array) -> Array:
 
 
 def lobe_samples(roughness: float, samples: int, source_side: int) -> Array:
-    """[n, 4]: directions around (0, 0, 1), whose z are their weights, and the level of the octahedral source that each reads.
+    """Return [n, 4]: directions around (0, 0, 1), whose z are their weights, and the level of the octahedral source that each reads.
 
     Drawn from GGX for a surface seen along its normal; those below it are left out. Each reads about the solid angle that it stands
     for. Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance Sampling".
@@ -173,7 +173,7 @@ def lobe_samples(roughness: float, samples: int, source_side: int) -> Array:
 
 
 def prefiltered(chain: list[Array], directions: Array, roughness: float, samples: int) -> Array:
-    """[N, 3] means of radiance around `directions` [N, 3] under GGX, by `lobe_samples`."""
+    """Return [N, 3] means of radiance around `directions` [N, 3] under GGX, by `lobe_samples`."""
     lobe = lobe_samples(roughness, samples, chain[0].shape[0])
     total = np.zeros(directions.shape)
     for x, y, z, lod in lobe:
@@ -184,14 +184,14 @@ def prefiltered(chain: list[Array], directions: Array, roughness: float, samples
 
 @dataclass(frozen=True, eq=False)
 class PrefilteredEnvironment:
-    """What the shading reads of an environment."""
+    """Prefiltered environment, as the shading reads it."""
 
     size: PrefilterSize
     maps: Array
     """[H, W, 3] the cube maps of all roughnesses, and of irradiance, in their places, each face with a border of one texel."""
 
     def specular(self, directions: Array, roughness: Array) -> Array:
-        """[N, 3] prefiltered radiance in unit `directions` [N, 3] at `roughness` [N, 1]: two maps, each filtered bilinearly."""
+        """Return [N, 3] prefiltered radiance in unit `directions` [N, 3] at `roughness` [N, 1]: two maps, each filtered bilinearly."""
         level = np.clip(roughness[:, 0], 0.0, 1.0) * (len(self.size.sides) - 1)
         result = np.zeros((len(directions), 3))
         for number in range(len(self.size.sides)):
@@ -200,7 +200,7 @@ class PrefilteredEnvironment:
         return result
 
     def irradiance(self, normals: Array) -> Array:
-        """[N, 3] irradiance over pi around unit `normals` [N, 3]."""
+        """Return [N, 3] irradiance over pi around unit `normals` [N, 3]."""
         return self._sample(len(self.size.sides), normals)
 
     def _sample(self, level: int, directions: Array) -> Array:

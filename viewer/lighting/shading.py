@@ -25,15 +25,15 @@ from viewer.lighting.prefilter import PrefilteredEnvironment, around
 from viewer.scene.model import Light, SurfaceFactors
 
 SMALLEST_TANGENT: Final = 1e-4
-"""Length across the normal below which a tangent tells no direction: any one will do then."""
+"""Smallest length across the normal of a tangent that has a direction: below it any will do."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSamples:
-    """N places on surfaces. Values of maps as the planes hold them (ntc.codec.maps), not yet multiplied by the material's factors."""
+    """Samples of N places on surfaces, with maps as the planes hold them (ntc.codec.maps), before the material's factors."""
 
     factors: Sequence[SurfaceFactors]
-    """Of the material of each place."""
+    """Factors of the material of each place."""
     base: Array
     """[N, 3] linear base colour, factor and vertex colour multiplied in."""
     surface: Array
@@ -49,16 +49,16 @@ class SurfaceSamples:
     views: Array
     """[N, 3] unit vectors to the viewer."""
     unlit: Sequence[bool] = ()
-    """Whether the material of each place is shown as its base colour; empty: none is."""
+    """Flags of the places whose material is shown as its base colour; empty: none is."""
 
 
 @dataclass(frozen=True, eq=False)
 class LightSources:
-    """All that lights a scene."""
+    """Light sources of a scene."""
 
     environment: PrefilteredEnvironment
     turn: float = 0.0
-    """Degrees that the environment is turned by, from north towards east."""
+    """Turn of the environment in degrees from north towards east."""
     sun_direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
     """Unit vector towards the sun."""
     sun_irradiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -67,7 +67,7 @@ class LightSources:
 
 
 def shading_normals(normals: Array, tangents: Array, stored: Array, scale: Array) -> Array:
-    """[N, 3] unit normals: those of a normal map in the frame of `normals` [N, 3] and `tangents` [N, 4] (glTF 2.0, Sec. 3.9.3).
+    """Return [N, 3] unit normals: those of a normal map in the frame of `normals` [N, 3] and `tangents` [N, 4] (glTF 2.0, Sec. 3.9.3).
 
     `stored`: [N, 2] x and y as (n + 1) / 2; z is rebuilt. `scale`: [N, 1] multiplies x and y. Whatever is given, lengths are 1: a
     tangent of length zero or along the normal is replaced, and a map's normal that lies in the surface counts as the surface's own.
@@ -92,7 +92,7 @@ def _factor(samples: SurfaceSamples, name: str) -> Array:
 
 
 def light_at(light: Light, positions: Array) -> tuple[Array, Array]:
-    """([N, 3] unit vectors to `light` from `positions` [N, 3], [N, 3] irradiance of a surface there that faces it).
+    """Return ([N, 3] unit vectors to `light` from `positions` [N, 3], [N, 3] irradiance of a surface there that faces it).
 
     KHR_lights_punctual.
     """
@@ -119,7 +119,7 @@ def _environment(sources: LightSources, directions: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class _Lobes:
-    """A surface with its BRDF table entries and the normal that they belong to."""
+    """Surface with its BRDF table entries and the normal that they belong to."""
 
     surface: Reflection
     table: tuple[Array, Array]
@@ -147,7 +147,7 @@ class _Lobes:
 
 
 def shade(samples: SurfaceSamples, sources: LightSources, sun_share: Array | None = None) -> Array:
-    """[N, 3] radiance towards the viewer, linear, before exposure and tone map; base colours of unlit materials.
+    """Return [N, 3] radiance towards the viewer, linear, before exposure and tone map; base colours of unlit materials.
 
     `sun_share`: [N, 1] how much of the sun each place sees; None: all of it.
     """

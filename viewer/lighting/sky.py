@@ -19,19 +19,19 @@ from viewer.lighting.directions import (
 from viewer.state.view_state import SKY, Lighting
 
 UNIT_LUMINANCE: Final = 25.0
-"""kcd/m2 of radiance 1."""
+"""Luminance of radiance 1 in kcd/m2."""
 TURBIDITY: Final = 4.0
 """Haze of the atmosphere: 2 is very clear, 6 is hazy."""
 SUN_RADIUS: Final = math.radians(0.2666)
-"""Half the angle that the sun's disk is seen under."""
+"""Radius of the sun's disk as an angle in radians."""
 SUN_ILLUMINANCE: Final = 128.0
-"""klx above the atmosphere."""
+"""Illuminance of the sun above the atmosphere in klx."""
 GROUND: Final = (0.20, 0.18, 0.155)
 """Linear albedo of the ground below the horizon."""
 HORIZON_BLEND: Final = 0.02
 """Sine of the elevations between which ground and sky are blended."""
 TWILIGHT_DEGREES: Final = 1.0
-"""Below the horizon the sky halves with each of these."""
+"""Degrees below the horizon with each of which the sky's light halves."""
 
 _LUMINANCE = ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703))
 _CHROMA_X = ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452))
@@ -51,7 +51,7 @@ _XYZ_TO_SRGB = np.array(
     [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]],
 )
 _WAVELENGTHS = np.array([0.615, 0.545, 0.465])
-"""Micrometres that stand for linear sRGB's primaries in the sun's light."""
+"""Wavelengths in micrometres that stand for linear sRGB's primaries in the sun's light."""
 
 
 def _perez(coefficients: tuple[tuple[float, float], ...], cosine: Array, gamma: Array) -> Array:
@@ -66,12 +66,12 @@ def _zenith_chroma(table: tuple[tuple[float, ...], ...], angle: float) -> float:
 
 
 def twilight(elevation: float) -> float:
-    """What is left of the sky's light when the sun stands `elevation` degrees above the horizon: 1 by day."""
+    """Return the share of the sky's light that is left when the sun stands `elevation` degrees above the horizon: 1 by day."""
     return float(max(2.0 ** (min(elevation, 0.0) / TWILIGHT_DEGREES), 1e-4))
 
 
 def _upper_half(directions: Array, elevation: float) -> Array:
-    """Radiance [..., 3] of the sky in `directions` [..., 3], what is below the horizon like the horizon; sun in the north."""
+    """Return radiance [..., 3] of the sky in `directions` [..., 3]; below the horizon as at the horizon; sun in the north."""
     angle = math.radians(90.0 - max(elevation, 0.0))
     sun = np.array(direction_towards(0.0, max(elevation, 0.0)))
     # The model has a pole at the horizon.
@@ -93,7 +93,7 @@ def _upper_half(directions: Array, elevation: float) -> Array:
 
 
 def sun_irradiance(elevation: float) -> tuple[float, float, float]:
-    """Linear RGB irradiance of a surface that faces the sun, whose centre stands `elevation` degrees above the horizon.
+    """Return linear RGB irradiance of a surface that faces the sun, whose centre stands `elevation` degrees above the horizon.
 
     Rayleigh scattering and aerosols take their part (Preetham et al., appendix A.1); what is below the horizon gives nothing.
     """
@@ -111,7 +111,7 @@ def sun_irradiance(elevation: float) -> tuple[float, float, float]:
 
 
 def sky_radiance(elevation: float, height: int = 128, azimuth: float = 0.0) -> NDArray[np.float32]:
-    """[height, 2 * height, 3] float32 linear RGB radiance of sky and ground, without the sun's disk: an equirectangular panorama.
+    """Return [height, 2 * height, 3] float32 linear RGB radiance of sky and ground without the sun's disk, equirectangular.
 
     `elevation`, `azimuth`: where the sun stands, in degrees; azimuth 0 is north, the middle column.
     """
@@ -134,7 +134,7 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Sun:
-    """A light so far away that it shines along one direction."""
+    """Sun: a light so far away that it shines along one direction."""
 
     direction: Triple
     """Unit vector towards it, world space."""
@@ -143,16 +143,16 @@ class Sun:
 
     @property
     def shines(self) -> bool:
-        """Whether it gives any light."""
+        """True where the sun gives any light."""
         return max(self.irradiance) > 0.0
 
 
 def sun_of(lighting: Lighting) -> Sun:
-    """The sun of a view. It stands before a panorama, too: `sun_strength` 0 leaves it out there, for panoramas with their own."""
+    """Return the sun of a view. It stands before a panorama, too: `sun_strength` 0 leaves it out, for panoramas with their own."""
     red, green, blue = (value * lighting.sun_strength for value in sun_irradiance(lighting.sun_elevation))
     return Sun(direction_towards(lighting.sun_azimuth, lighting.sun_elevation), (red, green, blue))
 
 
 def environment_turn(lighting: Lighting) -> float:
-    """Degrees that the environment is turned by, from north towards east: skies are made with their sun in the north."""
+    """Return the turn of the environment in degrees from north towards east: skies are made with their sun in the north."""
     return lighting.sun_azimuth if lighting.environment == SKY else lighting.environment_turn

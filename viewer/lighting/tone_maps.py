@@ -1,4 +1,4 @@
-"""From radiance to a picture: exposure, and tone maps with linear results in [0, 1].
+"""Exposure and tone maps: from radiance to a picture, linear in [0, 1].
 
 float64 twins of shaders/lighting/tone_map.glsl.
 """
@@ -27,7 +27,7 @@ _AGX_OUTSET = np.array(
     ]
 )
 AGX_STOPS: Final = (-12.47393, 4.026069)
-"""log2 of the darkest and the brightest radiance that AgX distinguishes."""
+"""Darkest and brightest radiance that AgX distinguishes, as log2."""
 
 
 def _none(radiance: Array) -> Array:
@@ -35,7 +35,7 @@ def _none(radiance: Array) -> Array:
 
 
 def _neutral(radiance: Array) -> Array:
-    """Khronos PBR Neutral: colours below 0.8 are kept but for the reflection at normal incidence, brighter ones are compressed."""
+    """Apply Khronos PBR Neutral: colours below 0.8 stay, less the reflection at normal incidence; brighter ones are compressed."""
     start, desaturation = 0.8 - 0.04, 0.15
     lowest = radiance.min(axis=-1, keepdims=True)
     color = radiance - np.where(lowest < 0.08, lowest - 6.25 * lowest * lowest, 0.04)
@@ -49,7 +49,7 @@ def _neutral(radiance: Array) -> Array:
 
 
 def _agx(radiance: Array) -> Array:
-    """AgX (Sobotka) as fitted by Wrensch 2023, "Minimal AgX Implementation"; its output is decoded with a gamma of 2.2."""
+    """Apply AgX (Sobotka) as fitted by Wrensch 2023, "Minimal AgX Implementation"; its output is decoded with a gamma of 2.2."""
     low, high = AGX_STOPS
     encoded = np.log2(np.maximum(radiance @ _AGX_INSET.T, 2.0**low))
     x = (np.clip(encoded, low, high) - low) / (high - low)
@@ -63,9 +63,9 @@ def _agx(radiance: Array) -> Array:
 TONE_MAPS: Final[Mapping[ToneMap, Callable[[Array], Array]]] = MappingProxyType(
     {"none": _none, "neutral": _neutral, "agx": _agx}
 )
-"""Linear radiance [..., 3], at least 0 -> linear picture [..., 3] in [0, 1]."""
+"""Functions: linear radiance [..., 3], at least 0 -> linear picture [..., 3] in [0, 1]."""
 
 
 def tone_mapped(radiance: Array, exposure: float, tone_map: ToneMap) -> Array:
-    """The picture [..., 3], linear in [0, 1], of `radiance` [..., 3]; `exposure` in stops."""
+    """Return the picture [..., 3], linear in [0, 1], of `radiance` [..., 3]; `exposure` in stops."""
     return TONE_MAPS[tone_map](np.maximum(radiance, 0.0) * 2.0**exposure)

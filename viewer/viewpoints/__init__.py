@@ -16,13 +16,13 @@ __all__ = ["DrawTextureIds", "ViewpointConfig", "sample_viewpoints"]
 WALKING_AND_CLOSE_SHARES = (0.5, 0.3)
 """Shares of the candidates at eye height and close to surfaces; the others are around the scene."""
 ORBITS_TRIED = 4
-"""Views around the scene that are rendered in any case; the rest only where good views are few."""
+"""Number of views around the scene that are rendered in any case; the rest only where good views are few."""
 ENOUGH = 2
-"""Good views for each one asked for that are enough."""
+"""Number of good views that are enough, for each one asked for."""
 
 
 def sample_viewpoints(scene: Scene, draw_ids: DrawTextureIds, config: ViewpointConfig) -> tuple[Camera, ...]:
-    """At most `config.count` cameras named "sampled_01" and so on, those that add most first; the same seed gives the same.
+    """Sample at most `config.count` cameras named "sampled_01" and so on, those that add most first; equal seeds give equal cameras.
 
     Raises InputError where no viewpoint sees a texture.
     """

@@ -11,15 +11,15 @@ from viewer.viewpoints.surfaces import HIGH_UP, Surfaces
 
 Array = NDArray[np.float64]
 EYE_HEIGHT = 1.7
-"""Metres above the ground."""
+"""Eye height above the ground in metres."""
 METRES = (5.0, 250.0)
-"""A scene whose longest side lies between these is taken to be measured in metres."""
+"""Range of the longest side of scenes that are taken to be measured in metres."""
 POSSIBLY_METRES = 2000.0
-"""A longer one, up to this, is a city in metres or a small place in other units: candidates for both are drawn."""
+"""Longest side up to which a scene is a city in metres, or a small place in other units: candidates for both are drawn."""
 EYE_HEIGHT_SHARES = (0.01, 0.1)
-"""Where the unit is unknown, eye heights are drawn between these shares of the longest side."""
+"""Range of eye heights where the unit is unknown, as shares of the longest side."""
 OVERSAMPLING = 3
-"""Places drawn for each one that is used; the worst are left out."""
+"""Number of places drawn for each one that is used; the worst are left out."""
 PITCH_DEGREES = (-20.0, 10.0)
 ELEVATION_DEGREES = (5.0, 45.0)
 CLOSE_PITCH_DEGREES = (-10.0, 45.0)
@@ -28,38 +28,38 @@ CLOSE_DISTANCES = (0.8, 4.0)
 ORBIT_DISTANCES = (0.6, 1.0)
 """Distances of views around the scene, as shares of the distance at which all of it fits into the picture."""
 ORBIT_SCALE = 0.25
-"""Used as the eye height of views around the scene, as a share of the longest side."""
+"""Eye height of views around the scene, as a share of the longest side."""
 SAMPLES = 4000
-"""Points on textured surfaces from which the score of a place is estimated before it is drawn."""
+"""Number of points on textured surfaces from which the score of a place is estimated before it is drawn."""
 SCORE_DISTANCE = 12.0
-"""Points farther away than this many eye heights do not count."""
+"""Distance in eye heights beyond which points do not count."""
 SCORE_COSINE = 0.75
-"""Neither do points outside of the cone about the view's direction with this cosine."""
+"""Cosine of the cone about the view's direction outside of which points do not count."""
 SCORE_JITTER = (0.3, 1.0)
-"""Scores are multiplied by a random number between these, so that candidates do not crowd in one place."""
+"""Range of the random factor of scores, so that candidates do not crowd in one place."""
 SIDEWAYS = 0.7
-"""Close views look along the surface normal plus this much of a random horizontal direction."""
+"""Share of a random horizontal direction that is added to the surface normal for close views."""
 DUPLICATE_DISTANCE = 1.0
-"""Views closer than this many eye heights, with directions within DUPLICATE_COSINE, count as one."""
+"""Distance in eye heights below which views with directions within DUPLICATE_COSINE count as one."""
 DUPLICATE_COSINE = math.cos(math.radians(30.0))
 
 
 @dataclass(frozen=True)
 class ViewpointConfig:
-    """How viewpoints are sampled."""
+    """Settings of the sampling of viewpoints."""
 
     count: int = 24
     """Largest number of viewpoints returned."""
     seed: int = 0
     candidates_per_view: int = 6
-    """Candidates rendered for each viewpoint returned."""
+    """Number of candidates rendered for each viewpoint returned."""
     size: tuple[int, int] = (160, 90)
     """Width and height in pixels of the pictures that candidates are judged by."""
     fov_degrees: float = 60.0
 
 
 def _direction(turn: Array, pitch: Array) -> Array:
-    """[N, 3] unit vectors; angles in radians."""
+    """Return [N, 3] unit vectors; angles in radians."""
     level = np.cos(pitch)
     return np.stack([level * np.sin(turn), np.sin(pitch), level * np.cos(turn)], axis=1)
 
@@ -80,14 +80,14 @@ def _eye_heights(random: np.random.Generator, extent: float, count: int) -> Arra
 
 @dataclass(frozen=True)
 class Candidate:
-    """A camera that may be chosen."""
+    """Camera that may be chosen."""
 
     camera: Camera
     scale: float
     """Eye height in scene units; distances to judge the view by are multiples of it."""
 
     def duplicates(self, other: "Candidate") -> bool:
-        """Whether both look from about the same place in about the same direction."""
+        """Return whether both look from about the same place in about the same direction."""
         first, second = (np.array([one.camera.eye, one.camera.target]) for one in (self, other))
         near = np.linalg.norm(first[0] - second[0]) < DUPLICATE_DISTANCE * max(self.scale, other.scale)
         ways = [(pair[1] - pair[0]) / np.linalg.norm(pair[1] - pair[0]) for pair in (first, second)]
@@ -112,7 +112,7 @@ class CandidateSampler:
         self._samples = ground.points(random, self._weights, SAMPLES, up_only=False)
 
     def _scores(self, eyes: Array, targets: Array, heights: Array) -> Array:
-        """[N] number of textures with a sample in front of each eye, occluded or not, times a random jitter."""
+        """Return [N] number of textures with a sample in front of each eye, occluded or not, times a random jitter."""
         ways = (targets - eyes) / np.linalg.norm(targets - eyes, axis=1, keepdims=True)
         scores = np.zeros(len(eyes))
         for index, (eye, way, height) in enumerate(zip(eyes, ways, heights.tolist(), strict=True)):
@@ -135,7 +135,7 @@ class CandidateSampler:
         return candidates(eyes[best], targets[best], heights[best], self._fov)
 
     def walking(self, count: int) -> list[Candidate]:
-        """At most `count` views from eye height above the ground, in random directions."""
+        """Sample at most `count` views from eye height above the ground, in random directions."""
         ground, random = self._ground, self._random
         if not ground.up_area.any():
             return []
@@ -148,7 +148,7 @@ class CandidateSampler:
         return self._kept(eyes, targets, heights, True, count)
 
     def close(self, count: int) -> list[Candidate]:
-        """At most `count` close views of textured surfaces; every texture is targeted equally often."""
+        """Sample at most `count` close views of textured surfaces; every texture is targeted equally often."""
         random, points = self._random, count * OVERSAMPLING
         targets = self._ground.points(random, self._weights, points, up_only=False)
         heights = _eye_heights(random, self._extent, points)
@@ -163,7 +163,7 @@ class CandidateSampler:
 def orbit(
     scene: Scene, random: np.random.Generator, extent: float, count: int, config: ViewpointConfig
 ) -> list[Candidate]:
-    """`count` views from around the scene that show all or most of it."""
+    """Sample `count` views from around the scene that show all or most of it."""
     fov, aspect = config.fov_degrees, config.size[0] / config.size[1]
     low, high = scene.bounds.astype(np.float64)
     centre, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, extent * 1e-3)

@@ -15,19 +15,19 @@ from viewer.viewpoints.candidates import Candidate
 
 Array = NDArray[np.float64]
 DrawTextureIds = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
-"""(camera, (width, height)) -> texture ids [H, W] int32, -1 for none, row 0 on top."""
+"""Function: (camera, (width, height)) -> texture ids [H, W] int32, -1 for none, row 0 on top."""
 
 CLEARANCE = 0.35
-"""Surfaces nearer to the eye than this many eye heights obstruct the view."""
+"""Distance in eye heights below which surfaces obstruct the view."""
 MOST_OBSTRUCTED = 0.1
-"""Largest share of the picture that such surfaces may hide."""
+"""Largest share of the picture that obstructing surfaces may hide."""
 TEXTURE_WEIGHT = 8.0
 """Weight of a visible texture, relative to a pair of textures that is visible in one block."""
 
 
 @dataclass(frozen=True)
 class ViewCriteria:
-    """What a candidate view must show."""
+    """Criteria that a candidate view must meet."""
 
     least_covered: float
     """Share of the picture that shows textures."""
@@ -43,12 +43,12 @@ CRITERIA = (
     ViewCriteria(0.15, 0.8, 1),
     ViewCriteria(0.02, 1.0, least_textures=1),
 )
-"""From strict to loose; views of a single texture are taken only where nothing meets the criteria before."""
+"""Criteria from strict to loose; views of a single texture are taken only where nothing meets the criteria before."""
 
 
 @dataclass(frozen=True, eq=False)
 class CandidateView:
-    """A candidate and the textures that are visible from it."""
+    """Candidate and the textures that are visible from it."""
 
     candidate: Candidate
     ids: NDArray[np.int32]
@@ -65,7 +65,7 @@ class CandidateView:
 
     @staticmethod
     def of(candidate: Candidate, ids: NDArray[np.int32], textures: int) -> "CandidateView":
-        """The view with the texture ids `ids` [H, W] in a scene of `textures` textures."""
+        """Make the view with the texture ids `ids` [H, W] in a scene of `textures` textures."""
         pixels = np.bincount(ids[ids >= 0], minlength=textures)
         seen = np.nonzero(pixels)[0]
         together = seen_blocks([ids], textures)
@@ -77,7 +77,7 @@ class CandidateView:
         return CandidateView(candidate, ids, covered, dominant, len(seen), features, amounts)
 
     def meets(self, criteria: ViewCriteria) -> bool:
-        """Whether it shows enough textures, and none too large."""
+        """Return whether the view shows enough textures, and none too large."""
         return (
             self.covered >= criteria.least_covered
             and self.dominant <= criteria.most_of_one
@@ -86,18 +86,18 @@ class CandidateView:
 
 
 class CandidateRenderer:
-    """Renders the texture ids of candidates."""
+    """Renderer of the texture ids of candidates."""
 
     def __init__(self, draw_ids: DrawTextureIds, size: tuple[int, int], scene: Scene) -> None:
         self._draw_ids, self._size, self._bounds, self._textures = draw_ids, size, scene.bounds, len(scene.textures)
 
     def views(self, candidates: Sequence[Candidate]) -> list[CandidateView]:
-        """The views of `candidates` that show a texture."""
+        """Return the views of `candidates` that show a texture."""
         seen = [CandidateView.of(one, self._draw_ids(one.camera, self._size), self._textures) for one in candidates]
         return [view for view in seen if view.textures]
 
     def is_unobstructed(self, view: CandidateView) -> bool:
-        """Whether the picture stays much the same without the surfaces closest to the eye."""
+        """Return whether the picture stays much the same without the surfaces closest to the eye."""
         camera = view.candidate.camera
         near, far = clip_distances(camera, self._bounds)
         clear = CLEARANCE * view.candidate.scale
@@ -108,7 +108,7 @@ class CandidateRenderer:
 
 
 class _Coverage:
-    """Blocks in which the chosen views show each texture and pair, and what the other views would add."""
+    """Coverage: blocks in which the chosen views show each texture and pair, and what the other views would add."""
 
     def __init__(self, views: Sequence[CandidateView], textures: int) -> None:
         used, columns = np.unique(np.concatenate([view.features for view in views]), return_inverse=True)
@@ -119,7 +119,7 @@ class _Coverage:
         self._blocks = np.zeros(len(used))
 
     def gains(self) -> Array:
-        """[views] what each would add: logarithmic in the blocks, so that repeated content counts less."""
+        """Return [views] what each would add: logarithmic in the blocks, so that repeated content counts less."""
         rows = self._amounts
         before = self._blocks[rows.indices]
         each = (np.log1p(before + rows.data) - np.log1p(before)) * self._weights[rows.indices]
@@ -132,7 +132,7 @@ class _Coverage:
 
 
 def choose(views: Sequence[CandidateView], renderer: CandidateRenderer, count: int, textures: int) -> list[Candidate]:
-    """At most `count` candidates, greedily by what each adds; those that meet the strictest criteria come first."""
+    """Choose at most `count` candidates, greedily by what each adds; those that meet the strictest criteria come first."""
     coverage = _Coverage(views, textures)
     chosen: list[Candidate] = []
     refused: set[int] = set()

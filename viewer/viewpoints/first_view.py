@@ -18,36 +18,36 @@ from viewer.viewpoints.choice import CandidateRenderer, CandidateView, DrawTextu
 from viewer.viewpoints.surfaces import Surfaces
 
 WALKING, CLOSE, AROUND = 6, 3, 3
-"""Places at eye height, close to surfaces and around the scene that are looked from."""
+"""Numbers of places at eye height, close to surfaces and around the scene that are looked from."""
 ENOUGH = ViewCriteria(least_covered=0.03, most_of_one=1.0, least_textures=1)
-"""What all of the scene must show to be the first view, besides ENOUGH_TEXTURES."""
+"""Criteria that the view of all of the scene must meet to be the first view, besides ENOUGH_TEXTURES."""
 ENOUGH_TEXTURES = 0.6
-"""Share of the scene's textures."""
+"""Share of the scene's textures that is enough."""
 TARGET_DISTANCE = 4.0
-"""Of the point that the found camera turns about, in eye heights."""
+"""Distance in eye heights of the point that the found camera turns about."""
 CONFIG = ViewpointConfig(count=1)
 
 
 class FirstView:
-    """Looks for the first view while the session asks for one."""
+    """Search for the first view while the session asks for one."""
 
     def __init__(self, background: Background, emit: EmitEvent) -> None:
         self._background, self._emit = background, emit
         self._scene: Scene | None = None
         self._overview: CandidateView | None = None
         self._waiting: Sequence[Candidate] | None = None
-        """Places that are still to be looked from; None until they are known."""
+        """Places still to look from; None until they are known."""
         self._views: list[CandidateView] = []
 
     def is_due(self, session: Session) -> bool:
-        """Whether `step` would do something."""
+        """Return whether `step` would do something."""
         if not session.seeks_first_view:
             return False
         begun = self._scene is session.scene and self._overview is not None and self._waiting is None
         return not begun or self._job(session.scene).done
 
     def step(self, session: Session, draw_ids: DrawTextureIds) -> None:
-        """Go on looking: few small pictures are drawn by `draw_ids`. What goes wrong ends the search, and is raised."""
+        """Continue the search: draw a few small pictures by `draw_ids`. An error ends the search, and is raised."""
         try:
             self._step(session, draw_ids)
         except BaseException:
@@ -83,7 +83,7 @@ class FirstView:
         return self._background.submit(("first view", id(scene)), lambda _report: _places(scene))
 
     def _look_at_all(self, scene: Scene, camera: Camera, draw_ids: DrawTextureIds) -> None:
-        """Stay with all of the scene where that shows enough; else say that there will be another view."""
+        """Stay with all of the scene where that shows enough; else notify that another view is searched for."""
         extent = float((scene.bounds[1] - scene.bounds[0]).max())
         ids = draw_ids(camera, CONFIG.size)
         self._overview = CandidateView.of(Candidate(camera, extent), ids, len(scene.textures))
@@ -97,7 +97,7 @@ class FirstView:
         return view.meets(ENOUGH) and view.textures >= ENOUGH_TEXTURES * len(scene.textures)
 
     def _best(self, scene: Scene, drawer: CandidateRenderer) -> Camera | None:
-        """The place that shows most; None where that is no more than all of the scene does."""
+        """Return the place that shows most; None where that is no more than all of the scene shows."""
         overview = self._overview
         better = [view for view in self._views if overview is None or view.covered > overview.covered]
         chosen = choose(better, drawer, 1, len(scene.textures)) if better else []
@@ -111,7 +111,7 @@ class FirstView:
 
 
 def _places(scene: Scene) -> list[Candidate]:
-    """Places worth looking from, the same for the same scene."""
+    """Return places to look from, the same for the same scene."""
     ground = Surfaces(scene)
     if not ground.textured_area.any():
         return []

@@ -18,10 +18,10 @@ from viewer.viewpoints import ViewpointConfig, sample_viewpoints
 
 @dataclass(frozen=True)
 class NearbyConfig:
-    """How nearby cameras are distributed."""
+    """Distribution of nearby cameras."""
 
     count: int = 8
-    """Nearby cameras for each camera."""
+    """Number of nearby cameras for each camera."""
     yaw_degrees: float = 20.0
     """Standard deviation of the direction, to the sides."""
     pitch_slope: float = 0.1
@@ -34,7 +34,7 @@ class NearbyConfig:
 
 
 def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig) -> tuple[Camera, ...]:
-    """`config.count` cameras near each of `cameras`.
+    """Return `config.count` cameras near each of `cameras`.
 
     Without them a grouping overfits the pixels of a few pictures; docs/explanation/sharing.md measures what they bring.
     """
@@ -65,19 +65,19 @@ def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig
 SIZE = (1280, 720)
 """Width and height in pixels of a view from a given camera."""
 NEARBY_SIZE = (640, 360)
-"""The same for a view near a given camera or from a sampled viewpoint: a quarter of the blocks, as there are many."""
+"""Width and height in pixels of a view near a given camera or from a sampled viewpoint: a quarter of the blocks."""
 SAMPLED_WITHOUT_CAMERAS = 24
 MOST_SAMPLED = 1000
 
 
 @dataclass(frozen=True)
 class ViewSource:
-    """Which views to use."""
+    """Choice of the views."""
 
     file: Path | None = None
     """JSON file of cameras; None: the scene's own."""
     sampled: int | None = None
-    """Viewpoints sampled in the scene besides; None: 24 where there are no cameras."""
+    """Number of viewpoints sampled besides; None: 24 where there are no cameras."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -87,7 +87,7 @@ class ViewSource:
 
 @dataclass(frozen=True, eq=False)
 class SceneViews:
-    """The views of a scene and a renderer that draws their texture ids."""
+    """Views of a scene and a renderer that draws their texture ids."""
 
     cameras: tuple[Camera, ...]
     """Named cameras, from the file or the scene."""
@@ -95,35 +95,35 @@ class SceneViews:
     """Viewpoints sampled in the scene."""
     renderer: Renderer
     note: str = ""
-    """One line for the user about sampled viewpoints; empty without them."""
+    """Line for the user about sampled viewpoints; empty without them."""
 
     def exactly(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
-        """Texture ids [H, W] from these cameras."""
+        """Draw the texture ids [H, W] from these cameras."""
         return tuple(self.renderer.texture_ids_from(camera, SIZE) for camera in cameras)
 
     def near(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
-        """Texture ids [H, W] from places near these cameras."""
+        """Draw the texture ids [H, W] from places near these cameras."""
         nearby = nearby_cameras(cameras, self.renderer.scene, NearbyConfig())
         return tuple(self.renderer.texture_ids_from(camera, NEARBY_SIZE) for camera in nearby)
 
     def from_sampled(self) -> tuple[NDArray[np.int32], ...]:
-        """Texture ids [H, W] from the sampled viewpoints."""
+        """Draw the texture ids [H, W] from the sampled viewpoints."""
         return tuple(self.renderer.texture_ids_from(camera, NEARBY_SIZE) for camera in self.sampled)
 
     def all_then_release(self) -> tuple[NDArray[np.int32], ...]:
-        """Texture ids [H, W] of all views, those near the cameras included; the renderer is released after it."""
+        """Draw the texture ids [H, W] of all views, those near the cameras included, and release the renderer."""
         views = (*self.exactly(self.cameras), *self.near(self.cameras), *self.from_sampled())
         self.renderer.release()
         return views
 
 
 def cameras_of(scene: Scene, source: ViewSource) -> tuple[Camera, ...]:
-    """The named cameras: of the file, else the scene's own. Raises InputError for a file that cannot be read."""
+    """Return the named cameras: of the file, else the scene's own. Raises InputError for a file that cannot be read."""
     return read_cameras(source.file) if source.file is not None else scene.cameras
 
 
 def scene_views(scene: Scene, source: ViewSource) -> SceneViews:
-    """The views that `source` asks for. Raises InputError for a file that cannot be read and where nothing is visible."""
+    """Prepare the views that `source` asks for. Raises InputError for a file that cannot be read, and where nothing is visible."""
     cameras = cameras_of(scene, source)
     wanted = source.sampled
     if wanted is None:

@@ -9,16 +9,16 @@ from viewer.scene.model import Scene
 
 Array = NDArray[np.float64]
 HIGH_UP = 4.0
-"""A place with another ground this many eye heights below it counts as a roof."""
+"""Height in eye heights above another ground at which a place counts as a roof."""
 
 
 def value_range(values: Array) -> tuple[Array, Array]:
-    """[T] minimum and maximum over the corners of each triangle, of `values` [3, T]."""
+    """Return [T] minimum and maximum over the corners of each triangle, of `values` [3, T]."""
     return np.minimum(np.minimum(*values[:2]), values[2]), np.maximum(np.maximum(*values[:2]), values[2])
 
 
 def crossings(corners: Array, axis: int) -> tuple[Array, NDArray[np.bool_]]:
-    """(positions, facing along the axis) of the crossings of triangles [T, 3, 3] with an axis."""
+    """Return (positions, facing along the axis) of the crossings of triangles [T, 3, 3] with an axis."""
     p, q = corners[:, :, (axis + 1) % 3], corners[:, :, (axis + 2) % 3]
     # Twice the areas that the origin makes with each side, seen along the axis: all of one sign inside.
     areas = p * np.roll(q, -1, axis=1) - q * np.roll(p, -1, axis=1)
@@ -31,20 +31,20 @@ def crossings(corners: Array, axis: int) -> tuple[Array, NDArray[np.bool_]]:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """The nearest opaque surfaces of places [N] along each axis: [3, 2, N], first forwards, then backwards."""
+    """Nearest opaque surfaces of places [N] along each axis: [3, 2, N], first forwards, then backwards."""
 
     distance: Array
-    """To the surface; infinite without one."""
+    """Distance to the surface; infinite without one."""
     back: NDArray[np.bool_]
-    """Whether its back faces the place."""
+    """Flag: the surface's back faces the place."""
     double_sided: NDArray[np.bool_]
-    """Whether its back is drawn."""
+    """Flag: the surface's back is drawn."""
     high_up: NDArray[np.bool_]
-    """[N] whether another ground lies more than HIGH_UP eye heights below."""
+    """[N] flag: another ground lies more than HIGH_UP eye heights below."""
 
     @staticmethod
     def nothing(count: int) -> "Surroundings":
-        """`count` places without surfaces."""
+        """Return `count` places without surfaces."""
         flags = np.zeros((3, 2, count), bool)
         return Surroundings(np.full((3, 2, count), np.inf), flags, flags.copy(), np.zeros(count, bool))
 
@@ -63,28 +63,28 @@ class Surroundings:
                 self.double_sided[axis, side, index] = double_sided
 
     def buried(self) -> NDArray[np.bool_]:
-        """[N] whether the place is under the ground or inside of something."""
+        """Return [N] whether the place is under the ground or inside of something."""
         above, below = np.isfinite(self.distance[1])
         unseen = (self.back & ~self.double_sided)[1].any(axis=0)
         return np.asarray(unseen | self.back[1].all(axis=0) | (above & ~below))
 
     def behind_walls(self) -> NDArray[np.bool_]:
-        """[N] whether it is behind a wall whose back is not drawn, so that the camera looks through it."""
+        """Return [N] whether the place is behind a wall whose back is not drawn, so that the camera looks through it."""
         return np.asarray((self.back & ~self.double_sided)[[0, 2]].any(axis=(0, 1)))
 
     def on_top(self) -> NDArray[np.bool_]:
-        """[N] whether it is on a roof: nothing above, and another ground far below."""
+        """Return [N] whether the place is on a roof: nothing above, and another ground far below."""
         return np.asarray(self.high_up & self.open_sky())
 
     def open_sky(self) -> NDArray[np.bool_]:
-        """[N] whether nothing is above."""
+        """Return [N] whether nothing is above the place."""
         return np.asarray(~np.isfinite(self.distance[1, 0]))
 
 
 LEAST_UP = 0.7
 """Cosine between the vertical and the normal of ground that can be stood on."""
 CHUNK = 1 << 20
-"""Triangles that are transformed at once."""
+"""Number of triangles that are transformed at once."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +92,7 @@ class SurfacePoints:
     """Points on surfaces."""
 
     points: Array
-    """[N, 3]."""
+    """[N, 3] places in world space."""
     normals: Array
     """[N, 3] unit length, towards the visible side."""
     textures: NDArray[np.int64]
@@ -100,7 +100,7 @@ class SurfacePoints:
 
 
 class Surfaces:
-    """Samples points on the triangles of a scene by area; transforms only a chunk of them at once."""
+    """Triangles of a scene, on which points are sampled by area; only a chunk of them is transformed at once."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -125,7 +125,7 @@ class Surfaces:
             self.up_area = self.up_area * self._opaque
 
     def _corners(self, primitive: int) -> Array:
-        """[T, 3, 3] corners in local space."""
+        """Return [T, 3, 3] corners in local space."""
         row, geometry = self._scene.primitives[primitive], self._scene.geometry
         indices = geometry.indices[row.first_index : row.first_index + row.index_count].astype(np.int64)
         return (
@@ -133,12 +133,12 @@ class Surfaces:
         )
 
     def _local_areas(self, primitive: int) -> Array:
-        """[T, 3] normals of twice the triangles' areas in length."""
+        """Return [T, 3] normals of twice the triangles' areas in length."""
         corners = self._corners(primitive)
         return np.nan_to_num(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
     def _areas(self, instances: NDArray[np.int64], primitive: int) -> tuple[Array, Array]:
-        """(areas, walkable areas), both [K, T], of the triangles of K instances of one primitive."""
+        """Return (areas, walkable areas), both [K, T], of the triangles of K instances of one primitive."""
         vectors = np.einsum("kij,tj->kti", self._area_matrix[instances], self._local[primitive])
         areas = np.linalg.norm(vectors, axis=2)
         up = np.where(self._mirrored[instances][:, None], -vectors[:, :, 1], vectors[:, :, 1])
@@ -161,7 +161,7 @@ class Surfaces:
         return area, up_area
 
     def points(self, random: np.random.Generator, weights: Array, count: int, up_only: bool) -> SurfacePoints:
-        """`count` points, instances drawn by `weights` and triangles by area."""
+        """Sample `count` points, instances drawn by `weights` and triangles by area."""
         points, normals = np.zeros((count, 3)), np.zeros((count, 3))
         chosen = random.choice(len(weights), size=count, p=weights / weights.sum())
         for instance in np.unique(chosen):
@@ -182,7 +182,7 @@ class Surfaces:
         return SurfacePoints(points, normals, self.texture[chosen])
 
     def _box(self, primitive: int) -> Array:
-        """[8, 3] corners of the box around a primitive in local space."""
+        """Return [8, 3] corners of the box around a primitive in local space."""
         row = self._scene.primitives[primitive]
         positions = self._scene.geometry.positions[row.base_vertex : row.base_vertex + row.vertex_count]
         if not len(positions):
@@ -191,7 +191,7 @@ class Surfaces:
         return np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
 
     def around(self, eyes: Array, heights: Array) -> Surroundings:
-        """The nearest opaque surfaces along the axes around `eyes` [N, 3]."""
+        """Find the nearest opaque surfaces along the axes around `eyes` [N, 3]."""
         found = Surroundings.nothing(len(eyes))
         boxes = [self._box(index) for index in range(len(self._local))]
         for instance in np.nonzero(self._opaque)[0].tolist():

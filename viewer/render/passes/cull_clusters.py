@@ -37,7 +37,7 @@ class ClusterView:
 
 
 def cluster_programs(programs: ProgramFactory, padded: bool) -> tuple[moderngl.ComputeShader, ...]:
-    """Return the programs of the three steps; `padded`: further commands are emptied, because the CPU draws as many as there may be."""
+    """Return the programs of the three steps; `padded`: further commands are emptied: the CPU draws as many as there may be."""
     own = programs.with_generated({"generated/clusters.glsl": cluster_layout_glsl()})
     test, write = (own.compute(f"{FOLDER}/{name}.comp") for name in ("test", "write"))
     return test, own.compute(f"{FOLDER}/scan.comp", {"PADDED": int(padded)}), write

@@ -280,7 +280,7 @@ class LatentUpdate:
         return self._store.tables.latent_words(self._textures[part.texture], cells).tobytes()
 
     def stage(self, budget_bytes: int) -> int:
-        """Upload up to `budget_bytes`, and at least one cell, to a staging buffer; return the number of bytes. Raises GpuMemoryError."""
+        """Upload up to `budget_bytes`, at least one cell, to a staging buffer; return its number of bytes. Raises GpuMemoryError."""
         room = max(1, budget_bytes // self._store.cell_bytes)
         batch: list[CellRange] = []
         for part in self._missing():
