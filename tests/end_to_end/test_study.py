@@ -11,7 +11,7 @@ import torch
 from lab.commands.options import RateStudyOptions
 from lab.commands.rate_points import PointJob, measured_point
 from lab.studies.rate_table import RatePoint
-from tests.unit.ntc.codec.block.test_encode_blocks import waves
+from tests.support.textures import waves
 from viewer import cli
 from viewer.locations import builtin_scene_path
 from viewer.scene.images import read_image, write_png

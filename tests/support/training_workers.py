@@ -20,39 +20,19 @@ from ntc.training.messages import TrainingRequest
 from ntc.worker.client import Finished, Report, TrainingWorker
 from ntc.worker.process import Failed
 from ntc.worker.shared_arrays import PREFIX
-from tests.unit.ntc.training.test_train import texture
+from tests.support.textures import texture
 
 CODEC = GridConfig(hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True)
-
-
 TEXTURES = (texture(32, 32), texture(33, 18, seed=1), texture(64, 64, seed=2), texture(16, 16, 1, seed=3))
-
-
 GROUPS = Grouping("random", (0, 1, 0, 1))
-
-
 SHORT = TrainingConfig(steps=120, texels_per_texture=64, device="cpu", seed=5)
-
-
 ENDLESS = replace(SHORT, steps=10**7)
-
-
 FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, CODEC, SHORT)
-
-
 BLOCK_CODEC = BlockConfig(coefficients=24, modes=4)
-
-
 BLOCK_OPTIONS = BlockOptions(SHORT.seed, groups_apart=True)
-
-
 BLOCKS_FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, BLOCK_CODEC, BLOCK_OPTIONS)
-
-
-MANY_BLOCKS = TrainingRequest((texture(128, 128),) * 1000, Grouping("random", (0, 1) * 500), BLOCK_CODEC, BLOCK_OPTIONS)
+MANY_BLOCKS = TrainingRequest((texture(128, 128),) * 300, Grouping("random", (0, 1) * 150), BLOCK_CODEC, BLOCK_OPTIONS)
 """Takes many seconds."""
-
-
 LONGEST_WAIT = 60.0
 
 

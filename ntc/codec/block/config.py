@@ -67,7 +67,7 @@ class BlockConfig(CodecSettings):
         }
         for field, valid in checks.items():
             if not valid:
-                raise ValueError(f"codec.{field} = {getattr(self, field)!r} is out of range")
+                raise ValueError(f"codec.{field} = {getattr(self, field)!r:.80} is out of range")
 
     @property
     def downscale(self) -> int:

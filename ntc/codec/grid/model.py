@@ -62,7 +62,7 @@ class GridConfig(CodecSettings):
         }
         for field, valid in checks.items():
             if not valid:
-                raise ValueError(f"codec.{field} = {getattr(self, field)!r} is out of range")
+                raise ValueError(f"codec.{field} = {getattr(self, field)!r:.80} is out of range")
 
     @property
     def positional_inputs(self) -> int:

@@ -9,26 +9,44 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import block_parts
 from ntc.codec.grid.model import GridConfig, grid_parts
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.maps import MAPS, MapName
+from ntc.codec.model import CodecSettings, Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import expected_tensors, read_pack, write_pack
+from ntc.pack.match import changed_textures, same_shape
 from ntc.pack.schema import metadata_json, parse_metadata
 from tests.support.pack_bytes import PackBytes
-from tests.support.packs.checks import assert_equal
+from tests.support.packs.checks import assert_equal, check_pack
 
 Change = Callable[[PackBytes], None]
+Pieces = dict[str, PackBytes]
+SIZES = ((8, 8), (12, 4), (5, 7))
+SMALL = BlockConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=4)
+SIZES_OF_CODES = replace(SMALL, block_words=(1, 2, 3))
+SETS = replace(SMALL, output_channels=8, maps=("base", "normal", "roughness", "metalness", "occlusion"))
+KINDS: list[tuple[MapName, ...]] = [SETS.maps, ("base",), ("normal", "occlusion")]
 
 
 @pytest.fixture(scope="module")
-def pieces(tmp_path_factory: pytest.TempPathFactory) -> PackBytes:
-    """A good file of three textures and two decoders, taken apart."""
-    path = tmp_path_factory.mktemp("good") / "good.ntc"
-    write_pack(path, random_pack(sizes=((8, 8), (12, 4), (5, 7)), config=GridConfig(hidden_width=8)))
-    return PackBytes.of(path.read_bytes())
+def pieces(tmp_path_factory: pytest.TempPathFactory) -> Pieces:
+    """Good files of three textures and two decoders, taken apart: of both codecs, and of material sets."""
+    folder = tmp_path_factory.mktemp("good")
+    packs = {
+        "grid": random_pack(SIZES, config=GridConfig(hidden_width=8)),
+        "block": random_block_pack(SIZES, config=SMALL),
+        "sets": random_block_pack(SIZES, config=SETS, maps=KINDS),
+        "several sizes": random_block_pack(SIZES, config=SIZES_OF_CODES, seed=3),
+    }
+    for name, pack in packs.items():
+        write_pack(folder / name, pack)
+    return {name: PackBytes.of((folder / name).read_bytes()) for name in packs}
 
 
 def refuse(folder: Path, file: bytes, *words: str) -> None:
@@ -54,37 +72,45 @@ def refuse(folder: Path, file: bytes, *words: str) -> None:
         GridConfig(adapters=True),
         GridConfig(latent_channels=8, latent_bits=4, adapters=True, adapter_output=True),
         GridConfig(latent_channels=12, latent_bits=4, output_channels=4, weight_bits=16),
+        BlockConfig(),
+        SMALL,
+        SIZES_OF_CODES,
+        BlockConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192, levels=1),
+        BlockConfig(block_words=(1,), mean_words=1.0, modes=64, coefficients=1, output_channels=1),
+        BlockConfig(output_channels=4),
+        BlockConfig(output_channels=12, maps=MAPS),
+        SETS,
     ],
 )
-def test_round_trip_is_exact(tmp_path: Path, config: GridConfig) -> None:
-    pack = random_pack(config=config, wrap=("mirror", "clamp"))
+def test_round_trip_is_exact_and_writing_twice_gives_the_same_bytes(tmp_path: Path, config: CodecSettings) -> None:
+    made: Any = random_pack if isinstance(config, GridConfig) else random_block_pack
+    pack = made(config=config, wrap=("mirror", "clamp"))
     first = replace(pack.textures[0], name='a "name"\n\t\\ \u00e9\u4e2d\U0001f600', category="wood", psnr_db=41.3)
-    second = replace(pack.textures[1], channels=1, color_space="linear")
+    second = replace(pack.textures[1], color_space="linear")
+    if isinstance(config, GridConfig):
+        second = replace(second, channels=1)
     pack = replace(pack, textures=(first, second, pack.textures[2]), training={"steps": 5, "none": None, "f": 0.1})
-    path = tmp_path / "new folder" / "pack.ntc"
-    write_pack(path, pack)
-    read = read_pack(path)
-    assert read.path == path
+    check_pack(pack)
+    folder = tmp_path / "new folder"
+    paths = [folder / f"{name}.ntc" for name in ("one", "two", "three")]
+    write_pack(paths[0], pack)
+    read = read_pack(paths[0])
+    assert read.path == paths[0]
     assert_equal(read, pack)
+    write_pack(paths[1], pack)
+    write_pack(paths[2], read)
+    assert paths[0].read_bytes() == paths[1].read_bytes() == paths[2].read_bytes()
+    assert sorted(folder.iterdir()) == sorted(paths)
 
 
-def test_writing_twice_gives_the_same_bytes(tmp_path: Path) -> None:
-    one, two, three = (tmp_path / f"{name}.ntc" for name in ("one", "two", "three"))
-    write_pack(one, random_pack())
-    write_pack(two, random_pack())
-    write_pack(three, read_pack(one))
-    assert one.read_bytes() == two.read_bytes() == three.read_bytes()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.ntc", "three.ntc", "two.ntc"]
-
-
-def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: PackBytes) -> None:
+def test_a_file_from_before_adapters_is_read(tmp_path: Path, pieces: Pieces) -> None:
     path = tmp_path / "old.ntc"
 
     def old(pack: PackBytes) -> None:
         for field in ("adapters", "adapter_output", "weight_bits"):
             pack.metadata["codec"].pop(field)
 
-    path.write_bytes(pieces.changed(old))
+    path.write_bytes(pieces["grid"].changed(old))
     config = grid_parts(read_pack(path)).config
     assert not config.adapters
     assert not config.adapter_output
@@ -102,11 +128,39 @@ def test_an_infinite_psnr_is_stored_as_unknown(tmp_path: Path) -> None:
     assert read_pack(tmp_path / "a.ntc").textures[0].psnr_db is None
 
 
-def test_a_pack_of_the_pieces_is_good(tmp_path: Path, pieces: PackBytes) -> None:
+def test_files_hold_what_the_format_says(tmp_path: Path, pieces: Pieces) -> None:
     path = tmp_path / "good.ntc"
-    path.write_bytes(pieces.file())
-    assert len(read_pack(path).textures) == 3
-    assert set(expected_tensors(parse_metadata(json.dumps(pieces.metadata)))) == set(pieces.tensors)
+    for own in pieces.values():
+        path.write_bytes(own.file())
+        assert len(read_pack(path).textures) == 3
+        assert set(expected_tensors(parse_metadata(json.dumps(own.metadata)))) == set(own.tensors)
+    assert pieces["block"].metadata["codec"] == {
+        "kind": "block", "block_side": 4, "block_words": [2], "mean_words": 2.0, "coefficients": 10, "modes": 4,
+        "output_channels": 3, "levels": None,
+    }  # fmt: skip
+    # 2 x 2 blocks, then 1, of two words.
+    assert pieces["block"].tensors["latents.0"]["shape"] == [10, 4]
+
+
+def test_files_of_codec_grid_name_no_kind_and_may(tmp_path: Path, pieces: Pieces) -> None:
+    plain, named = tmp_path / "plain.ntc", tmp_path / "named.ntc"
+    plain.write_bytes(pieces["grid"].file())
+    assert "kind" not in pieces["grid"].metadata["codec"]
+    named.write_bytes(pieces["grid"].changed(codec("kind", "grid")))
+    assert read_pack(named).config == read_pack(plain).config
+
+
+def test_files_name_maps_only_where_there_are_sets(tmp_path: Path, pieces: Pieces) -> None:
+    plain, sets = pieces["block"].metadata, pieces["sets"].metadata
+    assert all("maps" not in texture for texture in (plain["codec"], *plain["textures"]))
+    assert sets["codec"]["maps"] == list(SETS.maps)
+    assert [texture.get("maps") for texture in sets["textures"]] == [list(SETS.maps), None, ["normal", "occlusion"]]
+    assert [texture["channels"] for texture in sets["textures"]] == [8, 3, 3]
+    # A matrix for each plane: base, normal with roughness and metalness, occlusion.
+    assert pieces["sets"].tensors["latents.0.axes"]["shape"] == [3 * 3 + 4 * 4 + 1]
+    path = tmp_path / "good.ntc"
+    path.write_bytes(pieces["sets"].file())
+    assert [texture.maps for texture in read_pack(path).textures] == KINDS
 
 
 def test_missing_files_folders_and_impossible_names(tmp_path: Path) -> None:
@@ -132,8 +186,8 @@ def test_no_bytes_and_other_files(tmp_path: Path) -> None:
     refuse(tmp_path, struct.pack("<Q", 2**64 - 1) + b"{}" * 100)
 
 
-def test_truncated_or_lengthened_anywhere(tmp_path: Path, pieces: PackBytes) -> None:
-    file = pieces.file()
+def test_truncated_or_lengthened_anywhere(tmp_path: Path, pieces: Pieces) -> None:
+    file = pieces["grid"].file()
     for length in {*range(0, 64), *range(64, len(file), 97), *range(len(file) - 20, len(file))}:
         refuse(tmp_path, file[:length])
     refuse(tmp_path, file + b"\0")
@@ -188,8 +242,8 @@ def add_tensor(pieces: PackBytes) -> None:
         (add_tensor, ("'latents.3' does not belong",)),
     ],
 )
-def test_damaged_tensors(tmp_path: Path, pieces: PackBytes, change: Change, words: tuple[str, ...]) -> None:
-    refuse(tmp_path, pieces.changed(change), *words)
+def test_damaged_tensors(tmp_path: Path, pieces: Pieces, change: Change, words: tuple[str, ...]) -> None:
+    refuse(tmp_path, pieces["grid"].changed(change), *words)
 
 
 def replace_field(*keys: Any) -> Change:
@@ -253,8 +307,8 @@ def replace_field(*keys: Any) -> Change:
         (lambda p: p.metadata["textures"][0].pop("wrap"), ("textures[0].wrap is missing",)),
     ],
 )
-def test_wrong_metadata(tmp_path: Path, pieces: PackBytes, change: Change, words: tuple[str, ...]) -> None:
-    refuse(tmp_path, pieces.changed(change), *words)
+def test_wrong_metadata(tmp_path: Path, pieces: Pieces, change: Change, words: tuple[str, ...]) -> None:
+    refuse(tmp_path, pieces["grid"].changed(change), *words)
 
 
 @pytest.mark.parametrize(
@@ -265,24 +319,145 @@ def test_wrong_metadata(tmp_path: Path, pieces: PackBytes, change: Change, words
         '{"format_version": 1, "codec": ' + "[" * 900 + "]" * 900 + "}",
     ],
 )  # fmt: skip
-def test_metadata_that_is_not_what_it_should_be(tmp_path: Path, pieces: PackBytes, text: str) -> None:
-    refuse(tmp_path, pieces.file(metadata_text=text))
+def test_metadata_that_is_not_what_it_should_be(tmp_path: Path, pieces: Pieces, text: str) -> None:
+    refuse(tmp_path, pieces["grid"].file(metadata_text=text))
 
 
-def test_numbers_too_large_for_a_float_are_refused(tmp_path: Path, pieces: PackBytes) -> None:
-    text = json.dumps(pieces.metadata)
+def test_numbers_too_large_for_a_float_are_refused(tmp_path: Path, pieces: Pieces) -> None:
+    text = json.dumps(pieces["grid"].metadata)
     for field in ('"psnr_db": null', '"training": {}', '"seed": 0'):
         assert field in text
         key = field.split(":")[0]
         value = '{"x": 1e999}' if field.endswith("{}") else "1e999"
-        refuse(tmp_path, pieces.file(metadata_text=text.replace(field, f"{key}: {value}")))
+        refuse(tmp_path, pieces["grid"].file(metadata_text=text.replace(field, f"{key}: {value}")))
 
 
 @pytest.mark.parametrize("depth", [100, 900, 990])
-def test_deeply_nested_values_in_any_field(tmp_path: Path, pieces: PackBytes, depth: int) -> None:
+def test_deeply_nested_values_in_any_field(tmp_path: Path, pieces: Pieces, depth: int) -> None:
     assert depth < sys.getrecursionlimit()
-    text = json.dumps(pieces.metadata).replace('"psnr_db": null', '"psnr_db": ' + "[" * depth + "]" * depth)
-    refuse(tmp_path, pieces.file(metadata_text=text))
+    text = json.dumps(pieces["grid"].metadata).replace('"psnr_db": null', '"psnr_db": ' + "[" * depth + "]" * depth)
+    refuse(tmp_path, pieces["grid"].file(metadata_text=text))
+
+
+def put(name: str, offset: int, value: bytes) -> Change:
+    """Overwrite bytes of a tensor."""
+    return lambda p: p.put(name, offset, value)
+
+
+def codec(field: str, value: Any) -> Change:
+    """Set a field of the codec."""
+    return lambda p: p.metadata["codec"].__setitem__(field, value)
+
+
+def maps_of_texture(index: int, maps: Any) -> Change:
+    """Set the maps of a texture."""
+    return lambda p: p.metadata["textures"][index].__setitem__("maps", maps)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (put("decoder.0.basis_scale", 0, struct.pack("<f", float("nan"))), ("decoder.0.basis_scale", "NaN")),
+        (put("decoder.0.basis_scale", 4, struct.pack("<f", 1e30)), ("decoder.0.basis_scale", "beyond 16")),
+        (put("latents.2.mean", 0, struct.pack("<f", float("inf"))), ("latents.2.mean", "NaN or infinity")),
+        (put("latents.1.axes", 32, struct.pack("<f", -1e9)), ("latents.1.axes", "beyond 16")),
+        (lambda p: p.tensors["decoder.0.basis"].update(dtype="U8"), ("decoder.0.basis", "expected I8")),
+        (lambda p: p.tensors["latents.0"].update(shape=[40]), ("latents.0", "expected U8 [any, 4]")),
+        (lambda p: p.tensors.pop("latents.1.axes"), ()),
+        (codec("kind", "wavelet"), ("metadata.codec.kind",)),
+        (codec("kind", None), ("metadata.codec.kind",)),
+        (codec("kind", "grid"), ("metadata.codec",)),
+        (lambda p: p.metadata["codec"].pop("kind"), ("metadata.codec",)),
+        (lambda p: p.metadata["codec"].pop("modes"), ("metadata.codec has fields",)),
+        (codec("hidden_width", 64), ("metadata.codec has fields",)),
+        (codec("modes", 3), ("codec.modes",)),
+        (codec("modes", 8), ("decoder.0.scales",)),
+        (codec("block_words", [10**9]), ("codec.block_words",)),
+        (codec("block_words", [1]), ("latents.0", "10 words, not the 5")),
+        (codec("block_words", [3]), ("latents.0", "too few")),
+        (codec("block_words", [1, 2, 3, 4, 5]), ("codec.block_words",)),
+        (codec("block_words", 2), ("codec.block_words",)),
+        (codec("mean_words", -1.0), ("codec.mean_words",)),
+        (codec("block_side", 5), ("metadata.codec.block_side",)),
+        (codec("coefficients", 49), ("codec.coefficients",)),
+        (codec("output_channels", 2), ("textures[0].channels",)),
+    ],
+)
+def test_damaged_files_of_codec_block(tmp_path: Path, pieces: Pieces, change: Change, words: tuple[str, ...]) -> None:
+    refuse(tmp_path, pieces["block"].changed(change), *words)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (codec("maps", ["base"]), ("codec.output_channels",)),
+        (codec("maps", []), ("codec.maps",)),
+        (codec("maps", list(reversed(SETS.maps))), ("codec.maps",)),
+        (codec("maps", ["base", "base"]), ("codec.maps",)),
+        (codec("maps", ["base", "height"]), ("metadata.codec.maps",)),
+        (codec("maps", 8), ("metadata.codec.maps",)),
+        (codec("maps", ["base"] * 100_000), ("codec.maps",)),
+        (codec("output_channels", 9), ("latents.0.mean",)),
+        (codec("output_channels", 10**9), ("codec.",)),
+        (lambda p: p.metadata["codec"].pop("maps"), ("codec.output_channels",)),
+        (maps_of_texture(0, ["base"]), ("textures[0]", "channels")),
+        (maps_of_texture(1, ["emissive"]), ("textures[1]", "emissive")),
+        (maps_of_texture(2, ["occlusion", "normal"]), ("textures[2]", "in the order")),
+        (maps_of_texture(2, []), ("textures[2]",)),
+        (maps_of_texture(2, ["wood"]), ("metadata.textures[2].maps",)),
+        (lambda p: p.metadata["textures"][0].update(channels=13), ("textures[0].channels",)),
+        (lambda p: p.metadata["grouping"].update(name="universal"), ("does not belong there",)),
+        (put("decoder.1.channels", 3, b"\x08"), ("decoder.1.channels", "of channel 8")),
+        (lambda p: p.tensors["decoder.0.basis"].update(shape=[16, 10]), ("decoder.0.basis",)),
+        (put("latents.1.axes", 64, struct.pack("<f", -1e9)), ("latents.1.axes", "beyond 16")),
+    ],
+)
+def test_damaged_files_of_sets(tmp_path: Path, pieces: Pieces, change: Change, words: tuple[str, ...]) -> None:
+    refuse(tmp_path, pieces["sets"].changed(change), *words)
+
+
+@pytest.mark.parametrize(
+    ("offset", "value", "words"),
+    [
+        (0, b"\x03", "places where codes begin"),
+        (0, b"\xff" * 4, "places where codes begin"),
+        (4, b"\xff", "a size of codes that the codec does not have"),
+        (4, b"\x00", "latents"),
+    ],
+)
+def test_directories_that_no_encoder_writes(
+    tmp_path: Path, pieces: Pieces, offset: int, value: bytes, words: str
+) -> None:
+    """Bytes of latents.0 are changed: a level of 4 blocks, then one of 1."""
+    refuse(tmp_path, pieces["several sizes"].changed(put("latents.0", offset, value)), words)
+
+
+def test_any_codes_are_valid(tmp_path: Path, pieces: Pieces) -> None:
+    path = tmp_path / "a.ntc"
+    for byte in (b"\x00", b"\xff", b"\xa7"):
+        path.write_bytes(pieces["block"].changed(put("latents.0", 0, byte * 40)))
+        check_pack(read_pack(path))
+
+
+def test_what_decodes_differently_is_found() -> None:
+    old = random_block_pack()
+    assert changed_textures(old, random_block_pack()) == frozenset()
+    changed = block_parts(old).textures[1]
+    words = changed.words.copy()
+    words[-1] ^= 1
+    other = replace(old, textures=(old.textures[0], replace(changed, words=words), old.textures[2]))
+    assert same_shape(old, other)
+    assert changed_textures(old, other) == {1}
+    first, second = block_parts(old).decoders
+    brighter = replace(first, basis_scale=first.basis_scale * np.float32(2.0))
+    assert changed_textures(old, replace(old, decoders=(brighter, second))) == {0, 2}
+    assert not same_shape(old, random_pack())
+
+
+def test_another_map_is_another_shape() -> None:
+    old, new = (random_block_pack(config=SETS, maps=[kind] * 3) for kind in (("normal", "occlusion"), ("base",)))
+    assert not same_shape(old, new)
+    assert changed_textures(old, new) == {0, 1, 2}
 
 
 def test_a_damaged_pack_is_not_overwritten_by_a_failed_write(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.training.encode import encode_textures
 from ntc.training.messages import GroupSnapshot, apply_snapshot, ended_pack, moved_texture, unchanged_groups
-from tests.unit.ntc.training.test_train import texture
+from tests.support.textures import texture
 
 CODECS = [
     GridConfig(hidden_width=16),

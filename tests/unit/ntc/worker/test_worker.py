@@ -1,36 +1,51 @@
-"""Background training: what it delivers is what training delivers, it obeys at once, and dies without a trace."""
+"""Background training: it gives what training gives, obeys at once, says what went wrong and dies without a trace."""
 
 import hashlib
 import math
 import os
+import signal
+import subprocess
+import sys
 import time
 from dataclasses import replace
+from multiprocessing.shared_memory import SharedMemory
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import torch
 
 from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
+from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import encode_textures
-from ntc.training.messages import GroupSnapshot, TrainingProgress, apply_snapshot, moved_texture
-from ntc.worker.client import Finished, TrainingWorker, starting_pack
-from ntc.worker.process import Failed
+from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
+from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
+from ntc.worker.process import Failed, Paused, Resumed
+from tests.support import textures
 from tests.support.training_workers import (
+    BLOCK_CODEC,
+    BLOCK_OPTIONS,
+    BLOCKS_FROM_NOTHING,
     CODEC,
     ENDLESS,
     FROM_NOTHING,
     GROUPS,
+    MANY_BLOCKS,
     SHORT,
     TEXTURES,
     CodecCase,
     array_bytes,
     blocks,
+    encoded_by_group,
     finished,
+    lives,
     pack_of,
+    processor_seconds,
     threads,
     until,
 )
@@ -74,14 +89,14 @@ def test_from_nothing_it_gives_what_training_gives_bit_by_bit(
 
 
 def test_group_by_group_as_the_paper_trains(shared: TrainingWorker) -> None:
-    training = replace(SHORT, texels_per_group=64, steps=70)
+    training = replace(SHORT, texels_per_group=64, steps=40)
     with threads(max(1, len(os.sched_getaffinity(0)) - 1)):
         expected = encode_textures(TEXTURES, GROUPS, CODEC, training)
     end, reports = finished(shared, replace(FROM_NOTHING, training=training))
     assert same(pack_of(end), expected)
     steps = [report.step for report in reports if isinstance(report, TrainingProgress)]
     assert steps == sorted(steps)
-    assert steps[-1] == 140
+    assert steps[-1] == 80
 
 
 def test_snapshots_come_early_and_can_be_swapped_in(shared: TrainingWorker) -> None:
@@ -104,12 +119,20 @@ def test_snapshots_come_early_and_can_be_swapped_in(shared: TrainingWorker) -> N
 def test_a_reader_who_sleeps_finds_the_latest_and_no_queue(shared: TrainingWorker) -> None:
     shared.start(replace(FROM_NOTHING, training=ENDLESS, seconds_between_snapshots=0.01))
     until(shared, TrainingProgress)
-    time.sleep(2.0)
+    time.sleep(1.0)
     waiting = shared.poll()
     assert len([report for report in waiting if isinstance(report, TrainingProgress)]) <= 2
     assert len([report for report in waiting if isinstance(report, GroupSnapshot)]) <= 4
     shared.cancel()
     until(shared, Finished)
+    # Textures of codec block are encoded within a frame or two: figures of such a run come from its last report alone.
+    shared.start(BLOCKS_FROM_NOTHING)
+    reports: list[Report] = []
+    while not any(isinstance(report, Finished | Failed) for report in reports):
+        time.sleep(0.4)
+        reports += shared.poll()
+    last = [report for report in reports if isinstance(report, TrainingProgress)][-1]
+    assert last.step == last.steps == len(TEXTURES) == len(last.psnr_db)
 
 
 def test_only_the_dirty_group_changes_and_gets_better(shared: TrainingWorker, trained: Pack) -> None:
@@ -188,3 +211,321 @@ def test_a_budget_of_quality_ends_when_it_is_reached(shared: TrainingWorker) -> 
     assert pack_of(end).training["steps"] < 5000
     end, _ = finished(shared, replace(FROM_NOTHING, training=replace(SHORT, steps=20), budget=QualityBudget(70.0)))
     assert end.reason == "target not reached"
+
+
+def test_before_the_first_snapshot_textures_have_their_mean_colour() -> None:
+    pack = starting_pack(BLOCKS_FROM_NOTHING)
+    for index, texture in enumerate(TEXTURES):
+        image = decode_image(pack, index)
+        assert image.shape == texture.pixels.shape
+        mean = texture.pixels.reshape(-1, texture.pixels.shape[2]).mean(0)
+        np.testing.assert_allclose(
+            image.reshape(-1, image.shape[2]), np.broadcast_to(mean, (image[..., 0].size, len(mean))), atol=1
+        )
+
+
+def test_a_group_is_shown_as_soon_as_it_is_encoded_and_the_whole_is_the_pack(shared: TrainingWorker) -> None:
+    end, reports = finished(shared, BLOCKS_FROM_NOTHING)
+    shown = starting_pack(BLOCKS_FROM_NOTHING)
+    kinds = [report for report in reports if isinstance(report, GroupSnapshot | TrainingProgress)]
+    first = next(number for number, report in enumerate(kinds) if isinstance(report, GroupSnapshot))
+    assert any(isinstance(report, TrainingProgress) for report in kinds[first:]), "the rest was not yet encoded"
+    for group in (0, 1):
+        mine = [report for report in reports if isinstance(report, GroupSnapshot) and report.group == group]
+        assert [snapshot.version for snapshot in mine] == list(range(1, len(mine) + 1))
+        assert [snapshot.final for snapshot in mine] == [False] * (len(mine) - 1) + [True]
+        for snapshot in mine:
+            shown = apply_snapshot(shown, snapshot)
+            for index in snapshot.members:
+                assert psnr_db(decode_image(shown, index), TEXTURES[index].pixels) > 25.0
+    assert same(shown, pack_of(end))
+
+
+def test_the_smallest_groups_come_first(shared: TrainingWorker) -> None:
+    request = replace(BLOCKS_FROM_NOTHING, grouping=Grouping("baseline", (0, 1, 2, 3)))
+    end, reports = finished(shared, request)
+    assert [report.group for report in reports if isinstance(report, GroupSnapshot)] == [3, 1, 0, 2]
+    assert [outcome.group for outcome in end.outcomes] == [0, 1, 2, 3]
+
+
+def test_encoded_again_only_the_dirty_group_changes_and_never_gets_worse(shared: TrainingWorker) -> None:
+    packs = sorted(
+        (encoded_by_group(TEXTURES, GROUPS, BLOCK_CODEC, seed) for seed in (1, 2)),
+        key=lambda pack: sum(texture.psnr_db or 0.0 for texture in pack.textures if texture.group == 0),
+    )
+    for start, other in (packs, packs[::-1]):
+        seed = int(other.training["seed"])
+        training = replace(BLOCK_OPTIONS, seed=seed)
+        request = replace(BLOCKS_FROM_NOTHING, training=training, start=start, dirty=frozenset({0}))
+        end, reports = finished(shared, request)
+        pack, (outcome,) = pack_of(end), end.outcomes
+        assert {report.group for report in reports if isinstance(report, GroupSnapshot)} == {0}
+        assert outcome.before_db is not None
+        assert outcome.kept_old == (outcome.after_db < outcome.before_db)
+        expected = start if outcome.kept_old else other
+        for index, texture in enumerate(pack.textures):
+            twin = (expected if index in (0, 2) else start).textures[index]
+            assert array_bytes(texture) == array_bytes(twin)
+        assert pack.training["seed"] == start.training["seed"]
+        assert pack.training["retrained"]["groups"] == [0]
+
+
+@pytest.mark.parametrize("budget", [StepBudget(1), TimeBudget(0.001), QualityBudget(5.0), QualityBudget(100.0)])
+def test_whatever_the_budget_every_texture_is_encoded(
+    shared: TrainingWorker, budget: StepBudget | TimeBudget | QualityBudget
+) -> None:
+    end, _ = finished(shared, replace(BLOCKS_FROM_NOTHING, budget=budget))
+    assert len(end.outcomes) == GROUPS.group_count
+    assert same(pack_of(end), encoded_by_group(TEXTURES, GROUPS, BLOCK_CODEC, BLOCKS_FROM_NOTHING.training.seed))
+    if isinstance(budget, QualityBudget):
+        assert end.reason == ("target reached" if budget.psnr_db < 50.0 else "target not reached")
+
+
+LARGE = TrainingRequest(
+    tuple(textures.texture(256, 256, seed=seed) for seed in range(6)),
+    Grouping("random", (0, 1) * 3),
+    CODEC,
+    replace(ENDLESS, texels_per_texture=8192),
+)
+
+
+@pytest.mark.timing
+@pytest.mark.parametrize(("request_", "rounds"), [(LARGE, 5), (MANY_BLOCKS, 1)], ids=["grid", "block"])
+def test_pause_resume_and_cancel_come_at_once(
+    shared: TrainingWorker, record_property: Any, request_: TrainingRequest, rounds: int
+) -> None:
+    shared.start(request_)
+    until(shared, TrainingProgress)
+    process = shared.process_id
+    assert process is not None
+    if sys.platform != "win32":
+        assert os.getpriority(os.PRIO_PROCESS, process) == 19
+    delays = []
+    for _ in range(rounds):
+        began = time.monotonic()
+        shared.pause()
+        until(shared, Paused)
+        delays.append(time.monotonic() - began)
+        used = processor_seconds(process)
+        time.sleep(0.2)
+        assert [report for report in shared.poll() if not isinstance(report, GroupSnapshot | TrainingProgress)] == []
+        assert processor_seconds(process) - used < 0.05
+        shared.resume()
+        until(shared, Resumed)
+        until(shared, TrainingProgress)
+    record_property("pause_seconds", delays)
+    # Promised are 0.2 s; other work on the machine may hold it up.
+    assert sorted(delays)[rounds // 2] < 0.2
+    assert max(delays) < 1.0
+    shared.pause()
+    until(shared, Paused)
+    began = time.monotonic()
+    shared.cancel()
+    end = until(shared, (Finished, Failed))[-1]
+    record_property("cancel_seconds", time.monotonic() - began)
+    assert time.monotonic() - began < 1.0
+    assert isinstance(end, Finished)
+    assert (end.reason, end.pack) == ("cancelled", None)
+    assert blocks() == []
+    assert shared.process_id == process, "it obeyed, and serves again"
+
+
+def test_paused_before_it_began_it_waits(shared: TrainingWorker, case: CodecCase) -> None:
+    shared.warm_up()
+    assert shared.process_id is not None
+    # Stopped until both messages have been sent: on a busy machine it would otherwise train between them.
+    os.kill(shared.process_id, signal.SIGSTOP)
+    try:
+        shared.start(case.from_nothing)
+        shared.pause()
+    finally:
+        os.kill(shared.process_id, signal.SIGCONT)
+    reports = until(shared, Paused)
+    assert not any(isinstance(report, TrainingProgress) for report in reports)
+    shared.resume()
+    assert isinstance(until(shared, (Finished, Failed))[-1], Finished)
+
+
+def test_what_cannot_be_trained_is_refused_at_once(shared: TrainingWorker, case: CodecCase) -> None:
+    plain, trained = case.from_nothing, case.trained
+    others = replace(CODEC, hidden_width=32), BLOCKS_FROM_NOTHING.codec if plain is FROM_NOTHING else CODEC
+    for request, words in (
+        (replace(plain, textures=()), "no texture to train"),
+        (replace(plain, grouping=Grouping("random", (0, 1))), "needs a group for each texture"),
+        (replace(plain, start=trained), "no group to train"),
+        (replace(plain, start=trained, dirty=frozenset({2})), "groups 0 to 1 only"),
+        *((replace(plain, codec=other, start=trained), "another codec") for other in others),
+        (replace(plain, textures=TEXTURES[::-1], start=trained), "does not hold these textures"),
+        (
+            replace(plain, grouping=Grouping("random", (0, 0, 1, 1)), start=trained, dirty=frozenset({0})),
+            "group 1: has other textures",
+        ),
+        (replace(plain, dirty=frozenset({0})), "group 1: has other textures"),
+        (replace(plain, budget=StepBudget(0)), "steps is 0"),
+        (replace(plain, budget=TimeBudget(math.nan)), "seconds is nan"),
+    ):
+        with pytest.raises(InputError, match=words):
+            shared.start(request)
+        assert not shared.busy
+    assert blocks() == []
+
+
+def test_what_fails_in_the_process_is_said_in_one_line(shared: TrainingWorker) -> None:
+    shared.start(replace(FROM_NOTHING, training=replace(SHORT, texels_per_texture=-1)))
+    end = until(shared, (Finished, Failed))[-1]
+    assert isinstance(end, Failed)
+    assert end.line.startswith("training: ")
+    assert "\n" not in end.line
+    assert not shared.busy
+    if not torch.cuda.is_available():
+        shared.start(replace(FROM_NOTHING, training=replace(SHORT, device="cuda")))
+        end = until(shared, (Finished, Failed))[-1]
+        assert isinstance(end, Failed)
+        assert "CUDA" in end.line
+    assert isinstance(finished(shared, replace(FROM_NOTHING, budget=StepBudget(3)))[0], Finished), "it still serves"
+
+
+def test_without_a_process_or_shared_memory_it_says_so(shared: TrainingWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+    real, made = SharedMemory, []
+
+    def scarce(*arguments: Any, **options: Any) -> Any:
+        made.append(1)
+        if len(made) > 1:
+            raise OSError(28, "No space left on device")
+        return real(*arguments, **options)
+
+    def refuse(_process: object) -> None:
+        raise OSError(11, "Resource temporarily unavailable")
+
+    with monkeypatch.context() as patch:
+        patch.setattr("ntc.worker.shared_arrays.SharedMemory", scarce)
+        for _ in range(2):
+            with pytest.raises(InputError, match=r"shared memory: .* cannot be had \(No space left on device\)"):
+                shared.start(FROM_NOTHING)
+        assert not shared.busy
+    monkeypatch.setattr("multiprocessing.context.SpawnProcess.start", refuse)
+    with TrainingWorker() as worker:
+        with pytest.raises(InputError, match="no process can be started"):
+            worker.start(FROM_NOTHING)
+        assert not worker.busy
+        assert worker.process_id is None
+    assert blocks() == []
+
+
+@pytest.mark.parametrize("kills", [4, pytest.param(20, marks=pytest.mark.nightly)])
+def test_killed_at_any_moment_it_says_so_and_leaves_nothing(tmp_path: Path, trained: Pack, kills: int) -> None:
+    random = np.random.default_rng(0)
+    path = tmp_path / "scene.ntc"
+    write_pack(path, trained)
+    before = path.read_bytes()
+    again = replace(FROM_NOTHING, start=read_pack(path), dirty=frozenset({0}))
+    requests = (replace(again, training=ENDLESS, seconds_between_snapshots=0.01), MANY_BLOCKS)
+    ended: list[int] = []
+    with TrainingWorker() as worker:
+        for attempt in range(kills):
+            worker.start(requests[attempt % 2])
+            process = worker.process_id
+            assert process is not None
+            # Some of them while it starts, some while it works.
+            if attempt % 4 > 1:
+                until(worker, TrainingProgress)
+            wait = time.monotonic() + random.uniform(0.0, 0.6)
+            while time.monotonic() < wait:
+                worker.poll()
+                time.sleep(0.001)
+            os.kill(process, 9)
+            report = until(worker, (Finished, Failed), seconds=5.0)[-1]
+            assert isinstance(report, Failed)
+            assert "signal 9" in report.line
+            assert not worker.busy
+            assert not lives(process)
+            assert blocks() == []
+            ended.append(process)
+        assert isinstance(finished(worker, replace(again, budget=StepBudget(5)))[0], Finished), "it starts again"
+    assert len(set(ended)) == kills
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.timing
+def test_cancelled_while_it_starts_and_closed_while_it_trains(case: CodecCase) -> None:
+    worker = TrainingWorker()
+    worker.start(case.from_nothing)
+    worker.cancel()
+    assert isinstance(until(worker, Finished, seconds=1.0)[-1], Finished)
+    worker.start(case.endless)
+    process = worker.process_id
+    assert process is not None
+    began = time.monotonic()
+    worker.close()
+    worker.close()
+    assert time.monotonic() - began < 1.0
+    assert not lives(process)
+    assert blocks() == []
+    assert worker.poll() == []
+
+
+@pytest.mark.timing
+def test_a_process_that_does_not_obey_is_ended(case: CodecCase) -> None:
+    with TrainingWorker() as worker:
+        worker.start(case.endless)
+        until(worker, TrainingProgress)
+        process = worker.process_id
+        assert process is not None
+        os.kill(process, 19)
+        began = time.monotonic()
+        worker.cancel()
+        until(worker, Finished)
+        assert time.monotonic() - began < 1.2
+        assert not lives(process)
+    assert blocks() == []
+
+
+OWNER = """
+import sys, time
+import numpy as np
+from ntc.codec.grid.config import GridConfig
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture
+from ntc.codec.grid.training.config import TrainingConfig
+from ntc.worker.client import TrainingWorker
+assert "torch" not in sys.modules
+from ntc.training.progress import TrainingProgress
+from ntc.training.request import TrainingRequest
+
+def main():
+    texture = SourceTexture("t", np.zeros((16, 16, 3), np.uint8) + np.arange(16, dtype=np.uint8)[:, None], "0")
+    training = TrainingConfig(steps=10**7, texels_per_texture=64, device="cpu", converged_db=None)
+    worker = TrainingWorker()
+    worker.start(TrainingRequest((texture,), Grouping("single", (0,)), GridConfig(hidden_width=16), training))
+    while not any(isinstance(report, TrainingProgress) for report in worker.poll()):
+        time.sleep(0.01)
+    print(worker.process_id, flush=True)
+    while sys.argv[1] == "False":
+        time.sleep(0.01)
+    # Ends without closing.
+
+if __name__ == "__main__":
+    main()
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="kills by signal")
+@pytest.mark.parametrize("closed", [True, False])
+def test_nothing_is_left_of_a_program_that_ends_or_is_killed(tmp_path: Path, closed: bool) -> None:
+    script = tmp_path / "owner.py"
+    script.write_text(OWNER)
+    command = [sys.executable, str(script), str(closed)]
+    owner = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert owner.stdout is not None
+    process = int(owner.stdout.readline())
+    if not closed:
+        owner.kill()
+    _, errors = owner.communicate(timeout=30)
+    assert errors == "", "no tracebacks, and no warnings of what leaked"
+    end = time.monotonic() + 5.0
+    while lives(process) and time.monotonic() < end:
+        time.sleep(0.02)
+    assert not lives(process)
+    assert blocks(owner.pid) == []
+    assert owner.returncode == (0 if closed else -9)

@@ -1,16 +1,25 @@
-"""The registry: ids, keys and usage are in order, and text becomes calls or one clear line."""
+"""The registry: text becomes calls or one clear line, keys, undo, and that nothing else changes the session."""
 
-from typing import Any
+import ast
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, get_type_hints
 
 import pytest
 
+import viewer
 from ntc.errors import InputError
-from viewer.commands import COMMANDS, find_command, run, run_line, run_or_notify, why_not
+from tests.support.spoilt_files import accept, finished, open_context, write_scene
+from viewer.commands import COMMANDS, bindings, find_command, run, run_line, run_or_notify, why_not
 from viewer.commands.command import Context, words
+from viewer.commands.keys import NAMED_KEYS, RESERVED, Chord, parse_chord
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.state.open_files import InitialView, new_session
+from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
+from viewer.ui.picture_input import imgui_key
 
 
 @pytest.fixture
@@ -141,8 +150,269 @@ def test_a_command_that_cannot_run_now_says_why(context: Context) -> None:
     assert why_not(context, "training.encode") == ""
 
 
-def test_every_command_has_help_and_a_line_in_the_documentation() -> None:
-    lines = (assets_folder().parent / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
-    for command in COMMANDS:
-        assert command.help, f"{command.id}: give it a line of help"
-        assert f"| `{command.usage}` | {command.help} |" in lines, f"{command.id}: run: python -m lab.documentation"
+@pytest.mark.parametrize(
+    ("text", "chord"),
+    [
+        ("f", Chord("F")),
+        ("F12", Chord("F12")),
+        ("ctrl+s", Chord("S", ctrl=True)),
+        ("Shift+Ctrl+PageUp", Chord("PageUp", ctrl=True, shift=True)),
+        ("?", Chord("/", shift=True)),
+        ("Alt+-", Chord("-", alt=True)),
+    ],
+)
+def test_chords(text: str, chord: Chord) -> None:
+    assert parse_chord(text) == chord
+    assert parse_chord(str(chord)) == chord
+
+
+@pytest.mark.parametrize("text", ["", "+", "Ctrl+", "Hyper+S", "Ctrl+Ctrl+S", "F13", "SS", "Ctrl", "\u0130", "S+Ctrl"])
+def test_what_is_no_key_is_one_line(text: str) -> None:
+    with pytest.raises(InputError, match="no such key") as caught:
+        parse_chord(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_imgui_knows_every_key() -> None:
+    assert len({imgui_key(name) for name in NAMED_KEYS}) == len(NAMED_KEYS)
+
+
+def test_the_commands_own_keys_are_in_order() -> None:
+    bound = bindings({})
+    assert bound.problems == ()
+    chords = [chord for chords in bound.chords.values() for chord in chords]
+    assert len(set(chords)) == len(chords)
+    assert not {str(chord) for chord in chords} & set(RESERVED)
+    assert set(bound.chords) == {command.id for command in COMMANDS if command.key}
+
+
+def test_a_key_is_changed_taken_away_and_exchanged() -> None:
+    bound = bindings({"camera.frame-all": "Ctrl+Shift+F", "compare.measure": ""})
+    assert bound.problems == ()
+    assert bound.text("camera.frame-all") == "Ctrl+Shift+F"
+    assert bound.text("compare.measure") == ""
+    bound = bindings({"camera.frame-all": "M", "compare.measure": "F"})
+    assert bound.problems == ()
+    assert (bound.text("camera.frame-all"), bound.text("compare.measure")) == ("M", "F")
+
+
+def test_a_command_without_a_key_gets_one() -> None:
+    assert bindings({"camera.go": "Ctrl+G"}).text("camera.go") == "Ctrl+G"
+
+
+@pytest.mark.parametrize(
+    ("keys", "parts"),
+    [
+        ({"camera.frame-all": "M"}, ("camera.frame-all", "M", "compare.measure")),
+        ({"camera.go": "Ctrl+G", "camera.look": "Ctrl+G"}, ("camera.look", "Ctrl+G", "camera.go")),
+        ({"camera.frame-all": "Space"}, ("camera.frame-all", "showing the other slot")),
+        ({"camera.frame-all": "W"}, ("camera.frame-all", "flying")),
+        ({"camera.frame-all": "Nonsense"}, ("camera.frame-all", "no such key")),
+        ({"camera.no-such": "Ctrl+G"}, ("camera.no-such", "no command")),
+    ],
+)
+def test_what_is_refused_keeps_its_own_key(keys: dict[str, str], parts: tuple[str, ...]) -> None:
+    bound = bindings(keys)
+    (problem,) = bound.problems
+    assert all(part in problem for part in parts)
+    assert bound.text("camera.frame-all") == "F"
+    assert bound.text("compare.measure") == "M"
+
+
+def test_a_refusal_that_leads_to_another_one() -> None:
+    # The second is refused for the first, which then is in the way of a third.
+    bound = bindings({"camera.frame-all": "M", "camera.next": "F"})
+    assert len(bound.problems) == 2
+    assert (bound.text("camera.frame-all"), bound.text("camera.next")) == ("F", "C")
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Context:
+    return open_context(write_scene(tmp_path))
+
+
+def test_the_last_change_is_undone_and_done_again(written: Context) -> None:
+    session = written.session
+    before = session.view, session.settings, session.resolution
+    with pytest.raises(InputError, match="there is nothing to undo"):
+        run_line(written, "edit.undo")
+    run_line(written, "compare.mode side-by-side")
+    run_line(written, "window.theme light")
+    run_line(written, "view.resolution 0.5")
+    run_line(written, "texture.select 1")
+    after = session.view, session.settings, session.resolution
+    for _ in range(4):
+        run_line(written, "edit.undo")
+    assert (session.view, session.settings, session.resolution) == before
+    assert session.inspection.selected_texture is None
+    assert "nothing to undo" in why_not(written, "edit.undo")
+    for _ in range(4):
+        run_line(written, "edit.redo")
+    assert (session.view, session.settings, session.resolution) == after
+    assert session.inspection.selected_texture == 1
+    run_line(written, "edit.undo")
+    run_line(written, "window.theme dark")
+    with pytest.raises(InputError, match="nothing was undone"):
+        run_line(written, "edit.redo")
+
+
+def test_a_drag_is_one_change(written: Context, monkeypatch: pytest.MonkeyPatch) -> None:
+    session, now = written.session, [100.0]
+    monkeypatch.setattr("viewer.commands.history.monotonic", lambda: now[0])
+    begin = session.view.wipe_position
+    for step in range(10):
+        now[0] += 0.1
+        run(written, "compare.divider", 0.1 + step / 20)
+    now[0] += 2.0
+    run(written, "compare.divider", 0.9)
+    run_line(written, "edit.undo")
+    assert session.view.wipe_position == pytest.approx(0.55)
+    run_line(written, "edit.undo")
+    assert session.view.wipe_position == begin
+
+
+def test_what_changes_nothing_that_can_be_undone_is_not_looked_through(
+    written: Context, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    walked: list[object] = []
+
+    def walk(value: Any) -> Any:
+        walked.append(value)
+        return fields(value)
+
+    monkeypatch.setattr("viewer.commands.history.fields", walk)
+    for step in range(10):
+        run(written, "picture.hover", (step / 10.0, 0.5))
+    assert walked == []
+    assert "nothing to undo" in why_not(written, "edit.undo")
+    run_line(written, "window.theme light")
+    assert walked == [written.session.settings], "the view is the same object as before"
+    run_line(written, "edit.undo")
+    assert written.session.settings.theme == "dark"
+
+
+def test_what_other_hands_changed_since_stays(written: Context) -> None:
+    session = written.session
+    run_line(written, "compare.mode b")
+    session.view = replace(session.view, anisotropy=16)
+    run_line(written, "edit.undo")
+    assert (session.view.compare, session.view.anisotropy) != ("b", 1)
+    assert session.view.anisotropy == 16
+
+
+def test_discarding_a_run_can_be_undone(written: Context, tmp_path: Path) -> None:
+    session = written.session
+    written.training.enter(session.scene)
+    pack = finished(written)
+    run_line(written, "slot.source a 'run 1'")
+    run_line(written, "training.discard")
+    assert "run 1" not in session.packs
+    run_line(written, "edit.undo")
+    assert session.packs["run 1"] is pack
+    assert session.view.slot_a.source == "run 1"
+    assert written.training.log.undecided == 1
+    run_line(written, "edit.redo")
+    assert "run 1" not in session.packs
+    assert written.training.log.undecided is None
+    run_line(written, "edit.undo")
+    accept(written)
+    assert (tmp_path / "scene.random.ntc").is_file()
+
+
+def test_nothing_is_undone_in_another_scene(written: Context, tmp_path: Path) -> None:
+    run_line(written, "compare.mode b")
+    (tmp_path / "other").mkdir()
+    run_or_notify(written, "file.open", write_scene(tmp_path / "other", 1))
+    assert "nothing to undo" in why_not(written, "edit.undo")
+
+
+def test_a_slot_does_not_go_back_to_what_is_closed(written: Context) -> None:
+    session = written.session
+    run_line(written, "slot.source a reference")
+    session.packs = {}
+    run_line(written, "edit.undo")
+    assert session.view.slot_a.source == "reference"
+
+
+ROOT = Path(viewer.__file__).parent
+WRITERS = ("commands", "state")
+"""Packages whose functions are commands and event handlers."""
+GROUPS = {name for name, kind in get_type_hints(Session).items() if is_dataclass(kind) and name != "view"}
+FILES = [path for path in sorted(ROOT.rglob("*.py")) if path.relative_to(ROOT).parts[0] not in WRITERS]
+
+
+def is_session(node: ast.expr) -> bool:
+    """`session`, `_session`, `self.session`, `app.session` and so on."""
+    name = node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
+    return name.lstrip("_") == "session"
+
+
+def is_state(node: ast.expr, aliases: set[str]) -> bool:
+    """A session, one of its groups, or a name for one of them."""
+    if isinstance(node, ast.Name) and node.id in aliases:
+        return True
+    return is_session(node) or (isinstance(node, ast.Attribute) and node.attr in GROUPS and is_session(node.value))
+
+
+def assigned(statement: ast.stmt) -> Iterator[ast.expr]:
+    """What a statement assigns to."""
+    targets: list[ast.expr] = []
+    if isinstance(statement, ast.Assign | ast.Delete):
+        targets = list(statement.targets)
+    elif isinstance(statement, ast.AugAssign | ast.AnnAssign | ast.For):
+        targets = [statement.target]
+    for target in targets:
+        yield from target.elts if isinstance(target, ast.Tuple | ast.List) else (target,)
+
+
+def writes(source: str) -> list[int]:
+    """Lines that assign to an attribute of a session or of one of its groups, or call setattr on it."""
+    nodes = list(ast.walk(ast.parse(source)))
+    aliases = {
+        target.id
+        for node in nodes
+        if isinstance(node, ast.Assign) and is_state(node.value, set())
+        for target in node.targets
+        if isinstance(target, ast.Name)
+    }
+    lines = [
+        node.lineno
+        for node in nodes
+        if isinstance(node, ast.stmt)
+        for target in assigned(node)
+        for place in [target.value if isinstance(target, ast.Subscript) else target]
+        if isinstance(place, ast.Attribute) and is_state(place.value, aliases)
+    ]
+    lines += [
+        node.lineno
+        for node in nodes
+        if isinstance(node, ast.Call)
+        and isinstance(node.func, ast.Name)
+        and node.func.id in ("setattr", "delattr")
+        and is_state(node.args[0], aliases)
+    ]
+    return sorted(lines)
+
+
+@pytest.mark.parametrize(
+    ("source", "found"),
+    [
+        ("session.view = view", [1]),
+        ("self._session.window.toasts = ()", [1]),
+        ("self.session.window.open_panels -= {title}", [1]),
+        ("a, session.packs = 1, {}", [1]),
+        ("window = session.window\nwindow.show_help = True", [2]),
+        ("session.packs['a'] = pack", [1]),
+        ("setattr(app.session, 'view', view)", [1]),
+        ("self.session = session\nview = session.view\nx = session.window.toasts", []),
+    ],
+)
+def test_writes_are_found(source: str, found: list[int]) -> None:
+    assert writes(source) == found
+
+
+def test_only_commands_and_event_handlers_change_the_session() -> None:
+    assert {"navigation", "inspection", "window"} <= GROUPS
+    assert len(FILES) > 100
+    found = {str(path.relative_to(ROOT)): lines for path in FILES if (lines := writes(path.read_text()))}
+    assert found == {}

@@ -1,21 +1,24 @@
-"""Jobs in threads and in processes: results, errors, cancelling, and that no process outlives the program."""
+"""Jobs in threads, in processes and on a cluster: results, errors, order, cancelling, and processes that die."""
 
 import math
 import os
+import random
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import CancelledError
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from ntc.errors import InputError
 from ntc.worker.process import FunctionProcess
+from viewer.jobs.executor import MOST_ATTEMPTS, Ended, LocalExecutor, RayExecutor, run_jobs
 from viewer.jobs.job import RESULTS_KEPT, Background, Job, JobReport, Result
 from viewer.state.message_log import details_of
 
@@ -169,3 +172,168 @@ def test_a_process_ends_with_a_parent_that_was_killed() -> None:
     while Path(f"/proc/{child}/stat").exists() and Path(f"/proc/{child}/stat").read_text().split()[2] != "Z":
         assert time.monotonic() - began < SECONDS
         time.sleep(0.05)
+
+
+class Shuffled:
+    """An executor whose jobs end in any order, in the caller's own thread."""
+
+    def __init__(self, seed: int, slots: int = 4) -> None:
+        self.slots, self.most = slots, 0
+        self._random, self._waiting = random.Random(seed), dict[int, int]()
+
+    def submit(self, number: int, argument: int) -> None:
+        self._waiting[number] = argument
+        self.most = max(self.most, len(self._waiting))
+
+    def wait(self, seconds: float) -> Sequence[Ended[int]]:
+        number = self._random.choice(sorted(self._waiting))
+        argument = self._waiting.pop(number)
+        return [Ended(number, None, f"{argument} is odd") if argument % 2 else Ended(number, argument * 10)]
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_every_job_ends_once_and_what_fails_is_tried_three_times(seed: int) -> None:
+    executor, found, again = Shuffled(seed), list[int](), list[str]()
+    failures = run_jobs(
+        executor, range(20), lambda _job, result, _attempt: found.append(result), tried_again=again.append
+    )
+    assert sorted(found) == [each * 10 for each in range(0, 20, 2)]
+    assert sorted(each.argument for each in failures) == list(range(1, 20, 2))
+    assert {each.problem for each in failures} == {f"{each} is odd" for each in range(1, 20, 2)}
+    assert len(again) == 10 * (MOST_ATTEMPTS - 1)
+    assert executor.most == executor.slots
+
+
+def test_a_result_may_ask_for_another_job_or_be_a_failure() -> None:
+    seen = list[tuple[int, int]]()
+
+    def take(argument: int, result: int, attempt: int) -> int | str | None:
+        seen.append((argument, attempt))
+        return 100 if argument == 2 else "is not kept" if argument == 4 else None
+
+    failures = run_jobs(Shuffled(0, 1), [2, 4], take)
+    assert seen == [(2, 0), (100, 0), (4, 0), (4, 1), (4, 2)]
+    assert [(each.argument, each.problem) for each in failures] == [(4, "is not kept")]
+
+
+def test_arguments_are_asked_for_when_a_slot_is_free_and_a_stop_ends_all() -> None:
+    done, asked = list[int](), list[int]()
+
+    def arguments() -> object:
+        for each in range(0, 1000, 2):
+            asked.append(each)
+            yield each
+
+    run_jobs(Shuffled(0), arguments(), lambda _job, result, _attempt: done.append(result), lambda: len(done) >= 5)  # type: ignore[arg-type]
+    assert len(done) == 5
+    assert len(asked) <= 9
+
+
+def fate(place: str) -> int:
+    """Dies the first time that it is asked, refuses the second time, and then answers with its process."""
+    path = Path(place)
+    count = len(path.read_text()) if path.exists() else 0
+    path.write_text("x" * (count + 1))
+    if count == 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if count == 1:
+        raise InputError("not yet")
+    return os.getpid()
+
+
+@pytest.mark.process
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+def test_jobs_of_a_killed_worker_are_done_by_another(tmp_path: Path) -> None:
+    executor = LocalExecutor(fate, 2)
+    found, again = list[int](), list[str]()
+    try:
+        places = [str(tmp_path / str(number)) for number in range(3)]
+        assert not run_jobs(executor, places, lambda _job, result, _: found.append(result), tried_again=again.append)
+    finally:
+        executor.close()
+    assert len(found) == 3
+    assert os.getpid() not in found
+    assert sum("gave no answer" in line for line in again) == 3
+    assert again.count("not yet") == 3
+
+
+def test_what_cannot_be_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(InputError, match="--workers 0: must be at least 1"):
+        LocalExecutor(fate, 0)
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(InputError, match=r"needs the extra `ray`: pip install 'ntc-viewer\[ray\]'"):
+        RayExecutor(fate, "auto")
+
+
+SECONDS_OF_A_JOB = 0.1
+
+
+def fate_by_name(place: str) -> tuple[str, int]:
+    """Dies the first time that it is asked where the name says so, refuses where it says so, and else answers with its process."""
+    path = Path(place)
+    time.sleep(SECONDS_OF_A_JOB)
+    if path.name == "refuses":
+        raise InputError("refuses: is not done")
+    if path.name == "breaks":
+        raise ValueError("broken")
+    if path.name == "dies" and not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return path.name, os.getpid()
+
+
+@pytest.fixture
+def cluster() -> Iterator[Any]:
+    """Two machines of one core each."""
+    pytest.importorskip("ray", reason="ray is not installed (extra: ray)")
+    from ray.cluster_utils import Cluster
+
+    # A lost machine is to be noticed soon.
+    checks = {"health_check_initial_delay_ms": 0, "health_check_period_ms": 300, "health_check_failure_threshold": 3}
+    head = {"num_cpus": 1, "include_dashboard": False, "_system_config": checks}
+    found = Cluster(initialize_head=True, head_node_args=head)
+    yield found
+    found.shutdown()
+
+
+@pytest.mark.process
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+def test_jobs_of_killed_workers_and_lost_machines_are_done_elsewhere(cluster: Any, tmp_path: Path) -> None:
+    node = cluster.add_node(num_cpus=1)
+    executor = RayExecutor(fate_by_name, cluster.address)
+    found, again = dict[str, int](), list[str]()
+
+    def take(_job: str, result: tuple[str, int], _attempt: int) -> None:
+        name, process = result
+        assert name not in found
+        found[name] = process
+        if len(found) == 6:
+            cluster.remove_node(node, allow_graceful=False)
+
+    names = ["dies", "refuses", "breaks", *map(str, range(12))]
+    try:
+        slots = executor.slots
+        failures = run_jobs(executor, [str(tmp_path / name) for name in names], take, tried_again=again.append)
+    finally:
+        executor.close()
+    assert slots == 2
+    assert sorted(found) == sorted({*names} - {"refuses", "breaks"})
+    assert os.getpid() not in found.values()
+    told = {Path(each.argument).name: each.problem for each in failures}
+    assert told == {"refuses": "refuses: is not done", "breaks": "ValueError: broken"}
+    assert any("its process or machine is gone" in line for line in again)
+
+
+def test_a_cluster_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    ray = pytest.importorskip("ray", reason="ray is not installed (extra: ray)")
+
+    def absent(**_options: object) -> None:
+        raise ConnectionError("nobody listens")
+
+    monkeypatch.setattr(ray, "init", absent)
+    with pytest.raises(InputError, match="--ray auto: no cluster answers"):
+        RayExecutor(fate_by_name, "auto")

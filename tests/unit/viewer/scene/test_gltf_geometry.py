@@ -1,18 +1,132 @@
-"""Primitives, nodes and instances: triangles in the right place, with the right UVs and colours."""
+"""Accessors, primitives, nodes and frames of vertices: triangles in the right place, with the right UVs, colours and normals."""
 
 import io
 import math
+import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from numpy.typing import NDArray
 
+from lab.benchmarks.geometry.scenes import MESH_TRIANGLES, write_geometry
 from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, TRIANGLE_UVS, GltfBuilder, noise, png
 from tests.support.scenes import built, sorted_triangles, world_triangles
+from viewer.scene.gltf.accessors import Accessors
+from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.gltf.geometry import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES, triangle_list
+from viewer.scene.gltf.joined_arrays import SHORT_INDICES, joined, joined_indices
+from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
 from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
+
+
+def accessors(builder: GltfBuilder) -> Accessors:
+    file = parse_gltf(builder.glb(), "test.glb", None)
+    return Accessors(file, Buffers(file))
+
+
+@pytest.mark.parametrize("dtype", ["int8", "uint8", "int16", "uint16", "uint32", "float32"])
+@pytest.mark.parametrize(("stride", "offset"), [(0, 0), (24, 0), (0, 8), (32, 4)])
+def test_every_component_type_stride_and_offset(dtype: str, stride: int, offset: int) -> None:
+    values = np.arange(15).reshape(5, 3).astype(dtype)
+    builder = GltfBuilder()
+    index = builder.accessor(values, stride=stride, offset=offset)
+    read = accessors(builder).raw(index, "test", ("VEC3",))
+    assert read.dtype == values.dtype
+    np.testing.assert_array_equal(read, values)
+
+
+@pytest.mark.parametrize(
+    ("dtype", "stored", "expected"),
+    [
+        ("uint8", [0, 51, 255], [0.0, 0.2, 1.0]),
+        ("int8", [-128, -127, 127], [-1.0, -1.0, 1.0]),
+        ("uint16", [0, 13107, 65535], [0.0, 0.2, 1.0]),
+        ("int16", [-32768, 0, 32767], [-1.0, 0.0, 1.0]),
+    ],
+)
+def test_normalised_integers(dtype: str, stored: list[int], expected: list[float]) -> None:
+    builder = GltfBuilder()
+    index = builder.accessor(np.array(stored, dtype), normalized=True)
+    plain = builder.accessor(np.array(stored, dtype))
+    reader = accessors(builder)
+    np.testing.assert_allclose(reader.floats(index, "test", ("SCALAR",))[:, 0], expected, atol=1e-6)
+    np.testing.assert_array_equal(reader.floats(plain, "test", ("SCALAR",))[:, 0], stored)
+
+
+@pytest.mark.parametrize("with_base", [True, False])
+def test_sparse(with_base: bool) -> None:
+    base = np.arange(12, dtype=np.float32).reshape(4, 3)
+    builder = GltfBuilder()
+    index = builder.accessor(base)
+    sparse = {
+        "count": 2,
+        "indices": {"bufferView": builder.view(np.array([1, 3], np.uint16).tobytes()), "componentType": 5123},
+        "values": {"bufferView": builder.view(np.array([[7, 8, 9], [4, 5, 6]], np.float32).tobytes())},
+    }
+    builder.json["accessors"][index]["sparse"] = sparse
+    if not with_base:
+        del builder.json["accessors"][index]["bufferView"]
+    expected = base.copy() if with_base else np.zeros_like(base)
+    expected[[1, 3]] = [[7, 8, 9], [4, 5, 6]]
+    np.testing.assert_array_equal(accessors(builder).raw(index, "test", ("VEC3",)), expected)
+
+
+def test_padded_matrix_columns() -> None:
+    builder = GltfBuilder()
+    columns = np.array([[1, 2, 3, 99], [4, 5, 6, 99], [7, 8, 9, 99]], np.uint8)
+    view = builder.view(columns.tobytes())
+    index = builder.add("accessors", bufferView=view, componentType=5121, count=1, type="MAT3")
+    np.testing.assert_array_equal(accessors(builder).raw(index, "test", ("MAT3",)), [[1, 2, 3, 4, 5, 6, 7, 8, 9]])
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"count": 4},
+        {"count": 10**12},
+        {"count": -1},
+        {"count": 1.5},
+        {"byteOffset": 1},
+        {"byteOffset": 2**60},
+        {"bufferView": 9},
+        {"bufferView": -1},
+        {"componentType": 5124},
+        {"type": "VEC4"},
+        {"type": 3},
+    ],
+)
+def test_out_of_range_is_an_input_error(change: dict[str, object]) -> None:
+    builder = GltfBuilder()
+    index = builder.accessor(TRIANGLE)
+    builder.json["accessors"][index].update(change)
+    with pytest.raises(InputError, match=r"test\.glb"):
+        accessors(builder).raw(index, "test", ("VEC3",))
+
+
+def test_count_without_bytes_is_bounded() -> None:
+    builder = GltfBuilder()
+    builder.view(b"abcd")
+    index = builder.add("accessors", componentType=5126, count=2**40, type="VEC3")
+    with pytest.raises(InputError, match="without a buffer view"):
+        accessors(builder).raw(index, "test", ("VEC3",))
+
+
+def test_sparse_index_out_of_range() -> None:
+    builder = GltfBuilder()
+    index = builder.accessor(TRIANGLE)
+    builder.json["accessors"][index]["sparse"] = {
+        "count": 1,
+        "indices": {"bufferView": builder.view(b"\x03"), "componentType": 5121},
+        "values": {"bufferView": builder.view(bytes(12))},
+    }
+    with pytest.raises(InputError, match="3 in an accessor of 3"):
+        accessors(builder).raw(index, "test", ("VEC3",))
 
 
 def grid_builder() -> GltfBuilder:
@@ -222,3 +336,178 @@ def test_hidden_nodes_and_those_below_them_are_not_drawn() -> None:
     assert not scene.lights
     assert len(scene.cameras) == 1
     assert any("KHR_animation_pointer" in line for line in scene.report.ignored)
+
+
+UP = np.tile(np.array([0, 0, 1], np.float32), (3, 1))
+ALONG = np.tile(np.array([1, 0, 0, -1], np.float32), (3, 1))
+
+
+def scene_with(attributes: dict[str, NDArray[Any]], edit: dict[str, Any] | None = None, bumpy: bool = True) -> Scene:
+    """A triangle with `attributes`; `edit` changes the entry of the last accessor."""
+    builder = GltfBuilder()
+    image = builder.image(png(noise()))
+    maps: dict[str, Any] = {"normalTexture": {"index": builder.add("textures", source=image)}} if bumpy else {}
+    primitive = builder.triangle(builder.material(**maps), **attributes)
+    builder.json["accessors"][-1].update(edit or {})
+    return built(builder.drawn(primitive))
+
+
+def test_unit_vectors_are_kept_as_they_are() -> None:
+    scene = scene_with({"NORMAL": UP, "TANGENT": ALONG})
+    assert scene.geometry.normals is not None
+    assert scene.geometry.tangents is not None
+    np.testing.assert_array_equal(scene.geometry.normals, UP)
+    np.testing.assert_array_equal(scene.geometry.tangents, ALONG)
+    assert {"vertex normals: primitives", "vertex tangents: primitives"} <= set(scene.report.honoured)
+    assert scene.report.missing == ()
+
+
+def test_scenes_without_normals_have_none_and_tangents_need_a_normal_map() -> None:
+    plain = scene_with({}, bumpy=False)
+    assert (plain.geometry.normals, plain.geometry.tangents, plain.geometry.second_uvs) == (None, None, None)
+    flat = scene_with({"NORMAL": UP, "TANGENT": ALONG}, bumpy=False)
+    assert flat.geometry.normals is not None
+    assert flat.geometry.tangents is None
+
+
+def test_vectors_without_a_direction_become_zero() -> None:
+    largest = np.finfo(np.float32).max
+    normals = np.array([[0, 0, 0], [np.nan, 0, 1], [0, largest, largest]], np.float32)
+    unit, broken = unit_normals(normals)
+    np.testing.assert_allclose(unit, [[0, 0, 0], [0, 0, 0], [0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-6)
+    assert broken == 2
+    tangents = np.array([[0, 0, 0, 1], [2, 0, 0, -0.5], [1, 0, 0, np.inf], [1, 0, 0, 0]], np.float32)
+    whole, broken = unit_tangents(tangents)
+    np.testing.assert_array_equal(whole, [[0, 0, 0, 0], [1, 0, 0, -1], [0, 0, 0, 0], [0, 0, 0, 0]])
+    assert broken == 3
+    scene = scene_with({"NORMAL": normals, "TANGENT": tangents[:3]})
+    assert any("normals without a direction in 2 vertices" in line for line in scene.report.missing)
+    assert any("tangents without a direction in 2 vertices" in line for line in scene.report.missing)
+    assert scene.geometry.normals is not None
+    assert np.isfinite(scene.geometry.normals).all()
+
+
+def test_quantised_normals_and_tangents() -> None:
+    tangents = np.array([[127, 0, 0, 127], [0, -127, 0, -127], [90, 90, 0, 127]], np.int8)
+    scene = scene_with({"NORMAL": UP, "TANGENT": tangents}, {"normalized": True})
+    half = np.sqrt(0.5)
+    expected = [[1, 0, 0, 1], [0, -1, 0, -1], [half, half, 0, 1]]
+    assert scene.geometry.tangents is not None
+    np.testing.assert_allclose(scene.geometry.tangents, expected, atol=1e-6)
+
+
+def test_sparse_normals() -> None:
+    builder = GltfBuilder()
+    primitive = builder.triangle(None, NORMAL=UP)
+    sparse = {
+        "count": 1,
+        "indices": {"bufferView": builder.view(np.array([1], np.uint16).tobytes()), "componentType": 5123},
+        "values": {"bufferView": builder.view(np.array([0, 2, 0], np.float32).tobytes())},
+    }
+    builder.json["accessors"][primitive["attributes"]["NORMAL"]]["sparse"] = sparse
+    normals = built(builder.drawn(primitive)).geometry.normals
+    assert normals is not None
+    np.testing.assert_array_equal(normals, [[0, 0, 1], [0, 1, 0], [0, 0, 1]])
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "instead"),
+    [
+        ("NORMAL", UP[:2], "has 2 elements for 3 positions [the triangles' own are used]"),
+        ("NORMAL", ALONG, "is needed"),
+        ("TANGENT", UP, "[they follow from the UVs]"),
+    ],
+)
+def test_frames_that_cannot_be_read_are_reported_and_the_rest_is_shown(
+    name: str, values: NDArray[Any], instead: str
+) -> None:
+    scene = scene_with({name: values})
+    assert scene.geometry.normals is None
+    assert scene.geometry.tangents is None
+    assert any(instead in line for line in scene.report.missing)
+
+
+def test_primitives_without_normals_have_zeros_among_those_that_have() -> None:
+    builder = GltfBuilder()
+    plain, bent = builder.triangle(), builder.triangle(None, NORMAL=UP)
+    normals = built(builder.drawn(plain, bent)).geometry.normals
+    assert normals is not None
+    np.testing.assert_array_equal(normals, np.concatenate([np.zeros((3, 3)), UP]))
+
+
+def test_the_same_vertices_with_and_without_tangents_are_two_ranges() -> None:
+    builder = GltfBuilder()
+    info = {"index": builder.add("textures", source=builder.image(png(noise())))}
+    primitive = builder.triangle(builder.material(normalTexture=info), NORMAL=UP, TANGENT=ALONG)
+    smooth = {**primitive, "material": builder.material()}
+    scene = built(builder.drawn(primitive, smooth, {**primitive}))
+    assert [each.base_vertex for each in scene.primitives] == [0, 3, 0]
+    assert scene.geometry.tangents is not None
+    assert len(scene.geometry.positions) == 6
+
+
+def test_draco_gives_the_normals_and_tangents_of_the_plain_file(data_folder: Path) -> None:
+    scenes = [load_scene(data_folder / f"scenes/lantern/{kind}/Lantern.gltf") for kind in ("glTF", "glTF-Draco")]
+    for name in ("normals", "tangents"):
+        means = [np.abs(getattr(scene.geometry, name)).mean(axis=0) for scene in scenes]
+        np.testing.assert_allclose(means[0], means[1], atol=5e-3)
+
+
+def test_other_formats_keep_their_normals(tmp_path: Path) -> None:
+    path = tmp_path / "a.obj"
+    corners = "".join(f"v {x:g} {y:g} {z:g}\n" for x, y, z in TRIANGLE)
+    path.write_text(corners + "vn 0 1 0\nvn 0 1 0\nvn 0 1 0\nf 1//1 2//2 3//3\n")
+    normals = load_scene(path).geometry.normals
+    assert normals is not None
+    np.testing.assert_allclose(normals, np.tile([0, 1, 0], (3, 1)), atol=1e-6)
+
+
+def test_parts_are_joined_and_let_go() -> None:
+    parts: list[NDArray[np.float32] | None] = [np.ones((2, 3), np.float32), None, np.full((1, 3), 2.0, np.float32)]
+    whole = joined(parts, [2, 2, 1], 3, 5.0)
+    assert whole is not None
+    assert whole[:, 0].tolist() == [1, 1, 5, 5, 2]
+    assert parts == [None, None, None]
+    assert joined([None, None], [2, 2], 3) is None
+
+
+@pytest.mark.parametrize(("highest", "kind"), [(SHORT_INDICES - 1, np.uint16), (SHORT_INDICES, np.uint32)])
+def test_indices_take_two_bytes_where_they_fit(highest: int, kind: type[np.generic]) -> None:
+    parts: list[NDArray[Any] | None] = [np.array([0, 1, 2], np.uint8), np.array([0, highest, 7], np.uint32), None]
+    whole = joined_indices(parts, 6, highest)
+    assert whole.dtype == kind
+    assert whole.tolist() == [0, 1, 2, 0, highest, 7]
+    assert parts == [None, None, None]
+
+
+@pytest.fixture(scope="module")
+def scene_files(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Scenes of 300,000 triangles: every body of its own, and few bodies at many nodes."""
+    folder = tmp_path_factory.mktemp("geometry")
+    plain, instanced = folder / "plain.glb", folder / "instanced.glb"
+    assert write_geometry(plain, 300_000, instanced=False) == write_geometry(instanced, 300_000, instanced=True)
+    return plain, instanced
+
+
+def test_a_large_scene_is_not_held_twice_over(scene_files: tuple[Path, Path]) -> None:
+    size = scene_files[0].stat().st_size
+    tracemalloc.start()
+    try:
+        scene = load_scene(scene_files[0])
+        left, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    # The file's bytes and the scene's arrays, which hold the same; then the arrays alone.
+    assert peak < 2.3 * size
+    assert left < 1.2 * size
+    assert scene.geometry.indices.dtype == np.uint16
+    assert scene.geometry.positions.flags.owndata
+
+
+def test_a_mesh_at_many_nodes_is_stored_once(scene_files: tuple[Path, Path]) -> None:
+    plain, instanced = (load_scene(file) for file in scene_files)
+    assert plain.report.used["triangles drawn"] == instanced.report.used["triangles drawn"] == 12 * MESH_TRIANGLES
+    assert instanced.report.used["triangles"] == 8 * MESH_TRIANGLES
+    assert len(instanced.geometry.positions) * 12 == len(plain.geometry.positions) * 8
+    # The first bodies are the same ones in both.
+    assert np.array_equal(world_triangles(plain)[:100], world_triangles(instanced)[:100])

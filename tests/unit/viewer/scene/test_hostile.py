@@ -3,6 +3,8 @@
 import json
 import os
 import struct
+import subprocess
+import sys
 import time
 import tracemalloc
 import zlib
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 
 from ntc.errors import InputError
+from tests.support.claims import claims
 from tests.support.gltf_builder import TRIANGLE, GltfBuilder, noise, png
 from viewer.locations import SCENE_ROOTS_VARIABLE
 from viewer.scene import bounds, images
@@ -335,3 +338,33 @@ def test_draco_data_that_claims_more_than_it_holds() -> None:
             builder.json["bufferViews"][extension["bufferView"]]["byteLength"] = len(data)
         primitive["extensions"] = {"KHR_draco_mesh_compression": extension}
         refused(builder.drawn(primitive), words)
+
+
+LARGEST_FILE = 4096
+MOST_GROWN_KB = 16 << 10
+MOST_SECONDS = 1.0
+NAMES = tuple(name for name, _ in claims())
+
+
+@pytest.fixture(scope="module")
+def rows(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, Any]]:
+    """By file, what a process whose address space is limited wrote of it."""
+    folder = tmp_path_factory.mktemp("claims")
+    for name, content in claims():
+        assert len(content) < LARGEST_FILE
+        (folder / name).write_bytes(content)
+    command = [sys.executable, "-m", "tests.support.claims", str(folder)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return {row["name"]: row for row in map(json.loads, done.stdout.splitlines())}
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("name", NAMES)
+def test_a_claim_is_refused_before_memory_is_taken(rows: dict[str, dict[str, Any]], name: str) -> None:
+    row = rows[name]
+    assert name in row["refusal"]
+    assert row["refusal"].isprintable()
+    assert row["grown_kb"] < MOST_GROWN_KB
+    # Processor time, so that other processes do not count.
+    assert row["seconds"] < MOST_SECONDS
+    assert "No module" not in row["refusal"]

@@ -22,7 +22,9 @@ from ntc.codec.block.trellis import BRANCHES, indices_of, level_table, share_out
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
+from ntc.codec.quality import psnr_db
 from ntc.codec.textures import SourceTexture, hash_pixels
+from tests.support.textures import of_pixels
 
 SMALL = BlockConfig(coefficients=40, modes=4)
 
@@ -52,17 +54,6 @@ def random_decoder(config: BlockConfig, seed: int = 0) -> BlockDecoder:
     )
 
 
-def fixed_size(words: int, **settings: int) -> BlockConfig:
-    """Codes of one size."""
-    return BlockConfig(block_words=(words,), mean_words=words, **settings)  # type: ignore[arg-type]
-
-
-def psnr_db(decoded: NDArray[np.uint8], truth: NDArray[np.uint8]) -> float:
-    """PSNR over 8-bit values."""
-    error = float(np.mean(np.square(decoded.astype(np.float64) - truth)))
-    return float(10 * np.log10(255.0**2 / max(error, 1e-9)))
-
-
 @given(st.integers(1, 70), st.integers(1, 70), st.sampled_from([4, 8]), st.integers(1, 4))
 @settings(max_examples=40, deadline=None)
 def test_every_size_is_cut_into_blocks_and_put_together_again(w: int, h: int, side: int, channels: int) -> None:
@@ -76,16 +67,10 @@ def test_every_size_is_cut_into_blocks_and_put_together_again(w: int, h: int, si
 
 def test_levels_end_with_the_first_mip_that_one_block_holds() -> None:
     levels = latent_levels(100, 20, BlockConfig())
-    assert [(level.texel_width, level.texel_height) for level in levels] == [
-        (100, 20),
-        (50, 10),
-        (25, 5),
-        (12, 2),
-        (6, 1),
-    ]
-    assert [level.first_cell for level in levels] == list(
-        itertools.accumulate([0, *(level.cells for level in levels[:-1])])
-    )
+    sizes = [(level.texel_width, level.texel_height) for level in levels]
+    assert sizes == [(100, 20), (50, 10), (25, 5), (12, 2), (6, 1)]
+    begins = itertools.accumulate(level.cells for level in levels[:-1])
+    assert [level.first_cell for level in levels] == [0, *begins]
     assert latent_levels(1, 1, BlockConfig())[-1].cells == 1
 
 
@@ -126,15 +111,14 @@ def test_bits_go_where_they_lower_the_error_most() -> None:
     assert depths[0] > depths[1] >= depths[2] > depths[3]
     assert share_out_bits(scales[1:3], 100).tolist() == [LARGEST_DEPTH, LARGEST_DEPTH]
     assert share_out_bits(scales[:1], 0).tolist() == [0]
-
-
-def test_every_reader_derives_the_same_bits() -> None:
-    scales = np.arange(40, 240, 5, dtype=np.uint8)
-    found = [share_out_bits(scales[::-1], bits).tolist() for bits in (30, 90, 250)]
-    assert [sum(depths) for depths in found] == [30, 90, 250]
-    # Falling with the scale, and written down: files depend on it.
-    assert all(depths == sorted(depths, reverse=True) for depths in found)
+    # Every reader derives the same bits: falling with the scale, and written down, as files depend on it.
+    many = np.arange(40, 240, 5, dtype=np.uint8)
+    found = [share_out_bits(many[::-1], bits).tolist() for bits in (30, 90, 250)]
+    assert [sum(own) for own in found] == [30, 90, 250]
+    assert all(own == sorted(own, reverse=True) for own in found)
     assert found[0][:12] == [5, 4, 4, 3, 3, 3, 2, 2, 2, 1, 1, 0]
+    values = np.geomspace(1e-3, 8.0, 200)
+    np.testing.assert_allclose(scale_values(stored_scales(values)), values, rtol=2 ** (0.5 / 16) - 1 + 1e-9)
 
 
 def _best_by_trying_all(values: NDArray[np.float64], depths: list[int], scales: NDArray[np.float64]) -> float:
@@ -191,11 +175,6 @@ def test_trellis_coding_beats_scalar_levels_by_what_the_literature_says() -> Non
     assert gain > 9.30 + 0.8  # A scalar Lloyd-Max quantiser of 2 bits has 9.30 dB (Max, 1960).
 
 
-def test_scales_are_stored_within_half_a_step() -> None:
-    values = np.geomspace(1e-3, 8.0, 200)
-    np.testing.assert_allclose(scale_values(stored_scales(values)), values, rtol=2 ** (0.5 / 16) - 1 + 1e-9)
-
-
 @pytest.mark.parametrize("size", [(64, 64), (40, 24), (7, 3), (1, 1)])
 @pytest.mark.parametrize("channels", [1, 3, 4])
 def test_a_texture_of_any_size_and_channels_comes_back(size: tuple[int, int], channels: int) -> None:
@@ -210,22 +189,20 @@ def test_a_texture_of_any_size_and_channels_comes_back(size: tuple[int, int], ch
             assert psnr_db(decoded, mip) > 25.0
 
 
-def test_more_bits_give_a_nearer_picture_and_modes_help() -> None:
+def test_more_bits_give_a_nearer_picture() -> None:
     sources = [smooth_texture(64, 64, seed=seed) for seed in range(3)]
-
-    def mean_psnr(config: BlockConfig) -> float:
+    means = []
+    for words in (2, 4, 8):
+        config = BlockConfig(block_words=(words,), mean_words=words, coefficients=96, modes=1)
         decoder, textures = encode_group(sources, config)
         found = [reference.decode_image(texture, decoder, config) for texture in textures]
-        return float(np.mean([psnr_db(d, s.pixels) for d, s in zip(found, sources, strict=True)]))
-
-    by_words = [mean_psnr(fixed_size(words, coefficients=96, modes=1)) for words in (2, 4, 8)]
-    assert by_words[0] + 2 < by_words[1] < by_words[2] - 2
+        means.append(np.mean([psnr_db(d, s.pixels) for d, s in zip(found, sources, strict=True)]))
+    assert means[0] + 2 < means[1] < means[2] - 2
 
 
 def test_a_constant_texture_is_exact_and_the_same_seed_gives_the_same_bytes() -> None:
     pixels = np.full((16, 16, 3), (10, 200, 77), np.uint8)
-    source = SourceTexture("flat", pixels, hash_pixels(pixels))
-    decoder, (texture,) = encode_group([source], SMALL)
+    decoder, (texture,) = encode_group([of_pixels(pixels)], SMALL)
     np.testing.assert_array_equal(reference.decode_image(texture, decoder, SMALL), pixels)
     sources = [smooth_texture(48, 32, seed=seed) for seed in range(2)]
     first, second = (encode_group(sources, SMALL, seed=9) for _ in range(2))

@@ -1,7 +1,6 @@
 """Material sets: places of channels, mips by kind of map, and codec `block` from the encoder to the torch twin."""
 
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -22,6 +21,7 @@ from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import (
     BASE_ALONE,
     EQUAL_WEIGHTS,
+    MAP_CHANNELS,
     MAPS,
     SEEN_WEIGHTS,
     MapName,
@@ -49,19 +49,14 @@ def material(
     maps: tuple[MapName, ...], size: tuple[int, int] = (64, 32), base: int = 3, seed: int = 0
 ) -> SourceTexture:
     """Smooth maps of a few shared waves, as those of one material are alike; normals near upright."""
-    random, channels = np.random.default_rng(seed), 0
-    channels = sum(place.stop - place.start for place in map_slices(maps, _channels(maps, base)).values())
+    random = np.random.default_rng(seed)
+    channels = sum(base if name == "base" else MAP_CHANNELS[name] for name in maps)
     y, x = np.mgrid[0 : size[1], 0 : size[0]].astype(np.float64)
     turns = random.uniform(0.05, 0.5, (3, 2))
     waves = np.stack([np.sin(x * u + y * v) for u, v in turns], axis=-1)
     image = waves @ random.normal(size=(3, channels)) * 18.0 + 128.0 + random.normal(size=(*x.shape, channels)) * 2.0
     pixels = np.clip(image, 0, 255).astype(np.uint8)
     return SourceTexture(f"material {seed}", pixels, hash_pixels(pixels), maps=maps)
-
-
-def _channels(maps: tuple[MapName, ...], base: int) -> int:
-    counts = {"normal": 2, "roughness": 1, "metalness": 1, "emissive": 3, "occlusion": 1}
-    return sum(base if name == "base" else counts[name] for name in maps)
 
 
 def test_channels_of_a_set_have_places_among_those_of_the_codec() -> None:
@@ -126,6 +121,10 @@ def test_axes_join_no_channels_of_different_planes() -> None:
     assert not axes.axes[~inside].any()
     np.testing.assert_allclose(axes.axes @ axes.inverse.T, np.eye(11), atol=1e-5)
     pack = mean_colour_pack([source], Grouping("single", (0,)), SETS)
+    # Until it is encoded a set has the mean of each map.
+    means = [decode_image(pack, 0, level).mean((0, 1)) for level in range(2)]
+    np.testing.assert_allclose(means[0], source.pixels.mean((0, 1)), atol=1.0)
+    np.testing.assert_array_equal(*means)
     texture = replace(block_parts(pack).textures[0], axes=axes.axes)
     tensors = texture_tensors(texture, SETS)
     parts = tensors["latents.{}.axes"]
@@ -176,16 +175,12 @@ def test_sets_of_every_kind_come_back_and_torch_agrees(side: int) -> None:
         assert_torch_agrees(pack, index, uv, np.linspace(-1.0, 5.0, 200, dtype=np.float32), None)
 
 
-def test_random_packs_of_sets_agree() -> None:
-    pack = random_block_pack(config=SETS, maps=[MAPS, ("normal", "occlusion"), WHOLE])
-    for index, channels in enumerate((11, 3, 8)):
-        uv = np.random.default_rng(index).uniform(0.0, 1.0, (100, 2)).astype(np.float32)
-        assert decode_texels(pack, index, uv.astype(np.float64), np.zeros(100)).shape == (100, channels)
-        assert_torch_agrees(pack, index, uv, np.zeros(100, np.float32), None)
-
-
 def test_a_plane_is_decoded_by_its_own_axes_and_basis() -> None:
-    pack = random_block_pack(config=SETS)
+    pack = random_block_pack(config=SETS, maps=[MAPS, ("normal", "occlusion"), WHOLE])
+    for index, count in enumerate((11, 3, 8)):
+        uv = np.random.default_rng(index).uniform(0.0, 1.0, (100, 2)).astype(np.float32)
+        assert decode_texels(pack, index, uv.astype(np.float64), np.zeros(100)).shape == (100, count)
+        assert_torch_agrees(pack, index, uv, np.zeros(100, np.float32), None)
     texture = block_parts(pack).textures[0]
     stored = reference.texture_codes(texture, SETS, 0)
     whole = reference.block_values(texture, stored, block_parts(pack).decoders[0], SETS)
@@ -206,6 +201,10 @@ def test_bits_count_everything_that_sets_store() -> None:
         assert (config.maps, config.output_channels) == (WHOLE, 8)
         pack = encode_textures(sources, Grouping("single", (0, 0)), config, BlockOptions())
         assert bits_with_mips(pack) == pytest.approx(bits, rel=0.02)
+    with pytest.raises(InputError, match="serves base colours alone; use another grouping, or --maps base"):
+        config_for_bits(2.0, texture_set(sources, 0))
+    with pytest.raises(InputError, match="--maps base"):
+        encode_textures(sources, Grouping("universal", (0, 0)), SETS, BlockOptions())
     plain = texture_set([material(BASE_ALONE)], 1)
     assert side_bits(replace(plain, groups=0), BlockConfig(block_words=(4,))) == 32 * (3 + 9)
 
@@ -219,22 +218,6 @@ def test_rows_of_the_basis_are_of_one_channel_and_stored_as_such() -> None:
     config = block_parts(pack).config
     assert decoder.stored_bits(config) == config.coefficients * (8 * (64 + 1) + 32 + 8 * config.modes)
     assert config.multiply_adds == config.coefficients + config.axis_numbers
-
-
-def test_the_decoder_that_ships_serves_base_colours_alone() -> None:
-    sources = [material(WHOLE)]
-    with pytest.raises(InputError, match="serves base colours alone; use another grouping, or --maps base"):
-        config_for_bits(2.0, texture_set(sources, 0))
-    with pytest.raises(InputError, match="--maps base"):
-        encode_textures(sources, Grouping("universal", (0,)), SETS, BlockOptions())
-
-
-def test_until_it_is_encoded_a_set_has_the_mean_of_each_map() -> None:
-    source = material(("normal", "occlusion"))
-    pack = mean_colour_pack([source], Grouping("single", (0,)), SETS)
-    means = [decode_image(pack, 0, level).mean((0, 1)) for level in range(2)]
-    np.testing.assert_allclose(means[0], source.pixels.mean((0, 1)), atol=1.0)
-    assert all((one == other).all() for one, other in pairwise(means))
 
 
 def test_sets_have_room_for_larger_codes_and_more_modes() -> None:

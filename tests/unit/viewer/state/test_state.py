@@ -1,0 +1,255 @@
+"""Animations, cameras, flying, the magnifying glass, colours of the divergence map, and packs that events bring."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_pack
+from ntc.codec.model import Pack
+from tests.support.picture_scenes import Part, scene_of, texture
+from viewer.capture.overlay_picture import with_color_bar
+from viewer.scene.model import AnimationFacts, Camera, Material, Pose
+from viewer.state.event_handlers import apply_event, expire_pointing, point_out
+from viewer.state.events import PackClosed, PackUpdated, RunStarted
+from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turntable, between, chosen_animation
+from viewer.state.navigation import FASTER_STEP, NEAR_SHARE, fly, fly_speed, kept_in_sight
+from viewer.state.open_files import InitialView, new_session
+from viewer.state.palettes import PALETTES, PaletteName, palette_colors, share_of_most
+from viewer.state.session import Session
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_state import LARGEST_ZOOM, REFERENCE, WHOLE, Zoom
+
+ANIMATIONS = (AnimationFacts("walk", 2.0), AnimationFacts("wave", 0.5))
+
+
+def test_time_goes_on_at_a_speed_and_begins_again() -> None:
+    playing = AnimationPlayback(is_playing=True, speed=0.5)
+    assert playing.advance(ANIMATIONS, None, 1.0) == (Pose("walk", 0.5), playing)
+    pose, after = playing.advance(ANIMATIONS, Pose("walk", 1.9), 1.0)
+    assert (pose.animation, after) == ("walk", playing)
+    assert pose.seconds == pytest.approx(0.4)
+    assert playing.advance(ANIMATIONS, Pose("wave", 0.1), 0.2)[0].seconds == pytest.approx(0.2 / 2 + 0.1)
+
+
+def test_without_repeating_it_stops_at_the_end() -> None:
+    playing = AnimationPlayback(is_playing=True, repeats=False)
+    pose, after = playing.advance(ANIMATIONS, Pose("walk", 1.9), 1.0)
+    assert pose == Pose("walk", 2.0)
+    assert not after.is_playing
+
+
+def test_an_animation_of_one_moment_has_nothing_to_play() -> None:
+    still = (AnimationFacts("still", 0.0),)
+    pose, after = AnimationPlayback(is_playing=True).advance(still, None, 1.0)
+    assert (pose, after.is_playing) == (Pose("still", 0.0), False)
+
+
+def test_an_unknown_name_is_the_first_animation() -> None:
+    assert chosen_animation(ANIMATIONS, Pose("run", 1.0)).name == "walk"
+    assert chosen_animation(ANIMATIONS, Pose("wave", 1.0)).name == "wave"
+
+
+BOUNDS = np.array([[0, 0, 0], [2, 2, 4]], np.float32)
+CAMERA = Camera("a", (1.0, 1.0, 7.0), (1.0, 1.0, 2.0), near=1.0, far=9.0)
+
+
+def test_a_turntable_turns_about_the_centre() -> None:
+    quarter, motion = Turntable(30.0).advance(CAMERA, BOUNDS, 3.0)
+    assert motion == Turntable(30.0)
+    np.testing.assert_allclose(quarter.eye, (6.0, 1.0, 2.0), atol=1e-9)
+    np.testing.assert_allclose(quarter.target, (1.0, 1.0, 2.0), atol=1e-9)
+    assert (quarter.near, quarter.far, quarter.name) == (None, None, "free")
+    camera = CAMERA
+    for _ in range(12 * 60):
+        camera, _ = Turntable(-30.0).advance(camera, BOUNDS, 1.0 / 60.0)
+    np.testing.assert_allclose(camera.eye, CAMERA.eye, atol=1e-9)
+
+
+def test_a_path_is_played_to_its_end() -> None:
+    cameras = tuple(replace(CAMERA, name=str(i), eye=(float(i), 0.0, 9.0)) for i in range(3))
+    camera, motion = Playback(cameras).advance(CAMERA, BOUNDS, PATH_SECONDS / 2.0)
+    assert camera.eye == pytest.approx((0.5, 0.0, 9.0))
+    assert isinstance(motion, Playback)
+    camera, motion = motion.advance(camera, BOUNDS, PATH_SECONDS)
+    assert camera.eye == pytest.approx((1.5, 0.0, 9.0))
+    assert motion is not None
+    camera, motion = motion.advance(camera, BOUNDS, 100.0)
+    assert (camera, motion) == (cameras[2], None)
+    assert Playback(cameras[:1]).advance(CAMERA, BOUNDS, 0.0) == (cameras[0], None)
+
+
+def test_between_never_looks_at_itself() -> None:
+    other = replace(CAMERA, eye=CAMERA.target, target=CAMERA.eye)
+    halfway = between(CAMERA, other, 0.5)
+    assert math.dist(halfway.eye, halfway.target) > 0.0
+
+
+TOWN = np.array([[-100.0, 0.0, -100.0], [100.0, 30.0, 100.0]], np.float32)
+SIZE = float(np.linalg.norm(TOWN[1] - TOWN[0]))
+
+
+def test_speed_is_that_of_what_is_near() -> None:
+    assert fly_speed(TOWN, 1.7, 0.0, False) == pytest.approx(NEAR_SHARE * 1.7)
+    assert fly_speed(TOWN, 3.4, 0.0, False) == pytest.approx(NEAR_SHARE * 3.4)
+
+
+def test_walls_slow_down_but_are_no_end_and_the_sky_has_a_limit() -> None:
+    assert fly_speed(TOWN, 0.0, 0.0, False) == pytest.approx(SIZE / 1000.0)
+    assert fly_speed(TOWN, np.inf, 0.0, False) == pytest.approx(SIZE / 12.0)
+
+
+def test_notches_and_shift_are_faster() -> None:
+    usual = fly_speed(TOWN, 2.0, 0.0, False)
+    assert fly_speed(TOWN, 2.0, 2.0, False) == pytest.approx(usual * FASTER_STEP**2)
+    assert fly_speed(TOWN, 2.0, 0.0, True) == pytest.approx(usual * 4.0)
+
+
+def test_flying_ends_far_from_the_scene_but_never_on_the_way_back() -> None:
+    far = Camera("far", (0.0, 0.0, 1e4), (0.0, 0.0, 1e4 - 1.0))
+    back, away = fly(far, (0.0, 0.0, 1.0), 5.0), fly(far, (0.0, 0.0, -1.0), 5.0)
+    assert kept_in_sight(far, back, TOWN) == back
+    assert kept_in_sight(far, away, TOWN) == far
+    street = Camera("street", (0.0, 1.7, 0.0), (0.0, 1.7, -1.0))
+    moved = fly(street, (0.0, 0.0, -1.0), 250.0)
+    assert kept_in_sight(street, moved, TOWN) == moved
+
+
+def test_the_whole_picture_is_where_it_is() -> None:
+    assert WHOLE.is_whole
+    assert WHOLE.window_to_image(0.3, 0.8) == pytest.approx((0.3, 0.8))
+
+
+@pytest.mark.parametrize("at", [(0.0, 0.0), (0.2, 0.9), (1.0, 1.0), (0.5, 0.5)])
+def test_what_is_under_the_mouse_stays_there(at: tuple[float, float]) -> None:
+    zoom = WHOLE
+    for _ in range(6):
+        larger = zoom.towards(*at, 1.0)
+        assert larger.factor > zoom.factor
+        assert larger.window_to_image(*at) == pytest.approx(zoom.window_to_image(*at))
+        zoom = larger
+    for _ in range(9):
+        zoom = zoom.towards(*at, -1.0)
+    assert zoom.is_whole
+    assert zoom.corner == pytest.approx((0.0, 0.0))
+
+
+@pytest.mark.parametrize("centre", [(-1.0, 0.5), (0.0, 0.0), (1.0, 2.0), (0.4, 0.6)])
+def test_what_is_shown_never_leaves_the_picture(centre: tuple[float, float]) -> None:
+    zoom = Zoom(5.0, centre)
+    for corner in ((0.0, 0.0), (1.0, 1.0)):
+        assert all(-1e-9 <= value <= 1.0 + 1e-9 for value in zoom.window_to_image(*corner))
+
+
+def test_image_to_window_is_the_inverse_of_window_to_image() -> None:
+    zoom = Zoom(3.0, (0.3, 0.7))
+    assert zoom.image_to_window(*zoom.window_to_image(0.1, 0.9)) == pytest.approx((0.1, 0.9))
+
+
+def test_dragging_moves_the_picture_along() -> None:
+    zoom = Zoom(4.0, (0.5, 0.5))
+    before = zoom.window_to_image(0.5, 0.5)
+    assert zoom.moved(0.1, -0.2).window_to_image(0.6, 0.3) == pytest.approx(before)
+
+
+def test_there_is_a_largest_magnification() -> None:
+    assert WHOLE.towards(0.5, 0.5, 1000.0).factor == LARGEST_ZOOM
+
+
+def test_green_red_has_the_colours_of_the_paper() -> None:
+    expected = [(0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0)]
+    np.testing.assert_allclose(palette_colors("green-red", np.array([0.0, 0.5, 1.0])), expected)
+
+
+def test_the_other_palette_grows_brighter_all_the_way() -> None:
+    # Whoever cannot tell hues apart still sees which block has more decoders.
+    colors = palette_colors("viridis", np.linspace(0.0, 1.0, 50))
+    brightness = colors @ np.array([0.2126, 0.7152, 0.0722])
+    assert (np.diff(brightness) > 0.0).all()
+
+
+@pytest.mark.parametrize(
+    ("decoders", "most", "share"), [(1, 5, 0.0), (5, 5, 1.0), (3, 5, 0.5), (1, 1, 0.0), (9, 5, 1.0)]
+)
+def test_one_decoder_is_the_near_end(decoders: int, most: int, share: float) -> None:
+    assert share_of_most(decoders, most) == share
+
+
+@pytest.mark.parametrize("palette", list(PALETTES))
+@pytest.mark.parametrize("most", [2, 7, 40])
+def test_the_bar_shows_every_number_in_its_colour(palette: PaletteName, most: int) -> None:
+    picture = np.full((200, 500, 3), 90, np.uint8)
+    drawn = with_color_bar(picture, palette, most)
+    assert drawn.shape == picture.shape
+    np.testing.assert_array_equal(drawn[:100], picture[:100])
+    shares = np.array([share_of_most(decoders, most) for decoders in range(1, most + 1)])
+    colors = {tuple(color) for color in np.rint(palette_colors(palette, shares) * 255.0).astype(int).tolist()}
+    seen = {tuple(pixel) for pixel in drawn.reshape(-1, 3).astype(int).tolist()}
+    assert colors <= seen
+    # White digits below.
+    assert (drawn == 255).all(axis=2).any() or (drawn.min(axis=2) > 200).any()
+
+
+@pytest.mark.parametrize("size", [(5, 5), (40, 300), (300, 60)])
+def test_small_pictures_have_no_bar(size: tuple[int, int]) -> None:
+    picture = np.zeros((*size, 3), np.uint8)
+    np.testing.assert_array_equal(with_color_bar(picture, "viridis", 4), picture)
+
+
+def pack(seed: int) -> Pack:
+    return random_pack(((16, 16), (16, 16)), (0, 1), seed=seed)
+
+
+@pytest.fixture
+def session() -> Session:
+    scene = scene_of([Part(material=0)], [Material("m", 0, (1.0, 1.0, 1.0, 1.0))], [texture(16, 16)])
+    return new_session(scene, {}, ViewerSettings(), InitialView())
+
+
+def test_a_pack_is_replaced_and_the_same_one_again_changes_nothing(session: Session) -> None:
+    first, second = pack(1), pack(2)
+    apply_event(session, PackUpdated("run 1", first))
+    packs = session.packs
+    apply_event(session, PackUpdated("run 1", first))
+    assert session.packs is packs
+    apply_event(session, PackUpdated("run 1", second))
+    assert session.packs is not packs
+    assert session.packs["run 1"] is second
+
+
+def test_closing_a_run_shows_what_was_shown_before(session: Session) -> None:
+    before = session.view
+    apply_event(session, PackUpdated("run 1", pack(1)))
+    apply_event(session, RunStarted("run 1"))
+    assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 1", REFERENCE)
+    apply_event(session, PackClosed("run 1"))
+    assert session.view == before
+    assert session.packs == {}
+
+
+def test_a_run_is_shown_beside_what_b_shows(session: Session) -> None:
+    apply_event(session, PackUpdated("run 1", pack(1)))
+    apply_event(session, RunStarted("run 1"))
+    session.view = replace(session.view, wipe_position=0.28).with_source("b", "run 1")
+    apply_event(session, PackUpdated("run 2", pack(2)))
+    apply_event(session, RunStarted("run 2"))
+    assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 2", "run 1")
+    assert session.view.wipe_position == 0.5, "A was a sliver"
+    session.view = replace(session.view, wipe_position=0.7, compare="b")
+    apply_event(session, RunStarted("run 3"))
+    assert session.view.wipe_position == 0.7
+    assert session.view.compare == "wipe"
+
+
+def test_textures_are_pointed_out_for_a_while(session: Session) -> None:
+    point_out(session, (0,), 2.0)
+    assert session.shown_view.highlight == (0,)
+    assert session.view.highlight == ()
+    expire_pointing(session, 10.0)
+    expire_pointing(session, 11.9)
+    assert session.shown_view.highlight == (0,)
+    expire_pointing(session, 12.1)
+    assert session.shown_view.highlight == ()
+    point_out(session, (5,))
+    assert session.shown_view.highlight == (), "of another scene"
