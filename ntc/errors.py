@@ -25,7 +25,7 @@ class NotFiniteError(Exception):
 
 
 class MetadataError(Exception):
-    """What is wrong with the metadata of a pack, naming the field."""
+    """An error in the metadata of a pack; the message names the field."""
 
 
 class ProcessEndedError(Exception):

@@ -19,7 +19,7 @@ if sys.platform != "win32":
     import fcntl
 
 PARTIAL_MARK = ".partial"
-"""What a file that is being written, or that a killed process left, has before its suffix."""
+"""Mark before the suffix of a file that is being written, or that a killed process left."""
 STEM_SHOWN = 100
 """Letters of the destination's name that the temporary one repeats: both together must stay a valid name."""
 STALE_SECONDS = 24 * 3600.0

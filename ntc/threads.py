@@ -1,4 +1,4 @@
-"""How many threads encode: as many as are found to pay, and none that spins while it waits. Needs no torch until it encodes."""
+"""A number of threads for encoding that grows while that pays; waiting threads do not spin. Needs no torch until it encodes."""
 
 import os
 import statistics
@@ -46,7 +46,7 @@ class PacedThreads:
         """Items that are under way at the same time."""
         self._settled = self.count == self._most
         self._cost: dict[int, list[float]] = {}
-        """By number of threads: seconds that an item took, by its size."""
+        """Seconds that an item took, relative to its size, by number of threads."""
         self._pool: ThreadPoolExecutor | None = None
 
     def __enter__(self) -> "PacedThreads":

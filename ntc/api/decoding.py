@@ -21,7 +21,7 @@ RGBA8 = 0x8058
 
 
 class UploadedTexture(Protocol):
-    """What of moderngl.Texture is used."""
+    """The attributes of moderngl.Texture that are used."""
 
     def build_mipmaps(self, base: int = ..., max_level: int = ...) -> None: ...
 
@@ -32,7 +32,7 @@ Uploaded_co = TypeVar("Uploaded_co", bound=UploadedTexture, covariant=True)
 
 
 class TextureMaker(Protocol[Uploaded_co]):
-    """What of moderngl.Context is used."""
+    """The methods of moderngl.Context that are used."""
 
     def texture(
         self, size: tuple[int, int], components: int, data: Any = ..., *, internal_format: int | None = ...
@@ -71,7 +71,8 @@ def decode(pack: Pack, texture: int, level: int = 0, backend: Literal["numpy", "
 
 
 def decode_maps(pack: Pack, texture: int, level: int = 0) -> dict[MapName, NDArray[np.uint8]]:
-    """By map of a texture, [h, w, C] uint8: as `decode`, taken apart. A texture that is no whole material has the map `base` alone."""
+    """Decode mip `level` of a texture map by map: [h, w, C] uint8 each, as from `decode`. A single texture has the map `base`
+    alone."""
     own, pixels = pack.textures[_checked(pack, texture, level)], decode(pack, texture, level)
     return {name: pixels[..., place] for name, place in map_slices(own.maps, own.channels).items()}
 

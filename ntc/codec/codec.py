@@ -1,4 +1,4 @@
-"""What a codec is: everything that differs from codec to codec is a method of `Codec`. CONTRIBUTING tells how to add one."""
+"""The interface of a codec: everything that differs from codec to codec is a method of `Codec`. CONTRIBUTING tells how to add one."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
@@ -68,7 +68,7 @@ class CertifiedError:
     """Bounds of the error of a pack in one precision, in [0, 1] (docs/explanation/accuracy.md)."""
 
     error: float
-    """For every possible texel; 1 where numbers may overflow."""
+    """Error bound of every possible texel; 1 where numbers may overflow."""
     sampled: float
     """The largest bound among SAMPLED_TEXELS texels."""
     largest_sum: float
@@ -93,26 +93,26 @@ class Assigned:
 
 
 class Codec(ABC):
-    """How textures are encoded, stored and decoded. Codecs hold no state: what they work on is given."""
+    """A way to encode, store and decode textures. Codecs hold no state: every method takes what it works on."""
 
     settings_type: ClassVar[type[CodecSettings]]
     """Frozen dataclass; its fields are what files hold."""
     added_fields: ClassVar[frozenset[str]] = frozenset({"maps"})
     """Fields of the settings that older files lack; they then have their defaults."""
     shipped: ClassVar[Mapping[str, int]] = MappingProxyType({})
-    """What a grouping `universal` records of the codec's decoder that ships with the program; empty where none does."""
+    """Parameters that a grouping `universal` records of the decoder that ships with the program; empty where none does."""
     uncertified: ClassVar[str] = "certified bounds of the error: the codec has none"
-    """What `info` says where there are no `certified_errors`."""
+    """Text that `info` prints where there are no `certified_errors`."""
     trains: ClassVar[bool]
     """True if textures are trained in steps, by a recipe, while losses fall; else they are encoded one by one."""
     default_target: ClassVar[BitsTarget | None] = None
-    """What textures are encoded to where no target is asked for. None: the codec takes no target."""
+    """Target of an encoding where the user asks for none. None: the codec takes no target."""
     default_maps: ClassVar[Literal["all", "base"]] = "base"
     """Maps that are encoded where none are asked for: whole materials, or base colours alone."""
     psnr_title: ClassVar[str]
-    """What PSNRs under way are (`TrainingProgress.psnr_db`): of samples, or of mip 0 of the textures done."""
+    """Title of the PSNRs under way (`TrainingProgress.psnr_db`): of samples, or of mip 0 of the textures done."""
     table_text: ClassVar[str] = "half precision"
-    """What decoders hold on the GPU, for the table of memory."""
+    """Text for the table of memory: the contents of decoders on the GPU."""
 
     # Files: tensors of a texture or decoder by name, "{}" standing for its number (docs/reference/pack-format.md).
 
@@ -221,15 +221,15 @@ class Codec(ABC):
 
     @abstractmethod
     def options_for(self, choices: EncodingChoices) -> EncodingOptions:
-        """How textures are encoded."""
+        """Return the options that textures are encoded with."""
 
     @abstractmethod
     def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
-        """How textures are encoded while somebody looks: each group is the same whichever others are encoded."""
+        """Return the options of an encoding that somebody watches: each group is the same whichever others are encoded."""
 
     @abstractmethod
     def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
-        """How one of many jobs encodes, which has one core to itself."""
+        """Return the options of one of many jobs, which has one core to itself."""
 
     @abstractmethod
     def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:

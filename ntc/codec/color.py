@@ -14,7 +14,7 @@ def srgb_to_linear(srgb: Floats) -> Floats:
 
 
 def linear_to_srgb(linear: Floats) -> Floats:
-    """sRGB-coded values in [0, 1] of linear light in [0, 1], any shape, in the precision of the input."""
+    """Return sRGB-coded values in [0, 1] of linear light in [0, 1], any shape, in the precision of the input."""
     return np.where(linear <= 0.0031308, linear * 12.92, 1.055 * np.maximum(linear, 0.0) ** (1.0 / 2.4) - 0.055)
 
 
@@ -24,7 +24,7 @@ def srgb8_to_linear_table() -> NDArray[np.float32]:
 
 
 def linear_to_srgb8(linear: Floats) -> NDArray[np.uint8]:
-    """8-bit sRGB of linear light, any shape; clamped to [0, 1], rounded to nearest; NaN counts as 0."""
+    """Return 8-bit sRGB of linear light, any shape; clamped to [0, 1], rounded to nearest; NaN counts as 0."""
     clipped = np.clip(np.nan_to_num(linear, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 1.0)
     return np.asarray(np.rint(linear_to_srgb(clipped) * 255.0), np.uint8)
 

@@ -8,7 +8,7 @@ ColorSpace = Literal["srgb", "linear"]
 GroupingName = Literal["baseline", "single", "random", "category", "clustered", "covisible", "universal"]
 FeatureName = Literal["low_level", "spectral", "efficientnet", "clip"]
 Precision = Literal["fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
-"""What is rounded to half precision: nothing; stored weights; products as well; sums as well."""
+"""Numbers that are rounded to half precision: none; stored weights; products as well; sums as well."""
 PrecisionChoice = Literal["auto", "fp32", "fp16", "fp16-arithmetic", "fp16-accumulate"]
 """A precision, or the cheapest one without a visible difference (`ntc.codec.grid.accuracy.precision_choice`)."""
 LARGEST_HALF = 65504.0
@@ -19,13 +19,13 @@ UNIVERSAL: Final = "universal"
 
 @dataclass(frozen=True)
 class GroupingConfig:
-    """Which textures share a decoder, and how groups are found. Fields that a grouping does not need have no effect."""
+    """Choice of the textures that share a decoder. Fields that a grouping does not need have no effect."""
 
     name: GroupingName = "clustered"
     clusters: int | None = None
     """Groups of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
     features: FeatureName = "low_level"
-    """What clustered compares textures by, and what covisible keeps alike."""
+    """Features by which clustered compares textures, and which covisible keeps alike."""
     spread_weight: float = 0.3
     """covisible: weight of the spread of features inside groups against excess, both relative to their worst."""
     largest_share: float = 0.2

@@ -22,12 +22,12 @@ HIGHEST_QUALITY_DB = 58.9
 
 @dataclass(frozen=True)
 class BitsTarget:
-    """So many stored bits a texel of all mips, or the nearest that is possible."""
+    """A target bitrate in stored bits per texel of all mips; the nearest possible one is taken."""
 
     bits: float
     block_side: Literal[4, 8] = 8
     multiply_adds: int | None = None
-    """Of one texel, at most; None: as many as it takes."""
+    """Largest number of multiply-adds to decode one texel; None: no limit."""
     preset: PresetName | None = None
     """The preset that stands for it."""
 
@@ -41,9 +41,9 @@ class SizeTarget:
     """A file of at most so many bytes."""
 
     megabytes: float
-    """Of 10^6 bytes."""
+    """Largest size of the file in units of 10^6 bytes."""
     worth: tuple[float, ...] | None = None
-    """What an error is worth in each texture, positive, in proportion; None: the same in all."""
+    """Weight of an error in each texture, positive; only ratios matter. None: the same in all."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.megabytes) and self.megabytes > 0.0):
@@ -55,7 +55,7 @@ class QualityTarget:
     """Each texture at least so near to its original, in as few words as possible."""
 
     psnr_db: float
-    """Of mip 0."""
+    """Least PSNR of mip 0 in dB."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.psnr_db <= HIGHEST_QUALITY_DB:
@@ -96,24 +96,25 @@ def no_interruption() -> None:
 
 
 HEADER_BYTES, TEXTURE_HEADER_BYTES, DECODER_HEADER_BYTES = 3000, 800, 320
-"""Of a file, at most, besides codes, tables, names and the grouping's parameters."""
+"""Upper bounds of the bytes of a file, of each texture and of each decoder, besides codes, tables, names and the grouping's
+parameters."""
 Sizes = Sequence[tuple[int, int]]
 
 
 @dataclass(frozen=True)
 class TextureSet:
-    """What of the textures to encode decides about bits."""
+    """The facts about a set of textures that decide about bits."""
 
     sizes: Sizes
     """(width, height) of mip 0 in texels."""
     groups: int
     """Decoders that are stored with them; 0: the one that ships with the program serves them."""
     channels: int
-    """Of `maps`."""
+    """Channels of `maps` together."""
     levels: int | None = None
     """Encoded mips; None: all."""
     maps: tuple[MapName, ...] = BASE_ALONE
-    """Those that any of the textures has."""
+    """Maps that any of the textures has."""
     header_bytes: int = 0
     """Bytes of the file at most that are neither latents nor decoders (`file_header_bytes`)."""
 
@@ -170,7 +171,7 @@ Budget = StepBudget | TimeBudget | QualityBudget
 
 @dataclass(frozen=True)
 class EncodingChoices:
-    """What a user may choose about an encoding. None, and the defaults: the codec decides."""
+    """The user's choices for an encoding. Where a field is None or has its default, the codec decides."""
 
     recipe: RecipeName = "best"
     steps: int | None = None
@@ -186,7 +187,7 @@ class EncodingChoices:
 
 
 class EncodingOptions:
-    """How one codec encodes: the base of its own frozen dataclass."""
+    """Options of an encoding: the base of each codec's own frozen dataclass."""
 
     seed: int
     """The same seed gives the same pack on one machine."""
@@ -208,12 +209,12 @@ class EncodingTask:
     seconds: Callable[[], float] = lambda: 0.0
     """A clock that stands still in pauses."""
     interruption: Interruption = no_interruption
-    """To be called many times within a piece of work, from any thread: it waits in pauses, and raises to end the encoding."""
+    """Function to call many times within a piece of work, from any thread: it waits in pauses, and raises to end the encoding."""
 
 
 @dataclass(frozen=True)
 class Piece:
-    """What one piece of work has changed."""
+    """The changes that one piece of work has made."""
 
     groups: tuple[int, ...] = ()
     """Groups under way whose intermediate state may be shown."""
@@ -227,25 +228,25 @@ class Piece:
 
 @dataclass(frozen=True)
 class Figures:
-    """How far an encoding is."""
+    """Progress figures of an encoding."""
 
     share: float
-    """Of the work done, in [0, 1]; a single large texture moves it."""
+    """Progress of the encoding in [0, 1]; a single large texture moves it."""
     step: int
     steps: int
     """Steps of training or textures, as planned now."""
     texels: int
     """Texels encoded or sampled since the beginning."""
     losses: Mapping[int, float]
-    """By group: mean square error, values in [0, 1]. Groups not yet begun are missing."""
+    """Mean square error by group, values in [0, 1]. Groups not yet begun are missing."""
     psnr_db: Mapping[int, float]
-    """By texture, of those begun."""
+    """PSNR in dB by texture, of those begun."""
     work: str = "step"
-    """What is counted: steps, or textures with what is done to them."""
+    """Unit of `step`: steps, or textures with the work on them."""
     freezing_scale: float = 1.0
-    """Of the decoder's updates: 1 free, 0 frozen."""
+    """Scale of the decoder's updates: 1 free, 0 frozen."""
     seconds_left: float | None = None
-    """Where the codec knows better than by the share of the work done."""
+    """Time left in seconds, where the codec knows better than by the share of the work done."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +264,7 @@ class Encoder(ABC):
     """One encoding under way."""
 
     settings: CodecSettings
-    """Of the pack that comes; known for good when `pieces` has ended."""
+    """Settings of the resulting pack; final when `pieces` has ended."""
 
     @abstractmethod
     def pieces(self) -> Generator[Piece]:
@@ -271,7 +272,7 @@ class Encoder(ABC):
 
     @abstractmethod
     def figures(self) -> Figures:
-        """How far the work is; asked from any thread."""
+        """Return the progress of the work; called from any thread."""
 
     @abstractmethod
     def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:

@@ -1,4 +1,4 @@
-"""What shaders read of a pack, as plain numpy, and the GLSL that reads it: what all codecs share. Needs no OpenGL.
+"""Data of a pack for shaders, as plain numpy, and the GLSL that reads it: the part that all codecs share. Needs no OpenGL.
 
 Renderers upload and bind it, exporters write it out. Each codec's own part is a `GpuTables`.
 """
@@ -18,8 +18,8 @@ from ntc.codec.maps import PLANES, plane_channels
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Pack
 
 WeightPlace = Literal["uniforms", "storage", "shared", "image"]
-"""Where `run_decoders` reads the weights of its decoder: a uniform buffer, the storage buffer of all weights, a copy of the decoder in
-shared memory, or an image. What is too large for uniform buffers or shared memory is read from storage."""
+"""Place of the weights that `run_decoders` reads: a uniform buffer, the storage buffer of all weights, a copy in shared memory, or an
+image. Decoders too large for uniform buffers or shared memory are read from storage."""
 LARGEST: Final = {"pixels": 32, "unrolled": 16, "chunk": 64}
 
 
@@ -111,14 +111,14 @@ _SCALARS = {np.dtype("<i4"): "int", np.dtype("<u4"): "uint", np.dtype("<f4"): "f
 
 
 class StoredRows(NamedTuple):
-    """Where a level lies in a texture's latents, counted in rows."""
+    """Place of a level in a texture's latents, counted in rows."""
 
     first: int
     rows: int
 
 
 class GpuTables(ABC):
-    """What shaders read of packs with one codec's settings, stored in one precision.
+    """Data that shaders read of packs with one codec's settings, stored in one precision.
 
     Decoders lie in one buffer, in blocks of four numbers: what all of them share, then each decoder, then the adapter of each texture.
     """
@@ -126,15 +126,15 @@ class GpuTables(ABC):
     number_type: Literal["f4", "f2", "u4"]
     """Type of the numbers, as moderngl names it."""
     precision: Precision = "fp32"
-    """What is computed in; a codec may have no use for less than what is asked for."""
+    """Precision of the arithmetic; a codec may have no use for less than it is asked for."""
     first_block: int = 0
-    """Where the first decoder begins."""
+    """Block in which the first decoder begins."""
     decoder_blocks: int
-    """Of one decoder."""
+    """Number of blocks of one decoder."""
     adapter_blocks: int = 0
-    """Of one texture."""
+    """Number of blocks of one texture's adapter."""
     loop_length: int = 1
-    """What shaders get as `network_blocks`."""
+    """Value of the uniform `network_blocks` in shaders."""
     row_words: int = 1
     """32-bit words of a row of latents."""
     shares_decoders: ClassVar[bool] = False
@@ -205,7 +205,8 @@ class GpuTables(ABC):
 
     @abstractmethod
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:
-        """Where each level lies in the texture's latents, finest first. Raises ValueError for latents that no encoder writes."""
+        """Return the place of each level in the texture's latents, finest first. Raises ValueError for latents that no encoder
+        writes."""
 
     @abstractmethod
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:

@@ -5,7 +5,7 @@ from typing import Protocol
 
 
 class PyramidShape(Protocol):
-    """What of a codec's settings decides about the pyramid."""
+    """Settings of a codec that decide about the pyramid."""
 
     @property
     def downscale(self) -> int:

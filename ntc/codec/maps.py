@@ -35,7 +35,7 @@ PLANE_COMPONENTS: Final[Mapping[Plane, Mapping[MapName, int]]] = MappingProxyTyp
         "emission": MappingProxyType({"emissive": 0, "occlusion": 3}),
     }
 )
-"""By plane: its maps, and the first of the plane's four components that each takes."""
+"""Maps of each plane, and the first of the plane's four components that each takes."""
 PLANE_OF_MAP: Final[Mapping[MapName, Plane]] = MappingProxyType(
     {name: plane for plane, places in PLANE_COMPONENTS.items() for name in places}
 )
@@ -49,7 +49,7 @@ def ordered_maps(maps: Sequence[MapName]) -> bool:
 
 
 def map_slices(maps: Sequence[MapName], channels: int) -> dict[MapName, slice]:
-    """Where each of `maps` lies among the `channels` channels of a texture. What `base` has beyond the other maps is its own: 1 to 4.
+    """Return the slice of each of `maps` among the `channels` channels of a texture. `base` takes what the other maps leave: 1 to 4.
 
     Raises ValueError for maps that are not in the order of MAPS, and for channels that are too few or too many for them.
     """
@@ -70,7 +70,7 @@ def map_slices(maps: Sequence[MapName], channels: int) -> dict[MapName, slice]:
 
 
 def plane_channels(maps: Sequence[MapName], channels: int) -> dict[Plane, dict[int, int]]:
-    """By plane that has maps: its components (0 to 3), and the channel of the texture that each shows."""
+    """Return, for each plane that has maps, its components (0 to 3) and the channel of the texture that each shows."""
     found: dict[Plane, dict[int, int]] = {}
     for name, place in map_slices(maps, channels).items():
         plane = PLANE_OF_MAP[name]
@@ -92,7 +92,8 @@ def maps_fit(maps: Sequence[MapName], channels: int) -> bool:
 def channel_places(
     maps: Sequence[MapName], channels: int, codec_maps: Sequence[MapName], codec_channels: int
 ) -> tuple[int, ...]:
-    """By channel of a texture of `maps`: which of the `codec_channels` channels of a codec of `codec_maps` stands for it, rising.
+    """Return, for each channel of a texture of `maps`, the channel that stands for it in a codec of `codec_maps` with `codec_channels`
+    channels, rising.
 
     A base takes the first channels of the codec's. Raises ValueError for a map, or a channel of the base, that the codec lacks.
     """
@@ -123,7 +124,7 @@ LEAST_WEIGHT, LARGEST_WEIGHT = 0.01, 100.0
 
 @dataclass(frozen=True)
 class MapWeights:
-    """By map: what the squared error of a stored value is worth. Only ratios matter. Decoding knows nothing of them."""
+    """Weights of the squared error of a stored value, by map. Only ratios matter. Decoding knows nothing of them."""
 
     base: float = 1.0
     normal: float = 1.0

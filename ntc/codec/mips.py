@@ -13,7 +13,7 @@ from ntc.codec.config import ColorSpace
 from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName, map_slices
 
 LEAST_LENGTH = 1e-6
-"""Of an averaged normal: a shorter one has no direction."""
+"""Least length of an averaged normal: a shorter one has no direction."""
 
 
 def mip_sizes(width: int, height: int) -> list[tuple[int, int]]:
@@ -106,7 +106,7 @@ def _space(name: MapName, color_space: ColorSpace) -> ColorSpace:
 
 
 def srgb_channels(maps: Sequence[MapName], channels: int, color_space: ColorSpace) -> list[bool]:
-    """By channel of a texture of `maps`, whose base is of `color_space`: whether it is sRGB-coded."""
+    """Return for each channel of a texture of `maps` whether it is sRGB-coded; `color_space` is that of the base."""
     found = []
     for name, place in map_slices(maps, channels).items():
         count = place.stop - place.start

@@ -40,7 +40,7 @@ class CodecSettings(ABC):
 
 @dataclass(frozen=True, eq=False)
 class EncodedTexture:
-    """What a pack of any codec knows of a texture. Each codec adds the arrays that it decodes from."""
+    """The facts about a texture that packs of every codec hold. Each codec adds the arrays that it decodes from."""
 
     name: str
     pixel_hash: str
@@ -60,11 +60,11 @@ class EncodedTexture:
     psnr_db: float | None = None
     """PSNR in dB of mip 0 over 8-bit values of all channels, measured after quantisation by the encoder."""
     maps: tuple[MapName, ...] = BASE_ALONE
-    """Those of `CodecSettings.maps` that the texture has; more than `base` alone: a material set."""
+    """Maps of the texture, some of `CodecSettings.maps`; more than `base` alone: a material set."""
     map_psnr_db: tuple[float | None, ...] = ()
-    """Of a material set: PSNR in dB of mip 0 of each of `maps`, as `psnr_db`; empty where it is not known."""
+    """PSNR in dB of mip 0 of each of `maps` in a material set, as `psnr_db`; empty where it is not known."""
     normal_degrees: tuple[float, float] | None = None
-    """Of a material set with normals: mean and 95th percentile of the angle in degrees between decoded and original ones."""
+    """Mean and 95th percentile of the angle in degrees between decoded and original normals of a material set."""
 
     def places(self, config: CodecSettings) -> list[int]:
         """Return which of the decoder's outputs stands for each channel. Raises ValueError for maps that the codec lacks."""
@@ -73,17 +73,17 @@ class EncodedTexture:
 
 @dataclass(frozen=True, eq=False)
 class Decoder:
-    """What the textures of a group share. Each codec has its own kind."""
+    """The data that the textures of a group share. Each codec has its own kind."""
 
 
 @dataclass(frozen=True)
 class Grouping:
-    """Which textures share a decoder. Texture i belongs to group `groups[i]`; groups are 0 .. group_count - 1."""
+    """An assignment of textures to decoders. Texture i belongs to group `groups[i]`; groups are 0 .. group_count - 1."""
 
     name: str
     groups: tuple[int, ...]
     parameters: Mapping[str, Any] = field(default_factory=dict)
-    """How the groups were found: JSON values only."""
+    """Parameters by which the groups were found: JSON values only."""
 
     @classmethod
     def of_labels(cls, name: str, labels: Sequence[Hashable], parameters: Mapping[str, Any]) -> "Grouping":
@@ -122,5 +122,5 @@ class Pack:
 
     @property
     def name(self) -> str:
-        """What messages call it: its file, else its grouping."""
+        """Name of the pack in messages: its file, else its grouping."""
         return str(self.path or self.grouping.name)

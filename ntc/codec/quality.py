@@ -56,7 +56,7 @@ def worst_share_db(psnrs_db: Sequence[float], share: float = 0.05) -> float:
 
 @dataclass(frozen=True)
 class PsnrSummary:
-    """Per-texture PSNR in five numbers: a mean of dB alone hides bad textures behind easy ones."""
+    """Five numbers about the PSNR of textures: a mean of dB alone hides bad textures behind easy ones."""
 
     mean_db: float
     median_db: float

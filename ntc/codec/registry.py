@@ -18,7 +18,7 @@ SUMMARIES: Final[dict[str, str]] = {
 }
 """A sentence about each codec, for the command line and the window."""
 MODULES: Final[dict[str, str]] = {name: f"ntc.codec.{name}.codec" for name in get_args(CodecName)}
-"""Where each codec is found. It is imported when it is needed: a pack of one codec needs no other."""
+"""Module of each codec. It is imported when it is needed: a pack of one codec needs no other."""
 
 
 @cache

@@ -41,14 +41,14 @@ class SourceTexture:
     pixel_hash: str
     """Identity (`hash_pixels`) of the image at its original size, also when `pixels` is a reduced copy."""
     color_space: ColorSpace = "srgb"
-    """Of the map `base`."""
+    """Colour space of the map `base`."""
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat")
     """Wrap modes along u and v."""
     category: str | None = None
     maps: tuple[MapName, ...] = BASE_ALONE
     """More than `base` alone: a material set."""
     map_weights: MapWeights = SEEN_WEIGHTS
-    """What an error in each map is worth to the encoder; of no effect where there is one map."""
+    """Weights of errors in each map, for the encoder; of no effect where there is one map."""
 
     @property
     def channels(self) -> int:

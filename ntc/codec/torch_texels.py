@@ -17,7 +17,7 @@ from ntc.codec.model import Pack
 
 @dataclass(frozen=True, eq=False)
 class PyramidTable:
-    """Where the levels of many textures lie in one flat array. All tensors are int64 on one device."""
+    """The layout of the levels of many textures in one flat array. All tensors are int64 on one device."""
 
     width: Tensor
     """[T, L] cells (or texels) along u; levels that a texture lacks repeat its last."""

@@ -17,16 +17,16 @@ __all__ = ["FeatureOptions", "feature_matrix", "raw_features"]
 
 @dataclass(frozen=True)
 class FeatureOptions:
-    """How features are found; none of it changes what they are, except the weights of clip."""
+    """Options for finding features; none of them changes what they are, except the weights of clip."""
 
     cache: Path | None = None
     """Folder that keeps the raw features of each texture. None: nothing is kept."""
     clip_weights: str | None = None
-    """For clip: the path of a file of weights, or the word "download"."""
+    """Weights of clip: the path of a file, or the word "download"."""
     progress: Callable[[int, int], None] | None = None
     """Called with (textures done, textures in all)."""
     known: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    """By pixel hash: raw features that need not be found (`raw_features`)."""
+    """Raw features that need not be found (`raw_features`), by pixel hash."""
 
 
 def _extractor(name: FeatureName, options: FeatureOptions) -> Extractor:

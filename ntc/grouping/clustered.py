@@ -17,7 +17,7 @@ from ntc.codec.model import Grouping
 
 MOST_ITERATIONS = 300
 TOLERANCE = 1e-4
-"""Of the mean variance of the features: centres that move less are at rest."""
+"""Least movement of centres, as a share of the mean variance of the features: centres that move less are at rest."""
 
 Floats = NDArray[np.float64]
 Labels = NDArray[np.int64]
@@ -114,7 +114,7 @@ def kmeans_labels(features: Floats, clusters: int, restarts: int, seed: int) -> 
 Blocks = Callable[[], Iterable[Floats]]
 """Gives all features anew each time: blocks [n, F], in the order of the textures."""
 PASSES = 3
-"""Over all features."""
+"""Number of passes over all features."""
 BATCH = 1024
 """Features that move the centres together."""
 SAMPLE = 32
@@ -284,8 +284,8 @@ BLOCK = 4096
 
 
 def clustered_grouping(features: NDArray[np.float64], name: FeatureName, clusters: int, seed: int) -> Grouping:
-    """k-means over `features` [textures, F], called `name`: the best of 20 restarts, groups numbered in the order of
-    their first texture.
+    """Group `features` [textures, F], called `name`, by k-means: the best of 20 restarts. Groups are numbered in the order of their
+    first texture.
 
     Textures with equal features cannot be told apart, so there are no more groups than distinct features. Where textures times groups
     are more than LARGEST_EXACT, groups are found in mini-batches, and are of bounded size (`ntc.grouping.clustered`).
@@ -306,8 +306,8 @@ def _blocks(features: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
 
 
 def random_grouping(like: Grouping, seed: int) -> Grouping:
-    """As many groups of the same sizes as `like` has, with the textures shuffled. The same seed gives the same groups;
-    they are numbered by their first texture."""
+    """Return as many groups of the same sizes as `like` has, with the textures shuffled. The same seed gives the same groups; they are
+    numbered by their first texture."""
     shuffled = np.random.default_rng(seed).permutation(np.array(like.groups, dtype=np.int64))
     parameters = {"clusters": like.group_count, "sizes_of": like.name, "seed": seed}
     return Grouping.of_labels("random", shuffled.tolist(), parameters)

@@ -67,7 +67,7 @@ chains walk along the bound from both sides (strategic oscillation; F. Glover, "
 
 @dataclass(frozen=True, eq=False)
 class SearchProblem:
-    """What is minimised: excess plus weighted spread of features, both as shares of their worst."""
+    """The cost to minimise: excess plus weighted spread of features, both as shares of their worst."""
 
     seen: SeenBlocks
     features: Floats
@@ -142,7 +142,7 @@ class _Chains:
         self._sums[self._chain, groups] += sign * self._features[textures]
 
     def _refresh(self, chains: Groups, groups: Groups) -> None:
-        """What joining and leaving these groups costs each texture."""
+        """Compute the costs of joining and leaving these groups for each texture."""
         counts = self._counts[chains, groups, :-1]
         # A set gains a decoder with its first texture of a group, and loses it with the last.
         self._joins[chains, groups] = self._seen_with - (self._weighted @ (counts > 0).T).T
@@ -237,7 +237,7 @@ LARGEST_WORK = 2.0e9
 
 @dataclass(frozen=True)
 class CovisibleConfig:
-    """How groups are searched."""
+    """Options of the search for groups."""
 
     clusters: int = 10
     largest_share: float = 0.2

@@ -36,7 +36,7 @@ class StoredTexture(msgspec.Struct, frozen=True, array_like=True):
     bits_per_texel: float
     """Stored bits of its latents per texel of all encoded mips."""
     psnr_db: Decibels | None
-    """Of mip 0; None where it is exact or not known."""
+    """PSNR of mip 0 in dB; None where it is exact or not known."""
 
 
 class Shard(msgspec.Struct, frozen=True, tag="shard"):
@@ -52,7 +52,7 @@ class Shard(msgspec.Struct, frozen=True, tag="shard"):
 
 
 class ImageFile(msgspec.Struct, frozen=True, array_like=True):
-    """What was found in an image file once, so that it need not be decoded to know whether the library holds it."""
+    """Facts about an image file, so that it need not be decoded again to know whether the library holds it."""
 
     path: Text
     bytes: _Count
@@ -100,7 +100,7 @@ INDEX_FILE = "index.ntc-library"
 SHARDS_FOLDER = "shards"
 SHARD_SUFFIX = ".ntc"
 NAME_DIGITS = 32
-"""Of a shard's digest, that its file is named by."""
+"""Number of digits of a shard's digest in its file name."""
 
 
 def is_library(folder: Path) -> bool:
@@ -109,7 +109,7 @@ def is_library(folder: Path) -> bool:
 
 
 def shard_path(folder: Path, digest: str) -> Path:
-    """Where the library in `folder` keeps the shard with this SHA-256."""
+    """Return the path of the shard with this SHA-256 in the library in `folder`."""
     return folder / SHARDS_FOLDER / f"{digest[:NAME_DIGITS]}{SHARD_SUFFIX}"
 
 
@@ -119,11 +119,11 @@ class LibraryIndex:
 
     folder: Path
     shards: dict[str, Shard] = field(default_factory=dict)
-    """By digest, in the order of the index."""
+    """Shards by digest, in the order of the index."""
     places: dict[tuple[str, str], str] = field(default_factory=dict)
-    """By (settings key, pixel hash): digest of the first shard that holds the texture so encoded."""
+    """Digest of the first shard that holds a texture so encoded, by (settings key, pixel hash)."""
     files: dict[str, ImageFile] = field(default_factory=dict)
-    """By path: what was last found in image files."""
+    """Image files by path, as they were last found."""
     damaged_lines: list[int] = field(default_factory=list)
     """Numbers of lines, from 1, that are no records; what they said is not known."""
     whole_bytes: int = 0
@@ -143,8 +143,8 @@ class LibraryIndex:
         return (settings, pixel_hash) in self.places
 
     def shards_with(self, wanted: Container[str]) -> dict[str, list[tuple[Shard, frozenset[str]]]]:
-        """By settings key, those with the most textures first: the shards to read for the textures whose pixel hash is `wanted`, and
-        which ones each is to give."""
+        """Return the shards to read for the textures whose pixel hash is `wanted`, and the hashes that each gives: by settings key,
+        those with the most textures first."""
         found: dict[str, dict[str, set[str]]] = {}
         for (settings, pixel_hash), digest in self.places.items():
             if pixel_hash in wanted:

@@ -203,7 +203,7 @@ def _not_in_index(index: LibraryIndex) -> list[Path]:
 
 @dataclass(frozen=True)
 class Compaction:
-    """What `compact` came to."""
+    """The result of `compact`."""
 
     shards_before: int
     shards: int

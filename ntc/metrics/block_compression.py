@@ -17,10 +17,10 @@ from ntc.errors import InputError
 from ntc.features.pixels import as_rgb, check_image
 
 Effort = Literal["medium", "thorough"]
-"""How long encoders search: `thorough` takes 4 (ASTC), 15 (BC1) or 2 (BC7) times as long as `medium`."""
+"""Effort of encoders: `thorough` takes 4 (ASTC), 15 (BC1) or 2 (BC7) times as long as `medium`."""
 
 AstcKind = Literal["srgb", "linear", "normal"]
-"""What is encoded: colours, linear data, or normals, as two channels in astcenc's normal mode."""
+"""Kind of the data to encode: colours, linear data, or normals, as two channels in astcenc's normal mode."""
 
 BC1_LEVELS: dict[Effort, int] = {"medium": 8, "thorough": 18}
 """Quicktex's, up to 18."""
@@ -181,7 +181,7 @@ class BlockCompressed:
     decoded: NDArray[np.uint8]
     """[H, W, C] uint8, coded as the picture was; of BC1 without the picture's alpha, so C is 1 or 3."""
     blocks: bytes
-    """As hardware takes them, row by row, those over the edge included."""
+    """Blocks in the order of hardware, row by row, those over the edge included."""
 
     @property
     def bits_per_texel(self) -> float:

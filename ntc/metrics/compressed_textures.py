@@ -40,7 +40,7 @@ class BlockCache:
     largest_bytes: int = LARGEST_CACHE
 
     def path(self, key: str, block_format: BlockFormat, effort: Effort) -> Path:
-        """Where the blocks of a texture lie; `key` stands for its pixels and their colour space."""
+        """Return the path of the blocks of a texture; `key` stands for its pixels and their colour space."""
         digest = hashlib.sha256(f"{VERSION} {key} {block_format} {effort}".encode()).hexdigest()[:32]
         return self.folder / f"{block_format}-{digest}{SUFFIX}"
 
@@ -76,7 +76,7 @@ def _digest(blocks: bytes) -> bytes:
 
 
 EFFORT: Effort = "medium"
-"""Of textures that are looked at: they are there in a quarter of the time, and 0.1 to 0.2 dB below what is possible."""
+"""Effort for textures that are looked at: a quarter of the time of `thorough`, and 0.1 to 0.2 dB less."""
 Shape = tuple[int, int, int]
 
 
@@ -88,11 +88,11 @@ class CompressedTexture:
     shape: Shape
     """(height, width, channels) of mip 0."""
     blocks: tuple[bytes, ...]
-    """Of each mip down to 1x1 texel, as hardware takes them."""
+    """Blocks of each mip down to 1x1 texel, in the order of hardware."""
     psnr_db: float
-    """Of mip 0 over 8-bit values; infinite when equal."""
+    """PSNR in dB of mip 0 over 8-bit values; infinite when equal."""
     maps: tuple[MapName, ...] = BASE_ALONE
-    """What its channels are: alone a base colour, normals or emission, or linear maps together."""
+    """Maps of its channels: a base colour, normals or emission alone, or linear maps together."""
 
     @property
     def stored_bytes(self) -> int:
@@ -121,7 +121,7 @@ class CompressedTextures:
     textures: tuple[CompressedTexture, ...]
     """Base colours; of a material set without one, its first picture."""
     further: tuple[tuple[CompressedTexture, ...], ...] = ()
-    """By texture: the other pictures of its maps (`viewer.scene.map_pictures`); empty where base colours alone were encoded."""
+    """Further pictures of the maps of each texture (`viewer.scene.map_pictures`); empty where base colours alone were encoded."""
 
     @property
     def stored_bytes(self) -> int:
@@ -136,7 +136,7 @@ class CompressedTextures:
 
     @property
     def psnr(self) -> PsnrSummary | None:
-        """Over the textures; None for none."""
+        """Summary of the PSNR of all textures; None for none."""
         return PsnrSummary.of([texture.psnr_db for texture in self.textures])
 
 
@@ -149,7 +149,7 @@ def mip_shapes(shape: Shape) -> tuple[Shape, ...]:
 
 @dataclass(frozen=True, eq=False)
 class CompressionRequest:
-    """What `compress_texture` is to do; can be sent to another process."""
+    """A picture for `compress_texture` to encode, and how; can be sent to another process."""
 
     pixels: NDArray[np.uint8]
     """[H, W, C] uint8, C from 1 to 4, in `color_space`."""
@@ -159,7 +159,7 @@ class CompressionRequest:
     effort: Effort = EFFORT
     color_space: ColorSpace = "srgb"
     maps: tuple[MapName, ...] = BASE_ALONE
-    """What the first channels are; further ones are unused."""
+    """Maps of the first channels; further channels are unused."""
 
 
 def kind_of(maps: tuple[MapName, ...]) -> AstcKind:

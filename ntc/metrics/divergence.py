@@ -25,7 +25,7 @@ def distinct_ids(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> NDAr
 
 
 def divergence_map(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> NDArray[np.uint16]:
-    """D: [ceil(H / block height), ceil(W / block width)] uint16, the number of distinct ids in each block (paper, Eq. 1).
+    """Return D, [ceil(H / block height), ceil(W / block width)] uint16: the number of distinct ids in each block (paper, Eq. 1).
 
     `ids` [H, W] int32, row 0 on top; negative ids decode nothing and are not counted. Edge blocks may be partial.
     """
@@ -38,7 +38,7 @@ class DivergenceStatistics:
     """A divergence map in a few numbers."""
 
     histogram: tuple[int, ...]
-    """How many blocks have D = 0, 1, 2, ... decoders; up to the number of pixels of a block."""
+    """Number of blocks with D = 0, 1, 2, ... decoders; up to the number of pixels of a block."""
 
     @classmethod
     def of(cls, divergence: NDArray[np.uint16]) -> "DivergenceStatistics":
@@ -92,5 +92,5 @@ class DivergenceStatistics:
 
 
 def cut_percent(excess: float, of_excess: float) -> float | None:
-    """By how many percent `excess` is less than `of_excess`; None where there is nothing to cut."""
+    """Return by how many percent `excess` is less than `of_excess`; None where there is nothing to cut."""
     return 100.0 * (1.0 - excess / of_excess) if of_excess > 0 else None

@@ -1,4 +1,4 @@
-"""How similar one picture is to another: SSIM and FLIP; PSNR of every mip of an encoded texture."""
+"""Similarity of pictures: SSIM and FLIP; PSNR of every mip of an encoded texture."""
 
 import math
 from collections.abc import Callable
@@ -20,7 +20,7 @@ ImageDecoder = Callable[[int, int], Image]
 """(texture index, level) -> [h, w, channels] uint8."""
 
 WINDOW_RADIUS = 5
-"""Of SSIM's window of 11x11 texels."""
+"""Radius of SSIM's window of 11x11 texels."""
 WINDOW_SIGMA = 1.5
 SSIM_C1, SSIM_C2 = (0.01 * 255.0) ** 2, (0.03 * 255.0) ** 2
 PIXELS_PER_DEGREE = 67.02

@@ -30,7 +30,7 @@ from ntc.pack.schema import METADATA_KEY, PackMetadata, TextureMetadata, metadat
 
 T = TypeVar("T")
 _Tensors = Mapping[str, Mapping[str, Any]]
-"""By name: "dtype", "shape" and "data", checked by safetensors against each other and the file's length."""
+"""Tensors by name: "dtype", "shape" and "data", checked by safetensors against each other and the file's length."""
 NUMPY_TYPES: dict[str, np.dtype[Any]] = {
     "U8": np.dtype("u1"),
     "I8": np.dtype("i1"),

@@ -20,14 +20,14 @@ def _listed(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class PackMatch:
-    """How a pack and a scene fit together. Identity is the pixel hash, of sets that of all maps; names only help to explain."""
+    """The textures that a pack and a scene share. Identity is the pixel hash, of sets that of all maps; names only help to explain."""
 
     texture_index: tuple[int, ...]
-    """For each texture of the scene the index in the pack, -1 when the pack does not hold it."""
+    """Index in the pack for each texture of the scene, -1 when the pack does not hold it."""
     absent: tuple[str, ...]
     """Names of the scene's textures that the pack does not hold."""
     changed: tuple[str, ...]
-    """Those of `absent` whose name is in the pack, with other pixels."""
+    """Names of `absent` that the pack has with other pixels."""
 
     @property
     def matched(self) -> int:
@@ -35,7 +35,7 @@ class PackMatch:
         return len(self.texture_index) - len(self.absent)
 
     def decoders(self, pack: Pack) -> tuple[int, ...]:
-        """For each texture of the scene its decoder in `pack`, which this match was made for; -1 where it has none."""
+        """Return the decoder in `pack`, which this match was made for, for each texture of the scene; -1 where it has none."""
         return tuple(pack.textures[index].group if index >= 0 else -1 for index in self.texture_index)
 
     def line(self) -> str:

@@ -78,7 +78,7 @@ class _Description(msgspec.Struct, frozen=True, rename="camel"):
 
 
 class NtexFile(msgspec.Struct, frozen=True):
-    """What one of NVIDIA's texture sets holds."""
+    """The content of one of NVIDIA's texture sets."""
 
     file: str
     width: int
@@ -98,7 +98,7 @@ class NtexFile(msgspec.Struct, frozen=True):
         return self.data_bytes * 8.0 / (self.width * self.height)
 
     def lines(self) -> list[str]:
-        """For a person."""
+        """Return the lines that `info` prints."""
         named = [
             f"  {_printable(texture.name)}: channels {texture.first_channel} to "
             f"{texture.first_channel + texture.num_channels - 1}, {_printable(texture.channel_format)}, "

@@ -71,7 +71,7 @@ class PackMetadata:
 
 
 class _Document(msgspec.Struct, frozen=True):
-    """What the text holds, the codec's fields unread."""
+    """The metadata as parsed, the codec's fields unread."""
 
     codec: dict[str, Any]
     grouping: GroupingMetadata
@@ -89,7 +89,7 @@ class _Version(msgspec.Struct):
 
 
 SET_FIELDS: dict[str, Any] = {"maps": BASE_ALONE, "map_psnr_db": (), "normal_degrees": None}
-"""What material sets added, and what stands for its absence."""
+"""Fields that material sets added, and the values that stand for their absence."""
 
 
 def _without_set_fields(found: dict[str, Any]) -> dict[str, Any]:

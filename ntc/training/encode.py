@@ -92,7 +92,7 @@ def encode_chosen(
     cancelled: CancelQuestion | None = None,
     rescue: Path | None = None,
 ) -> Pack:
-    """As `encode_textures`, with the settings and options that stand for `choices`.
+    """Encode as `encode_textures` does, with the settings and options that the codec derives from `choices`.
 
     Raises InputError for a target out of reach too.
     """

@@ -1,4 +1,4 @@
-"""What a training is asked for and what it reports: requests, snapshots of groups, progress, and the host. Needs no torch."""
+"""Requests to a training and its reports: snapshots of groups, progress, and the host. Needs no torch."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,7 +23,7 @@ class GroupSnapshot:
     version: int
     """1 for the first of this group in a training, then one more each time."""
     group: int
-    """Its number in the grouping that is trained for."""
+    """Number of the group in the grouping that is trained for."""
     members: tuple[int, ...]
     """Indices of its textures."""
     textures: tuple[EncodedTexture, ...]
@@ -109,13 +109,13 @@ def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
 
 @dataclass(frozen=True, eq=False)
 class TrainingRequest:
-    """What to train, for how long, and what to start from."""
+    """The textures to train, for how long, and the pack to start from."""
 
     textures: tuple[SourceTexture, ...]
     grouping: Grouping
     codec: CodecSettings
     training: EncodingOptions
-    """How the codec encodes: its own kind of options."""
+    """Options of the encoding, of the codec's own kind."""
     budget: Budget | None = None
     """None: as many steps as `training` has."""
     start: Pack | None = None
@@ -169,22 +169,22 @@ class TrainingProgress:
     """One report of a training under way."""
 
     share: float
-    """Of the work done, in [0, 1]; a single large texture moves it."""
+    """Progress of the training in [0, 1]; a single large texture moves it."""
     step: int
     steps: int
     """Steps or textures in all, as planned now."""
     seconds_left: float
     elapsed_seconds: float
-    """Of training, without pauses."""
+    """Time of training in seconds, without pauses."""
     losses: Mapping[int, float]
-    """By group: mean square error of its textures, colours in [0, 1]. Groups not yet begun are missing."""
+    """Mean square error of the textures of each group, colours in [0, 1]. Groups not yet begun are missing."""
     psnr_db: Mapping[int, float]
-    """By texture: PSNR in dB (`Codec.psnr_title` says of what)."""
+    """PSNR in dB by texture (`Codec.psnr_title` says of what)."""
     freezing_scale: float
-    """Of the decoder's updates: 1 free, 0 frozen."""
+    """Scale of the decoder's updates: 1 free, 0 frozen."""
     ktexels_per_second: float
     work: str = "step"
-    """What `step` counts: steps, or textures with what is done to them."""
+    """Unit of `step`: steps, or textures with the work on them."""
     note: str = ""
     """A line for a log, or nothing."""
 
@@ -197,13 +197,13 @@ class TrainingProgress:
 
 @dataclass(frozen=True)
 class GroupOutcome:
-    """How a group's training ended. PSNR in dB of the mean square error of its textures' mip 0, over 8-bit values."""
+    """The result of a group's training. PSNR in dB of the mean square error of its textures' mip 0, over 8-bit values."""
 
     group: int
     before_db: float | None
     """None for a group that did not exist before."""
     after_db: float
-    """Of the training's result, also where it was not kept."""
+    """PSNR of the training's result, also where it was not kept."""
     kept_old: bool = False
     """True if the training found nothing better, so that the group is unchanged."""
 
@@ -226,7 +226,7 @@ class Ended:
     reason: EndReason
     outcomes: tuple[GroupOutcome, ...] = ()
     record: Mapping[str, Any] = field(default_factory=dict)
-    """What the pack records of its training: JSON values only."""
+    """Record of the training for the pack: JSON values only."""
 
 
 class TrainingHost(Protocol):

@@ -67,7 +67,7 @@ class Trainer:
         self._groups = tuple(sorted(request.dirty or ()))
         self._lock = threading.RLock()
         self._last_report = math.inf
-        """When progress was reported last; nothing is reported before `run`."""
+        """Time of the last report; nothing is reported before `run`."""
         task = EncodingTask(
             request.textures,
             request.grouping,
@@ -101,7 +101,7 @@ class Trainer:
 
     @property
     def settings(self) -> CodecSettings:
-        """Of the pack that was trained."""
+        """Settings of the pack that was trained."""
         return self._encoder.settings
 
     def _state_settings(self) -> dict[str, Any]:

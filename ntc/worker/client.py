@@ -49,7 +49,7 @@ class Finished:
 
 
 Report = Paused | Resumed | TrainingProgress | GroupSnapshot | Finished | Failed
-"""What the window gets."""
+"""Reports that the window gets."""
 
 
 def starting_pack(request: TrainingRequest) -> Pack:
@@ -61,7 +61,7 @@ def starting_pack(request: TrainingRequest) -> Pack:
 
 
 def _regions(request: TrainingRequest, start: Pack) -> tuple[Mapping[int, int], int]:
-    """By dirty group: first byte of the region for its snapshots, and the bytes of all regions."""
+    """Return the first byte of the region for snapshots of each dirty group, and the bytes of all regions."""
     # Codes may become larger than those that a training starts from.
     largest = start if request.start is None else starting_pack(replace(request, start=None))
     regions, size = dict[int, int](), 0

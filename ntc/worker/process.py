@@ -28,31 +28,31 @@ Result = TypeVar("Result")
 
 
 class Call(msgspec.Struct, frozen=True, tag=True):
-    """To the process: call its function, after the calls before."""
+    """Command to the process: call its function, after the calls before."""
 
     argument: Parcel
 
 
 class Pause(msgspec.Struct, frozen=True, tag=True):
-    """To the process: stop at once, and wait."""
+    """Command to the process: stop at once, and wait."""
 
 
 class Resume(msgspec.Struct, frozen=True, tag=True):
-    """To the process: continue."""
+    """Command to the process: continue."""
 
 
 class Cancel(msgspec.Struct, frozen=True, tag=True):
-    """To the process: end the call; it has no result."""
+    """Command to the process: end the call; it has no result."""
 
 
 class Taken(msgspec.Struct, frozen=True, tag=True):
-    """To the process: the last Part of a key was taken; the next one may be sent."""
+    """Command to the process: the last Part of a key was taken; the next one may be sent."""
 
     key: int | None
 
 
 Command = Call | Pause | Resume | Cancel | Taken
-"""What the window sends."""
+"""Commands that the window sends."""
 
 
 class Received(msgspec.Struct, frozen=True, tag=True):
@@ -76,7 +76,7 @@ class Part(msgspec.Struct, frozen=True, tag=True):
 
 
 class Answer(msgspec.Struct, frozen=True, tag=True):
-    """What a call returned."""
+    """The return value of a call."""
 
     value: Parcel
 
@@ -87,11 +87,11 @@ class Failed(msgspec.Struct, frozen=True, tag=True):
     line: str
     """One line: what happened, and what to do about it."""
     details: str = ""
-    """For a log."""
+    """Traceback for a log."""
 
 
 WorkerReport = Received | Paused | Resumed | Part | Answer | Failed
-"""What the process sends."""
+"""Reports that the process sends."""
 
 
 encode = msgspec.msgpack.encode
@@ -170,7 +170,7 @@ class WindowEnd:
 
 
 Function = Callable[[Any, WindowEnd], object]
-"""What a process calls: (argument, window) -> answer. What it raises is reported."""
+"""Function that a process calls: (argument, window) -> answer. An exception is reported."""
 
 
 def lower_priority(niceness: int) -> None:

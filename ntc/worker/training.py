@@ -22,7 +22,7 @@ from ntc.worker.shared_arrays import Pickled, SharedBlock, inside
 NICENESS = 19
 """Priority of a process that trains, below the window's; it starts with the window's."""
 WARM_TEXELS = 128
-"""Along one side of the texture that a new process encodes for practice."""
+"""Side in texels of the texture that a new process encodes for practice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +30,11 @@ class TrainingOrder:
     """A training, and where its snapshots go."""
 
     request: TrainingRequest
-    """With its dirty groups named."""
+    """The request, with its dirty groups named."""
     block: str
     """Name of the shared memory of all snapshots."""
     regions: Mapping[int, int]
-    """By dirty group: first byte of its region in the block."""
+    """First byte of the region of each dirty group in the block."""
 
 
 class _WindowHost:

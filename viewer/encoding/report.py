@@ -1,4 +1,4 @@
-"""What came of encoding many textures: lines for the terminal, and a folder with a page (HTML), the figures (JSON) and pictures."""
+"""The report of encoding many textures: lines for the terminal, and a folder with a page (HTML), the figures (JSON) and pictures."""
 
 import html
 import io
@@ -29,7 +29,7 @@ WORST_SHOWN = 12
 THUMBNAIL = 192
 """Texels a side that are shown of a texture: cut from its middle."""
 MOST_CATEGORIES = 24
-"""In the plot; the others come together."""
+"""Largest number of categories in the plot; the others come together."""
 NAMED_ON_SCREEN = 10
 NO_CATEGORY = "(none)"
 LARGEST_SHOWN = 4096 * 4096

@@ -45,7 +45,7 @@ JOB_TEXELS = 1 << 24
 LARGEST_JOB = 2 * JOB_TEXELS
 """A group of more is cut into several, each with a decoder of its own."""
 MOST_TEXTURES = 64
-"""Of a job, where groups leave the choice."""
+"""Largest number of textures of a job, where groups leave the choice."""
 LIBRARY_TEXTURE = (1024, 1024)
 """Settings of a library are chosen as for textures of this size: they must not change with what is added later."""
 LIBRARY_GROUP = 8
@@ -55,12 +55,12 @@ GROUPINGS_OF_JOBS = ("clustered", "random", "category", "baseline", "single", UN
 
 @dataclass(frozen=True)
 class Asked:
-    """What is to be encoded how."""
+    """A request to encode textures: how they are read, grouped and encoded."""
 
     reading: Reading
     grouping: GroupingConfig
     codec: str
-    """Its name."""
+    """Name of the codec."""
     choices: EncodingChoices
     labels: Path | None = None
     one_pack: bool = False
@@ -210,14 +210,14 @@ Phase = Literal["looking at", "encoding"]
 
 @dataclass(frozen=True)
 class RunProgress:
-    """How far a run is."""
+    """Progress of a run."""
 
     phase: Phase
     done: int
     """Textures."""
     of: int
     share: float
-    """Of the work, 0 to 1: by texels where they are known."""
+    """Progress of the work, 0 to 1: by texels where they are known."""
     seconds_left: float
     texels_per_second: float
     failures: int
@@ -237,27 +237,27 @@ class Stored:
 
 @dataclass
 class RunResult:
-    """What came of a run."""
+    """The result of a run."""
 
     asked: int
     """Textures that were named."""
     constant: int = 0
     """Images of one colour, which need no encoding."""
     stored: list[Stored] = field(default_factory=list)
-    """In the order of the textures; those with equal pixels once."""
+    """Textures that the library holds, in order; those with equal pixels once."""
     repeated: int = 0
     """Textures with the pixels of another one."""
     encoded: int = 0
-    """Of those stored: in this run."""
+    """Number of stored textures that were encoded in this run."""
     failed: dict[str, str] = field(default_factory=dict)
-    """By path, and in a scene name: why a texture is missing."""
+    """Reason why a texture is missing, by path, and in a scene by name too."""
     tried_again: int = 0
     """Jobs that were begun once more."""
     stopped: bool = False
-    """By Ctrl-C."""
+    """True if Ctrl-C stopped the run."""
     seconds: float = 0.0
     texels: int = 0
-    """That were encoded in this run."""
+    """Number of texels that were encoded in this run."""
     settings: tuple[str, ...] = ()
     """Keys by which the library holds the textures."""
 
@@ -284,12 +284,12 @@ class _Run:
         self._done = self._of = self._weight_done = self._weight = 0
 
     def begin(self, phase: Phase, textures: int, weight: int) -> None:
-        """A phase of so many textures, and so much work."""
+        """Begin a phase of so many textures, and so much work."""
         self._phase, self._began = phase, time.monotonic()
         self._done, self._of, self._weight_done, self._weight = 0, textures, 0, weight
 
     def advance(self, textures: int, weight: int, note: str = "") -> None:
-        """So much more is done."""
+        """Report that so much more is done."""
         self._done += textures
         self._weight_done += weight
         seconds = max(time.monotonic() - self._began, 1e-6)
@@ -300,7 +300,7 @@ class _Run:
         self._listen(RunProgress(phase, self._done, self._of, share, left, self._weight_done / seconds, failures, note))
 
     def tried_again(self, problem: str) -> None:
-        """A job is begun once more."""
+        """Report that a job is begun once more."""
         self.result.tried_again += 1
         self.advance(0, 0, problem)
 

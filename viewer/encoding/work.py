@@ -38,21 +38,21 @@ class TextureRef:
     """One texture, by where it lies."""
 
     path: str
-    """Of the image, or of the scene."""
+    """Path of the image or of the scene."""
     name: str
     category: str | None = None
     index: int | None = None
-    """In a scene: the texture's id. None: the file is the image."""
+    """Id of the texture in a scene. None: the file is the image."""
 
 
 @dataclass(frozen=True)
 class Reading:
-    """How textures are read."""
+    """Settings for reading textures."""
 
     texture_size: int | None = None
     """Texels a side at most. None: full size."""
     maps: MapChoice = "base"
-    """Of a scene."""
+    """Maps to read of a scene."""
     map_weights: MapWeightsName = "seen"
 
 
@@ -138,7 +138,7 @@ class LookJob:
 
 @dataclass(frozen=True, slots=True)
 class Looked:
-    """What a texture is, besides its pixels."""
+    """The facts about a texture, besides its pixels."""
 
     ref: TextureRef
     pixel_hash: str
@@ -160,7 +160,7 @@ class EncodeJob:
     textures: tuple[Looked, ...]
     reading: Reading
     grouping: Grouping
-    """Of these textures."""
+    """Grouping of these textures."""
     config: CodecSettings
     options: EncodingOptions
     settings: str
@@ -168,7 +168,7 @@ class EncodeJob:
 
     @property
     def texels(self) -> int:
-        """Of mip 0 of all textures: how much work it is."""
+        """Number of texels of mip 0 of all textures, a measure of the work."""
         return sum(each.width * each.height for each in self.textures)
 
 

@@ -19,7 +19,7 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 """Environment of workers: one for each core, and numbers that do not depend on how many threads add them up."""
 MOST_ATTEMPTS = 3
 SECONDS_BETWEEN_QUESTIONS = 0.2
-"""How often `stopped` is asked while no job ends."""
+"""Time between questions to `stopped` while no job ends, in seconds."""
 CPU, GPU = "CPU", "GPU"
 Given_contra = TypeVar("Given_contra", contravariant=True)
 Found_co = TypeVar("Found_co", covariant=True)
@@ -189,7 +189,7 @@ class Failure(Generic[Argument]):
 
     argument: Argument
     problem: str
-    """Of the last attempt, one line."""
+    """Error of the last attempt, one line."""
 
 
 Take = Callable[[Argument, Result, int], Argument | str | None]

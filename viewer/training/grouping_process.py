@@ -29,7 +29,7 @@ class GroupingJob:
 
     config: GroupingConfig
     textures: tuple[SourceTexture, ...]
-    """With their pixels."""
+    """The textures, with their pixels."""
     scene: Path | None
     """File of the scene whose views `covisible` draws."""
 

@@ -33,7 +33,7 @@ REMEDY = "the folder may be removed"
 
 @dataclass(frozen=True)
 class KeptRun:
-    """What is known of a kept run besides its pack."""
+    """The facts about a kept run besides its pack."""
 
     scene_name: str
     scene_path: str
@@ -41,16 +41,16 @@ class KeptRun:
     scene_stamp: tuple[int, int]
     """(time of the last change in ns, bytes) of that file when the run was made; (0, 0) where it was not known."""
     title: str
-    """What was trained."""
+    """Title of the training, such as `retrain group 3`."""
     settings: str
     outcome: str
     groups: Annotated[int, Meta(ge=0)]
     seconds: float
-    """Of training."""
+    """Time of training in seconds."""
     psnr_db: float | None
-    """As in `Run`."""
+    """PSNR in dB, as in `Run`."""
     number: Annotated[int, Meta(ge=1)]
-    """In the window that made it."""
+    """Number of the run in the window that made it."""
     ended: float
     """Seconds since the epoch."""
     key: str = ""
@@ -92,7 +92,7 @@ class KeptRuns:
         """Handles of the locks that this window holds, by the run's key."""
 
     def waiting(self) -> tuple[KeptRun, ...]:
-        """Those that no open window has, newest first."""
+        """Return the runs that no open window owns, newest first."""
         found = []
         with suppress(OSError):
             for place in self._folder.iterdir():

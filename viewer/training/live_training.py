@@ -59,7 +59,7 @@ class LiveTraining:
 
     @property
     def state(self) -> State:
-        """What the run under way does."""
+        """State of the run under way."""
         return "idle" if self.active is None else self.active.state
 
     @property
@@ -69,7 +69,7 @@ class LiveTraining:
 
     @property
     def process_id(self) -> int | None:
-        """Of the training process, where there is one."""
+        """Id of the training process, where there is one."""
         return self._worker.process_id
 
     def start(self, job: TrainingJob, scene: Scene, base: tuple[str, Pack] | None) -> None:
@@ -99,7 +99,7 @@ class LiveTraining:
         self._preparation = Job(begin).start("prepare training")
 
     def enter(self, scene: Scene) -> None:
-        """From now on `scene` is open. What another one has left undecided waits in the data folder, if there is one."""
+        """Make `scene` the open one. Undecided runs of another scene wait in the data folder, if there is one."""
         if self._scene is scene:
             return
         was_under_way = self.active is not None
@@ -211,7 +211,7 @@ class LiveTraining:
 
     @property
     def undecided_runs(self) -> tuple[Run, ...]:
-        """Those whose packs are neither accepted, not even about to be written, nor discarded."""
+        """Runs whose packs are neither accepted (or about to be written) nor discarded."""
         return tuple(run for run in self.log.undecided_runs if not self._keeper.is_accepting(run.number))
 
     def leave_scene(self, decision: Decision) -> None:

@@ -41,7 +41,7 @@ class MoveTexture:
 
     settings: TrainingSettings
     texture: int
-    """Its index in the pack."""
+    """Index of the texture in the pack."""
     group: int
     """A number from 0; the number of groups means a new group."""
 

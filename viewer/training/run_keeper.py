@@ -132,7 +132,7 @@ class WaitingRuns:
         return f"kept back from an earlier session: {lines}; see the panel Training"
 
     def of(self, scene: Scene) -> tuple[KeptRun, ...]:
-        """Those that were made of this scene."""
+        """Return the waiting runs that were made of this scene."""
         return tuple(run for run in self.runs if run.is_of(scene.path))
 
     def __getitem__(self, key: str) -> KeptRun:
@@ -202,13 +202,13 @@ SECONDS_BETWEEN_KEEPING = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """What became of an accepted run."""
+    """The result of accepting a run."""
 
     run: Run
-    """As it was accepted."""
+    """The run at the time when it was accepted."""
     scene: Scene
     pack: Pack | None
-    """With its path; None where it could not be written."""
+    """The pack with its path; None where it could not be written."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,9 +231,9 @@ class RunKeeper:
         self._keys: dict[int, str] = {}
         """Places in the data folder, by the run's number."""
         self._packs: dict[int, Pack] = {}
-        """What was kept of a run last, by its number."""
+        """Packs that were kept last, by the run's number."""
         self._stamps: dict[str, FileStamp] = {}
-        """Of the files that were written."""
+        """Stamps of the files that were written."""
         self._tasks: list[_Task] = []
         """The first is under way."""
         self._job: Job[Pack | None] | None = None
@@ -296,7 +296,7 @@ class RunKeeper:
             self._packs[run.number] = run.pack
 
     def forget(self, number: int) -> None:
-        """A run was decided: nothing of it stays in the data folder."""
+        """Remove a run that was decided from the data folder."""
         self._tasks[1:] = [t for t in self._tasks[1:] if t.write is not None or t.run.number != number]
         self._forgotten.add(number)
         self._remove_forgotten()

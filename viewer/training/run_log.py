@@ -16,7 +16,7 @@ from viewer.scene.model import Scene
 from viewer.training.preparation import TrainingJob, job_title, settings_text
 
 MOST_POINTS = 400
-"""Of a curve; when it is full every second one is dropped, so that a long run costs no more than a short one."""
+"""Largest number of points of a curve. When it is full every second one is dropped: a long run costs no more than a short one."""
 MOST_RUNS = 100
 MOST_PACKS = 8
 """Packs of ended runs that are kept, besides those that are shown."""
@@ -28,19 +28,19 @@ class Run:
 
     number: int
     title: str
-    """What was trained."""
+    """Title of the training, such as `retrain group 3`."""
     settings: str
     """Recipe, size, budget."""
     groups: int
     """Decoders of the pack."""
     outcome: str
-    """How it ended: `done`, `cancelled`, `failed` and so on."""
+    """Outcome of the run: `done`, `cancelled`, `failed` and so on."""
     seconds: float
-    """Of training, without preparation and pauses."""
+    """Time of training in seconds, without preparation and pauses."""
     psnr_db: float | None
     """PSNR in dB of the mean square error over textures; of samples where the run did not end by itself. None where not known."""
     lines: tuple[str, ...] = ()
-    """What became of each group."""
+    """Outcome of each group, a line each."""
     pack: Pack | None = field(default=None, repr=False)
     """None where the run made none, or so many runs followed that it was dropped."""
     saved: Path | None = None
@@ -62,7 +62,7 @@ class Run:
 
     @property
     def fate(self) -> str:
-        """How it ended, and what became of its pack: `done, accepted`."""
+        """Outcome of the run and the decision about its pack: `done, accepted`."""
         decision = "accepted" if self.saved is not None else "discarded" if self.discarded else ""
         return f"{self.outcome}, {decision}" if decision else self.outcome
 
@@ -78,11 +78,11 @@ class Curves:
 
     seconds: list[float] = field(default_factory=list)
     losses: dict[int, list[float]] = field(default_factory=dict)
-    """By group; nan before it is trained."""
+    """Loss by group; nan before it is trained."""
     psnr_db: dict[int, list[float]] = field(default_factory=dict)
-    """By texture; nan before it is trained."""
+    """PSNR in dB by texture; nan before it is trained."""
     mean_db: list[float] = field(default_factory=list)
-    """Of the textures under training."""
+    """PSNR in dB of all textures under training together."""
 
     def add(self, progress: TrainingProgress) -> None:
         """One more point."""
@@ -193,7 +193,7 @@ class ActiveRun:
     """Groups of which a snapshot has come."""
     progress: TrainingProgress | None = None
     first_picture_seconds: float | None = None
-    """From the request to the first snapshot."""
+    """Time in seconds from the request to the first snapshot."""
     curves: Curves = field(default_factory=Curves)
     notes: tuple[str, ...] = ()
     published: Pack | None = None

@@ -69,7 +69,7 @@ class TrainingSettings:
     recipe: RecipeName = "best"
     budget: Budget = DEFAULT_BUDGET
     codec: str | None = None
-    """Of a pack from nothing. None: what recipe and budget stand for."""
+    """Codec of a pack from nothing. None: recipe and budget decide."""
     bits: float = DEFAULT_BITS
     """Bits per texel to come nearest to, of a pack from nothing, in a codec that is encoded to a target."""
 
@@ -81,7 +81,7 @@ class TrainingSettings:
 
     @property
     def choices(self) -> EncodingChoices:
-        """What is asked of the codec."""
+        """Choices for the codec."""
         target = None if codec_named(self.codec_kind).default_target is None else BitsTarget(self.bits)
         return EncodingChoices(self.recipe, target=target)
 

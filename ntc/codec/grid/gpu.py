@@ -31,7 +31,7 @@ def _biases(result: str, channels: Mapping[int, int], fetch: Callable[..., str])
 
 
 class NetworkLayout:
-    """Where the weights of one decoder lie, in blocks of four numbers.
+    """The layout of one decoder's weights, in blocks of four numbers.
 
     First layer: for each block of outputs, for each input, the weights of the four outputs; then the biases. Second layer alike.
     Third layer: for each output, for each block of hidden values, their four weights; then the biases.

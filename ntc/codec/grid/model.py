@@ -112,7 +112,7 @@ LOD_INPUT_SCALE = 0.125
 
 @dataclass(frozen=True, eq=False)
 class Adapter:
-    """What specialises a shared decoder for one texture: hidden layer l computes leaky(scales[l] * (W x) + biases[l]).
+    """Numbers that specialise a shared decoder for one texture: hidden layer l computes leaky(scales[l] * (W x) + biases[l]).
 
     The biases stand in place of the decoder's own, so that they cost nothing to decode. Values are exact in half precision.
     """
@@ -147,9 +147,9 @@ class GridDecoder(Decoder):
     """Weights of one decoder: three linear layers, LeakyReLU after the first two, linear output."""
 
     weights: tuple[NDArray[np.float32], ...]
-    """Per layer [outputs, inputs] float32, the shapes of `GridConfig.layer_shapes`."""
+    """Weights of each layer, [outputs, inputs] float32, with the shapes of `GridConfig.layer_shapes`."""
     biases: tuple[NDArray[np.float32], ...]
-    """Per layer [outputs] float32."""
+    """Biases of each layer, [outputs] float32."""
 
 
 Layer = tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float32]]

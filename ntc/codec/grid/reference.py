@@ -10,7 +10,7 @@ from ntc.codec.model import Pack
 from ntc.codec.sampling import Array, bilinear, clamped_lod, trilinear
 
 PHASES = (0.0, 0.25)
-"""Of the triangle waves, in turns."""
+"""Phases of the triangle waves, in turns."""
 
 
 def triangle_wave(turns: NDArray[np.float64]) -> NDArray[np.float64]:

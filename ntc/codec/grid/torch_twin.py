@@ -226,7 +226,7 @@ class TorchGrid(TorchTexels):
         return stack.to(self._device)
 
     def _tables_of(self, index: int, wrap: tuple[WrapMode, WrapMode]) -> tuple[PyramidTable, PyramidTable]:
-        """Where cells and texels of all levels of a texture are."""
+        """Return the layout of cells and of texels of all levels of a texture."""
         repeats = (wrap[0] == "repeat", wrap[1] == "repeat")
         if (index, repeats) not in self._tables:
             texture = self._textures[index]

@@ -1,1 +1,1 @@
-"""How far decoded values can be from exact ones (docs/explanation/accuracy.md)."""
+"""Bounds of the distance between decoded values and exact ones (docs/explanation/accuracy.md)."""

@@ -40,7 +40,7 @@ HALF = Rounding(HALF_UNIT, SMALLEST_HALF_ERROR)
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """What a precision rounds to what."""
+    """The roundings of a precision."""
 
     stored_as_half: bool
     products: Rounding
@@ -90,7 +90,7 @@ def decoder_layers(decoder: GridDecoder, adapter: Adapter | None, arithmetic: Ar
 
 @dataclass(frozen=True, eq=False)
 class LayerSums:
-    """Of a layer's computed sums."""
+    """Bounds of a layer's computed sums."""
 
     local: Array
     """[outputs] what storage and rounding of this layer add to their error."""
@@ -273,7 +273,7 @@ def _bound(
 
 
 def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> ErrorBound:
-    """Of the pack's texture `texture_index`, for weights as they stand: `pack` is what `rescale.stored_pack` gave."""
+    """Return the bounds of the pack's texture `texture_index`, with weights unchanged: `pack` comes from `rescale.stored_pack`."""
     texture = grid_parts(pack).textures[texture_index]
     arithmetic = ARITHMETIC[precision]
     layers = decoder_layers(grid_parts(pack).decoders[texture.group], texture.adapter, arithmetic)
@@ -297,7 +297,7 @@ def worst_of(bounds: list[ErrorBound]) -> ErrorBound:
 
 
 def texture_bounds(pack: Pack, precision: Precision, rescale: bool = True) -> list[ErrorBound]:
-    """Of every texture of `pack`, decoded in `precision`. Without `rescale`, weights are stored unscaled (`rescale`)."""
+    """Return the bounds of every texture of `pack`, decoded in `precision`. Without `rescale`, weights are stored unscaled."""
     stored = stored_pack(pack, precision) if rescale else pack
     return [texture_bound(stored, index, precision) for index in range(len(pack.textures))]
 

@@ -25,7 +25,7 @@ COORDINATE_ERROR = 2.0**-32
 
 @dataclass(frozen=True, eq=False)
 class InputBounds:
-    """Of all inputs of a decoder, in its order, at any position and any level of detail of one texture."""
+    """Ranges of all inputs of a decoder, in its order, at any position and any level of detail of one texture."""
 
     low: Array
     """[inputs] smallest exact value."""
@@ -113,10 +113,10 @@ LARGEST_SUM = 2.0**15
 SMALLEST_SUM = 1.0
 """Bounds of sums below this are brought up to it, for halves below 2^-14 lose digits."""
 SMALLEST_WEIGHT = 2.0**-9
-"""Of the largest weight of a layer: 32 times the smallest half that has all its digits."""
+"""Least weight that is used, as a share of the largest of a layer: 32 times the smallest half that has all its digits."""
 LARGEST_SINGLE = 3.4e38
 LARGEST_EXPONENT = 96
-"""Beyond this fp32 ends as well."""
+"""Largest exponent of two by which layers are scaled: beyond this fp32 ends as well."""
 
 
 @dataclass(frozen=True)
@@ -145,7 +145,7 @@ def _largest_sums(decoder: GridDecoder, adapter: Adapter | None, inputs: InputBo
 
 
 def _exponent(largest: float, smallest_sum: float) -> int:
-    """Of the smallest change that brings `largest` into range; 0 where it is there."""
+    """Return the exponent of the smallest change that brings `largest` into range; 0 where it is there."""
     if not math.isfinite(largest) or largest == 0.0:
         return 0
     exponent = 0
@@ -157,7 +157,7 @@ def _exponent(largest: float, smallest_sum: float) -> int:
 
 
 def exponents(pack: Pack) -> list[Exponents]:
-    """For each decoder those that keep the sums of all its textures in range, whatever their latents."""
+    """Return for each decoder the exponents that keep the sums of all its textures in range, whatever their latents."""
     largest = np.zeros((len(pack.decoders), 2))
     for texture in grid_parts(pack).textures:
         sums = _largest_sums(

@@ -116,7 +116,7 @@ class TrainingBatch:
                     self._share_output(number, textures)
 
     def _share_output(self, number: int, textures: Sequence[GridTexture | None]) -> None:
-        """Where adapters hold the whole output layer, move its mean into the decoder, and keep the difference in the adapters."""
+        """Move the mean of the adapters' output layers into the decoder, and keep the difference in the adapters."""
         if self._adapters is None or not self._adapters.output:
             return
         members = (self._decoder_of == number).cpu()
@@ -264,7 +264,7 @@ class TrainingBatch:
         return StepReport(loss.detach(), self.per_texture * len(chosen), freezing)
 
     def _check(self, loss: Tensor) -> None:
-        """A sum is NaN or infinite when one of its numbers is."""
+        """Raise NotFiniteError where loss or gradients are not finite: a sum is NaN or infinite when one of its numbers is."""
         sums = [loss.detach()]
         sums += [p.grad.sum() for part in self._parts for p in part.parameters if p.grad is not None]
         if not bool(torch.isfinite(torch.stack(sums)).all()):

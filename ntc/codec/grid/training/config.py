@@ -21,7 +21,7 @@ class FreezingConfig:
 
 @dataclass(frozen=True)
 class TrainingConfig(EncodingOptions):
-    """How latents and decoders are trained."""
+    """Options of the training of latents and decoders."""
 
     recipe: RecipeName = "best"
     steps: int | None = 3000
@@ -34,15 +34,15 @@ class TrainingConfig(EncodingOptions):
     """Samples of each group in a step; groups train one after the other, as the paper trains them."""
     latent_rate: float = 2e-2
     decoder_rate: float = 1.6e-2
-    """Of adapters too."""
+    """Learning rate of decoders and of adapters."""
     hidden_optimizer: Literal["adam", "muon"] = "muon"
-    """How the matrices of the hidden layers are trained; everything else is trained by Adam."""
+    """Optimiser of the matrices of the hidden layers; everything else is trained by Adam."""
     hidden_rate: float = 3e-2
     """Learning rate of those matrices with muon; with adam they have the decoder's."""
     latent_start: Literal["chance", "image"] = "image"
-    """Where latents start: at random numbers (`chance`), or at a small copy of the texture (`image`)."""
+    """Start of the latents: random numbers (`chance`), or a small copy of the texture (`image`)."""
     schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
-    """How the learning rates change over the training (`ntc.codec.grid.training.config.rate_scale`)."""
+    """Curve of the learning rates over the training (`rate_scale`)."""
     latent_clip: float | None = 2.5
     """Latents of 4 bits are kept within so many standard deviations of their mean, texture by texture and channel by channel,
     so that the steps of rounding are not spent on a few outliers. None: as they are."""

@@ -122,7 +122,7 @@ def _axis(cells: int, texels: int, repeats: bool, octaves: int) -> tuple[Tensor,
 
 @dataclass(frozen=True, eq=False)
 class CentreFeatures:
-    """What is known of N texel centres without looking at latents."""
+    """Cells, weights and positional encoding of N texel centres: everything but latents."""
 
     index: Tensor
     """[N, 4] int64 cells."""
@@ -133,7 +133,7 @@ class CentreFeatures:
 
 
 class TexelTables:
-    """What decoding at texel centres needs, computed once for all rows and columns of the levels of some textures.
+    """Tables for decoding at texel centres, computed once for all rows and columns of the levels of some textures.
 
     At the centre of texel (x, y) the cells around it along u, their weights and the positional encoding of u depend on x
     alone, and along v on y alone. Training looks them up instead of computing them for each sample.

@@ -38,7 +38,7 @@ from ntc.torch_device import choose_device
 STEPS_BETWEEN_COPIES = 50
 MOST_DROPPED_IN_A_ROW = 3
 RATE_AFTER_DROP = 0.5
-"""What all rates are multiplied by after a dropped step."""
+"""Factor of all rates after a dropped step."""
 
 
 class RollbackStepper:
@@ -47,7 +47,7 @@ class RollbackStepper:
     def __init__(self, batch: TrainingBatch, rate_factor: float = 1.0, dropped: int = 0) -> None:
         self._batch = batch
         self.rate_factor = rate_factor
-        """What all rates are multiplied by, besides the schedule."""
+        """Factor of all rates, besides the schedule."""
         self.dropped = dropped
         """Steps dropped so far."""
         self._in_a_row = 0
@@ -98,7 +98,7 @@ STEPS_BEFORE_SNAPSHOT = 50
 LEAST_STEPS = 10
 """Before so many steps it does not, however long they take."""
 RATE_OF_RETRAINING = 0.5
-"""What all rates are multiplied by when a training continues from a pack: full rates first undo much of what it holds."""
+"""Factor of all rates when a training continues from a pack: full rates first undo much of what it holds."""
 
 
 def _batch_members(grouping: Grouping, training: TrainingConfig, groups: Iterable[int]) -> list[tuple[int, ...]]:
@@ -167,8 +167,8 @@ class GridEncoder(Encoder):
             yield Piece(ended=tuple(batch.decoder_numbers))
 
     def _plan(self, number: int, seconds: float, is_noted: bool) -> None:
-        """With a budget of time the share of steps done is the share of time used; with one of quality the rates fall once it is
-        reached."""
+        """Plan the number of steps. A time budget: the share of steps done is the share of time used. A quality budget: the rates fall
+        once it is reached."""
         batch, budget = self._batches[number], self._task.budget
         if isinstance(budget, TimeBudget):
             own = budget.seconds * self._planned[number] / sum(self._planned)

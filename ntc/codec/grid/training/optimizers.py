@@ -121,7 +121,7 @@ def orthogonalised(matrices: Tensor) -> Tensor:
 
 
 class Muon(torch.optim.Optimizer):
-    """For parameters of shape [count, rows, columns], each of the `count` matrices by itself."""
+    """The optimiser Muon for parameters of shape [count, rows, columns], each of the `count` matrices by itself."""
 
     def __init__(self, parameters: Iterable[Tensor], lr: float) -> None:
         super().__init__(parameters, {"lr": lr})
