@@ -28,7 +28,7 @@ def settings_table() -> str:
         f"| `{field.name}` | {_default(field)} | {table_cell(said[field.name])} |"
         for field in dataclasses.fields(ViewerSettings)
     ]
-    return "\n".join(["| field | default | |", "|---|---|---|", *rows])
+    return "\n".join(["| field | default | what it sets |", "|---|---|---|", *rows])
 
 
 def _section(title: str, command: Subcommand) -> str:
@@ -37,7 +37,7 @@ def _section(title: str, command: Subcommand) -> str:
     rows = [_row(field, hints[field.name], helps.get(field.name, "")) for field in dataclasses.fields(command.options)]
     rows.sort(key=lambda row: row.startswith("| `--"))
     summary = inspect.cleandoc(command.options.__doc__ or "").replace("\n", " ")
-    return "\n".join([f"## {title}", "", summary, "", "| option | default | |", "|---|---|---|", *rows])
+    return "\n".join([f"## {title}", "", summary, "", "| option | default | what it sets |", "|---|---|---|", *rows])
 
 
 def _documented(kind: type) -> list[tuple[str, str, str]]:
@@ -68,7 +68,7 @@ def _values(kind: Any) -> str:
             (one.metavar for one in kind.__metadata__ if getattr(one, "metavar", None)), _values(kind.__origin__)
         )
     if origin is Literal:
-        return "|".join(str(value) for value in get_args(kind))
+        return " | ".join(str(value) for value in get_args(kind))
     if origin in (Union, UnionType):
         return _values(next(part for part in get_args(kind) if part is not type(None)))
     if origin is tuple:
