@@ -67,7 +67,7 @@ def test_block_shape_and_palette_are_chosen(mapped: DrivenApp) -> None:
     mapped.click("palette: green-red")
     assert mapped.session.view.overlay.palette == "green-red"
     mapped.click("scale")
-    mapped.click("scale: scale of picture")
+    mapped.click("scale: range of picture")
     assert mapped.session.view.overlay.scale == "picture"
     mapped.press(imgui.Key.b)
     assert mapped.session.view.overlay.block == "4x4"
@@ -92,7 +92,7 @@ def test_the_map_is_opaque_titled_and_its_scale_does_not_depend_on_the_other_slo
     mapped.settle()
     np.testing.assert_array_equal(mapped.screenshot()[rows, columns], before)
     view, facts = mapped.session.view, mapped.frontend.facts()
-    assert slot_note(view.slot_b, view, facts) == "images are not decoded: no map here"
+    assert slot_note(view.slot_b, view, facts) == "images have no decoders: no map here"
     assert slot_note(view.slot_a, view, facts) == ""
     mapped.press(imgui.Key.o)
     assert "map legend" not in labels(mapped)

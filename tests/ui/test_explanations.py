@@ -27,8 +27,8 @@ MAKE_WIDGETS = (
 )
 """ImGui's functions after which `rects.note(LABEL)` is due."""
 WHERE_TO_ADD = (
-    "add it to viewer/ui/help/: COMMAND_OF of control_texts.py for a control that runs a command, CONTROLS for any other "
-    "control (a sentence), figure_texts.py for a figure, column or plot, value_texts.py for an entry of a list; "
+    "add it to viewer/ui/help/texts.py: COMMAND_OF for a control that runs a command, CONTROLS for any other "
+    "control (a sentence), FIGURES for a figure, column or plot, VALUES for an entry of a list; "
     "or give note() a text of its own. # stands for any number, first words do for labels that go on"
 )
 VIEWS = (

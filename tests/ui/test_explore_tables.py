@@ -233,7 +233,7 @@ def test_the_axis_of_times_holds_the_recent_frames_and_the_usual_ones() -> None:
     assert axis_top(np.concatenate([heavy, cheap])) >= 300.0
     compiling = np.concatenate([[5000.0], cheap])
     assert axis_top(compiling) < 20.0
-    assert beyond_text(compiling, axis_top(compiling)) == "1 frame beyond the axis, at most 5,000 ms"
+    assert beyond_text(compiling, axis_top(compiling)) == "1 frame beyond the axis, up to 5,000 ms"
     assert beyond_text(cheap, axis_top(cheap)) == ""
     # What the medians below the plot are of is not cut off, but for a single frame that compiled shaders.
     assert axis_top(np.concatenate([cheap, [800.0]])) >= 800.0

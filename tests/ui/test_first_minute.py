@@ -102,7 +102,7 @@ def test_the_speed_is_shown_and_goes(app: DrivenApp, monkeypatch: pytest.MonkeyP
     assert not shown_speed(app)
     known(app)
     hold(app, imgui.Key.w, 2)
-    assert shown_speed(app).endswith("units a second")
+    assert shown_speed(app).endswith("units per second")
     start = time.monotonic()
     monkeypatch.setattr("viewer.ui.picture_input.time.monotonic", lambda: start + 10.0)
     app.settle()

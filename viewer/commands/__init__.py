@@ -43,18 +43,18 @@ COMMANDS = tuple(command for command in _ALL if command.menu is not None)
 """Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have none."""
 _BY_ID = {command.id: command for command in _ALL}
 PICTURE_HINTS = (
-    ("left drag", "orbit, or look round when flying"),
+    ("left drag", "orbit; look around when flying"),
     ("right or middle drag", "pan"),
-    ("wheel", "nearer, farther; speed when flying"),
-    ("Ctrl + wheel", "look at the pixels themselves; Ctrl + drag moves them"),
+    ("wheel", "zoom; change the speed when flying"),
+    ("Ctrl + wheel", "magnify the pixels; Ctrl + drag moves the picture"),
     (
         "click",
-        "keep the pixel under the mouse in the panel Pixel, and with the heatmap its block in the panel Divergence",
+        "keep the pixel in the open panel Pixel, and with the divergence map the block in the panel Divergence",
     ),
     ("W A S D Q E", "fly; Shift: faster"),
-    ("drag the divider", "wipe between A and B; double-click recentres it"),
+    ("drag the divider", "wipe between A and B; a double-click centres the divider"),
     ("Shift + left drag", "move the sun, in the lit view"),
-    ("drop a file", "open a .gltf, .glb or .ntc, or light the scene by an .hdr or .exr"),
+    ("drop a file", "open a scene or a pack, or light the scene by an .hdr or .exr"),
 )
 """(gesture, effect) of the mouse over the picture, for the sheet of keys."""
 

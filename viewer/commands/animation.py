@@ -20,11 +20,11 @@ def _stand(session: Session, pose: Pose | None) -> None:
     session.view = replace(session.view, pose=pose)
 
 
-Seconds = Annotated[float, Arg("seconds from the animation's beginning", None, 0.0, LONGEST_SECONDS)]
+Seconds = Annotated[float, Arg("time in seconds from the beginning", None, 0.0, LONGEST_SECONDS)]
 AnimationName = Annotated[
     str,
     Arg(
-        "an animation of the scene; the one that is shown unless given",
+        "animation of the scene; default: the shown one",
         lambda s: tuple(a.name for a in s.scene.animations),
     ),
 ]
@@ -32,8 +32,8 @@ AnimationName = Annotated[
 
 @command(
     "animation.play",
-    "Play the animation",
-    "play the scene's animation until pressed again",
+    "Play animation",
+    "play or pause the scene's animation",
     "View",
     "K",
     unavailable=_no_animations,
@@ -49,8 +49,8 @@ def play(session: Session) -> None:
 
 @command(
     "animation.time",
-    "Moment of an animation",
-    "let the scene stand at a time of one of its animations",
+    "Animation time",
+    "show the scene at a time of an animation",
     "View",
     unavailable=_no_animations,
 )
@@ -59,19 +59,19 @@ def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") 
     _stand(session, Pose(name, seconds))
 
 
-@command("animation.rest", "Without animation", "show the scene as its nodes stand", "View", unavailable=_no_animations)
+@command("animation.rest", "Rest pose", "show the scene without animation", "View", unavailable=_no_animations)
 def rest(session: Session) -> None:
     session.playback = replace(session.playback, is_playing=False)
     _stand(session, None)
 
 
-Speed = Annotated[float, Arg("seconds of the animation in a second", None, SLOWEST, FASTEST, clamp=True)]
+Speed = Annotated[float, Arg("seconds of the animation per second", None, SLOWEST, FASTEST, clamp=True)]
 
 
 @command(
     "animation.speed",
-    "Speed of the animation",
-    "play the animation at another speed",
+    "Animation speed",
+    "set the speed of the animation",
     "View",
     unavailable=_no_animations,
 )
@@ -81,8 +81,8 @@ def set_speed(session: Session, speed: Speed) -> None:
 
 @command(
     "animation.repeat",
-    "Repeat the animation",
-    "begin the animation again at its end",
+    "Repeat animation",
+    "restart the animation at its end",
     "View",
     unavailable=_no_animations,
     current=switch(lambda session: session.playback.repeats),

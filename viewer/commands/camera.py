@@ -42,7 +42,7 @@ def fly_faster(session: Session, notches: float) -> None:
     session.navigation.speed_notches += notches
 
 
-@command("camera.frame-all", "Frame all", "see the whole scene", "Camera", "F")
+@command("camera.frame-all", "Frame all", "frame the whole scene", "Camera", "F")
 def frame_all(session: Session) -> None:
     width, height = session.window.picture_size
     place_camera(session, frame(session.view.camera, session.scene.bounds, width / height))
@@ -77,13 +77,13 @@ def go(session: Session, name: Annotated[str, Arg("camera of the scene", _camera
 
 def _place(which: Literal["eye", "target"], axis: int) -> Arg:
     """Return the description of a coordinate; the palette suggests the present value."""
-    what = "eye, where the camera is" if which == "eye" else "target, what it looks at"
+    what = "place of the camera" if which == "eye" else "place that it looks at"
     return Arg(
         f"{what}; scene units, Y up", suggestion=lambda session: f"{getattr(session.view.camera, which)[axis]:.6g}"
     )
 
 
-@command("camera.look", "Look from a place", "put the camera at one place and let it look at another", "Camera")
+@command("camera.look", "Place camera", "place the camera at a point and aim it at another", "Camera")
 def look(
     session: Session,
     eye_x: Annotated[float, _place("eye", 0)],
@@ -113,18 +113,18 @@ def next_mode(session: Session) -> None:
 @command(
     "camera.mode",
     "Orbit or fly",
-    "choose how the mouse moves the camera",
+    "choose whether the mouse orbits, or looks around while keys fly",
     "Camera",
     current=lambda session: session.settings.camera_mode,
 )
-def set_mode(session: Session, mode: Annotated[CameraMode, Arg("how the mouse moves it")]) -> None:
+def set_mode(session: Session, mode: Annotated[CameraMode, Arg("mode of the camera")]) -> None:
     _set_mode(session, mode)
 
 
 @command(
     "camera.record",
-    "Record the path",
-    "record the camera's path, and write it as a cameras file when pressed again",
+    "Record camera path",
+    "record the camera's path; the same command again writes it as a cameras file",
     "Camera",
     "R",
     current=switch(lambda session: session.navigation.recording is not None),
@@ -133,20 +133,20 @@ def record(session: Session) -> Effect | None:
     navigation = session.navigation
     if navigation.recording is None:
         navigation.recording = ()
-        notify(session, "recording the camera's path; the same key ends it")
+        notify(session, "recording the camera's path; the same command again ends it")
         return None
     path, file = navigation.recording, session.dated_file("-path", ".json")
     navigation.last_path, navigation.recording = path, None
-    message = f"wrote {len(path)} cameras to {file}: encode --grouping covisible --views takes it"
+    message = f"wrote {len(path)} cameras to {file}; use it with encode --grouping covisible --views"
     return WriteText(file, cameras_json(path), message)
 
 
 FASTEST_DEGREES = 720.0
 USUAL_DEGREES = 30.0
-BookmarkName = Annotated[str, Arg("any name; an older bookmark of that name is replaced")]
+BookmarkName = Annotated[str, Arg("name; an older bookmark of that name is replaced")]
 
 
-@command("camera.bookmark", "Bookmark", "remember where the camera is, under a name", "Camera")
+@command("camera.bookmark", "Bookmark", "save the camera under a name", "Camera")
 def bookmark(session: Session, name: BookmarkName) -> None:
     if printable(name) != name or not name:
         raise InputError("camera.bookmark: the name must be one line of at most 200 letters")
@@ -154,7 +154,7 @@ def bookmark(session: Session, name: BookmarkName) -> None:
     if len(bookmarks) > MOST_BOOKMARKS:
         raise InputError(f"camera.bookmark: there are {MOST_BOOKMARKS} bookmarks; use the name of one of them")
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: bookmarks}
-    notify(session, f"bookmark {name}; view.save keeps it in a file")
+    notify(session, f"bookmark {name} saved for this session; Save view keeps it in a file")
 
 
 Bookmark = Annotated[str, Arg("a bookmark of this scene", lambda session: tuple(session.bookmarks))]
@@ -163,7 +163,7 @@ Bookmark = Annotated[str, Arg("a bookmark of this scene", lambda session: tuple(
 @command(
     "camera.go-bookmark",
     "Go to bookmark",
-    "go back to a bookmark",
+    "go to a bookmarked camera",
     "Camera",
     current=lambda session: session.view.camera.name,
 )
@@ -171,10 +171,10 @@ def go_bookmark(session: Session, name: Bookmark) -> None:
     place_camera(session, session.bookmarks[name])
 
 
-Degrees = Annotated[float, Arg("degrees per second; negative turns the other way")]
+Degrees = Annotated[float, Arg("speed in degrees per second; negative turns the other way")]
 
 
-@command("camera.turntable", "Turntable at a speed", "turn the camera about the scene's centre at this speed", "Camera")
+@command("camera.turntable", "Turntable speed", "rotate the camera around the scene's centre at this speed", "Camera")
 def turntable(session: Session, degrees: Degrees = USUAL_DEGREES) -> None:
     if not 0.0 < abs(degrees) <= FASTEST_DEGREES:
         raise InputError(f"camera.turntable: {degrees:g} must be up to {FASTEST_DEGREES:g} either way, not 0")
@@ -184,7 +184,7 @@ def turntable(session: Session, degrees: Degrees = USUAL_DEGREES) -> None:
 @command(
     "camera.toggle-turntable",
     "Turntable",
-    "turn the camera about the scene's centre until pressed again",
+    "rotate the camera around the scene's centre until pressed again",
     "Camera",
     "Y",
     current=switch(lambda session: isinstance(session.navigation.motion, Turntable)),
@@ -194,13 +194,13 @@ def toggle_turntable(session: Session) -> None:
     session.navigation.motion = None if turns else Turntable(USUAL_DEGREES)
 
 
-PathFile = Annotated[Path, Arg("a cameras file; without one, the path recorded last")]
+PathFile = Annotated[Path, Arg("a cameras file; default: the last recorded path")]
 
 
 @command(
     "camera.play",
-    "Play a path",
-    "move along the path that was recorded last, or along a cameras file",
+    "Play camera path",
+    "move the camera along the last recorded path, or along a cameras file",
     "Camera",
     "Ctrl+R",
 )
@@ -217,8 +217,8 @@ def _camera_rests(context: Context) -> str:
 
 @command(
     "camera.stop",
-    "Stop the camera",
-    "end the turntable, or the path that is played",
+    "Stop camera",
+    "stop the turntable or the camera path",
     "Camera",
     unavailable=_camera_rests,
 )

@@ -58,8 +58,8 @@ def _change_slot(session: Session, side: Side, **changes: Any) -> None:
 
 @command(
     "compare.next",
-    "Next way to compare",
-    "go on to the next way to compare: A, B, left/right, above/below, side by side, difference",
+    "Next compare mode",
+    "switch to the next mode: A, B, left/right, above/below, side by side, difference",
     "Compare",
     "Tab",
 )
@@ -70,8 +70,8 @@ def next_mode(session: Session) -> None:
 
 @command(
     "compare.mode",
-    "Way to compare",
-    "show A, B, both with a divider or side by side, or their difference",
+    "Compare mode",
+    "show A, B, both with a divider, both side by side, or their difference",
     "Compare",
     current=lambda session: session.view.compare,
 )
@@ -82,7 +82,7 @@ def set_mode(session: Session, mode: Annotated[CompareMode, Arg("what is shown")
 @command(
     "compare.toggle-flicker",
     "Flicker",
-    "show A and B in turns",
+    "alternate between A and B",
     "Compare",
     "J",
     current=switch(lambda session: session.window.flickers),
@@ -91,10 +91,8 @@ def toggle_flicker(session: Session) -> None:
     session.window.flickers = not session.window.flickers
 
 
-@command("compare.flicker", "Flicker rate", "show A and B in turns this often a second; 0 stops it", "Compare")
-def set_flicker(
-    session: Session, rate: Annotated[float, Arg("Hz: times a second that both are shown; 0 stops")] = 2.0
-) -> None:
+@command("compare.flicker", "Flicker rate", "alternate between A and B at this rate; 0 stops", "Compare")
+def set_flicker(session: Session, rate: Annotated[float, Arg("rate in Hz, 0.2 to 30; 0 stops")] = 2.0) -> None:
     low, high = FLICKER_RANGE
     if rate != 0.0 and not low <= rate <= high:
         raise InputError(f"compare.flicker: rate {rate:g} must be {low:g} to {high:g} Hz, or 0 to stop")
@@ -106,11 +104,11 @@ def set_flicker(
 @command(
     "compare.difference",
     "Difference",
-    "show the difference of A and B, measured in one of four ways",
+    "show the difference between A and B: raw, amplified, relative or FLIP",
     "Compare",
     current=_shown_difference,
 )
-def set_difference(session: Session, kind: Annotated[DifferenceKind, Arg("of the difference")]) -> None:
+def set_difference(session: Session, kind: Annotated[DifferenceKind, Arg("kind of difference")]) -> None:
     session.view = replace(session.view, compare="difference", difference=replace(session.view.difference, kind=kind))
 
 
@@ -119,8 +117,8 @@ Gain = Annotated[float, Arg("factor of the amplified difference", None, *GAIN_RA
 
 @command(
     "compare.gain",
-    "Gain of the difference",
-    "draw the amplified difference this many times larger than it is",
+    "Difference gain",
+    "set the factor of the amplified difference",
     "Compare",
 )
 def set_gain(session: Session, gain: Gain) -> None:
@@ -130,7 +128,7 @@ def set_gain(session: Session, gain: Gain) -> None:
 @command(
     "compare.live",
     "Live figures",
-    "compare A with B whenever the picture rests",
+    "measure A against B whenever the picture rests",
     "Compare",
     current=switch(lambda session: session.settings.live_figures),
 )
@@ -138,13 +136,13 @@ def set_live(session: Session, state: Annotated[bool, Arg("on or off")]) -> None
     session.settings = replace(session.settings, live_figures=state)
 
 
-Position = Annotated[float, Arg("share of the width or height, 0 to 1", None, 0.0, 1.0, clamp=True)]
+Position = Annotated[float, Arg("place as a share of the width or height, 0 to 1", None, 0.0, 1.0, clamp=True)]
 
 
 @command(
     "compare.divider",
     "Centre the divider",
-    "put the divider in the middle, or at a share of the picture's width or height",
+    "move the divider to the middle, or to a share of the picture's width or height",
     "Compare",
 )
 def set_divider(session: Session, position: Position = 0.5) -> None:
@@ -161,7 +159,7 @@ def swap(session: Session) -> None:
 @command(
     "compare.measure",
     "Measure",
-    "measure PSNR, divergence, memory and decode time of both slots in the picture as it is",
+    "measure PSNR, divergence, memory and decode time of both slots in the present view",
     "Compare",
     "M",
 )
@@ -193,8 +191,8 @@ def leave_formats(session: Session) -> None:
 
 @command(
     "slot.source",
-    "Source of a slot",
-    "show the original images, a pack, or a format of graphics hardware in a slot",
+    "Slot source",
+    "show the original images, a pack, or a block format in a slot",
     "Compare",
     current=lambda session, side: session.view.slots[side].source,
 )
@@ -208,8 +206,8 @@ def _unsupported(session: Session, text: str) -> str:
 
 @command(
     "slot.path",
-    "Decode path of a slot",
-    "choose how a slot is decoded for each frame",
+    "Slot decode path",
+    "choose the decode path of a slot",
     "Compare",
     current=lambda session, side: session.view.slots[side].path,
 )
@@ -222,7 +220,7 @@ def set_path(
 Precision = Annotated[
     PrecisionChoice,
     Arg(
-        "of the decoders; auto: the cheapest that does not show",
+        "number format of the decoders; auto measures and picks the fastest one without visible error",
         refuses=_unsupported,
     ),
 ]
@@ -230,8 +228,8 @@ Precision = Annotated[
 
 @command(
     "slot.precision",
-    "Precision of a slot",
-    "choose the number format of a slot's decoders; auto finds the cheapest that does not show",
+    "Slot precision",
+    "choose the number format of a slot's decoders; auto picks the fastest one without visible error",
     "Compare",
     current=_precision,
 )
@@ -248,24 +246,24 @@ def set_precision(session: Session, side: SlotSide, precision: Precision) -> Non
 
 @command(
     "slot.maps",
-    "Decoded maps of a slot",
-    "decode all maps in a slot, or a single one among the original ones",
+    "Slot maps",
+    "decode all maps of a slot, or only one and keep the others original",
     "Compare",
     current=lambda session, side: session.view.slots[side].maps,
 )
 def set_maps(
-    session: Session, side: SlotSide, maps: Annotated[DecodedMaps, Arg("which are decoded: all, or one alone")]
+    session: Session, side: SlotSide, maps: Annotated[DecodedMaps, Arg("decoded maps: all, or only one")]
 ) -> None:
     _change_slot(session, side, maps=maps)
 
 
-TEXELS = "exact: all texels of a footprint; stochastic: one at random, accumulated at rest"
+TEXELS = "exact: all texels of the footprint; stochastic: one random texel, accumulated while the picture rests"
 
 
 @command(
     "slot.filter",
-    "Texel filter of a slot",
-    "filter a slot's texels exactly, or take one at random",
+    "Slot texel filter",
+    "filter a slot's texels exactly, or sample one at random",
     "Compare",
     current=lambda session, side: session.view.slots[side].filter,
 )
@@ -283,7 +281,7 @@ def next_source(session: Session) -> None:
 @command(
     "slot.next-path",
     "Next decode path in A",
-    "decode slot A by the next path: deferred, binned, cached, forward",
+    "switch slot A to the next decode path: deferred, binned, cached, forward",
     "Compare",
     "P",
     unavailable=_a_shows_images,
@@ -298,7 +296,7 @@ def next_path(session: Session) -> None:
 @command(
     "filter.anisotropy",
     "Anisotropy",
-    "how many samples keep images and path cached sharp where they are seen at a slant; 1 is trilinear",
+    "set the anisotropic filtering of images and path cached, 1 (trilinear) to 16 samples",
     "View",
     current=lambda session: str(session.view.anisotropy),
 )
@@ -309,7 +307,7 @@ def set_anisotropy(session: Session, value: Annotated[Literal[1, 2, 4, 8, 16], A
 @command(
     "filter.texels",
     "Texel filter",
-    "filter the texels of both slots exactly, or take one at random",
+    "filter the texels of both slots exactly, or sample one at random",
     "View",
     current=_filter_of_both,
 )

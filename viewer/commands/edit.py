@@ -9,7 +9,7 @@ def _nothing_to_undo(context: Context) -> str:
 
 
 def _nothing_to_redo(context: Context) -> str:
-    return "" if context.history.can_redo(context.session) else "nothing was undone"
+    return "" if context.history.can_redo(context.session) else "there is nothing to redo"
 
 
 @command(
@@ -28,7 +28,7 @@ def undo(context: Context) -> None:
 @command(
     "edit.redo",
     "Redo",
-    "do again what was undone last",
+    "redo the change that was undone last",
     "Edit",
     "Ctrl+Shift+Z",
     "Ctrl+Y",
@@ -36,4 +36,4 @@ def undo(context: Context) -> None:
 )
 def redo(context: Context) -> None:
     title = context.history.redo(context.session, context.training)
-    notify(context.session, f"done again: {title}")
+    notify(context.session, f"redone: {title}")

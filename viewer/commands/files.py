@@ -20,15 +20,11 @@ from viewer.state.session import Session
 from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_known_pose, with_open_sources
 from viewer.state.view_state import LARGEST_ZOOM, PictureAlone, Zoom
 
-PictureFile = Annotated[Path, Arg("a .png, in the folder of pictures unless it is absolute")]
-Picture = Annotated[
-    PictureAlone, Arg("the picture alone: as shown, side a, side b, both with the divider, or without overlay")
-]
+PictureFile = Annotated[Path, Arg("a .png; a relative path is in the folder of pictures")]
+Picture = Annotated[PictureAlone, Arg("content: shown, a, b, split (both with the divider) or plain (without overlay)")]
 
 
-OpenedFile = Annotated[
-    Path, Arg("a scene, a folder with one scene, a .ntc, .hdr or .exr; without one, a dialog asks for it")
-]
+OpenedFile = Annotated[Path, Arg("a scene, a folder with one scene, a .ntc, .hdr or .exr; default: ask in a dialog")]
 
 
 @command("file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "File", "Ctrl+O")
@@ -55,7 +51,7 @@ def open_now(session: Session, file: Path) -> None:
     session.window.file_dialog = False
 
 
-RecentFile = Annotated[str, Arg("a file that was opened before", lambda session: session.settings.recent_files)]
+RecentFile = Annotated[str, Arg("a recent file", lambda session: session.settings.recent_files)]
 
 
 @command("file.open-recent", "Open recent", "open a scene or a pack that was opened before", "File")
@@ -69,12 +65,12 @@ def _picture(kind: PictureKind, file: Path) -> Effect:
     return TakePicture(kind, None if file == Path() else file)
 
 
-@command("file.screenshot", "Screenshot", "write the window's content as a PNG", "File", "F12")
+@command("file.screenshot", "Screenshot", "save the window as a PNG", "File", "F12")
 def take_screenshot(_session: Session, file: PictureFile = Path()) -> Effect:
     return _picture("window", file)
 
 
-@command("file.screenshot-picture", "Picture alone", "write the picture without the panels as a PNG", "File")
+@command("file.screenshot-picture", "Save picture only", "save the picture without panels as a PNG", "File")
 def take_picture(_session: Session, kind: Picture, file: PictureFile = Path()) -> Effect:
     return _picture(kind, file)
 
@@ -99,18 +95,12 @@ def _restore(session: Session, text: str, where: str) -> None:
     notify(session, f"view from {where}" + (f"; {'; '.join(notes)}" if notes else ""))
 
 
-Factor = Annotated[
-    float, Arg(f"shown pixels along a side of one of the picture, 1 to {LARGEST_ZOOM:g}", None, 1.0, LARGEST_ZOOM)
-]
-PlaceX = Annotated[
-    float, Arg("share of the picture's width that is in the middle, from the upper left", None, 0.0, 1.0)
-]
-PlaceY = Annotated[
-    float, Arg("share of the picture's height that is in the middle, from the upper left", None, 0.0, 1.0)
-]
+Factor = Annotated[float, Arg(f"magnification, 1 to {LARGEST_ZOOM:g}", None, 1.0, LARGEST_ZOOM)]
+PlaceX = Annotated[float, Arg("horizontal centre as a share of the picture's width, from the left", None, 0.0, 1.0)]
+PlaceY = Annotated[float, Arg("vertical centre as a share of the picture's height, from the top", None, 0.0, 1.0)]
 
 
-@command("view.magnify", "Magnify", "enlarge the pixels of the picture themselves", "View")
+@command("view.magnify", "Magnify", "magnify the pixels of the picture", "View")
 def magnify(session: Session, factor: Factor, x: PlaceX = 0.5, y: PlaceY = 0.5) -> None:
     session.view = replace(session.view, zoom=Zoom(factor, (x, y)))
 
@@ -120,13 +110,13 @@ def set_zoom(session: Session, zoom: Zoom) -> None:
     session.view = replace(session.view, zoom=zoom)
 
 
-ViewFile = Annotated[Path, Arg("a .json, in the folder of pictures unless it is absolute")]
+ViewFile = Annotated[Path, Arg("a .json; a relative path is in the folder of pictures")]
 
 
 @command(
     "view.save",
     "Save view",
-    "write the whole view as JSON; a number is added where that file exists",
+    "save the view as JSON; a number is added to the name of an existing file",
     "File",
     "Ctrl+S",
 )
@@ -135,8 +125,8 @@ def save_view(session: Session, file: ViewFile = Path("view.json")) -> Effect:
     return WriteText(path, view_json(present_view(session)), f"wrote {path}")
 
 
-@command("view.load", "Load view", "go to a view that was saved", "View")
-def load_view(session: Session, file: Annotated[Path, Arg("what view.save wrote")]) -> None:
+@command("view.load", "Load view", "restore a saved view", "View")
+def load_view(session: Session, file: Annotated[Path, Arg("a saved view")]) -> None:
     path = session.file_to_read(file)
     try:
         text = read_file(path, LARGEST_VIEW).decode("utf-8")
@@ -147,13 +137,13 @@ def load_view(session: Session, file: Annotated[Path, Arg("what view.save wrote"
     _restore(session, text, str(path))
 
 
-@command("view.copy", "Copy view", "put the whole view on the clipboard as JSON", "View", "Ctrl+C")
+@command("view.copy", "Copy view", "copy the view to the clipboard as JSON", "View", "Ctrl+C")
 def copy_view(context: Context) -> None:
     context.write_clipboard(view_json(present_view(context.session)))
     notify(context.session, "the view is on the clipboard")
 
 
-@command("view.paste", "Paste view", "go to the view that is on the clipboard", "View", "Ctrl+V")
+@command("view.paste", "Paste view", "restore the view from the clipboard", "View", "Ctrl+V")
 def paste_view(context: Context) -> None:
     text = context.read_clipboard()
     if not text.strip():

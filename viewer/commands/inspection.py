@@ -10,7 +10,7 @@ from viewer.inspect.comparison import compared_source
 from viewer.state.pack_files import match_scene
 from viewer.state.session import ErrorColumn, ErrorsBy, Session
 
-By = Annotated[ErrorsBy, Arg("what errors are told apart by")]
+By = Annotated[ErrorsBy, Arg("rows of the list")]
 LARGEST_IS_WORST: tuple[ErrorColumn, ...] = ("pixels", "mean", "max")
 
 
@@ -29,7 +29,7 @@ def _nothing_highlighted(context: Context) -> str:
 @command(
     "pixel.panel",
     "Pixel panel",
-    "look at one pixel and those around it in A and B",
+    "enlarge the pixels around the mouse in A and B",
     "Inspect",
     "I",
     current=panel_switch("Pixel"),
@@ -38,7 +38,7 @@ def toggle_pixel_panel(session: Session) -> None:
     toggle_panel(session, "Pixel")
 
 
-@command("pixel.keep", "Keep a pixel", "keep a pixel of the picture in the panel Pixel", "Inspect")
+@command("pixel.keep", "Keep pixel", "keep a pixel of the picture in the panel Pixel", "Inspect")
 def keep_pixel(
     session: Session,
     x: Annotated[int, Arg("pixels from the left of the window")],
@@ -53,7 +53,7 @@ def keep_pixel(
 
 @command(
     "pixel.let-go",
-    "Release the pixel",
+    "Release pixel",
     "let the panel Pixel follow the mouse again",
     "Inspect",
     unavailable=_no_pixel_kept,
@@ -80,7 +80,7 @@ def hover(session: Session, at: tuple[float, float] | None) -> None:
 @command(
     "errors.panel",
     "Errors panel",
-    "list textures and decoders by how much A and B differ in them",
+    "list textures or decoders by the difference between A and B",
     "Inspect",
     "U",
     current=panel_switch("Errors"),
@@ -96,8 +96,8 @@ def _change_table(session: Session, table: dict[str, object]) -> None:
 
 @command(
     "errors.by",
-    "Rows of the errors",
-    "list the errors of textures or of decoders",
+    "Errors by",
+    "list the errors by texture or by decoder",
     "Inspect",
     current=lambda session: session.inspection.errors.by,
 )
@@ -105,11 +105,11 @@ def set_errors_by(session: Session, by: By) -> None:
     _change_table(session, {"by": by})
 
 
-@command("errors.sort", "Sort the errors", "sort the list of errors by one of its columns", "Inspect")
+@command("errors.sort", "Sort errors", "sort the list of errors by a column", "Inspect")
 def sort_errors(
     session: Session,
-    column: Annotated[ErrorColumn, Arg("to sort by")],
-    order: Annotated[Literal["worst", "best", "ascending", "descending"], Arg("which first")] = "worst",
+    column: Annotated[ErrorColumn, Arg("column")],
+    order: Annotated[Literal["worst", "best", "ascending", "descending"], Arg("order")] = "worst",
 ) -> None:
     largest_is_worst = column in LARGEST_IS_WORST
     descending = {"ascending": False, "descending": True, "worst": largest_is_worst, "best": not largest_is_worst}
@@ -128,7 +128,7 @@ def _textures_of_decoder(session: Session, decoder: int) -> tuple[int, ...]:
 @command(
     "errors.highlight",
     "Highlight in the picture",
-    "dim everything but a texture, or but a decoder's textures; once more ends it",
+    "dim everything except a texture or a decoder's textures; the same again ends it",
     "Inspect",
 )
 def highlight(session: Session, by: By, number: Annotated[int, Arg("texture id or decoder")]) -> None:
@@ -145,9 +145,7 @@ def highlight(session: Session, by: By, number: Annotated[int, Arg("texture id o
     session.inspection.errors = replace(session.inspection.errors, highlighted_decoder=decoder)
 
 
-@command(
-    "errors.clear", "End the highlight", "show everything undimmed again", "Inspect", unavailable=_nothing_highlighted
-)
+@command("errors.clear", "End highlight", "stop dimming the picture", "Inspect", unavailable=_nothing_highlighted)
 def end_highlight(session: Session) -> None:
     session.inspection.errors = replace(session.inspection.errors, highlighted_decoder=None)
     session.view = replace(session.view, highlight=())
@@ -156,7 +154,7 @@ def end_highlight(session: Session) -> None:
 @command(
     "histogram.panel",
     "Histogram panel",
-    "see how many pixels differ between A and B, and by how much",
+    "plot the number of pixels by the difference between A and B",
     "Inspect",
     current=panel_switch("Histogram"),
 )
@@ -164,7 +162,7 @@ def toggle_histogram_panel(session: Session) -> None:
     toggle_panel(session, "Histogram")
 
 
-Texture = Annotated[str, Arg("its number in the scene, or its name")]
+Texture = Annotated[str, Arg("number of the texture in the scene, or its name")]
 
 
 def _none_flat(context: Context) -> str:
@@ -182,25 +180,25 @@ def _texture(session: Session, named: str) -> int:
     raise InputError(f"texture {named!r}: no such texture; name one, or give its number below {len(textures)}")
 
 
-@command("texture.select", "Select a texture", "mark a texture in all panels", "View")
+@command("texture.select", "Select texture", "select a texture in all panels", "View")
 def select(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = _texture(session, texture)
 
 
-@command("texture.clear", "Select no texture", "mark no texture in the panels", "View")
+@command("texture.clear", "Clear selection", "deselect the texture in all panels", "View")
 def clear(session: Session) -> None:
     session.inspection.selected_texture = None
 
 
-@command("texture.flat", "Texture by itself", "show a texture flat, the original beside the decoded one", "View")
+@command("texture.flat", "Flat view", "show a texture flat, the original beside the decoded one", "View")
 def show_flat(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = session.inspection.flat_texture = _texture(session, texture)
 
 
 @command(
     "texture.close-flat",
-    "Close the flat texture",
-    "close the window of the flat texture",
+    "Close flat view",
+    "close the flat view of a texture",
     "View",
     unavailable=_none_flat,
 )

@@ -77,7 +77,7 @@ def cancel_opening(_session: Session) -> Effect:
     return CancelOpening()
 
 
-@command("file.quit", "Quit", "close the window; asks about trainings that have not been kept", "File", "Ctrl+Q")
+@command("file.quit", "Quit", "close the window; undecided trainings are asked about first", "File", "Ctrl+Q")
 def quit_window(context: Context) -> Effect | None:
     return None if asks_about_runs(context, "quitting", "file.quit-leaving") else CloseWindow()
 
@@ -89,7 +89,10 @@ def quit_leaving(context: Context, decision: Decision) -> Effect:
 
 
 @command(
-    "window.close", "Close at once", "close the window without a question; trainings wait for the next start", "Window"
+    "window.close",
+    "Close at once",
+    "close the window without a question; undecided trainings wait for the next start",
+    "Window",
 )
 def close(_session: Session) -> Effect:
     return CloseWindow()
@@ -140,7 +143,7 @@ def _forget_highlight(session: Session) -> bool:
 @command(
     "window.dismiss",
     "Close what is on top",
-    "close the topmost list, sheet or mark; never the window",
+    "close the topmost list, sheet or highlight; never the window",
     "Window",
     "Escape",
 )

@@ -19,9 +19,9 @@ from viewer.state.view_state import (
 )
 
 VIEWS: dict[MaterialView, str] = {
-    "lit": "surfaces in the light",
+    "lit": "lit surfaces",
     "base": "base colours without light",
-    "normal": "normal maps as they are stored",
+    "normal": "normal maps as stored",
     "orm": "occlusion, roughness and metalness as red, green and blue",
     "emissive": "emitted light",
 }
@@ -37,8 +37,8 @@ def _light(session: Session, **changes: Any) -> None:
 
 @command(
     "materials.next",
-    "Next view of the materials",
-    "show the next of: lit, base colours, normals, roughness and metal, emission",
+    "Next material view",
+    "show the next view: lit, base colour, normals, roughness and metalness, emission",
     "View",
     "G",
 )
@@ -51,8 +51,8 @@ def next_view(session: Session) -> None:
 
 @command(
     "materials.view",
-    "View of the materials",
-    "show surfaces in the light, or one of their maps",
+    "Material view",
+    "show lit surfaces, or one of the maps",
     "View",
     current=lambda session: session.view.material_view,
 )
@@ -72,7 +72,7 @@ Variant = Annotated[
 @command(
     "materials.variant",
     "Material variant",
-    "draw the scene with another of the sets of materials that its file has",
+    "draw the scene in another of its material variants",
     "View",
     unavailable=_no_variants,
     current=lambda session: session.scene.variant or OWN_MATERIALS,
@@ -82,7 +82,7 @@ def set_variant(session: Session, name: Variant) -> Effect:
     return ReadVariant("" if own else name)
 
 
-@command("light.sun", "Place of the sun", "put the sun at an azimuth and an elevation", "View")
+@command("light.sun", "Sun direction", "set azimuth and elevation of the sun", "View")
 def set_sun(
     session: Session,
     azimuth: Annotated[float, Arg("degrees from north (-Z) towards east (+X)")],
@@ -102,12 +102,12 @@ def move_sun(session: Session, azimuth: float, elevation: float) -> None:
 
 @command(
     "light.sun-strength",
-    "Strength of the sun",
-    "make the sun this many times as strong as it is; 0 leaves it out",
+    "Sun strength",
+    "set the strength of the sun: 1 is the usual one, 0 turns it off",
     "View",
 )
 def set_sun_strength(
-    session: Session, strength: Annotated[float, Arg("times its own", None, *SUN_STRENGTH_RANGE)]
+    session: Session, strength: Annotated[float, Arg("factor, 0 to 20", None, *SUN_STRENGTH_RANGE)]
 ) -> None:
     _light(session, sun_strength=strength)
 
@@ -122,12 +122,12 @@ def set_exposure(
 @command(
     "light.tone-map",
     "Tone map",
-    "choose how light becomes colours that a screen can show",
+    "choose how light is mapped to the colours of the screen",
     "View",
     current=lambda session: session.view.lighting.tone_map,
 )
 def set_tone_map(
-    session: Session, curve: Annotated[ToneMap, Arg("Khronos PBR Neutral, AgX, or clipping alone")]
+    session: Session, curve: Annotated[ToneMap, Arg("Khronos PBR Neutral, AgX, or only clipping")]
 ) -> None:
     _light(session, tone_map=curve)
 
@@ -138,13 +138,13 @@ def use_environment(session: Session, file: Path) -> None:
     load_panorama(path)
     # A panorama has lights of its own.
     _light(session, environment=str(path), sun_strength=0.0)
-    notify(session, f"lit by {path.name} alone: the sun is out")
+    notify(session, f"lit by {path.name} alone; the sun is off")
 
 
 @command("light.environment", "Environment", "light the scene by a panorama, or by the sky", "View")
 def set_environment(
     session: Session,
-    file: Annotated[Path, Arg("an equirectangular .hdr or .exr, or `sky` for the sky that the sun makes")],
+    file: Annotated[Path, Arg("an equirectangular .hdr or .exr, or `sky`")],
 ) -> None:
     if file == Path(SKY):
         _light(session, environment=SKY, sun_strength=1.0)
@@ -152,6 +152,6 @@ def set_environment(
     use_environment(session, file)
 
 
-@command("light.turn", "Turn the environment", "turn the panorama about the vertical axis; the sky stays", "View")
+@command("light.turn", "Turn environment", "turn the panorama about the vertical axis; the sky stays", "View")
 def turn_environment(session: Session, degrees: Annotated[float, Arg("degrees")]) -> None:
     _light(session, environment_turn=degrees % 360.0)

@@ -20,8 +20,8 @@ def _following(names: tuple[str, ...], present: str) -> str:
 
 @command(
     "overlay.toggle",
-    "Heatmap of decoders",
-    "lay the map of decoders per block over the picture",
+    "Divergence map",
+    "show the number of decoders per block over the picture",
     "Overlay",
     "O",
     current=switch(lambda session: session.view.overlay.kind == "divergence"),
@@ -32,19 +32,19 @@ def toggle(session: Session) -> None:
 
 @command(
     "overlay.kind",
-    "Map over the picture",
-    "lay a map over the picture: decoders per block, or the error of textures or decoders",
+    "Overlay map",
+    "show a map over the picture: decoders per block, or the error of textures or decoders",
     "Overlay",
     current=lambda session: session.view.overlay.kind,
 )
-def set_kind(session: Session, kind: Annotated[OverlayKind, Arg("what lies over the picture")]) -> None:
+def set_kind(session: Session, kind: Annotated[OverlayKind, Arg("kind of map")]) -> None:
     _change(session, kind=kind)
 
 
 @command(
     "overlay.next-block",
     "Next block shape",
-    "count decoders in blocks of the next shape: 8x8, 8x4, 16x4, 4x4 pixels",
+    "count decoders in blocks of the next shape: 8x8, 8x4, 16x4 or 4x4 pixels",
     "Overlay",
     "B",
 )
@@ -68,7 +68,7 @@ def set_block(session: Session, block: Annotated[BlockName, Arg("WIDTHxHEIGHT in
 @command(
     "overlay.next-palette",
     "Next palette",
-    "colour the maps by the next palette: green to red, or one that the colour-blind can read",
+    "switch to the next palette: green-red, or viridis, which suits the colour-blind",
     "Overlay",
     "L",
 )
@@ -79,27 +79,27 @@ def next_palette(session: Session) -> None:
 @command(
     "overlay.palette",
     "Palette",
-    "colour the maps by this palette",
+    "choose the palette of the maps",
     "Overlay",
     current=lambda session: session.view.overlay.palette,
 )
-def set_palette(session: Session, palette: Annotated[PaletteName, Arg("colours")]) -> None:
+def set_palette(session: Session, palette: Annotated[PaletteName, Arg("palette")]) -> None:
     _change(session, palette=palette)
 
 
 @command(
     "overlay.scale",
-    "End of the colours",
-    "end the heatmap's colours at a fixed number of decoders, or at the picture's most",
+    "Colour range",
+    "end the colours of the divergence map at a fixed number of decoders, or at the most in the picture",
     "Overlay",
     current=lambda session: session.view.overlay.scale,
 )
 def set_scale(
-    session: Session, scale: Annotated[ScaleName, Arg("block: fixed, picture: the most of this view")]
+    session: Session, scale: Annotated[ScaleName, Arg("block: fixed number; picture: most decoders in this view")]
 ) -> None:
     _change(session, scale=scale)
 
 
-@command("overlay.opacity", "Opacity of the map", "how much of the picture the map hides", "Overlay")
+@command("overlay.opacity", "Map opacity", "set the opacity of the map over the picture", "Overlay")
 def set_opacity(session: Session, opacity: Annotated[float, Arg("0 to 1", None, 0.0, 1.0)]) -> None:
     _change(session, opacity=opacity)

@@ -36,17 +36,19 @@ ALL = "all"
 _DEFAULT = TrainingSettings()
 _BUDGET = budget_text(_DEFAULT.budget)
 Strategy = Annotated[GroupingName, Arg("which textures share a decoder")]
-GroupCount = Annotated[str, Arg(f"groups, or {AUTO}")]
-Size = Annotated[int, Arg("most texels of a texture along one side", minimum=SIZES[0], maximum=SIZES[1])]
-Budget = Annotated[str, Arg("how long: 500steps, 30s or 35dB")]
-Recipe = Annotated[RecipeName, Arg("how it is trained; codec block of shown packs takes none")]
+GroupCount = Annotated[str, Arg(f"number of groups, or {AUTO}")]
+Size = Annotated[
+    int, Arg("largest texture size in texels; larger textures are reduced first", minimum=SIZES[0], maximum=SIZES[1])
+]
+Budget = Annotated[str, Arg("length of the training: 500steps, 30s or 35dB")]
+Recipe = Annotated[RecipeName, Arg("training recipe; codec block has none")]
 CodecChoice = Literal["auto", CodecName]
 Codec = Annotated[CodecChoice, Arg(f"{AUTO}: block for best, grid for paper and for a budget of steps")]
-Bits = Annotated[float, Arg("codec block: bits per texel", minimum=0.01, maximum=LARGEST_BITS)]
-Groups = Annotated[str, Arg(f"numbers as in 0,3,5, or {ALL}, or {WORST}")]
-Texture = Annotated[str, Arg("its name in the pack, or its number")]
+Bits = Annotated[float, Arg("target bitrate of codec block in bits per texel", minimum=0.01, maximum=LARGEST_BITS)]
+Groups = Annotated[str, Arg(f"groups such as 0,3,5, or {ALL}, or {WORST}")]
+Texture = Annotated[str, Arg("name of the texture in the pack, or its number")]
 Group = Annotated[str, Arg(f"number of the group, or {NEW_GROUP}")]
-PackFile = Annotated[Path, Arg("a .ntc file; without one SCENE.GROUPING.ntc beside the scene")]
+PackFile = Annotated[Path, Arg("a .ntc file; default: SCENE.GROUPING.ntc beside the scene")]
 
 
 def _runs(context: Context) -> LiveTraining:
@@ -127,13 +129,13 @@ def _training_is_busy(context: Context) -> str:
 
 def _no_base(context: Context) -> str:
     known = base_pack_name(context.session.view, context.session.packs) is not None
-    return _training_is_busy(context) or ("" if known else "there is no pack to go on from; encode the scene first")
+    return _training_is_busy(context) or ("" if known else "there is no pack to continue from; encode the scene first")
 
 
 @command(
     "training.encode",
     "Encode the scene",
-    "make a pack of the open scene from nothing: codec block shows it at once, codec grid sharpens as it trains",
+    "encode the open scene into a new pack; codec block shows it within seconds, codec grid trains step by step",
     "Train",
     unavailable=_training_is_busy,
 )
@@ -157,7 +159,7 @@ def encode(
 @command(
     "training.retrain",
     "Retrain groups",
-    "go on training some groups of the shown pack; all others stay as they are",
+    "continue training some groups of the shown pack; all others stay unchanged",
     "Train",
     unavailable=_no_base,
 )
@@ -171,8 +173,8 @@ def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: 
 
 @command(
     "training.move",
-    "Move a texture",
-    "put a texture into another group, and train both groups",
+    "Move texture",
+    "move a texture into another group, and train both groups",
     "Train",
     unavailable=_no_base,
 )
@@ -190,8 +192,8 @@ def move(
 
 @command(
     "training.regroup",
-    "Find groups anew",
-    "find groups anew, and train those that have changed, from the shown pack on",
+    "Regroup",
+    "make new groups, and train those that changed, starting from the shown pack",
     "Train",
     unavailable=_no_base,
 )
@@ -208,8 +210,8 @@ def regroup(
 
 @command(
     "training.ahead",
-    "Prepare ahead",
-    "start the training process, and prepare the encoding of a scene without a pack, before it is asked for",
+    "Prepare encoding early",
+    "start the training process and prepare encoding as soon as a scene without a pack is open",
     "Train",
     current=switch(lambda session: session.settings.prepare_encoding),
 )
@@ -218,8 +220,12 @@ def set_ahead(session: Session, state: Annotated[bool, Arg("on or off")]) -> Non
 
 
 def _not_pausable(context: Context) -> str:
-    states = {"idle": "no training is under way", "preparing": "it has not begun yet; wait, or cancel it"}
-    return states.get(context.training.state, "" if context.training.state == "training" else "it does not train")
+    reasons = {
+        "training": "",
+        "idle": "no training is under way",
+        "preparing": "the training has not begun yet; wait, or cancel it",
+    }
+    return reasons.get(context.training.state, "the training is already paused or cancelled")
 
 
 def _not_resumable(context: Context) -> str:
@@ -239,7 +245,7 @@ def _none_to_decide(context: Context) -> str:
 @command(
     "training.pause",
     "Pause training",
-    "let the training stand still until it is resumed",
+    "pause the training",
     "Train",
     unavailable=_not_pausable,
 )
@@ -247,7 +253,7 @@ def pause(context: Context) -> None:
     context.training.pause()
 
 
-@command("training.resume", "Resume training", "let a paused training go on", "Train", unavailable=_not_resumable)
+@command("training.resume", "Resume training", "continue a paused training", "Train", unavailable=_not_resumable)
 def resume(context: Context) -> None:
     context.training.resume()
 
@@ -255,7 +261,7 @@ def resume(context: Context) -> None:
 @command(
     "training.cancel",
     "Cancel training",
-    "end the training; its last picture stays",
+    "stop the training; its last result stays visible",
     "Train",
     unavailable=_none_under_way,
 )
@@ -264,7 +270,7 @@ def cancel(context: Context) -> None:
 
 
 @command(
-    "training.accept", "Accept run", "write the pack of the last run to a file", "Train", unavailable=_none_to_decide
+    "training.accept", "Accept run", "save the pack of the last run to a file", "Train", unavailable=_none_to_decide
 )
 def accept(context: Context, file: PackFile = Path()) -> None:
     training, session = _runs(context), context.session
@@ -288,7 +294,7 @@ def accept_over(context: Context, file: Path) -> None:
 @command(
     "training.discard",
     "Discard run",
-    "show again what was shown before the last run",
+    "discard the last run, and show what was shown before it",
     "Train",
     unavailable=_none_to_decide,
 )
@@ -296,9 +302,9 @@ def discard(context: Context) -> None:
     _runs(context).discard()
 
 
-@command("training.show", "Show a run", "put the pack of a run into slot A or B", "Train")
+@command("training.show", "Show run", "show the pack of a run in slot A or B", "Train")
 def show(
-    context: Context, run: Annotated[int, Arg("its number in the log")], side: Annotated[Side, Arg("which slot")]
+    context: Context, run: Annotated[int, Arg("number of the run in the log")], side: Annotated[Side, Arg("which slot")]
 ) -> None:
     name, session = _runs(context).open_run(run), context.session
     slot = session.view.slots[side]
@@ -308,18 +314,18 @@ def show(
 
 
 Action = Annotated[
-    Literal["open", "keep", "discard"], Arg("open its scene and show it, write its pack beside its scene, or remove it")
+    Literal["open", "keep", "discard"], Arg("open its scene and show it, save its pack beside the scene, or remove it")
 ]
 
 
 def _none_kept_back(context: Context) -> str:
-    return "" if context.training.waiting.runs else "no training was kept back"
+    return "" if context.training.waiting.runs else "there is no unsaved run"
 
 
 @command(
     "training.kept-back",
-    "Kept back run",
-    "open, keep or discard a run that was not decided about when its window was closed",
+    "Restore unsaved run",
+    "open, keep or discard a run that was undecided when its window closed",
     "Train",
     unavailable=_none_kept_back,
 )
@@ -327,19 +333,19 @@ def decide(
     context: Context,
     action: Action,
     number: Annotated[
-        int, Arg("which one of the list in the panel Training, 1 is the newest", minimum=1, maximum=1e6)
+        int, Arg("number in the list of the panel Training, 1 is the newest", minimum=1, maximum=1e6)
     ] = 1,
 ) -> Effect | None:
     runs = context.training.waiting.runs
     if number > len(runs):
-        raise InputError(f"number {number}: there are only {len(runs)} kept runs")
+        raise InputError(f"number {number}: the number of unsaved runs is {len(runs)}")
     run = runs[number - 1]
     if action == "keep":
         notify(context.session, f"wrote {context.training.waiting.write(run.key)}")
     elif action == "discard":
         choices = (Choice(CANCEL), Choice(DISCARD, "training.discard-kept-back", (run.key,)))
         # Escape takes the last choice.
-        ask(context.session, Question(f"Discard {run.line}?", "Its pack is removed for good.", choices[::-1]))
+        ask(context.session, Question(f"Discard {run.line}?", "Its pack is deleted.", choices[::-1]))
     elif run.is_of(context.session.scene.path):
         return RunCommand("training.show-kept-back", (run.key,))
     elif not asks_about_runs(context, f"{run.scene_name} is opened", "training.open-kept-back", run.key):
@@ -361,7 +367,7 @@ def open_leaving(context: Context, key: str, decision: Decision) -> Effect:
     return OpenScene(Path(run.scene_path), decision, RunCommand("training.show-kept-back", (key,)))
 
 
-@gesture("training.show-kept-back", "Kept back run")
+@gesture("training.show-kept-back", "Restore unsaved run")
 def show_kept(context: Context, key: str) -> Effect:
     """Show an undecided run of the open scene in slot A."""
     session = context.session

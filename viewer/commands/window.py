@@ -22,7 +22,7 @@ def _whole_already(context: Context) -> str:
 @command(
     "view.whole",
     "Whole picture",
-    "see the whole picture again after Ctrl + wheel",
+    "show the whole picture again after magnifying",
     "View",
     "Z",
     unavailable=_whole_already,
@@ -31,10 +31,10 @@ def show_whole_picture(session: Session) -> None:
     session.view = replace(session.view, zoom=WHOLE)
 
 
-Share = Annotated[float, Arg("of the window's pixels along a side, 0.05 to 1", None, 0.05, 1.0)]
+Share = Annotated[float, Arg("share of the window's pixels along a side, 0.05 to 1", None, 0.05, 1.0)]
 
 
-@command("view.resolution", "Resolution", "draw fewer pixels than the window has: faster and coarser", "View")
+@command("view.resolution", "Resolution", "draw fewer pixels than the window has, which is faster and coarser", "View")
 def set_resolution(session: Session, share: Share) -> None:
     session.resolution = share
 
@@ -42,7 +42,7 @@ def set_resolution(session: Session, share: Share) -> None:
 @command(
     "view.coarse-while-moving",
     "Coarser while moving",
-    "draw fewer pixels while the camera moves, where a whole frame takes long",
+    "draw fewer pixels while the camera moves, if full frames are slow",
     "View",
     current=switch(lambda session: session.settings.coarse_while_moving),
 )
@@ -69,8 +69,8 @@ def _fold_column(session: Session, folded: bool) -> None:
 
 @command(
     "window.column",
-    "Fold the panels",
-    "fold the panels to a strip at the edge of the window, or unfold them",
+    "Fold panels",
+    "fold the panels into a strip at the edge of the window, or unfold them",
     "Window",
     "Shift+H",
     current=switch(lambda session: session.window.column_folded),
@@ -111,12 +111,12 @@ def toggle_palette(session: Session) -> None:
     session.window.palette = None if session.window.palette is not None else ""
 
 
-@command("help.keys", "Keys and mouse", "show all keys, and what the mouse does", "Help", "F1", "Shift+/")
+@command("help.keys", "Keys and mouse", "show all keys and mouse gestures", "Help", "F1", "Shift+/")
 def toggle_help(session: Session) -> None:
     session.window.show_help = not session.window.show_help
 
 
-@command("window.layout-reset", "Reset the layout", "put all panels back where they stood at first", "Window")
+@command("window.layout-reset", "Reset layout", "dock all panels in their original places", "Window")
 def reset_layout(session: Session) -> Effect:
     session.settings = replace(session.settings, hidden_panels=(), folded_panels=(), column_folded=None)
     session.window.show_panels = True
@@ -124,16 +124,16 @@ def reset_layout(session: Session) -> Effect:
 
 
 @command(
-    "window.theme", "Theme", "make the panels dark or light", "Window", current=lambda session: session.settings.theme
+    "window.theme", "Theme", "choose dark or light panels", "Window", current=lambda session: session.settings.theme
 )
 def set_theme(session: Session, theme: Annotated[Theme, Arg("colours of the panels")]) -> None:
     session.settings = replace(session.settings, theme=theme)
 
 
-Scale = Annotated[float, Arg("size of text and widgets, 1 is the normal one", None, *UI_SCALE_RANGE)]
+Scale = Annotated[float, Arg("scale of text and widgets, 1 is the normal size", None, *UI_SCALE_RANGE)]
 
 
-@command("window.ui-scale", "Size of text", "make text and widgets larger or smaller", "Window")
+@command("window.ui-scale", "Text size", "scale text and widgets", "Window")
 def set_ui_scale(session: Session, scale: Scale) -> None:
     session.settings = replace(session.settings, ui_scale=scale)
 
@@ -157,18 +157,18 @@ def show_panel(session: Session, name: Title, state: State = True) -> Effect | N
     return RaisePanel(name)
 
 
-@command("window.stack", "Fold a stack", "fold the tabs with this panel to one line, or unfold them", "Window")
+@command("window.stack", "Fold stack", "fold the stack with this panel to its tabs, or unfold it", "Window")
 def fold_stack(session: Session, name: Title, state: Annotated[bool, Arg("on: unfolded, off: folded")] = True) -> None:
     others = tuple(title for title in session.settings.folded_panels if title != name)
     session.settings = replace(session.settings, folded_panels=others if state else (*others, name))
 
 
-@command("help.first-steps", "First steps", "what this program is for, and three things to try", "Help")
+@command("help.first-steps", "First steps", "show what this program is for, and three things to try", "Help")
 def toggle_first_steps(session: Session) -> None:
     session.window.show_first_steps = not session.window.show_first_steps
 
 
-@command("help.glossary", "Glossary", "what PSNR, divergence, group, latents and other words mean", "Help")
+@command("help.glossary", "Glossary", "explain PSNR, divergence, group, latents and other terms", "Help")
 def toggle_glossary(session: Session) -> None:
     session.window.show_glossary = not session.window.show_glossary
 

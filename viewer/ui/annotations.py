@@ -210,7 +210,7 @@ def draw_way_back(ui: UiFrame, area: Area) -> None:
     keys = bindings(ui.session.settings.keys).text("window.panels")
     if not (inside and keys):
         return
-    text = f"{keys} shows the panels again"
+    text = f"press {keys} to show the panels"
     extent = imgui.calc_text_size(text)
     at = ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0)
     _boxed_text(imgui.get_background_draw_list(), at, text, SHADE)
@@ -230,7 +230,7 @@ ERROR_FIELDS = 16
 def slot_note(slot: Slot, view: ViewState, facts: FrameFacts) -> str:
     """Return a note about the part of the picture that shows a slot; "" for none."""
     if view.overlay.kind == "divergence" and is_image_source(slot.source):
-        return "images are not decoded: no map here"
+        return "images have no decoders: no map here"
     tiles = facts.tiles.get(replace(slot, path=facts.paths.get(slot, slot.path)))
     if tiles is not None and tiles.waiting:
         return f"decoding {counted(tiles.waiting, 'tile')}"
@@ -302,7 +302,7 @@ def draw_map_legend(ui: UiFrame, area: Area) -> None:
         width, height = BLOCKS[overlay.block]
         lines = [f"decoders in each block of {width} x {height} pixels"]
         if ui.facts.is_preview:
-            lines.append("preview while the camera moves: fewer pixels")
+            lines.append("preview with fewer pixels while the camera moves")
         last = max(1, len(fields) - 1)
         _legend(ui, area, lines, list(fields), [place / last for place in range(len(fields))], overlay.palette)
         return
@@ -310,7 +310,7 @@ def draw_map_legend(ui: UiFrame, area: Area) -> None:
     what = "texture" if overlay.kind == "error-texture" else "decoder"
     title = f"RMS error of each {what}, A against B, in steps of 8-bit sRGB"
     if largest is None:
-        _legend(ui, area, ["errors follow once A and B have been compared"], [], [], overlay.palette)
+        _legend(ui, area, ["errors appear when A and B have been compared"], [], [], overlay.palette)
         return
     texts = ["0", "", f"{largest:.2f}"]
     shades = [place / (ERROR_FIELDS - 1) for place in range(ERROR_FIELDS)]

@@ -277,9 +277,7 @@ def draw_column_handle(ui: UiFrame, folded: bool) -> None:
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         if imgui.invisible_button(COLUMN_LABEL, ImVec2(max(room.x, 1.0), max(room.y, 1.0))):
             ui.emit("window.column")
-        ui.rects.note(
-            COLUMN_LABEL, "Show the panels again." if folded else "Fold the panels: more room for the picture."
-        )
+        ui.rects.note(COLUMN_LABEL, "Show the panels." if folded else "Fold the panels to make room for the picture.")
         size = imgui.get_font_size()
         _arrow(
             imgui.Dir.right if folded else imgui.Dir.left,

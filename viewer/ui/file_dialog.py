@@ -242,7 +242,7 @@ class FileDialog:
             self._choose(entries[min(self._selected, len(entries) - 1)].path, ui)
         else:
             self._problem = (
-                f"no file here has {text!r} in its name; {OPENABLE}" if text else f"nothing here; {OPENABLE}"
+                f"no file here has {text!r} in its name; {OPENABLE}" if text else f"the folder is empty; {OPENABLE}"
             )
             self._focus = True
 
@@ -251,7 +251,7 @@ class FileDialog:
         chosen = None
         imgui.text_disabled("Recent")
         if not ui.session.settings.recent_files:
-            imgui.text_wrapped("files that you open are listed here")
+            imgui.text_wrapped("No recent files.")
         for name in ui.session.settings.recent_files:
             path = Path(name)
             if imgui.selectable(f"{path.name}##{name}", False)[0]:

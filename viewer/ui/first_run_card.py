@@ -17,7 +17,7 @@ MARGIN = 12.0
 LEAST_REST = 22.0
 """Least width beside the card for a legend and messages, in font sizes."""
 PURPOSE = (
-    "ntc-viewer shows what a scene looks like when small neural networks store its textures: "
+    "ntc-viewer shows a scene whose textures are stored by small neural networks, "
     "beside the original, with the error and the cost of every pixel."
 )
 
@@ -36,9 +36,9 @@ def _steps(session: Session) -> tuple[_Step, ...]:
     bound = bindings(session.settings.keys)
     overlay, opening = bound.text("overlay.toggle") or "the menu Overlay", bound.text("file.open") or "File > Open"
     return (
-        _Step(f"Hold {HOLD_KEY}", "A and B change places: watch for what differs."),
-        _Step(f"Press {overlay}", "A map shows where blocks of pixels need more than one decoder."),
-        _Step("Drop your glTF on the window", f"Or press {opening}; then encode it and watch it sharpen."),
+        _Step(f"Hold {HOLD_KEY}", "A and B swap: watch the differences."),
+        _Step(f"Press {overlay}", "A map shows blocks of pixels that need more than one decoder."),
+        _Step("Drop your glTF on the window", f"Or press {opening}. Then encode it."),
     )
 
 

@@ -128,7 +128,7 @@ class FlatWindow:
             self._zoom, self._centre = 1.0, (0.5, 0.5)
         ui.rects.note("flat fit")
         imgui.same_line()
-        imgui.text_disabled(f"{self._zoom:.2f} x, wheel and drag")
+        imgui.text_disabled(f"{self._zoom:.2f} x; wheel zooms, drag moves")
 
     def _side(self, ui: UiFrame, number: int, side: str) -> _Side:
         texture, source = ui.session.scene.textures[number], self._sources[side]
@@ -140,11 +140,11 @@ class FlatWindow:
         if blocks is not None:
             own = blocks.textures[number]
             answer = self._ask(side, (texture, source), partial(compressed_flat, own))
-            return self._shown(answer, source, f"{source}, {8.0 * own.stored_bytes / own.texels:.2f} bits a texel")
+            return self._shown(answer, source, f"{source}, {8.0 * own.stored_bytes / own.texels:.2f} bits per texel")
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         index = match.texture_index[number] if match is not None and number < len(match.texture_index) else -1
         if pack is None or index < 0:
-            return _Side(None, f"{source}: does not hold this texture")
+            return _Side(None, f"{source} does not hold this texture")
         encoded = pack.textures[index]
         # The pack may be read anew under its name, so that the name alone is no key.
         answer = self._ask(side, (texture, source, encoded), partial(decode_flat, texture, pack, index))
@@ -168,10 +168,10 @@ class FlatWindow:
         flat = job.result()
         if source == REFERENCE:
             return _Side(flat, about)
-        quality = "sizes differ"
+        quality = "PSNR unknown: sizes differ"
         if flat.psnr_db is not None:
             quality = "equal" if math.isinf(flat.psnr_db) else f"PSNR of mip 0 {flat.psnr_db:.2f} dB"
-        against = " against the original made as small" if flat.reduced else ""
+        against = " against the original reduced to this size" if flat.reduced else ""
         return _Side(flat, f"{about}, {quality}{against}")
 
     def _picture(self, sides: dict[str, _Side], size: tuple[int, int], ui: UiFrame) -> None:

@@ -177,7 +177,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
     name = " ".join((command.id, *chosen))
     title = _shown(chosen[-1]) if chosen else command.title
     opened = imgui.begin_menu(f"{title}##{name}", bool(options))
-    ui.rects.note(f"{LABEL}{name}", note if options else explained(note, "there is none"), opened)
+    ui.rects.note(f"{LABEL}{name}", note if options else explained(note, "there are none yet"), opened)
     if not opened:
         return
     is_last = len(chosen) == needed - 1

@@ -193,7 +193,7 @@ class Palette:
         if rows and (parameter is None or parameter.is_choice):
             return rows[min(self._selected, len(rows) - 1)].value
         if parameter is None:
-            self._problem = f"no command has {self._text!r} in it"
+            self._problem = f"no command matches {self._text!r}"
             return None
         if not self._text and parameter.default_text is None:
             self._problem = f"{_shown_name(parameter)}: {parameter.help}"

@@ -90,7 +90,7 @@ def _work(all_work: Sequence[Work], right: float, ui: UiFrame) -> float:
     if first.cancel:
         if imgui.small_button(f"{CANCEL}##work"):
             ui.emit(first.cancel)
-        ui.rects.note("cancel work", f"Ends this: {first.title}.")
+        ui.rects.note("cancel work", f"Cancel: {first.title}.")
         imgui.same_line()
     bar = SHARE_WIDTH * _scale()
     top = imgui.get_cursor_pos_y()

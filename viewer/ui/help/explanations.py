@@ -33,14 +33,14 @@ def value_text(value: str) -> str:
 def explanation(label: str, bound: Bindings) -> str:
     """Return the explanation of a label with its key; "" for none.
 
-    Numbers in a label count as `#`, and a label without an entry of its own has that of its first words.
+    A number in a label counts as `#`, a leading `A` or `B` as `slot`. Other labels take the explanation of their first words.
     """
     for prefix in _COMMAND_PREFIXES:
         if label.startswith(prefix) and label.removeprefix(prefix).partition(" ")[0] in _BY_ID:
             return _of_command(label.removeprefix(prefix), bound)
-    text = _own(label, bound) or _own(re.sub(r"\d+", "#", label), bound)
-    if text:
-        return text
+    for name in (label, re.sub(r"\d+", "#", label), re.sub("^[AB] ", "slot ", label)):
+        if text := _own(name, bound):
+            return text
     list_label, colon, value = label.partition(": ")
     if colon:
         return value_text(value) or explanation(list_label, bound)

@@ -37,16 +37,16 @@ def figures_state(ui: UiFrame) -> str:
     """Return which picture the figures belong to, or why there are none."""
     live = ui.facts.live
     if ui.session.view.slot_a == ui.session.view.slot_b:
-        return "A and B show the same"
+        return "A and B are the same"
     if not ui.session.settings.live_figures:
-        return "switched off"
+        return "off"
     if live.computing:
-        return "computing"
+        return "measuring"
     if ui.facts.is_training:
-        return "not while training"
+        return "not during training"
     if live.comparison is None:
-        return live.problem or "when the picture rests"
-    return "as seen in this view" if live.is_current else "as seen in an earlier view"
+        return live.problem or "waiting for the picture to rest"
+    return "of this view" if live.is_current else "of an earlier view"
 
 
 def draw_flicker(ui: UiFrame) -> None:
@@ -174,7 +174,7 @@ def _modes(ui: UiFrame) -> None:
         if imgui.radio_button(label, ui.session.view.compare == mode):
             ui.emit("compare.mode", mode)
         ui.rects.note(label)
-    disabled_beside("hold Space: swap")
+    disabled_beside("hold Space to swap")
     draw_flicker(ui)
     if ui.session.view.compare == "difference":
         draw_difference(ui)
@@ -200,8 +200,8 @@ def _filters(ui: UiFrame) -> None:
     chosen = combo("anisotropy", str(ui.session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), ui.rects)
     if int(chosen) != ui.session.view.anisotropy:
         ui.emit("filter.anisotropy", int(chosen))
-    beside(text_width("anisotropy: images, cached"))
-    imgui.text("anisotropy: images, cached")
+    beside(text_width("anisotropic filter"))
+    imgui.text("anisotropic filter")
     imgui.set_next_item_width(5.0 * imgui.get_font_size())
     share = combo(
         "resolution", f"{ui.session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), ui.rects
@@ -228,7 +228,7 @@ def _overlay(ui: UiFrame) -> None:
     ]
     if len(excess) == 2:
         cut = cut_percent(*excess)
-        disabled_beside("nothing to cut" if cut is None else f"A cuts B's excess by {cut:.1f} %")
+        disabled_beside("no excess in B" if cut is None else f"excess of A: {cut:.1f} % less than B")
 
 
 def _figures(ui: UiFrame) -> None:
@@ -236,11 +236,9 @@ def _figures(ui: UiFrame) -> None:
         ui.emit("compare.measure")
     ui.rects.note("Measure")
     if not ui.session.inspection.measurements:
-        disabled_beside("PSNR, divergence, memory of this view")
+        disabled_beside("PSNR, divergence, memory")
         return
-    disabled_beside(
-        "this view" if ui.session.inspection.measured_view == ui.session.view else "an earlier view: measure again"
-    )
+    disabled_beside("of this view" if ui.session.inspection.measured_view == ui.session.view else "of an earlier view")
     if not imgui.begin_table("figures", 3, imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop):
         return
     for heading in ("", "A", "B"):

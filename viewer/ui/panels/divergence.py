@@ -15,7 +15,7 @@ PLOT_LINES = 9.5
 """Height of a plot in lines of text."""
 THUMBNAIL_LINES = 2.2
 TEXTURES_SHOWN = 12
-SCALES: dict[str, ScaleName] = {"fixed scale": "block", "scale of picture": "picture"}
+SCALES: dict[str, ScaleName] = {"fixed range": "block", "range of picture": "picture"}
 SCALE_NAMES = {scale: name for name, scale in SCALES.items()}
 
 
@@ -76,7 +76,7 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) ->
     if len(sides) == 2:
         first, second = (figures.excess for _, figures in sides.values())
         cut = cut_percent(first, second)
-        imgui.text("nothing to cut in B" if cut is None else f"A cuts B's excess by {cut:.1f} %")
+        imgui.text("no excess in B" if cut is None else f"excess of A: {cut:.1f} % less than B")
 
 
 def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> None:
@@ -120,7 +120,7 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
             ui.emit("block.keep-at", None)
         ui.rects.note("release")
     else:
-        imgui.text_disabled("a click keeps it")
+        imgui.text_disabled("click to keep")
     slots = {"A": ui.session.view.slot_a.source, "B": ui.session.view.slot_b.source}
     shown = {side: source for side, source in slots.items() if not is_image_source(source)}
     decoders = [f"{side}: {counted(block.decoder_count(source), 'decoder')}" for side, source in shown.items()]
@@ -146,10 +146,10 @@ def draw_divergence_panel(ui: UiFrame) -> None:
     _settings(ui)
     sides = _sides(ui)
     if not sides:
-        imgui.text_disabled("nothing is decoded here: show a pack")
+        imgui.text_disabled("Show a pack in A or B to see its decoders.")
         return
     if ui.facts.is_preview:
-        imgui.text_disabled("figures of the last picture at rest")
+        imgui.text_disabled("figures of the last full picture")
     _figures(sides, ui)
     imgui.separator()
     if ui.facts.block is not None:

@@ -100,7 +100,7 @@ def _row(named: NamedRow, ui: UiFrame) -> None:
     flags = imgui.SelectableFlags_.span_all_columns
     if imgui.selectable(f"{named.name}##{row.number}", lit, flags)[0]:
         ui.emit("errors.highlight", by, row.number)
-    ui.rects.note(f"error {by} {row.number}")
+    ui.rects.note(f"error {by} {row.number}", f"{named.name}\n{ui.rects.explanation(f'error {by} #')}")
     cells(
         str(row.decoder) if row.decoder >= 0 else "-",
         f"{row.pixels:,}",

@@ -66,7 +66,7 @@ class GroupsPanel:
         source = ui.session.view.slot_a.source
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         if pack is None or match is None:
-            imgui.text_wrapped("slot A shows images: choose a pack in it to see its groups")
+            imgui.text_wrapped("Show a pack in slot A to see its groups.")
             return
         before = self._replaced(ui, source)
         if self._key != (ui.session.scene, pack, match, before):
@@ -76,7 +76,7 @@ class GroupsPanel:
         decoders = match.decoders(pack)
         self._follow_selection(ui.session.inspection.selected_texture, decoders)
         if not self._rows:
-            imgui.text_disabled("the pack has no groups")
+            imgui.text_disabled("The pack has no groups.")
             return
         parameters = ", ".join(
             f"{name.replace('_', ' ')} {_parameter(value)}" for name, value in pack.grouping.parameters.items()
@@ -206,7 +206,7 @@ class GroupsPanel:
         """Return the distances, or the reason why there are none."""
         asked = grouping_features(pack)
         if asked is None:
-            return "no distances: the pack does not say that features grouped it"
+            return "no distances: the pack was not grouped by features"
         features, stands_in_for = asked
         # Every grouping has its own centroids, over features that are kept on disk.
         key = (ui.session.scene, decoders, features)

@@ -33,10 +33,10 @@ class HistogramPanel:
         """Draw the content of the panel."""
         comparison = ui.facts.live.comparison
         if comparison is None or comparison.pixels == 0:
-            imgui.text_disabled("when the picture rests, and A and B differ")
+            imgui.text_disabled("The histogram appears when the picture rests and A and B differ.")
             return
         self._update(comparison)
-        wrapped_disabled("covered pixels by |A - B|, steps of 8-bit sRGB")
+        wrapped_disabled("pixels by |A - B| in steps of 8-bit sRGB")
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
         if implot.begin_plot("##histogram", ImVec2(-1, max(60.0, imgui.get_content_region_avail().y)), flags):
             implot.setup_axes("", "pixels")

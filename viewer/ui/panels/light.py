@@ -67,7 +67,7 @@ def _draw_light(ui: UiFrame) -> None:
     tone_map = combo("tone map", lighting.tone_map, get_args(ToneMap), ui.rects)
     if tone_map != lighting.tone_map:
         ui.emit("light.tone-map", tone_map)
-    wrapped_disabled("Shift + drag over the picture moves the sun")
+    wrapped_disabled("Shift + drag over the picture moves the sun.")
 
 
 def _draw_decoded_maps(ui: UiFrame) -> None:

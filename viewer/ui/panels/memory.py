@@ -53,7 +53,7 @@ class MemoryPanel:
         for side, slot in slots.items():
             rows, note = _slot_rows(ui, slot), _size_note(ui, slot)
             if note:
-                self._notes.append(f"{side.upper()}: {note}; ratios are to originals of that size")
+                self._notes.append(f"{side.upper()}: {note}; ratios compare with originals of that size")
             if rows:
                 precision = "" if is_image_source(slot.source) else f", {slot.precision}"
                 self._parts.append((f"{side.upper()}: {slot.source}{precision}", "a" if side == "a" else "b", rows))
@@ -72,7 +72,7 @@ class MemoryPanel:
         if imgui.small_button("copy"):
             imgui.set_clipboard_text(self.text())
         ui.rects.note("copy memory")
-        disabled_beside("ratio to RGBA8 at equal size")
+        disabled_beside("ratio to RGBA8 of equal size")
         for note in self._notes:
             imgui.text_wrapped(note)
             ui.rects.note("encoded smaller")

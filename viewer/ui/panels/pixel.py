@@ -76,7 +76,7 @@ def _sources(slots: tuple[Slot, Slot], numbers: dict[str, int]) -> str:
 def _facts(pixel: PixelContent, ui: UiFrame) -> None:
     slots = (ui.session.view.slot_a, ui.session.view.slot_b)
     if pixel.material_name is None:
-        imgui.text_disabled("background: nothing of the scene is here")
+        imgui.text_disabled("background")
         return
     rows = [("material", pixel.material_name)]
     if pixel.texture_id >= 0:
@@ -117,7 +117,7 @@ def draw_pixel_panel(ui: UiFrame) -> None:
             ui.emit("pixel.let-go")
         ui.rects.note("let the pixel go")
     else:
-        imgui.text_disabled("a click keeps it")
+        imgui.text_disabled("click to keep")
     cell = min(em(LARGEST_CELL), (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
     cell = max(2.0, float(int(cell)))
     _patch(pixel.a, place.inside, cell)

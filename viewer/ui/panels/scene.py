@@ -23,7 +23,7 @@ def draw_time_line(ui: UiFrame) -> None:
     if animations:
         _draw(ui)
     else:
-        imgui.text_disabled("the scene has no animations")
+        imgui.text_disabled("The scene has no animations.")
     imgui.tree_pop()
 
 

@@ -59,7 +59,7 @@ class TexturesPanel:
         """Draw the content of the panel."""
         source = ui.session.view.slot_a.source
         imgui.set_next_item_width(-1)
-        _, self._filter = imgui.input_text_with_hint("##filter", "filter: name, category, group:3", self._filter)
+        _, self._filter = imgui.input_text_with_hint("##filter", "filter by name, category or group:3", self._filter)
         ui.rects.note("texture filter")
         flags = (
             imgui.TableFlags_.sortable
@@ -78,7 +78,7 @@ class TexturesPanel:
             self._update(ui, source)
             self._body(ui)
             imgui.end_table()
-        pack = f"A: {source}" + (", which has no groups" if is_image_source(source) else "")
+        pack = f"A: {source}" + (", without groups" if is_image_source(source) else "")
         imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}")
 
     def _headings(self, ui: UiFrame) -> None:
@@ -156,7 +156,8 @@ class TexturesPanel:
         flags = imgui.SelectableFlags_.span_all_columns | imgui.SelectableFlags_.allow_double_click
         at = imgui.get_cursor_pos()
         clicked = imgui.selectable(f"##{row.texture_id}", is_selected, flags, ImVec2(0, side))[0]
-        ui.rects.note(f"texture {row.texture_id}")
+        label = f"texture {row.texture_id}"
+        ui.rects.note(label, f"{row.name}, {row.width} x {row.height}\n{ui.rects.explanation('texture #')}")
         if clicked:
             doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
             ui.emit("texture.flat" if doubly else "texture.select", str(row.texture_id))

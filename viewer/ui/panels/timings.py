@@ -15,7 +15,7 @@ RECENT = 15
 COMPILING_MS = 1000.0
 COMPILING_TIMES = 5.0
 """Factor of the second longest recent frame; a frame beyond that and COMPILING_MS compiled shaders."""
-INPUT = "the mouse, a key or a script"
+INPUT = "mouse, keyboard or script"
 """Reason of a frame without any other."""
 TICKS = 3
 """Largest number of ticks on the axis of frames, besides the last one."""
@@ -48,7 +48,7 @@ def beyond_text(frames_ms: NDArray[np.float64], top: float) -> str:
     beyond = frames_ms[frames_ms > top]
     if not len(beyond):
         return ""
-    return f"{counted(len(beyond), 'frame')} beyond the axis, at most {beyond.max():,.0f} ms"
+    return f"{counted(len(beyond), 'frame')} beyond the axis, up to {beyond.max():,.0f} ms"
 
 
 class TimingsPlot:
@@ -86,7 +86,7 @@ class TimingsPlot:
         """Draw the plot, as wide as the panel."""
         self._update(history)
         if len(self._wall) < 2:
-            imgui.text_disabled("times appear here while frames are drawn")
+            imgui.text_disabled("Times appear while frames are drawn.")
             return
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
         # The table below tells which colour is which pass.
@@ -110,17 +110,17 @@ class TimingsPlot:
 
 def timings_text(facts: FrameFacts) -> str:
     """Return all figures of the panel as text for the clipboard."""
-    lines = [facts.renderer, f"medians, {facts.timer}"]
+    lines = [facts.renderer, f"medians by {facts.timer}"]
     lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
-    lines.append(f"{facts.blocking_calls:>9,} calls that waited for the GPU, in the last frame")
+    lines.append(f"{facts.blocking_calls:>9,} calls in the last frame that waited for the GPU")
     return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn", because_text(facts)])
 
 
 def because_text(facts: FrameFacts) -> str:
     """Return why the last frame was drawn, in a line."""
-    return f"drawing because: {', '.join(facts.drawn_because) or INPUT}"
+    return f"reason of the last frame: {', '.join(facts.drawn_because) or INPUT}"
 
 
 def _mark(color: imgui.ImVec4, side: float) -> None:
@@ -133,7 +133,7 @@ def _mark(color: imgui.ImVec4, side: float) -> None:
 def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     """Draw the content of the panel."""
     imgui.text_wrapped(ui.facts.renderer)
-    imgui.text_disabled(f"medians, {ui.facts.timer}")
+    imgui.text_disabled(f"medians by {ui.facts.timer}")
     imgui.same_line()
     if imgui.small_button("copy"):
         imgui.set_clipboard_text(timings_text(ui.facts))
@@ -158,9 +158,9 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     for name, count in (*ui.facts.drawn.items(), *ui.facts.skipped.items()):
         imgui.text_wrapped(f"{count:>7,} {name.replace('_', ' ')}" + ("" if name in ui.facts.drawn else " (skipped)"))
     for slot, tiles in ui.facts.tiles.items():
-        imgui.text_wrapped(f"{tiles.resident:>7,} tiles of {slot.source} kept, {tiles.waiting:,} to come")
+        imgui.text_wrapped(f"{tiles.resident:>7,} tiles of {slot.source} cached, {tiles.waiting:,} waiting")
         if tiles.starved:
-            imgui.text_wrapped(f"{tiles.starved:,} tiles find no room: raise tile_cache_megabytes in settings.json")
-    imgui.text_wrapped(f"{ui.facts.blocking_calls:>7,} calls that waited for the GPU, in the last frame")
+            imgui.text_wrapped(f"{tiles.starved:,} tiles do not fit: raise tile_cache_megabytes in settings.json")
+    imgui.text_wrapped(f"{ui.facts.blocking_calls:>7,} calls in the last frame that waited for the GPU")
     imgui.text(f"{ui.facts.frames_drawn:>7,} frames drawn")
     imgui.text_wrapped(because_text(ui.facts))

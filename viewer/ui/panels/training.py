@@ -39,7 +39,7 @@ def draw_kept_runs(ui: UiFrame) -> None:
     runs = ui.training.waiting.runs
     if not runs:
         return
-    imgui.text_wrapped("Kept back from the last time:")
+    imgui.text_wrapped("Unsaved runs of earlier windows:")
     ui.rects.note("kept back")
     for number, run in enumerate(runs, 1):
         imgui.text_wrapped(run.line)
@@ -76,7 +76,7 @@ def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
     progress = run.progress
     if progress is None:
         return ()
-    before, now = psnr_before(run), f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "not yet known"
+    before, now = psnr_before(run), f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "not yet measured"
     trained = f", {counted(len(progress.psnr_db), 'texture')}" if progress.psnr_db else ""
     if run.codec_kind is not None and not codec_named(run.codec_kind).trains:
         # Both are of mip 0, so that one can be set against the other.
@@ -86,14 +86,14 @@ def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
         lines = [f"PSNR of samples of all mips: {now}"]
         if before is not None:
             lines.append(f"PSNR of mip 0 before: {before:.2f} dB")
-        lines.append(f"decoders still free to change: {100.0 * progress.freezing_scale:.0f} %")
+        lines.append(f"freedom of the decoders: {100.0 * progress.freezing_scale:.0f} %")
     return (*lines, f"speed: {progress.ktexels_per_second:,.0f} thousand texels/s")
 
 
 def psnr_of_run(run: Run) -> str:
     """Return the PSNR of an ended run, and what it is measured on."""
     if run.psnr_db is None:
-        return "PSNR not known"
+        return "PSNR unknown"
     textures = run.pack.textures if run.pack is not None else ()
     measured = bool(textures) and all(texture.psnr_db is not None for texture in textures)
     of = (
@@ -105,7 +105,7 @@ def psnr_of_run(run: Run) -> str:
 def figures_of_run(run: Run) -> tuple[str, ...]:
     """Return the figures of an ended run, one a line: the whole pack, then each group with its PSNR before."""
     more = len(run.lines) - LINES_SHOWN
-    rest = (f"and {more} more: rest the mouse on the run in the list",) if more > 0 else ()
+    rest = (f"and {more} more: point at the run in the list below",) if more > 0 else ()
     return (psnr_of_run(run), *run.lines[:LINES_SHOWN], *rest)
 
 
@@ -127,7 +127,7 @@ class TrainingCurves:
     def draw(self, curves: Curves, names: Sequence[str], kind: str | None, ui: UiFrame) -> None:
         """Draw the plots, as wide as the panel; `names` are of the pack's textures, `kind` is its codec, None where unknown."""
         if len(curves.seconds) < 2:
-            imgui.text_disabled("curves follow with the first steps")
+            imgui.text_disabled("Curves appear after the first steps.")
             return
         seconds = curves.array(curves.seconds)
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
@@ -149,7 +149,9 @@ class TrainingCurves:
                 implot.plot_line(_name(texture, names), seconds, curves.array(curves.psnr_db[texture]), spec)
             implot.end_plot()
         ui.rects.note("PSNR curve")
-        imgui.text_wrapped("thick: the mean" + (f", blue: {_name(texture, names)}" if texture is not None else ""))
+        imgui.text_wrapped(
+            "thick line: mean" + (f"; blue line: {_name(texture, names)}" if texture is not None else "")
+        )
         self._choose(curves, names, ui)
 
     @staticmethod
@@ -269,7 +271,7 @@ class TrainingPanel:
         self._button("Discard", half, decides, ui)
         if ended is not None:
             imgui.set_next_item_width(-1)
-            self._path = imgui.input_text_with_hint("##file", "file: empty for one beside the scene", self._path)[1]
+            self._path = imgui.input_text_with_hint("##file", "file (default: beside the scene)", self._path)[1]
             ui.rects.note("file")
         for line in figures_under_way(run) if run is not None else figures_of_run(ended) if ended is not None else ():
             imgui.text_wrapped(line)
@@ -319,11 +321,11 @@ def _log(ui: UiFrame) -> None:
         imgui.table_next_row()
         cells(str(run.number), run.title)
         if imgui.is_item_hovered():
-            saved = (f"written to {run.saved}",) if run.saved is not None else ()
+            saved = (f"saved to {run.saved}",) if run.saved is not None else ()
             about = (
                 run.title,
                 run.settings,
-                f"{run.groups} groups, {run.fate}",
+                f"{counted(run.groups, 'group')}, {run.fate}",
                 psnr_of_run(run),
                 *saved,
                 *run.lines[:12],
@@ -377,11 +379,13 @@ class EncodeOffer:
             imgui.push_text_wrap_pos(min(em(30.0), max(area.width - em(4.0), em(10.0))))
             imgui.text_wrapped("This scene has no pack.")
             kept = ui.training.waiting.of(ui.session.scene)
-            if kept and imgui.button(f"Open what was kept back at {kept[0].clock}"):
+            if kept and imgui.button(f"Open the unsaved run of {kept[0].clock}"):
                 ui.emit("training.kept-back", "open", ui.training.waiting.runs.index(kept[0]) + 1)
             if kept:
                 ui.rects.note("Open what was kept back")
-            wrapped_disabled(f"{settings.texture_size} texels, {settings.bits:g} bits each; more in the panel Training")
+            wrapped_disabled(
+                f"textures up to {settings.texture_size} texels wide, {settings.bits:g} bits per texel; more in the panel Training"
+            )
             imgui.pop_text_wrap_pos()
             if imgui.button("Encode it now"):
                 ui.emit("training.encode")

@@ -85,7 +85,7 @@ class TrainingForms:
                 ui.rects.note(f"tab {label}")
                 if shown:
                     if label != "Encode":
-                        wrapped_disabled(f"continues from {name}: {counted(pack.grouping.group_count, 'group')}")
+                        wrapped_disabled(f"Continues from {name}: {counted(pack.grouping.group_count, 'group')}.")
                     form(pack, ui)
                     imgui.end_tab_item()
             imgui.end_tab_bar()
@@ -111,7 +111,7 @@ class TrainingForms:
         try:
             make_budget(float(self._value), unit)
         except (InputError, ValueError):
-            wrapped_disabled("the budget must be a number above 0")
+            wrapped_disabled("The budget must be a number above 0.")
             return None
         return f"{self._value.strip()}{unit}"
 
@@ -128,7 +128,7 @@ class TrainingForms:
     def _button(self, label: str, command: tuple[str, *tuple[object, ...]] | None, ui: UiFrame) -> None:
         """Draw a button that runs a command with its values; grey where `command` is None."""
         name, *values = command or ("training.encode",)
-        missing = "" if command is not None else "something above is not filled in"
+        missing = "" if command is not None else "fill in all fields above"
         command_button(ui, label, str(name), *values, missing=missing, size=ImVec2(-1, 0))
 
     @property
@@ -168,11 +168,11 @@ class TrainingForms:
             bits = math.nan
         if 0.0 < bits <= LARGEST_BITS:
             return bits
-        wrapped_disabled("the bits must be a number above 0")
+        wrapped_disabled(f"The bitrate must be a number above 0, up to {LARGEST_BITS:g}.")
         return None
 
     def _encode_anew(self, _pack: Pack, ui: UiFrame) -> None:
-        wrapped_disabled("from nothing, as a pack of its own")
+        wrapped_disabled("The result is a new pack.")
         self._encode(ui)
 
     def _retrain(self, pack: Pack, ui: UiFrame) -> None:

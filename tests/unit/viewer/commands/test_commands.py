@@ -252,7 +252,7 @@ def test_the_last_change_is_undone_and_done_again(written: Context) -> None:
     assert session.inspection.selected_texture == 1
     run_line(written, "edit.undo")
     run_line(written, "window.theme dark")
-    with pytest.raises(InputError, match="nothing was undone"):
+    with pytest.raises(InputError, match="there is nothing to redo"):
         run_line(written, "edit.redo")
 
 

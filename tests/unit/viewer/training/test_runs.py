@@ -441,7 +441,7 @@ def test_a_run_goes_to_one_of_two_windows(scene_of_window: Path, folder: Path) -
     for action in ("open", "keep"):
         run_or_notify(third, "training.kept-back", action)
     assert "is open in another window" in errors(third)[0]
-    assert "no training was kept back" in errors(third)[1]
+    assert "there is no unsaved run" in errors(third)[1]
     assert sorted(file.name for file in scene_of_window.parent.glob("*.ntc")) == ["scene.single.ntc"]
 
 
