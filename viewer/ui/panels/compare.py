@@ -46,7 +46,7 @@ def figures_state(ui: UiFrame) -> str:
         return "not during training"
     if live.comparison is None:
         return live.problem or "waiting for the picture to rest"
-    return "of this view" if live.is_current else "of an earlier view"
+    return "in this view" if live.is_current else "in an earlier view"
 
 
 def draw_flicker(ui: UiFrame) -> None:
@@ -238,7 +238,7 @@ def _figures(ui: UiFrame) -> None:
     if not ui.session.inspection.measurements:
         disabled_beside("PSNR, divergence, memory")
         return
-    disabled_beside("of this view" if ui.session.inspection.measured_view == ui.session.view else "of an earlier view")
+    disabled_beside("in this view" if ui.session.inspection.measured_view == ui.session.view else "in an earlier view")
     if not imgui.begin_table("figures", 3, imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop):
         return
     for heading in ("", "A", "B"):
