@@ -111,12 +111,6 @@ class DivergenceOverlay:
         rows = (self._row(first), self._row(second))
         return HeatmapOverlay(self._target, *rows, most, settings.opacity, settings.palette)
 
-    def map(self, source: str) -> NDArray[np.uint16]:
-        """[ceil(H / block height), ceil(W / block width)] uint16: D of a source that has been counted."""
-        if self._target is None:
-            raise RuntimeError("count first")
-        return self._target.read(self._row(source))
-
     def _row(self, source: str) -> int:
         return list(self._groupings).index(source)
 

@@ -21,40 +21,36 @@ class FrameHistory:
     """The last frames in which something was drawn, oldest first."""
 
     def __init__(self) -> None:
-        self._passes: dict[str, NDArray[np.float64]] = {}
-        self._wall = np.zeros(FRAMES)
+        self._frames: deque[tuple[Mapping[str, float], float]] = deque(maxlen=FRAMES)
+        self._names: dict[str, None] = {}
+        """Names of passes in the order of their first run."""
         self.version = 0
         """Number of frames so far, those that are forgotten included."""
 
     def add(self, passes_ms: Mapping[str, float], wall_ms: float) -> None:
         """Remember a frame: time of each pass that ran, and of the whole frame on the wall clock, in ms."""
-        place = self.version % FRAMES
-        for name in passes_ms:
-            self._passes.setdefault(name, np.zeros(FRAMES))
-        for name, times in self._passes.items():
-            times[place] = passes_ms.get(name, 0.0)
-        self._wall[place] = wall_ms
+        self._names |= dict.fromkeys(passes_ms)
+        self._frames.append((passes_ms, wall_ms))
         self.version += 1
 
     def __len__(self) -> int:
-        return min(self.version, FRAMES)
-
-    def _in_order(self, times: NDArray[np.float64]) -> NDArray[np.float64]:
-        return times[: self.version] if self.version <= FRAMES else np.roll(times, -(self.version % FRAMES))
+        return len(self._frames)
 
     @property
     def wall_ms(self) -> NDArray[np.float64]:
         """[frames] float64 wall time of each frame in ms."""
-        return self._in_order(self._wall)
+        return np.array([wall_ms for _, wall_ms in self._frames], np.float64)
 
     @property
     def passes_ms(self) -> dict[str, NDArray[np.float64]]:
         """[frames] float64 of every pass that ran in one of them, 0 where it did not; in the order of their first run."""
-        return {name: ordered for name, times in self._passes.items() if (ordered := self._in_order(times)).any()}
+        times = {name: np.array([own.get(name, 0.0) for own, _ in self._frames], np.float64) for name in self._names}
+        return {name: own for name, own in times.items() if own.any()}
 
     def clear(self) -> None:
         """Remove all frames."""
-        self._passes.clear()
+        self._frames.clear()
+        self._names.clear()
         self.version = 0
 
 

@@ -11,7 +11,7 @@ from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
 from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
 from viewer.render.passes.decode import DecodePass
-from viewer.render.passes.shade import PlaneTargets, ShadeInputs, ShadePass
+from viewer.render.passes.shade import ShadeInputs, ShadePass
 from viewer.render.passes.visible_latents import VisibleLatents
 from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, PlaneKey, ShownMaterials
 from viewer.render.render_context import RenderContext
@@ -30,10 +30,6 @@ def _described(source: str) -> str:
     if source == REFERENCE:
         return "the reference"
     return source if is_image_source(source) else f"pack {source}"
-
-
-def _plane_targets(planes: Mapping[Plane, ColorTarget]) -> PlaneTargets:
-    return PlaneTargets(planes.get("base"), planes.get("surface"), planes.get("emission"))
 
 
 class SlotDrawer:
@@ -89,7 +85,7 @@ class SlotDrawer:
         view, shown = targets.materials.view, {plane: targets.planes[key] for plane, key in keys.items()}
         light, other, taken = None, None, frozenset[MapName]()
         if slot.maps != "all":
-            other, taken = _plane_targets(shown), frozenset({slot.maps})
+            other, taken = shown, frozenset({slot.maps})
             originals = {plane: PlaneKey(Slot(), plane) for plane in keys}
             reads += [self.draw_plane(key, targets) for key in originals.values()]
             shown = {plane: targets.planes[key] for plane, key in originals.items()}
@@ -100,7 +96,7 @@ class SlotDrawer:
             if view == "lit":
                 light = self._light.prepare_or_sky(targets.materials.lighting)
                 reads += light.outputs
-            inputs = ShadeInputs(targets.view, _plane_targets(shown), view, light, other, taken)
+            inputs = ShadeInputs(targets.view, shown, view, light, other, taken)
             return target, self._scheduler.run(self._shade, inputs, target, reads)
 
     def draw_plane(self, key: PlaneKey, targets: PictureTargets) -> Output:

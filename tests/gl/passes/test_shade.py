@@ -219,6 +219,6 @@ def test_a_lit_view_needs_light_and_base_colours(studio: LitStudio) -> None:
     with pytest.raises(ValueError, match="needs light"):
         studio.draw(planes)
     with pytest.raises(ValueError, match="base colours"):
-        studio.draw(replace(planes, base=None), light=studio.light_drawer.prepare(LIGHTING))
+        studio.draw({}, light=studio.light_drawer.prepare(LIGHTING))
     assert shade_pass.name == "shade"
     assert srgb_to_linear(np.array([1.0]))[0] == 1.0

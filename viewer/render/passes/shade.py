@@ -1,5 +1,6 @@
 """Shading: the picture of a slot from its maps, lit, or one of the maps as it is stored."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -7,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import MapName
+from ntc.codec.maps import PLANES, MapName, Plane
 from viewer.gl.allocation import replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
@@ -23,13 +24,8 @@ SHOWN_MAPS: Final[dict[MaterialView, int]] = {"normal": 0, "orm": 1, "emissive":
 TONE_MAP_CODES: Final[dict[ToneMap, int]] = {"none": 0, "neutral": 1, "agx": 2}
 
 
-@dataclass(frozen=True)
-class PlaneTargets:
-    """Decoded planes of one picture, see ntc/codec/maps.py; None for one that nothing reads, or that the view does not need."""
-
-    base: ColorTarget | None
-    surface: ColorTarget | None = None
-    emission: ColorTarget | None = None
+PlaneTargets = Mapping[Plane, ColorTarget]
+"""Decoded planes of one picture (ntc/codec/maps.py), without those that nothing reads, or that the view does not need."""
 
 
 @dataclass(frozen=True)
@@ -140,21 +136,22 @@ class ShadePass:
 
     @staticmethod
     def _bind_planes(inputs: ShadeInputs) -> dict[str, int]:
-        units = TextureUnit.PLANE_BASE, TextureUnit.PLANE_SURFACE, TextureUnit.PLANE_EMISSION
         defines = {"MIXED": int(inputs.other is not None)}
-        for prefix, planes, first in (("", inputs.planes, units[0]), ("OTHER_", inputs.other, TextureUnit.OTHER_BASE)):
-            targets = (planes.base, planes.surface, planes.emission) if planes is not None else (None, None, None)
-            for number, target in enumerate(targets):
-                if target is not None:
-                    target.texture.use(int(first) + number)
-            defines[f"{prefix}SURFACE_PLANE"] = int(targets[1] is not None)
-            defines[f"{prefix}EMISSION_PLANE"] = int(targets[2] is not None)
+        for prefix, planes, first in (
+            ("", inputs.planes, TextureUnit.PLANE_BASE),
+            ("OTHER_", inputs.other or {}, TextureUnit.OTHER_BASE),
+        ):
+            for number, plane in enumerate(PLANES):
+                if plane in planes:
+                    planes[plane].texture.use(int(first) + number)
+                if plane != "base":
+                    defines[f"{prefix}{plane.upper()}_PLANE"] = int(plane in planes)
         return defines
 
     def _draw_lit(self, inputs: ShadeInputs, defines: dict[str, int], output: ColorTarget) -> None:
         light, target = inputs.light, inputs.view.visibility
-        needs_other = "base" in inputs.other_maps and (inputs.other is None or inputs.other.base is None)
-        if light is None or inputs.planes.base is None or needs_other or not target.content.frame:
+        needs_other = "base" in inputs.other_maps and "base" not in (inputs.other or {})
+        if light is None or "base" not in inputs.planes or needs_other or not target.content.frame:
             raise ValueError("a lit view needs light, normals and base colours")
         rays = view_rays(inputs.view.matrix)
         tones = {"TONE_MAP": TONE_MAP_CODES[light.tone_map]}

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,59 +17,10 @@ from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
 
 NOT_VISIBLE = 127
+WHAT = "finest mips in sight"
+"""Name of the buffers in error messages."""
 STAND_IN_SIDE = 64
 """Largest side in texels of the mip that stands in for finer ones while it is not known which are needed."""
-
-
-class NeededLevelsPass:
-    """Pass that finds the finest visible mip of each texture. Inputs: visibility buffer, materials, a pack's tables."""
-
-    def __init__(
-        self, context: GraphicsContext, programs: ProgramFactory, textures: int, reading: PlaneReading
-    ) -> None:
-        self._gl = context.gl
-        self._program = programs.compute("passes/needed_levels/needed_levels.comp", reading.defines())
-        what, none = "finest mips in sight", np.full(max(1, textures), NOT_VISIBLE, np.int32).tobytes()
-        with context.memory.transaction():
-            self._none = context.memory.buffer(what, none)
-            self._levels = context.memory.buffer(what, none)
-        self._back = ReadBack[VisibilityInputs](context, what)
-
-    @property
-    def bytes_on_gpu(self) -> int:
-        """Number of bytes of the buffers."""
-        return self._levels.size + self._none.size
-
-    def run(self, inputs: VisibilityInputs, buffers: PackBuffers) -> None:
-        """Find the finest mips of this view; `answer` returns them."""
-        inputs.bind()
-        buffers.bind_records()
-        self._gl.copy_buffer(self._levels, self._none)
-        self._levels.bind_to_storage_buffer(int(StorageBinding.RESULTS))
-        self._program.run(*(-(-side // GROUP_SIDE) for side in inputs.visibility.size))
-        self._gl.memory_barrier()
-        self._back.copy([(self._levels, self._levels.size)], inputs)
-
-    @property
-    def is_pending(self) -> bool:
-        """True while the levels of a view are under way."""
-        return self._back.is_pending
-
-    def answer(self, waits: bool) -> tuple[dict[int, int], VisibilityInputs] | None:
-        """Return the finest mip by id of each visible texture, and the view that was asked for: the newest answer that has arrived.
-
-        None where nothing has. With `waits` that of the last view.
-        """
-        found = self._back.wait() if waits else self._back.newest()
-        if found is None:
-            return None
-        levels = np.frombuffer(found[0], np.int32)
-        return {int(index): int(levels[index]) for index in np.nonzero(levels < NOT_VISIBLE)[0]}, found[1]
-
-    def release(self) -> None:
-        """Free the buffers."""
-        for part in (self._levels, self._none, self._back):
-            part.release()
 
 
 @dataclass(eq=False)
@@ -94,14 +46,16 @@ class VisibleLatentsPass:
     ) -> None:
         """Serve the plane of `reading`. Without compute shaders, all mips of what may be visible are uploaded."""
         self._context, self._programs, self._buffers, self._reading = context, programs, buffers, reading
-        self._pass: NeededLevelsPass | None = None
+        self._levels: tuple[moderngl.Buffer, moderngl.Buffer] | None = None
+        """[textures] finest mip that is visible, and the same without any; allocated when first asked for."""
+        self._back = ReadBack[VisibilityInputs](context, WHAT)
         self._coarse = np.array([_first_small(pyramid) for pyramid in buffers.latent_store.pyramids], np.int64)
         """[textures] mip that stands in for finer ones."""
 
     @property
     def bytes_on_gpu(self) -> int:
         """Number of bytes of the pass's buffers."""
-        return 0 if self._pass is None else self._pass.bytes_on_gpu
+        return sum(buffer.size for buffer in self._levels or ())
 
     def advance(self, inputs: VisibilityInputs, target: VisibleLatents, step: Step) -> Progress:
         """Upload what the view needs, as far as is known; all of it where frames wait. Raises GpuMemoryError."""
@@ -118,7 +72,7 @@ class VisibleLatentsPass:
         else:
             self._buffers.need({index: int(min(store.finest[index], self._coarse[index])) for index in textures})
             self._take(inputs, target, waits=False)
-            if target.needed is None and not (self._pass is not None and self._pass.is_pending):
+            if target.needed is None and not self._back.is_pending:
                 self._ask(inputs)
         if target.needed is not None:
             self._buffers.need(target.needed)
@@ -138,27 +92,39 @@ class VisibleLatentsPass:
         return True
 
     def _ask(self, inputs: VisibilityInputs) -> None:
-        if self._pass is None:
-            textures = len(self._buffers.decoder_of_texture)
-            self._pass = NeededLevelsPass(self._context, self._programs, textures, self._reading)
-        self._pass.run(inputs, self._buffers)
+        """Find the finest visible mip of each texture; `_take` gets the answer."""
+        program = self._programs.compute("passes/needed_levels/needed_levels.comp", self._reading.defines())
+        if self._levels is None:
+            none = np.full(max(1, len(self._buffers.decoder_of_texture)), NOT_VISIBLE, np.int32).tobytes()
+            memory = self._context.memory
+            with memory.transaction():
+                self._levels = memory.buffer(WHAT, none), memory.buffer(WHAT, none)
+        levels, none_visible = self._levels
+        inputs.bind()
+        self._buffers.bind_records()
+        self._context.gl.copy_buffer(levels, none_visible)
+        levels.bind_to_storage_buffer(int(StorageBinding.RESULTS))
+        program.run(*(-(-side // GROUP_SIDE) for side in inputs.visibility.size))
+        self._context.gl.memory_barrier()
+        self._back.copy([(levels, levels.size)], inputs)
 
     def _take(self, inputs: VisibilityInputs, target: VisibleLatents, waits: bool) -> None:
         """Upload what the GPU answered last, which may be for a view before."""
-        answer = None if self._pass is None else self._pass.answer(waits)
-        if answer is None:
+        found = self._back.wait() if waits else self._back.newest()
+        if found is None:
             return
-        levels, told = answer
-        if told == inputs:
+        finest = np.frombuffer(found[0], np.int32)
+        levels = {int(index): int(finest[index]) for index in np.nonzero(finest < NOT_VISIBLE)[0]}
+        if found[1] == inputs:
             target.needed = levels
         else:
             self._buffers.need(levels)
 
     def release(self) -> None:
-        """Free the pass."""
-        if self._pass is not None:
-            self._pass.release()
-        self._pass = None
+        """Free the pass's buffers."""
+        for part in (*(self._levels or ()), self._back):
+            part.release()
+        self._levels = None
 
 
 def _first_small(pyramid: Sequence[LatentLevel]) -> int:

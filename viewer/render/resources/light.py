@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Final
 
 import moderngl
@@ -173,12 +173,7 @@ class SurfaceKinds:
 
     def defines(self) -> dict[str, int]:
         """Return the defines of shaders/passes/shade/shade.frag."""
-        return {
-            "CLEARCOAT": int(self.clearcoat),
-            "SPECULAR": int(self.specular),
-            "EMISSIVE": int(self.emissive),
-            "UNLIT": int(self.unlit),
-        }
+        return {own.name.upper(): int(getattr(self, own.name)) for own in fields(self)}
 
 
 @dataclass(frozen=True)

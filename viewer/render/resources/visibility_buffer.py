@@ -34,32 +34,22 @@ class SurfaceContent:
 
     def units(self) -> tuple[TextureUnit, ...]:
         """Return the units of what is stored beside ids, uv and footprint, in the order of the attachments from 1 on."""
-        present = {
-            TextureUnit.SURFACE_COLOR: self.colors,
-            TextureUnit.SURFACE_GRADIENTS: self.gradients,
-            TextureUnit.SURFACE_FRAME: self.frame,
-            TextureUnit.SURFACE_SECOND_UVS: self.second_uvs,
-        }
-        return tuple(unit for unit, stored in present.items() if stored)
+        return tuple(unit for unit, (name, _, _) in CONTENT.items() if getattr(self, name))
 
     def defines(self) -> dict[str, int]:
         """Return the defines of shaders that write or read the buffer."""
-        flags = {
-            "VERTEX_COLORS": int(self.colors),
-            "GRADIENTS": int(self.gradients),
-            "FRAME": int(self.frame),
-            "SECOND_UVS": int(self.second_uvs),
-        }
+        flags = {"VERTEX_COLORS": int(self.colors)}
+        flags |= {name.upper(): int(getattr(self, name)) for name in ("gradients", "frame", "second_uvs")}
         return flags | {f"OUTPUT_{unit.name}": place for place, unit in enumerate(self.units(), start=1)}
 
 
-FORMATS: dict[TextureUnit, tuple[int, Literal["u4", "f4"]]] = {
-    TextureUnit.SURFACE_COLOR: (1, "u4"),
-    TextureUnit.SURFACE_GRADIENTS: (4, "f4"),
-    TextureUnit.SURFACE_FRAME: (2, "u4"),
-    TextureUnit.SURFACE_SECOND_UVS: (4, "f4"),
+CONTENT: dict[TextureUnit, tuple[str, int, Literal["u4", "f4"]]] = {
+    TextureUnit.SURFACE_COLOR: ("colors", 1, "u4"),
+    TextureUnit.SURFACE_GRADIENTS: ("gradients", 4, "f4"),
+    TextureUnit.SURFACE_FRAME: ("frame", 2, "u4"),
+    TextureUnit.SURFACE_SECOND_UVS: ("second_uvs", 4, "f4"),
 }
-"""Number and type of the components of each texture."""
+"""Field of SurfaceContent, and number and type of the components, of each optional texture."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +85,7 @@ class VisibilityTarget:
         self._words = memory.texture(what, size, 4, dtype="u4")
         self._textures = {TextureUnit.SURFACE: self._words}
         for unit in self.content.units():
-            components, kind = FORMATS[unit]
+            _, components, kind = CONTENT[unit]
             self._textures[unit] = memory.texture(what, size, components, dtype=kind)
         for texture in self._textures.values():
             texture.filter = (moderngl.NEAREST, moderngl.NEAREST)
