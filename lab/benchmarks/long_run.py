@@ -28,7 +28,7 @@ from ntc.codec.model import Pack
 from ntc.io import write_text
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import create_headless_context
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.load import load_scene

@@ -16,7 +16,7 @@ from ntc.io import write_text
 from ntc.pack.file import read_pack
 from viewer.gl.context import create_headless_context
 from viewer.locations import builtin_scene_path
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.render.renderer import Renderer
 from viewer.scene.images import read_image, write_png
 from viewer.scene.load import load_scene

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import MapName, Plane
+from ntc.codec.maps import PLANES, MapName, Plane
 from tests.support.picture_scenes import Part, placed, scene_of, sphere
 from tests.support.ray_caster import camera_rays
 from viewer.gl.context import GraphicsContext
@@ -103,13 +103,13 @@ class LitStudio:
         """The visibility buffer, drawn."""
         return self.drawer.draw(self.camera, self.visibility)
 
-    def planes(self, planes: Mapping[Plane, NDArray[np.float32]], name: str = "a") -> PlaneTargets:
+    def planes(self, planes: Mapping[str, NDArray[np.float32]], name: str = "a") -> PlaneTargets:
         """Targets that hold `planes`."""
         found: dict[Plane, ColorTarget] = {}
         self._written = Output(self._written.version + 1)
-        for plane, pixels in planes.items():
+        for plane in (plane for plane in PLANES if plane in planes):
             target = self._planes.setdefault((name, plane), ColorTarget(self._context, self.size))
-            target.texture.write(np.ascontiguousarray(pixels[::-1], np.float32).tobytes())
+            target.texture.write(np.ascontiguousarray(planes[plane][::-1], np.float32).tobytes())
             found[plane] = target
         return found
 

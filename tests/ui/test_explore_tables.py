@@ -21,7 +21,7 @@ from viewer.inspect.memory_table import pack_memory, scene_memory, size_pairs, s
 from viewer.inspect.scene_tree import SceneTree
 from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows
 from viewer.jobs.job import JobReport
-from viewer.render.frame_times import FRAMES, FrameHistory
+from viewer.render.frames import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
 from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
 from viewer.state.pack_files import match_scene

@@ -13,7 +13,7 @@ from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.measurement import errors_by_map, measure
 from viewer.inspect.place_content import BlockContent, PixelContent, PlaceReader, read_block, read_pixel
-from viewer.render.frame_times import FrameTimes
+from viewer.render.frames import FrameTimes
 from viewer.render.viewport import Viewport
 from viewer.state.session import Session, SlotMeasurement
 from viewer.state.view_state import REFERENCE, DecodedMaps, Side

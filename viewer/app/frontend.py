@@ -23,7 +23,7 @@ from viewer.inspect.format_encoding import FormatEncoding
 from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.precision_search import PrecisionSearch
 from viewer.locations import blocks_cache
-from viewer.render.frame_times import FrameTimes
+from viewer.render.frames import FrameTimes
 from viewer.render.path_choice import unsupported_paths
 from viewer.render.resources.decoding_shaders import unsupported_precisions
 from viewer.render.viewport import Viewport

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from viewer.capture.overlay_picture import ERROR_AMPLIFICATION
+from viewer.capture.pictures import ERROR_AMPLIFICATION
 from viewer.inspect.measurement import MapError
 from viewer.scene.images import write_png
 from viewer.scene.model import Scene

@@ -18,8 +18,7 @@ from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
 from ntc.metrics.block_compression import named_format
 from ntc.metrics.compressed_textures import CompressedTextures
-from viewer.capture.aovs import material_aovs, write_aovs
-from viewer.capture.overlay_picture import error_overlay, with_color_bar
+from viewer.capture.pictures import error_overlay, material_aovs, with_color_bar, write_aovs
 from viewer.cli.map_errors import map_error_statistics, write_map_errors
 from viewer.cli.options import RenderOptions
 from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, packs_for, resolve_precision
@@ -27,8 +26,7 @@ from viewer.gl.context import create_headless_context
 from viewer.inspect.measurement import MeasuredPicture, errors_by_map, measure
 from viewer.jobs.job import Background
 from viewer.lighting.panorama import load_panorama
-from viewer.render.frame_result import FrameResult, read_picture
-from viewer.render.frame_times import FrameTimes
+from viewer.render.frames import FrameResult, FrameTimes, read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.viewport import Viewport
 from viewer.scene.images import write_png

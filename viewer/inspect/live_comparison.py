@@ -11,7 +11,7 @@ from ntc.worker.process import FunctionProcess
 from viewer.inspect.comparison import Comparison, LiveFigures, PicturePair, compare, compared_source
 from viewer.jobs.job import Job, JobReport
 from viewer.render.compositor import ComparisonErrors
-from viewer.render.frame_result import DrawnPair
+from viewer.render.frames import DrawnPair
 from viewer.render.renderer import Renderer
 from viewer.state.view_state import Slot, ViewState
 

@@ -12,7 +12,7 @@ from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch, changed_groups, same_shape
 from viewer.gl.allocation import GpuMemoryError
-from viewer.render.frame_result import UploadCounts
+from viewer.render.frames import UploadCounts
 from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.passes.decode import (
     DecodeBinnedPass,

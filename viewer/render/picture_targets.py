@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from weakref import WeakKeyDictionary
 
 from ntc.codec.maps import Plane
-from viewer.render.frame_result import PairKey
+from viewer.render.frames import PairKey
 from viewer.render.pass_scheduler import Output
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.passes.visible_latents import VisibleLatents, VisibleLatentsPass

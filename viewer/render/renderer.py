@@ -14,7 +14,7 @@ from viewer.gl.context_loss import checks_context
 from viewer.gl.read_back import PicturePart
 from viewer.gl.timer import PassTimer
 from viewer.render.compositor import Compositor
-from viewer.render.frame_result import DrawnPair, FrameResult, PairKey, UploadCounts
+from viewer.render.frames import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_packs import GpuPacks, PackMemory
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer

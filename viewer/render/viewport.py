@@ -19,8 +19,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.gl.ui_textures import Thumbnails
 from viewer.jobs.job import Background
-from viewer.render.frame_result import FrameResult, read_picture
-from viewer.render.frame_times import FrameTimes
+from viewer.render.frames import FrameResult, FrameTimes, read_picture
 from viewer.render.pass_scheduler import ToCome
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig

@@ -13,7 +13,7 @@ from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.place_content import BlockContent, PixelContent
-from viewer.render.frame_times import FrameHistory
+from viewer.render.frames import FrameHistory
 from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.session import Session
 from viewer.state.view_state import PathChoice, Slot

@@ -13,8 +13,17 @@ from viewer.scene.model import Camera, Scene
 from viewer.state.camera import frame_all
 from viewer.state.events import EmitEvent, FirstViewFound, Notification
 from viewer.state.session import Session
-from viewer.viewpoints.candidates import Candidate, CandidateSampler, ViewpointConfig, orbit
-from viewer.viewpoints.choice import CandidateRenderer, CandidateView, DrawTextureIds, ViewCriteria, choose
+from viewer.viewpoints.sampling import (
+    Candidate,
+    CandidateRenderer,
+    CandidateSampler,
+    CandidateView,
+    DrawTextureIds,
+    ViewCriteria,
+    ViewpointConfig,
+    choose,
+    orbit,
+)
 from viewer.viewpoints.surfaces import Surfaces
 
 WALKING, CLOSE, AROUND = 6, 3, 3

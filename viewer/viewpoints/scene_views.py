@@ -13,7 +13,7 @@ from viewer.gl.context import create_headless_context
 from viewer.render.renderer import Renderer
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.model import Camera, Scene
-from viewer.viewpoints import ViewpointConfig, sample_viewpoints
+from viewer.viewpoints.sampling import ViewpointConfig, sample_viewpoints
 
 
 @dataclass(frozen=True)

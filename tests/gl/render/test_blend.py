@@ -13,7 +13,7 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.frames import FrameResult, read_picture
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.render.slot_drawer import BlendSamplesPass, dithered_materials

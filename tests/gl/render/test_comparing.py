@@ -12,7 +12,7 @@ from ntc.codec.color import linear_to_srgb
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
 from viewer.render.compositor import ComparisonErrors
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.render.passes.composite import DIMMED, FLIP_PALETTE, LEAST_LIGHT
 from viewer.render.renderer import Renderer
 from viewer.state.palettes import palette_colors

@@ -15,7 +15,7 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderLibrary
-from viewer.render.frame_result import FrameResult
+from viewer.render.frames import FrameResult
 from viewer.render.path_choice import drawable_paths
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material

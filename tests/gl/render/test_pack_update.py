@@ -16,7 +16,7 @@ from ntc.codec.registry import codec_of
 from tests.gl.small_scenes import FRONT, INSIDE, objects
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
-from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.frames import FrameResult, read_picture
 from viewer.render.renderer import UPDATE_BYTES, Renderer
 from viewer.scene.model import Camera
 from viewer.state.view_state import DecodePath, Precision, Slot, ViewState

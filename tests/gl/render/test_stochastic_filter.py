@@ -18,7 +18,7 @@ from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
-from viewer.render.frame_result import FrameResult
+from viewer.render.frames import FrameResult
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material

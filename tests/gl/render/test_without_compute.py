@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tests.support.every_program import CAMERA, packs, scenes
 from viewer.gl.context import GraphicsContext
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.render.tile_cache.decode_cached import PAGE_BYTES

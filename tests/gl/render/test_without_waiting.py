@@ -12,7 +12,7 @@ from lab.bench.random_pack import random_pack
 from tests.gl.small_scenes import FRONT, objects
 from tests.support.blocking_watch import watched_calls
 from viewer.gl.context import GraphicsContext
-from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.frames import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.state.navigation import turned
 from viewer.state.view_state import DecodePath, Overlay, Slot, TexelFilter, ViewState

@@ -14,7 +14,7 @@ from tests.gl.small_scenes import FRONT, INSIDE, masks
 from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, existing
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.frames import FrameResult, read_picture
 from viewer.render.pass_scheduler import Step
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer

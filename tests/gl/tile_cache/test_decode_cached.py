@@ -22,7 +22,7 @@ from tests.support.sampling import sample_chain
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.gl.texture_arrays import TileAtlas
-from viewer.render.frame_result import FrameResult
+from viewer.render.frames import FrameResult
 from viewer.render.renderer import Renderer
 from viewer.render.resources import layout
 from viewer.render.tile_cache import decode_cached

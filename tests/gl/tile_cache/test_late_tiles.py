@@ -10,7 +10,7 @@ from ntc.codec.model import Pack
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
 from viewer.gl.read_back import Fence
-from viewer.render.frame_result import FrameResult, read_picture
+from viewer.render.frames import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache import decode_cached
 from viewer.render.tile_cache.budget import TileCacheConfig

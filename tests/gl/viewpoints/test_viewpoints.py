@@ -19,7 +19,7 @@ from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Material, Scene
-from viewer.viewpoints import ViewpointConfig, sample_viewpoints
+from viewer.viewpoints.sampling import ViewpointConfig, sample_viewpoints
 
 pytestmark = pytest.mark.once
 SIZE = (160, 90)

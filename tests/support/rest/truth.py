@@ -17,7 +17,7 @@ from tests.support.rest.records import Rest, share_equal
 from viewer.gl.context import create_headless_context
 from viewer.inspect.live_comparison import LiveComparison
 from viewer.locations import builtin_scene_path
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.load import load_scene

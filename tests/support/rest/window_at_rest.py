@@ -26,7 +26,7 @@ from tests.support.rest.records import Figures, Idle, Rest, write_rest
 from viewer import cli
 from viewer.app.window_app import WindowApp
 from viewer.commands import run_line
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.ui.facts import FrameFacts
 
 REST_SECONDS = 1.0

@@ -11,7 +11,7 @@ from tests.gl.render.test_poses import moving_scene
 from tests.support.driven_app import DrivenApp
 from tests.support.gltf_builder import GltfBuilder
 from viewer.commands import run
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.scene.load import load_scene
 from viewer.scene.model import Pose, Scene
 

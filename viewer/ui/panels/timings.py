@@ -4,7 +4,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
-from viewer.render.frame_times import FrameHistory
+from viewer.render.frames import FrameHistory
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.widgets import counted
 

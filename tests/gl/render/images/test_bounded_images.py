@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
-from viewer.render.frame_result import read_picture
+from viewer.render.frames import read_picture
 from viewer.render.image_sources import ImageSources
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material, Scene

@@ -9,7 +9,7 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import Part, scene_of, texture
-from viewer.capture.overlay_picture import with_color_bar
+from viewer.capture.pictures import with_color_bar
 from viewer.scene.model import AnimationFacts, Camera, Material, Pose
 from viewer.state.event_handlers import apply_event, expire_pointing, point_out
 from viewer.state.events import PackClosed, PackUpdated, RunStarted

@@ -1,12 +1,18 @@
-"""Candidate viewpoints: at eye height above the ground, close to surfaces, and around the whole scene."""
+"""Viewpoints sampled in a scene: candidates at eye height, close to surfaces and around it, and the greedy choice among them."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import sparse
 
+from ntc.errors import InputError
+from ntc.grouping.covisible import seen_blocks
+from ntc.metrics.divergence import BLOCK
 from viewer.scene.model import Camera, Scene
+from viewer.state.camera import clip_distances
 from viewer.viewpoints.surfaces import HIGH_UP, Surfaces
 
 Array = NDArray[np.float64]
@@ -180,3 +186,178 @@ def orbit(
     distance = fitting * random.uniform(*ORBIT_DISTANCES, count)
     scales = np.full(count, extent * ORBIT_SCALE)
     return candidates(targets + way * distance[:, None], targets, scales, fov)
+
+
+DrawTextureIds = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
+"""Function: (camera, (width, height)) -> texture ids [H, W] int32, -1 for none, row 0 on top."""
+
+CLEARANCE = 0.35
+"""Distance in eye heights below which surfaces obstruct the view."""
+MOST_OBSTRUCTED = 0.1
+"""Largest share of the picture that obstructing surfaces may hide."""
+TEXTURE_WEIGHT = 8.0
+"""Weight of a visible texture, relative to a pair of textures that is visible in one block."""
+
+
+@dataclass(frozen=True)
+class ViewCriteria:
+    """Criteria that a candidate view must meet."""
+
+    least_covered: float
+    """Share of the picture that shows textures."""
+    most_of_one: float
+    """Share of the picture that one texture may fill."""
+    least_textures: int = 2
+
+
+CRITERIA = (
+    ViewCriteria(0.4, 0.7),
+    ViewCriteria(0.25, 0.8),
+    ViewCriteria(0.1, 0.85),
+    ViewCriteria(0.15, 0.8, 1),
+    ViewCriteria(0.02, 1.0, least_textures=1),
+)
+"""Criteria from strict to loose; views of a single texture are taken only where nothing meets the criteria before."""
+
+
+@dataclass(frozen=True, eq=False)
+class CandidateView:
+    """Candidate and the textures that are visible from it."""
+
+    candidate: Candidate
+    ids: NDArray[np.int32]
+    """[H, W] texture ids."""
+    covered: float
+    """Share of the picture that shows textures."""
+    dominant: float
+    """Share of the most visible texture."""
+    textures: int
+    features: NDArray[np.int64]
+    """[F] numbers of the visible textures and of the pairs of textures that share a block."""
+    amounts: Array
+    """[F] number of blocks that show each."""
+
+    @staticmethod
+    def of(candidate: Candidate, ids: NDArray[np.int32], textures: int) -> "CandidateView":
+        """Make the view with the texture ids `ids` [H, W] in a scene of `textures` textures."""
+        pixels = np.bincount(ids[ids >= 0], minlength=textures)
+        seen = np.nonzero(pixels)[0]
+        together = seen_blocks([ids], textures)
+        members = together.members
+        pairs = sparse.coo_array(sparse.triu(members.T @ members.multiply(together.weights[:, None]), 1))
+        features = np.concatenate([seen, textures + pairs.row.astype(np.int64) * textures + pairs.col])
+        amounts = np.concatenate([pixels[seen] / (BLOCK[0] * BLOCK[1]), pairs.data])
+        covered, dominant = float(pixels.sum()) / ids.size, float(pixels.max(initial=0)) / ids.size
+        return CandidateView(candidate, ids, covered, dominant, len(seen), features, amounts)
+
+    def meets(self, criteria: ViewCriteria) -> bool:
+        """Return whether the view shows enough textures, and none too large."""
+        return (
+            self.covered >= criteria.least_covered
+            and self.dominant <= criteria.most_of_one
+            and self.textures >= criteria.least_textures
+        )
+
+
+class CandidateRenderer:
+    """Renderer of the texture ids of candidates."""
+
+    def __init__(self, draw_ids: DrawTextureIds, size: tuple[int, int], scene: Scene) -> None:
+        self._draw_ids, self._size, self._bounds, self._textures = draw_ids, size, scene.bounds, len(scene.textures)
+
+    def views(self, candidates: Sequence[Candidate]) -> list[CandidateView]:
+        """Return the views of `candidates` that show a texture."""
+        seen = [CandidateView.of(one, self._draw_ids(one.camera, self._size), self._textures) for one in candidates]
+        return [view for view in seen if view.textures]
+
+    def is_unobstructed(self, view: CandidateView) -> bool:
+        """Return whether the picture stays much the same without the surfaces closest to the eye."""
+        camera = view.candidate.camera
+        near, far = clip_distances(camera, self._bounds)
+        clear = CLEARANCE * view.candidate.scale
+        if near >= clear:
+            return True
+        cut = self._draw_ids(replace(camera, near=clear, far=max(far, 2.0 * clear)), self._size)
+        return float((cut != view.ids).mean()) <= MOST_OBSTRUCTED
+
+
+class _Coverage:
+    """Coverage: blocks in which the chosen views show each texture and pair, and what the other views would add."""
+
+    def __init__(self, views: Sequence[CandidateView], textures: int) -> None:
+        used, columns = np.unique(np.concatenate([view.features for view in views]), return_inverse=True)
+        starts = np.cumsum([0, *(len(view.features) for view in views)])
+        amounts = np.concatenate([view.amounts for view in views])
+        self._amounts = sparse.csr_array((amounts, columns, starts), shape=(len(views), len(used)))
+        self._weights = np.where(used < textures, TEXTURE_WEIGHT, 1.0)
+        self._blocks = np.zeros(len(used))
+
+    def gains(self) -> Array:
+        """Return [views] what each would add: logarithmic in the blocks, so that repeated content counts less."""
+        rows = self._amounts
+        before = self._blocks[rows.indices]
+        each = (np.log1p(before + rows.data) - np.log1p(before)) * self._weights[rows.indices]
+        return np.asarray(np.add.reduceat(each, rows.indptr[:-1]))
+
+    def add(self, index: int) -> None:
+        """Count view `index` as chosen."""
+        row = slice(*self._amounts.indptr[index : index + 2])
+        self._blocks[self._amounts.indices[row]] += self._amounts.data[row]
+
+
+def choose(views: Sequence[CandidateView], renderer: CandidateRenderer, count: int, textures: int) -> list[Candidate]:
+    """Choose at most `count` candidates, greedily by what each adds; those that meet the strictest criteria come first."""
+    coverage = _Coverage(views, textures)
+    chosen: list[Candidate] = []
+    refused: set[int] = set()
+    for criteria in CRITERIA:
+        if criteria.least_textures < 2 and chosen:
+            break
+        while len(chosen) < count:
+            waiting = [i for i, view in enumerate(views) if i not in refused and view.meets(criteria)]
+            if not waiting:
+                break
+            best = waiting[int(np.argmax(coverage.gains()[waiting]))]
+            refused.add(best)
+            candidate = views[best].candidate
+            if not any(candidate.duplicates(other) for other in chosen) and renderer.is_unobstructed(views[best]):
+                coverage.add(best)
+                chosen.append(candidate)
+    return chosen
+
+
+WALKING_AND_CLOSE_SHARES = (0.5, 0.3)
+"""Shares of the candidates at eye height and close to surfaces; the others are around the scene."""
+ORBITS_TRIED = 4
+"""Number of views around the scene that are rendered in any case; the rest only where good views are few."""
+ENOUGH = 2
+"""Number of good views that are enough, for each one asked for."""
+
+
+def sample_viewpoints(scene: Scene, draw_ids: DrawTextureIds, config: ViewpointConfig) -> tuple[Camera, ...]:
+    """Sample at most `config.count` cameras named "sampled_01" and so on, those that add most first; equal seeds give equal cameras.
+
+    Raises InputError where no viewpoint sees a texture.
+    """
+    if config.count < 1:
+        raise InputError(f"viewpoints: count {config.count}; ask for one or more")
+    nothing = InputError(f"{scene.name}: no viewpoint sees a texture; name a file of cameras by --views")
+    ground = Surfaces(scene)
+    if not ground.textured_area.any():
+        raise nothing
+    random = np.random.default_rng(config.seed)
+    extent = float((scene.bounds[1] - scene.bounds[0]).max())
+    renderer = CandidateRenderer(draw_ids, config.size, scene)
+    total = config.count * config.candidates_per_view
+    walking, close = (math.ceil(total * share) for share in WALKING_AND_CLOSE_SHARES)
+    places = CandidateSampler(ground, random, extent, config.fov_degrees)
+    views = renderer.views([*places.walking(walking), *places.close(close)])
+    around = orbit(scene, random, extent, max(total - walking - close, ORBITS_TRIED), config)
+    views += renderer.views(around[:ORBITS_TRIED])
+    # Views from outside are the slowest to render, and in a town show mostly the backs of houses.
+    if sum(view.meets(CRITERIA[0]) for view in views) < ENOUGH * config.count:
+        views += renderer.views(around[ORBITS_TRIED:])
+    chosen = choose(views, renderer, config.count, len(scene.textures)) if views else []
+    if not chosen:
+        raise nothing
+    return tuple(replace(one.camera, name=f"sampled_{number:02}") for number, one in enumerate(chosen, 1))
