@@ -240,7 +240,7 @@ class Figures:
     losses: Mapping[int, float]
     """Mean square error by group, values in [0, 1]. Groups not yet begun are missing."""
     psnr_db: Mapping[int, float]
-    """PSNR in dB by texture, of those begun."""
+    """PSNR in dB by texture, of those begun (`Codec.psnr_title` says of what)."""
     work: str = "step"
     """Unit of `step`: steps, or textures with the work on them."""
     freezing_scale: float = 1.0

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
 from threading import get_ident
-from types import ModuleType
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -32,24 +31,25 @@ CONTEXTS_KEPT = 16
 _MISSING = "block compression: the packages are not installed ({}); pip install 'ntc-viewer[lab]'"
 
 
-def encode_bc1(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
-    """Return BC1 blocks of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
+def _package(name: str) -> Any:
+    """Import a package of the extra `lab`. Raises InputError where it is not installed."""
     try:
-        from quicktex import RawTexture
-        from quicktex.s3tc.bc1 import BC1Encoder
+        return import_module(name)
     except ImportError as error:
         raise InputError(_MISSING.format(error)) from error
+
+
+def encode_bc1(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
+    """Return BC1 blocks of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
+    quicktex, bc1 = _package("quicktex"), _package("quicktex.s3tc.bc1")
     # Three colours may be the better fit of a block; the fourth, black without alpha, is never used.
-    encoder = BC1Encoder(BC1_LEVELS[effort], BC1Encoder.ColorMode.ThreeColor)
-    return bytes(encoder.encode(RawTexture.frombytes(rgba.tobytes(), rgba.shape[1], rgba.shape[0])))
+    encoder = bc1.BC1Encoder(BC1_LEVELS[effort], bc1.BC1Encoder.ColorMode.ThreeColor)
+    return bytes(encoder.encode(quicktex.RawTexture.frombytes(rgba.tobytes(), rgba.shape[1], rgba.shape[0])))
 
 
 def encode_bc7(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
     """Return BC7 blocks of `rgba` [H, W, 4], whole blocks. Raises InputError where etcpak is not installed."""
-    try:
-        import etcpak
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
+    etcpak = _package("etcpak")
     settings = etcpak.BC7CompressBlockParams()
     # It starts with weights of how colours look, and would lose 0.8 to 1.1 dB of PSNR by them.
     settings.init_linear_weights()
@@ -62,43 +62,28 @@ def encode_bc7(rgba: NDArray[np.uint8], effort: Effort) -> bytes:
 def decode_bc(blocks: bytes, width: int, height: int, number: int) -> NDArray[np.uint8]:
     """Return [height, width, 4] uint8 of BC`number` blocks, whole blocks. Raises InputError where Pillow is not installed."""
     # By Pillow: etcpak 0.9.15 decodes into memory that it does not own.
-    try:
-        from PIL import Image
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    return np.asarray(Image.frombytes("RGBA", (width, height), blocks, "bcn", number))
+    image = _package("PIL.Image")
+    return np.asarray(image.frombytes("RGBA", (width, height), blocks, "bcn", number))
 
 
 def encode_bc5(rgba: NDArray[np.uint8]) -> bytes:
     """Return BC5 blocks of red and green of `rgba` [H, W, 4], whole blocks. Raises InputError where quicktex is not installed."""
-    try:
-        from quicktex import RawTexture
-        from quicktex.s3tc.bc5 import BC5Encoder
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    return bytes(BC5Encoder(0, 1).encode(RawTexture.frombytes(rgba.tobytes(), rgba.shape[1], rgba.shape[0])))
+    quicktex, bc5 = _package("quicktex"), _package("quicktex.s3tc.bc5")
+    return bytes(
+        bc5.BC5Encoder(0, 1).encode(quicktex.RawTexture.frombytes(rgba.tobytes(), rgba.shape[1], rgba.shape[0]))
+    )
 
 
 def decode_bc5(blocks: bytes, width: int, height: int) -> NDArray[np.uint8]:
     """Return [height, width, 2] uint8 of BC5 blocks, whole blocks. Raises InputError where Pillow is not installed."""
-    try:
-        from PIL import Image
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
-    return np.asarray(Image.frombytes("RGB", (width, height), blocks, "bcn", 5))[..., :2]
-
-
-def _astc_package() -> ModuleType:
-    try:
-        return import_module("astc_encoder")
-    except ImportError as error:
-        raise InputError(_MISSING.format(error)) from error
+    image = _package("PIL.Image")
+    return np.asarray(image.frombytes("RGB", (width, height), blocks, "bcn", 5))[..., :2]
 
 
 @lru_cache(maxsize=CONTEXTS_KEPT)
 def _astc_context(block: tuple[int, int], effort: Effort, kind: AstcKind, _thread: int) -> Any:
     """Return a context of astcenc, whose tables take longer to make than a small mip to encode. Each thread has its own."""
-    astc = _astc_package()
+    astc = _package("astc_encoder")
     profile = astc.ASTCProfile.LDR_SRGB if kind == "srgb" else astc.ASTCProfile.LDR
     flags = astc.ASTCConfigFlags.MAP_NORMAL if kind == "normal" else astc.ASTCConfigFlags(0)
     return astc.ASTCContext(astc.ASTCConfig(profile, *block, 1, ASTC_QUALITIES[effort], flags))
@@ -107,7 +92,7 @@ def _astc_context(block: tuple[int, int], effort: Effort, kind: AstcKind, _threa
 def encode_astc(rgba: NDArray[np.uint8], block: tuple[int, int], effort: Effort, kind: AstcKind = "srgb") -> bytes:
     """Return ASTC LDR blocks of (width, height) `block` of `rgba` [H, W, 4], of normals the xy in red and green. Raises InputError
     without astc-encoder-py."""
-    astc, context = _astc_package(), _astc_context(block, effort, kind, get_ident())
+    astc, context = _package("astc_encoder"), _astc_context(block, effort, kind, get_ident())
     image = astc.ASTCImage(astc.ASTCType.U8, rgba.shape[1], rgba.shape[0], 1, rgba.tobytes())
     return bytes(context.compress(image, astc.ASTCSwizzle.from_str("RRRG" if kind == "normal" else "RGBA")))
 
@@ -117,7 +102,7 @@ def decode_astc(
 ) -> NDArray[np.uint8]:
     """Return [height, width, 4] uint8 of ASTC LDR blocks, whole blocks; of normals x in red and y in alpha. Raises InputError without
     astc-encoder-py."""
-    astc, context = _astc_package(), _astc_context(block, "medium", kind, get_ident())
+    astc, context = _package("astc_encoder"), _astc_context(block, "medium", kind, get_ident())
     image = astc.ASTCImage(astc.ASTCType.U8, width, height, 1)
     context.decompress(blocks, image, astc.ASTCSwizzle.from_str("RGBA"))
     if image.data is None or len(image.data) != 4 * width * height:

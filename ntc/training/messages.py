@@ -9,7 +9,7 @@ import numpy as np
 
 from ntc.codec.checks import check_textures
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.encoding import Budget, EncodingOptions
+from ntc.codec.encoding import Budget, EncodingOptions, Figures
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quality import PsnrSummary
 from ntc.codec.textures import SourceTexture
@@ -164,29 +164,20 @@ ProgressListener = Callable[["TrainingProgress"], None]
 EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
 
 
-@dataclass(frozen=True)
-class TrainingProgress:
+@dataclass(frozen=True, kw_only=True)
+class TrainingProgress(Figures):
     """One report of a training under way."""
 
-    share: float
-    """Progress of the training in [0, 1]; a single large texture moves it."""
-    step: int
-    steps: int
-    """Steps or textures in all, as planned now."""
     seconds_left: float
     elapsed_seconds: float
     """Time of training in seconds, without pauses."""
-    losses: Mapping[int, float]
-    """Mean square error of the textures of each group, colours in [0, 1]. Groups not yet begun are missing."""
-    psnr_db: Mapping[int, float]
-    """PSNR in dB by texture (`Codec.psnr_title` says of what)."""
-    freezing_scale: float
-    """Scale of the decoder's updates: 1 free, 0 frozen."""
-    ktexels_per_second: float
-    work: str = "step"
-    """Unit of `step`: steps, or textures with the work on them."""
     note: str = ""
     """A line for a log, or nothing."""
+
+    @property
+    def ktexels_per_second(self) -> float:
+        """Speed of the training in thousand texels a second."""
+        return self.texels / self.elapsed_seconds / 1e3
 
     @property
     def mean_psnr_db(self) -> float:

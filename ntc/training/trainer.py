@@ -171,19 +171,7 @@ class Trainer:
         if left is None:
             done = figures.share - self._share_before
             left = elapsed * (1.0 - figures.share) / done if done > 0.0 else elapsed
-        return TrainingProgress(
-            share=figures.share,
-            step=figures.step,
-            steps=figures.steps,
-            seconds_left=left,
-            elapsed_seconds=elapsed,
-            losses=figures.losses,
-            psnr_db=figures.psnr_db,
-            freezing_scale=figures.freezing_scale,
-            ktexels_per_second=figures.texels / elapsed / 1e3,
-            work=figures.work,
-            note=note,
-        )
+        return TrainingProgress(**{**vars(figures), "seconds_left": left}, elapsed_seconds=elapsed, note=note)
 
     def _take_snapshots(self, piece: Piece) -> None:
         """Send the snapshots that are due, until the next piece of work is; skip groups whose last one was not yet taken."""

@@ -351,7 +351,11 @@ def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
     run = training.active
     assert run is not None
     wait(app, lambda t: t.active is None)
-    run.add_progress(TrainingProgress(1.0, 1, 1, 0.0, 1.0, {}, {0: 30.0}, 1.0, 1.0))
+    run.add_progress(
+        TrainingProgress(
+            share=1.0, step=1, steps=1, texels=1000, losses={}, psnr_db={0: 30.0}, seconds_left=0.0, elapsed_seconds=1.0
+        )
+    )
     change = figures_under_way(run)[0]
     assert change.startswith("PSNR of mip 0, 1 texture: ")
     assert " -> " in change

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import Any, cast, get_args
+from typing import TYPE_CHECKING, Any, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from ntc.codec.codec import (
     Tensors,
     TensorShape,
     TextureBytes,
-    TorchTwin,
 )
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet, given_target
@@ -31,6 +30,9 @@ from ntc.codec.grid.tensors import grey_pack
 from ntc.codec.grid.training.config import TrainingConfig, chosen_config, recipe_codec
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
+
+if TYPE_CHECKING:
+    from ntc.codec.torch_texels import TorchTexels
 
 
 class GridCodec(Codec):
@@ -91,7 +93,7 @@ class GridCodec(Codec):
         pack: Pack,
         device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> TorchTwin:
+    ) -> "TorchTexels":
         from ntc.codec.grid.torch_twin import TorchGrid
 
         return TorchGrid(pack, device, interruption)
@@ -125,12 +127,6 @@ class GridCodec(Codec):
         return recipe_codec(choices.recipe, textures.channels, textures.levels, textures.maps)
 
     def options_for(self, choices: EncodingChoices) -> EncodingOptions:
-        return chosen_config(choices)
-
-    def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
-        return chosen_config(choices)
-
-    def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
         return chosen_config(choices)
 
     def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
