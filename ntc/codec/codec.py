@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,12 +16,29 @@ from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pa
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
-if TYPE_CHECKING:
-    from ntc.codec.torch_texels import TorchTexels
-
 TensorShape = tuple[str, tuple[int | None, ...]]
 """(type as safetensors names it, shape); None: any number."""
 Tensors = Mapping[str, NDArray[Any]]
+
+
+class TorchTwin(Protocol):
+    """Decodes the textures of one pack with torch, in float32 (`ntc.codec.torch_texels.TorchTexels`)."""
+
+    def texels(self, texture_index: int, at: Any, lod: Any, wrap: tuple[WrapMode, WrapMode]) -> Any:
+        """Return [N, channels] float32 tensor in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N]: tensors on its
+        device."""
+
+    def decode_texels(
+        self,
+        texture_index: int,
+        uv: NDArray[Any],
+        lod: NDArray[Any],
+        wrap: tuple[WrapMode, WrapMode] | None = None,
+    ) -> NDArray[np.float32]:
+        """Return [N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]."""
+
+    def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
+        """Return [h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +182,7 @@ class Codec(ABC):
         pack: Pack,
         device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         """Return what decodes `pack` with torch in float32. `interruption` is called before each piece of an image; what it raises
         ends the decode."""
 

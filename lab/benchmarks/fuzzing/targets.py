@@ -35,7 +35,6 @@ WATCHED = [
     "ntc.codec.block.storage",
     "ntc.codec.block.tensors",
     "ntc.codec.grid.tensors",
-    "ntc.codec.grid.tensors",
 ]
 WATCHED_SCRIPTS = [
     "viewer.commands",

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any, Final, cast
+from typing import Any, Final, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block.reference import decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.universal import VERSION
-from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes
+from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import (
     DEFAULT_BITS,
@@ -31,9 +31,6 @@ from ntc.codec.encoding import (
 from ntc.codec.gpu import GpuTables
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
-
-if TYPE_CHECKING:
-    from ntc.codec.torch_texels import TorchTexels
 
 DEFAULT_TARGET: Final = BitsTarget(DEFAULT_BITS)
 
@@ -102,7 +99,7 @@ class BlockCodec(Codec):
         pack: Pack,
         device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         from ntc.codec.block.torch_twin import TorchBlock
 
         return TorchBlock(pack, device, interruption)

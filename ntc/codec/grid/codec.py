@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any, cast, get_args
+from typing import Any, cast, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from ntc.codec.codec import (
     Tensors,
     TensorShape,
     TextureBytes,
+    TorchTwin,
 )
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet, given_target
@@ -30,9 +31,6 @@ from ntc.codec.grid.tensors import grey_pack
 from ntc.codec.grid.training.config import TrainingConfig, chosen_config, recipe_codec
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
-
-if TYPE_CHECKING:
-    from ntc.codec.torch_texels import TorchTexels
 
 
 class GridCodec(Codec):
@@ -93,7 +91,7 @@ class GridCodec(Codec):
         pack: Pack,
         device: str,
         interruption: Callable[[], None] = lambda: None,
-    ) -> "TorchTexels":
+    ) -> TorchTwin:
         from ntc.codec.grid.torch_twin import TorchGrid
 
         return TorchGrid(pack, device, interruption)

@@ -1,12 +1,12 @@
 """Codec `two_colors`: blocks of 4x4 texels between two colours, at 6 bits a texel of each plane of maps."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes, texture_fields
+from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes, TorchTwin, texture_fields
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet, given_target
 from ntc.codec.gpu import GpuTables
@@ -17,9 +17,6 @@ from tests.support.two_colors.encoder import TwoColorsEncoder
 from tests.support.two_colors.gpu import TwoColorsTables
 from tests.support.two_colors.model import TwoColorsConfig, TwoColorsOptions, TwoColorsTexture
 from tests.support.two_colors.reference import decode_image, lookup_values
-
-if TYPE_CHECKING:
-    from ntc.codec.torch_texels import TorchTexels
 
 
 class TwoColorsCodec(Codec):
@@ -70,7 +67,7 @@ class TwoColorsCodec(Codec):
         texture = cast(TwoColorsTexture, pack.textures[texture_index])
         return decode_image(texture, cast(TwoColorsConfig, pack.config), level)
 
-    def torch_twin(self, pack: Pack, device: str, interruption: Callable[[], None] = lambda: None) -> "TorchTexels":
+    def torch_twin(self, pack: Pack, device: str, interruption: Callable[[], None] = lambda: None) -> TorchTwin:
         from tests.support.two_colors.torch_twin import TorchTwoColors
 
         return TorchTwoColors(pack, device, interruption)
