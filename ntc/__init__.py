@@ -8,8 +8,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from ntc.api.decoding import decode, decode_maps, decode_to_moderngl, decode_to_torch, mip_count
-    from ntc.api.encoding import encode, material, texture
+    from ntc.api import decode, decode_maps, decode_to_moderngl, decode_to_torch, encode, material, mip_count, texture
     from ntc.codec.config import GroupingConfig
     from ntc.codec.encoding import BitsTarget, QualityTarget, SizeTarget
     from ntc.codec.grid.training.config import TrainingConfig
@@ -57,8 +56,16 @@ __all__ = [
 ]
 
 _PLACES = {
-    "ntc.api.decoding": ("decode", "decode_maps", "decode_to_moderngl", "decode_to_torch", "mip_count"),
-    "ntc.api.encoding": ("encode", "material", "texture"),
+    "ntc.api": (
+        "decode",
+        "decode_maps",
+        "decode_to_moderngl",
+        "decode_to_torch",
+        "encode",
+        "material",
+        "mip_count",
+        "texture",
+    ),
     "ntc.codec.encoding": ("BitsTarget", "QualityTarget", "SizeTarget"),
     "ntc.codec.config": ("GroupingConfig",),
     "ntc.codec.model": ("EncodedTexture", "Grouping", "Pack"),

@@ -12,19 +12,13 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
 
-def check_grouping(grouping: Grouping, textures: int) -> None:
-    """Raises InputError unless each of so many textures has a group, numbered from 0 without gaps. Takes time and memory for the
-    textures alone, whatever the numbers."""
-    used = set(grouping.groups)
-    if len(grouping.groups) != textures or used != set(range(len(used))):
-        raise InputError(f"grouping {grouping.name}: needs a group for each texture, numbered from 0 without gaps")
-
-
 def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecSettings) -> None:
     """Raises InputError for textures and groups that cannot be trained."""
     if not textures:
         raise InputError("there is no texture to train")
-    check_grouping(grouping, len(textures))
+    used = set(grouping.groups)
+    if len(grouping.groups) != len(textures) or used != set(range(len(used))):
+        raise InputError(f"grouping {grouping.name}: needs a group for each texture, numbered from 0 without gaps")
     if grouping.name == UNIVERSAL and not codec_of(codec).shipped:
         raise InputError(
             f"grouping {UNIVERSAL}: no decoder of codec {codec.kind} ships with the program; use codec {shipping_codec()}"

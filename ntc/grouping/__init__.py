@@ -1,8 +1,13 @@
-"""Groupings: which textures share a decoder. One file for each way of finding groups."""
+"""Groupings: which textures share a decoder. One file for each way of finding groups.
+
+Where a grouping is free to choose, a decoder serves textures with the same maps. A group's tables stand for all channels of a block
+together: a texture that lacks some would take rows of the basis that the others have no use for.
+"""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +18,8 @@ from ntc.codec.registry import codec_named, shipping_codec
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix
-from ntc.grouping.by_maps import grouping_by_kind, kinds_of
 
-__all__ = ["GroupingInputs", "make_grouping"]
+__all__ = ["GroupingInputs", "kinds_of", "make_grouping"]
 
 LARGEST_SEED = 2**32 - 1
 """Largest seed that all of numpy's generators take."""
@@ -158,3 +162,35 @@ def _covisible(
     )
     found = covisible_grouping(seen, features, search)
     return Grouping(found.name, found.groups, {**found.parameters, "features": config.features})
+
+
+def kinds_of(textures: Sequence[SourceTexture]) -> list[list[int]]:
+    """Return the indices of `textures` by their maps, in the order of the first of each kind."""
+    found: dict[Any, list[int]] = {}
+    for index, texture in enumerate(textures):
+        found.setdefault(texture.maps, []).append(index)
+    return list(found.values())
+
+
+def shared_groups(counts: Sequence[int], groups: int) -> list[int]:
+    """Return how many of `groups` groups each kind of so many textures gets: one at least, and further ones where the most textures
+    share one. `groups` is at least the number of kinds and at most that of textures."""
+    given = [1] * len(counts)
+    for _ in range(groups - len(counts)):
+        number = max(range(len(counts)), key=lambda kind: (counts[kind] / given[kind], -kind))
+        given[number] += 1
+    return given
+
+
+def grouping_by_kind(
+    name: str, kinds: Sequence[Sequence[int]], clusters: int, sub_grouping: Callable[[Sequence[int], int], Grouping]
+) -> Grouping:
+    """Return the groupings that `sub_grouping` finds for each of `kinds`, as one called `name`; its parameters are those of the first
+    kind, with the number of all groups and of kinds. `sub_grouping` takes indices of textures and a number of groups."""
+    labels: dict[int, tuple[int, int]] = {}
+    found = []
+    for kind, (members, given) in enumerate(zip(kinds, shared_groups(list(map(len, kinds)), clusters), strict=True)):
+        found.append(sub_grouping(members, given))
+        labels.update((index, (kind, group)) for index, group in zip(members, found[-1].groups, strict=True))
+    parameters = {**found[0].parameters, "clusters": sum(each.group_count for each in found), "kinds": len(kinds)}
+    return Grouping.of_labels(name, [labels[index] for index in range(len(labels))], parameters)

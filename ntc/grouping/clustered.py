@@ -49,12 +49,6 @@ def _first_centres(points: Floats, norms: Floats, count: int, random: np.random.
     return points[chosen]
 
 
-def _nearest(points: Floats, centres: Floats) -> Labels:
-    # Squared distances but for a summand that all centres share.
-    nearest: Labels = (np.einsum("ij,ij->i", centres, centres) - 2.0 * points @ centres.T).argmin(1)
-    return nearest
-
-
 def _moved(points: Floats, centres: Floats, labels: Labels) -> Floats:
     """Return the means of the points of each centre; a centre without points takes one that is farthest from its own."""
     weights = np.bincount(labels, minlength=len(centres)).astype(np.float64)
@@ -76,17 +70,17 @@ def _settled(points: Floats, centres: Floats, tolerance: float) -> tuple[Labels,
     """Return (labels, sum of squared distances to their centres) of Lloyd's iteration from `centres`."""
     labels = np.full(len(points), -1, np.int64)
     for _ in range(MOST_ITERATIONS):
-        before, labels = labels, _nearest(points, centres)
+        before, labels = labels, nearest(points, centres)
         moved = _moved(points, centres, labels)
         shift = float(np.square(moved - centres).sum())
         centres = moved
         if np.array_equal(labels, before):
             break
         if shift <= tolerance:
-            labels = _nearest(points, centres)
+            labels = nearest(points, centres)
             break
     else:
-        labels = _nearest(points, centres)
+        labels = nearest(points, centres)
     return labels, float(np.square(points - centres[labels]).sum())
 
 

@@ -23,17 +23,15 @@ from torch import Tensor
 
 from ntc.codec.encoding import (
     EncodedGroup,
-    EncodingOptions,
     EncodingTask,
     Figures,
     Piece,
     QualityBudget,
     no_interruption,
 )
-from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping
+from ntc.codec.model import CodecSettings, Decoder, EncodedTexture
 from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.registry import codec_of
-from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.io import file_metadata, read_file, write_bytes
 from ntc.training.messages import (
@@ -105,21 +103,37 @@ class Trainer:
         return self._encoder.settings
 
     def _state_settings(self) -> dict[str, Any]:
+        """Return the settings that must be equal for a training to continue from a state."""
         request = self._request
-        return state_settings(request.textures, request.grouping, request.codec, request.training)
+        return {
+            "codec": asdict(cast(Any, request.codec)),
+            "training": asdict(cast(Any, request.training)),
+            "groups": list(request.grouping.groups),
+            "textures": [[t.pixel_hash, *t.size, t.color_space, *t.wrap] for t in request.textures],
+            "torch": torch.__version__,
+        }
 
     def _load(self, path: Path) -> None:
-        state = load_state(path, self._state_settings())
+        """Continue from a state that was saved with the same settings. Raises InputError for any other file."""
         try:
-            self._encoder.load(state)
+            data = read_file(path)
+            tensors: dict[str, Tensor] = load(data)
+            found = json.loads(file_metadata(data)[METADATA_KEY])["settings"]
+            known = json.loads(json.dumps(self._state_settings()))
+            other = sorted(key for key in known if found.get(key) != known[key])
+        except (SafetensorError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+            raise InputError(f"{path}: is not the state of a training ({error}); {REMEDY}") from error
+        if other:
+            raise InputError(f"{path}: is the state of another training (it differs in {', '.join(other)}); {REMEDY}")
+        try:
+            self._encoder.load(tensors)
         except (KeyError, ValueError, TypeError, RuntimeError) as error:
-            raise InputError(
-                f"{path}: does not fit this training ({error}); remove it, or name another file"
-            ) from error
+            raise InputError(f"{path}: does not fit this training ({error}); {REMEDY}") from error
 
     def save(self, path: Path) -> None:
         """Write the state, between two pieces of work. Raises InputError where it cannot be written."""
-        save_state(path, self._encoder.state(), self._state_settings())
+        copies = {name: value.detach().cpu().contiguous().clone() for name, value in self._encoder.state().items()}
+        write_bytes(path, save(copies, metadata={METADATA_KEY: json.dumps({"settings": self._state_settings()})}))
 
     def _save_if_due(self) -> str:
         """Write the state once a minute. Returns why it failed, where it did: the disk may be full for a while only."""
@@ -244,37 +258,3 @@ def _mean_square(textures: Sequence[EncodedTexture]) -> float:
 
 METADATA_KEY = "ntc_training"
 REMEDY = "remove it, or name another file"
-
-
-def state_settings(
-    textures: Sequence[SourceTexture], grouping: Grouping, codec: CodecSettings, options: EncodingOptions
-) -> dict[str, Any]:
-    """Return what must be equal for a training to continue from a state."""
-    return {
-        "codec": asdict(cast(Any, codec)),
-        "training": asdict(cast(Any, options)),
-        "groups": list(grouping.groups),
-        "textures": [[t.pixel_hash, *t.size, t.color_space, *t.wrap] for t in textures],
-        "torch": torch.__version__,
-    }
-
-
-def save_state(path: Path, state: Mapping[str, Tensor], settings: Mapping[str, Any]) -> None:
-    """Write a state atomically. Raises InputError where it cannot be written."""
-    copies = {name: value.detach().cpu().contiguous().clone() for name, value in state.items()}
-    write_bytes(path, save(copies, metadata={METADATA_KEY: json.dumps({"settings": settings})}))
-
-
-def load_state(path: Path, settings: Mapping[str, Any]) -> dict[str, Tensor]:
-    """Return a state that was saved with the same settings. Raises InputError for any other file."""
-    try:
-        data = read_file(path)
-        tensors: dict[str, Tensor] = load(data)
-        found = json.loads(file_metadata(data)[METADATA_KEY])["settings"]
-        known = json.loads(json.dumps(settings))
-        other = sorted(key for key in known if found.get(key) != known[key])
-    except (SafetensorError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f"{path}: is not the state of a training ({error}); {REMEDY}") from error
-    if other:
-        raise InputError(f"{path}: is the state of another training (it differs in {', '.join(other)}); {REMEDY}")
-    return tensors

@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from ntc.api.decoding import decode
+from ntc.api import decode
 from ntc.errors import InputError
 from ntc.features.pixels import as_rgb
 from ntc.io import atomic_folder, write_bytes, write_text

@@ -262,10 +262,6 @@ class RunResult:
     """Keys by which the library holds the textures."""
 
 
-def _name(ref: TextureRef) -> str:
-    return ref.path if ref.index is None else f"{ref.path}: {ref.name}"
-
-
 class _Run:
     """One run, while it goes on."""
 
@@ -280,7 +276,8 @@ class _Run:
     ) -> None:
         self.asked, self.executor, self.writer, self.result = asked, executor, writer, result
         self._listen, self.stopped = listen, stopped
-        self._began, self._phase = time.monotonic(), "looking at"
+        self._began = time.monotonic()
+        self._phase: Phase = "looking at"
         self._done = self._of = self._weight_done = self._weight = 0
 
     def begin(self, phase: Phase, textures: int, weight: int) -> None:
@@ -296,8 +293,9 @@ class _Run:
         share = self._weight_done / max(self._weight, 1)
         left = seconds * (1.0 - share) / share if share > 0.0 else 0.0
         failures = len(self.result.failed)
-        phase: Phase = "encoding" if self._phase == "encoding" else "looking at"
-        self._listen(RunProgress(phase, self._done, self._of, share, left, self._weight_done / seconds, failures, note))
+        self._listen(
+            RunProgress(self._phase, self._done, self._of, share, left, self._weight_done / seconds, failures, note)
+        )
 
     def tried_again(self, problem: str) -> None:
         """Report that a job is begun once more."""
@@ -305,8 +303,9 @@ class _Run:
         self.advance(0, 0, problem)
 
     def fail(self, refs: Sequence[TextureRef], problem: str) -> None:
-        """These textures will be missing."""
-        self.result.failed.update((_name(ref), problem) for ref in refs)
+        """Note that these textures will be missing."""
+        for ref in refs:
+            self.result.failed[ref.path if ref.index is None else f"{ref.path}: {ref.name}"] = problem
 
 
 def _unread(run: _Run, problems: Unread, attempt: int) -> str | None:
@@ -341,10 +340,18 @@ def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
         assert isinstance(result, tuple)
         # Texts that came with a message would be held a second time.
         own = [replace(each, ref=ref) for each, ref in zip(result, _refs(job), strict=True)]
-        found.update((each.ref, replace(each, maps=_shared(each.maps), stamp=None)) for each in own)
+        for each in own:
+            maps = BASE_ALONE if each.maps == BASE_ALONE else each.maps
+            found[each.ref] = replace(each, maps=maps, stamp=None)
         if plain:
-            files = [_image_file(each) for each in own if each.ref.index is None]
-            run.writer.remember([file for file in files if file is not None])
+            # Without a stamp the time of an image cannot be trusted.
+            run.writer.remember(
+                [
+                    ImageFile(each.ref.path, *each.stamp, each.pixel_hash, each.width, each.height, each.channels)
+                    for each in own
+                    if each.ref.index is None and each.stamp is not None
+                ]
+            )
         run.advance(len(result), len(result))
         return None
 
@@ -374,20 +381,13 @@ def _halves(job: WorkJob) -> list[WorkJob]:
     return [half for half in halves if half is not None]
 
 
-def _shared(maps: tuple[MapName, ...]) -> tuple[MapName, ...]:
-    return BASE_ALONE if maps == BASE_ALONE else maps
-
-
-def _image_file(looked: Looked) -> ImageFile | None:
-    """Return what is remembered of an image; None where its time cannot be trusted."""
-    if looked.stamp is None:
-        return None
-    return ImageFile(looked.ref.path, *looked.stamp, looked.pixel_hash, looked.width, looked.height, looked.channels)
-
-
 def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
     index = run.writer.index
-    due = [job for job in (_left(run, job) for job in jobs) if job is not None]
+    due = []
+    for job in jobs:
+        held = {each.pixel_hash for each in job.textures if index.holds(job.settings, each.pixel_hash)}
+        left = without(job, frozenset(held))
+        due += [] if left is None else [left]
     run.begin("encoding", sum(len(job.textures) for job in due), sum(job.texels for job in due))
     arguments: list[WorkJob] = list(due)
 
@@ -414,21 +414,11 @@ def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
         assert isinstance(failure.argument, EncodeJob)
         run.fail(_refs(failure.argument), failure.problem)
     for job in jobs:
-        run.result.stored += list(_stored(run, job, index.places))
-
-
-def _left(run: _Run, job: EncodeJob) -> EncodeJob | None:
-    """Return `job` without textures that the library holds; None where nothing is left."""
-    held = {each.pixel_hash for each in job.textures if run.writer.index.holds(job.settings, each.pixel_hash)}
-    return without(job, frozenset(held))
-
-
-def _stored(run: _Run, job: EncodeJob, places: dict[tuple[str, str], str]) -> Iterator[Stored]:
-    for each in job.textures:
-        digest = places.get((job.settings, each.pixel_hash))
-        if digest is not None:
-            own = next(t for t in run.writer.index.shards[digest].textures if t.pixel_hash == each.pixel_hash)
-            yield Stored(each.ref, own, digest)
+        for each in job.textures:
+            digest = index.places.get((job.settings, each.pixel_hash))
+            if digest is not None:
+                own = next(t for t in index.shards[digest].textures if t.pixel_hash == each.pixel_hash)
+                run.result.stored.append(Stored(each.ref, own, digest))
 
 
 def encode_to_library(

@@ -18,7 +18,7 @@ from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed
 from viewer.state.pack_files import unused_name
 from viewer.training.kept_runs import KeptRuns
 from viewer.training.preparation import AheadPreparation, EncodeScene, TrainingJob, job_title, prepare
-from viewer.training.run_keeper import RunKeeper, WaitingRuns, accepted
+from viewer.training.run_keeper import RunKeeper, WaitingRuns
 from viewer.training.run_log import ActiveRun, Curves, Run, RunLog, State
 from viewer.training.settings import TrainingSettings
 
@@ -356,13 +356,12 @@ class LiveTraining:
         self._packs_to_drop = True
 
     def _take_saved(self, names: Container[str]) -> None:
-        for saved in self._keeper.take_saved():
-            known = saved.run.number in self.log and saved.scene is self._scene
-            if saved.pack is None or saved.pack.path is None or not known:
-                continue
-            run = self.log[saved.run.number]
-            name = unused_name(saved.pack.grouping.name, saved.pack.path, names)
-            self.log.change(accepted(run, saved, name))
+        saved = self._keeper.take_saved()
+        if saved is not None and saved.run.number in self.log and saved.scene is self._scene:
+            run, path = self.log[saved.run.number], saved.pack.path
+            assert path is not None
+            name = unused_name(saved.pack.grouping.name, path, names)
+            self.log.change(replace(run, pack=saved.pack, saved=path, open_as=name))
             self.log.choose_undecided()
             self._emit(PackUpdated(run.name, saved.pack))
             self._emit(PackRenamed(run.name, name))

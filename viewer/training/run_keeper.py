@@ -202,13 +202,13 @@ SECONDS_BETWEEN_KEEPING = 60.0
 
 @dataclass(frozen=True, eq=False)
 class Saved:
-    """The result of accepting a run."""
+    """An accepted run whose pack has been written."""
 
     run: Run
     """The run at the time when it was accepted."""
     scene: Scene
-    pack: Pack | None
-    """The pack with its path; None where it could not be written."""
+    pack: Pack
+    """The pack with its path."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +290,7 @@ class RunKeeper:
         self._add(_Task(run, scene, write))
 
     def take_over(self, run: Run, key: str) -> None:
-        """The run is the one at `key` in the data folder, which this window has claimed."""
+        """Note that `run` is the one at `key` in the data folder, which this window has claimed."""
         self._keys[run.number] = key
         if run.pack is not None:
             self._packs[run.number] = run.pack
@@ -302,9 +302,9 @@ class RunKeeper:
         self._remove_forgotten()
 
     def leave(self, first: int | None = None) -> bool:
-        """Leave what is kept of runs before number `first` to whichever window asks for it, unless anything is being written.
+        """Release the kept runs before number `first` to other windows, unless anything is being written.
 
-        Whether there was any.
+        Returns whether there was any.
         """
         if self.busy or self.kept is None:
             return False
@@ -313,21 +313,23 @@ class RunKeeper:
             self.kept.release(self._keys.pop(number))
         return bool(left)
 
-    def take_saved(self) -> tuple[Saved, ...]:
-        """Accepted runs that have been written since the last call, or could not be."""
+    def take_saved(self) -> Saved | None:
+        """Return an accepted run that has been written since the last call. Errors of writing are notified."""
         if self._job is None or not self._job.done:
-            return ()
+            return None
         task, job, self._job = self._tasks.pop(0), self._job, None
-        saved: tuple[Saved, ...] = ()
+        saved = None
         try:
             pack = job.result()
-            if task.write is not None:
+            if task.write is not None and pack is not None and pack.path is not None:
                 self._forgotten.add(task.run.number)
-                self._note(pack)
-                saved = (Saved(task.run, task.scene, pack),)
+                stamp = file_stamp(pack.path)
+                if stamp is not None:
+                    self._stamps[os.path.realpath(pack.path)] = stamp
+                self._emit(Notification(f"wrote {pack.path}"))
+                saved = Saved(task.run, task.scene, pack)
         except InputError as error:
             if task.write is not None:
-                saved = (Saved(task.run, task.scene, None),)
                 self._emit(Notification(str(error), "error"))
             else:
                 self._complain(error)
@@ -335,24 +337,15 @@ class RunKeeper:
         self._start()
         return saved
 
-    def close(self) -> tuple[Saved, ...]:
-        """Finish writing, for so long as it may take, and let go of what is kept; what was accepted meanwhile."""
+    def close(self) -> None:
+        """Finish writing, for SECONDS_TO_WRITE at most, and release the runs that are kept."""
         end = time.monotonic() + SECONDS_TO_WRITE
-        saved: list[Saved] = []
         while self._job is not None and time.monotonic() < end:
             self._job.join(end - time.monotonic())
-            saved += self.take_saved()
+            self.take_saved()
         self._tasks.clear()
         self._remove_forgotten()
         self.leave()
-        return tuple(saved)
-
-    def _note(self, pack: Pack | None) -> None:
-        path = pack.path if pack is not None else None
-        stamp = file_stamp(path) if path is not None else None
-        if path is not None and stamp is not None:
-            self._stamps[os.path.realpath(path)] = stamp
-        self._emit(Notification(f"wrote {path}"))
 
     def _add(self, task: _Task) -> None:
         self._tasks.append(task)
@@ -361,11 +354,8 @@ class RunKeeper:
     def _start(self) -> None:
         while self._job is None and self._tasks:
             task = self._tasks[0]
-            if task.write is not None:
-                self._job = self._accepting(task.write)
-                return
             try:
-                self._job = self._keeping(task)
+                self._job = self._keeping(task) if task.write is None else self._accepting(task.write)
             except InputError as error:
                 self._tasks.pop(0)
                 self._complain(error)
@@ -402,13 +392,7 @@ class RunKeeper:
                 self.kept.remove(key)
 
     def _complain(self, error: InputError) -> None:
-        """Once: the next run would fail alike."""
+        """Notify that runs cannot be kept, once: the next run would fail alike."""
         if not self._failed:
             self._failed = True
             self._emit(Notification(f"runs will be lost when the window closes: {error}", "error"))
-
-
-def accepted(run: Run, saved: Saved, open_as: str) -> Run:
-    """Return `run` as the log keeps it once its pack is written and open under the name `open_as`."""
-    assert saved.pack is not None
-    return replace(run, pack=saved.pack, saved=saved.pack.path, open_as=open_as)

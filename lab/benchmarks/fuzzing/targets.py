@@ -34,6 +34,7 @@ WATCHED = [
     "ntc.codec.model",
     "ntc.codec.block.storage",
     "ntc.codec.block.tensors",
+    "ntc.codec.grid.codec",
     "ntc.codec.grid.tensors",
 ]
 WATCHED_SCRIPTS = [

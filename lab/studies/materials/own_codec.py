@@ -14,7 +14,7 @@ from ntc.codec.maps import BASE_ALONE, EQUAL_WEIGHTS, MAP_WEIGHTS, MapWeightsNam
 from ntc.codec.model import Grouping
 from ntc.codec.registry import codec_of
 from ntc.codec.textures import SourceTexture
-from ntc.grouping.by_maps import kinds_of
+from ntc.grouping import kinds_of
 from ntc.training.encode import encode_textures
 
 LARGEST_BITS = 15.0

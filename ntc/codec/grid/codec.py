@@ -20,15 +20,15 @@ from ntc.codec.codec import (
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet, given_target
 from ntc.codec.gpu import GpuTables
-from ntc.codec.grid import tensors as files
 from ntc.codec.grid.accuracy.error_bound import pack_bounds
 from ntc.codec.grid.accuracy.precision_choice import chosen_precision, sampled_bound
 from ntc.codec.grid.accuracy.rescale import stored_pack
 from ntc.codec.grid.gpu import GridTables
-from ntc.codec.grid.model import GridConfig, GridDecoder, GridTexture, grid_parts
+from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, GridTexture, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
-from ntc.codec.grid.tensors import grey_pack
+from ntc.codec.grid.tensors import grey_pack, packed_cells, unpacked_cells
 from ntc.codec.grid.training.config import TrainingConfig, chosen_config, recipe_codec
+from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 
@@ -42,22 +42,76 @@ class GridCodec(Codec):
     added_fields = frozenset({"adapters", "adapter_output", "weight_bits", "maps"})
 
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
-        return files.texture_shapes(cast(GridConfig, settings), width, height)
+        config = cast(GridConfig, settings)
+        channels = config.latent_channels
+        shapes: dict[str, TensorShape] = {
+            "latents.{}": ("U8", (latent_cell_count(width, height, config), config.cell_bytes)),
+            "latents.{}.scale": ("F32", (channels,)),
+            "latents.{}.offset": ("F32", (channels,)),
+        }
+        if config.adapters:
+            shapes["adapter.{}.scales"] = ("F16", (2, config.hidden_width))
+            shapes["adapter.{}.biases"] = ("F16", (2, config.hidden_width))
+        if config.adapter_output:
+            shapes["adapter.{}.output.weight"] = ("F16", (config.output_channels, config.hidden_width))
+            shapes["adapter.{}.output.bias"] = ("F16", (config.output_channels,))
+        return shapes
 
     def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
-        return files.decoder_shapes(cast(GridConfig, settings))
+        config = cast(GridConfig, settings)
+        kind, shapes = f"F{config.weight_bits}", dict[str, TensorShape]()
+        for layer, (outputs, inputs) in enumerate(config.layer_shapes):
+            shapes[f"decoder.{{}}.{layer}.weight"] = (kind, (outputs, inputs))
+            shapes[f"decoder.{{}}.{layer}.bias"] = (kind, (outputs,))
+        return shapes
 
     def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        return files.texture_tensors(cast(GridTexture, texture), cast(GridConfig, settings))
+        own, config = cast(GridTexture, texture), cast(GridConfig, settings)
+        tensors: dict[str, NDArray[Any]] = {
+            "latents.{}": packed_cells(own.latents, config.latent_bits),
+            "latents.{}.scale": np.ascontiguousarray(own.scale),
+            "latents.{}.offset": np.ascontiguousarray(own.offset),
+        }
+        if own.adapter is not None:
+            tensors["adapter.{}.scales"] = own.adapter.scales.astype(np.float16)
+            tensors["adapter.{}.biases"] = own.adapter.biases.astype(np.float16)
+            if own.adapter.output_weight is not None and own.adapter.output_bias is not None:
+                tensors["adapter.{}.output.weight"] = own.adapter.output_weight.astype(np.float16)
+                tensors["adapter.{}.output.bias"] = own.adapter.output_bias.astype(np.float16)
+        return tensors
 
     def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        return files.decoder_tensors(cast(GridDecoder, decoder), cast(GridConfig, settings))
+        own = cast(GridDecoder, decoder)
+        kind = np.float16 if cast(GridConfig, settings).weight_bits == 16 else np.float32
+        tensors: dict[str, NDArray[Any]] = {}
+        for layer, (weight, bias) in enumerate(zip(own.weights, own.biases, strict=True)):
+            tensors[f"decoder.{{}}.{layer}.weight"] = np.ascontiguousarray(weight, kind)
+            tensors[f"decoder.{{}}.{layer}.bias"] = np.ascontiguousarray(bias, kind)
+        return tensors
 
     def read_texture(self, tensors: Tensors, known: Mapping[str, Any], settings: CodecSettings) -> EncodedTexture:
-        return files.read_texture(tensors, known, cast(GridConfig, settings))
+        config = cast(GridConfig, settings)
+        adapter = None
+        if config.adapters:
+            parts = (
+                ("scales", "biases", "output.weight", "output.bias") if config.adapter_output else ("scales", "biases")
+            )
+            adapter = Adapter(*(tensors[f"adapter.{{}}.{part}"].astype(np.float32) for part in parts))
+        return GridTexture(
+            **known,
+            latents=unpacked_cells(tensors["latents.{}"], config.latent_bits),
+            scale=tensors["latents.{}.scale"],
+            offset=tensors["latents.{}.offset"],
+            adapter=adapter,
+        )
 
     def read_decoder(self, tensors: Tensors, settings: CodecSettings) -> Decoder:
-        return files.read_decoder(tensors, cast(GridConfig, settings))
+        layers = range(len(cast(GridConfig, settings).layer_shapes))
+        weights, biases = (
+            tuple(tensors[f"decoder.{{}}.{layer}.{part}"].astype(np.float32) for layer in layers)
+            for part in ("weight", "bias")
+        )
+        return GridDecoder(weights, biases)
 
     def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
         own, config = cast(GridTexture, texture), cast(GridConfig, settings)

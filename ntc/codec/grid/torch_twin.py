@@ -13,7 +13,7 @@ from ntc.codec.grid.model import LOD_INPUT_SCALE, Adapter, GridConfig, GridDecod
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
-from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners, weighted_rows
+from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners
 
 Layer = tuple[Tensor, Tensor]
 """(weight [T, inputs, outputs], bias [T, 1, outputs]): row t computes x @ weight[t] + bias[t]."""
@@ -173,25 +173,6 @@ def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: T
 def with_lod(waves: Tensor, lod: Tensor, config: GridConfig) -> Tensor:
     """Return [N, rest]: positional encoding `waves` and, where the codec has it, the lod input of `lod` [N]."""
     return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
-
-
-def codec_features(
-    config: GridConfig,
-    latents: Tensor,
-    cells: PyramidTable,
-    texels: PyramidTable,
-    texture: Tensor,
-    uv: Tensor,
-    lod: Tensor,
-) -> tuple[Tensor, Tensor]:
-    """Return latents [N, latent_channels] and the other inputs of the decoder [N, rest] at wrapped `uv` [N, 2] in [0, 1] and clamped
-    `lod` [N] of `texture` [N].
-
-    `latents` [all cells, channels]; differentiable in them.
-    """
-    index, weights = trilinear_corners(cells, texture, uv, lod)
-    waves = positional_encoding(texels, texture, uv, lod, config.positional_octaves)
-    return weighted_rows(latents, index, weights), with_lod(waves, lod, config)
 
 
 class TorchGrid(TorchTexels):

@@ -126,7 +126,7 @@ def test_a_full_disk_now_and_then_ends_no_training(tmp_path: Path, monkeypatch: 
         raise InputError("a.state: cannot be written (No space left on device)")
 
     monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_SAVES", 0.0)
-    monkeypatch.setattr("ntc.training.trainer.save_state", full)
+    monkeypatch.setattr("ntc.training.trainer.write_bytes", full)
     pack = encode_textures(TEXTURES, GROUPS, FULL, SHORT, state=path, progress=lambda report: notes.append(report.note))
     assert len(refused) > 1
     assert any("could not be saved, training continues (a.state: cannot be written" in note for note in notes)

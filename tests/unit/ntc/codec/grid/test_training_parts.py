@@ -11,7 +11,7 @@ from torch import Tensor
 
 from ntc.codec.color import linear_to_srgb, srgb_to_linear
 from ntc.codec.grid.model import GridConfig
-from ntc.codec.grid.torch_twin import AdapterStack, DecoderStack, codec_features
+from ntc.codec.grid.torch_twin import AdapterStack, DecoderStack, positional_encoding, with_lod
 from ntc.codec.grid.training import optimizers as decoder_loss
 from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, freezing_scale, rate_scale, recipe_config
 from ntc.codec.grid.training.data import IMAGE_DEVIATION, LATENT_SPREAD, TrainingData, image_latents, random_latents
@@ -19,7 +19,7 @@ from ntc.codec.grid.training.optimizers import Muon, orthogonalised, squared_err
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture, hash_pixels
-from ntc.codec.torch_texels import PyramidTable, weighted_rows
+from ntc.codec.torch_texels import PyramidTable, trilinear_corners, weighted_rows
 from tests.support.textures import of_pixels
 
 CONFIG = GridConfig(hidden_width=16, adapters=True, adapter_output=True)
@@ -296,10 +296,12 @@ def test_samples_bring_what_the_codec_reads_there(config: GridConfig) -> None:
     )
     for part in parts:
         which = chosen.repeat_interleave(len(part.lod) // 4)
-        read, known = codec_features(config, latents, cells, texels, which, part.uv, part.lod)
+        index, weights = trilinear_corners(cells, which, part.uv, part.lod)
+        waves = positional_encoding(texels, which, part.uv, part.lod, config.positional_octaves)
         # Texture coordinates of centres are rounded, texel numbers are not.
+        read = weighted_rows(latents, index, weights)
         torch.testing.assert_close(weighted_rows(latents, part.index, part.weights), read, atol=2e-4, rtol=0.0)
-        torch.testing.assert_close(part.known, known, atol=2e-4, rtol=0.0)
+        torch.testing.assert_close(part.known, with_lod(waves, part.lod, config), atol=2e-4, rtol=0.0)
 
 
 def first_latents(pixels: NDArray[np.uint8], config: GridConfig = PLAIN) -> torch.Tensor:
