@@ -57,7 +57,7 @@ vec4 limit_output(vec4 result) {
     return mix(clamp(result, 0.0, 1.0), vec4(0.0), are_nan(result));
 }
 
-// 1: of the texels of a trilinear footprint one is decoded, chosen at random (ntc/lookup.glsl).
+// 1: of the texels of a trilinear footprint one is decoded, chosen at random (ntc/decode_plane.glsl).
 #ifndef FILTER_STOCHASTIC
 #define FILTER_STOCHASTIC 0
 #endif

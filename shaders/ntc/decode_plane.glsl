@@ -1,6 +1,46 @@
 // Decoding a plane of a surface's maps.
 #include "ntc/plane.glsl"
-#include "ntc/lookup.glsl"
+#include "ntc/decode.glsl"
+
+// Where a pixel's texture is decoded: as the exact filter does, or at the texel that the stochastic filter takes.
+struct Lookup {
+    uvec2 at;      // wrapped, in units of 2^-32
+    float lod;
+};
+
+#if FILTER_STOCHASTIC
+uniform int sample_number;
+
+// Of the samples of a pixel, in [0, 1): interleaved gradient noise (Jimenez 2014), so that neighbouring pixels differ most; from sample
+// to sample it moves by the golden ratio, so that each texel is taken about as often as its weight says.
+float filter_threshold(ivec2 pixel) {
+    float noise = fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
+    return fract(noise + 0.61803399 * float(sample_number));
+}
+
+// Whether the second of two choices is taken, which has weight `share`; what is left of `threshold` serves the next choice.
+bool second_taken(inout float threshold, float share) {
+    bool second = threshold < share;
+    threshold = second ? threshold / share : (threshold - share) / (1.0 - share);
+    return second;
+}
+
+Lookup lookup_of(TextureRecord record, vec2 uv, float lod, ivec2 wrap, ivec2 pixel) {
+    float threshold = filter_threshold(pixel);
+    lod = present_lod(record, lod);
+    int number = int(floor(lod));
+    if (second_taken(threshold, lod - float(number))) ++number;
+    LevelRecord level = levels[record.first_level + number];
+    Footprint footprint = footprint_at(level, fixed_coordinates(uv, wrap), wrap);
+    int x = second_taken(threshold, footprint.share.x) ? footprint.second.x : footprint.first.x;
+    int y = second_taken(threshold, footprint.share.y) ? footprint.second.y : footprint.first.y;
+    return Lookup(uvec2(texel_centre(x, level.texel_width), texel_centre(y, level.texel_height)), float(number));
+}
+#else
+Lookup lookup_of(TextureRecord record, vec2 uv, float lod, ivec2 wrap, ivec2 pixel) {
+    return Lookup(fixed_coordinates(uv, wrap), lod);
+}
+#endif
 
 vec4 decoded_plane(Surface surface, ivec2 pixel) {
     WantedTexel wanted = wanted_texel(surface);

@@ -1,17 +1,16 @@
 """The variant of the decoding shaders of a pack: named, the default of the device's class, or the fastest, measured once and kept."""
 
 import hashlib
-import json
-import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Annotated, Final
 
 import moderngl
+import msgspec
 
 from ntc.codec.gpu import DecoderVariant
 from ntc.codec.model import Pack
@@ -135,69 +134,56 @@ def _path(folder: Path, device: ContextInformation, shape: str) -> Path:
     return folder / f"{hashlib.sha256(key.encode()).hexdigest()[:24]}.json"
 
 
-def read_times(folder: Path, device: ContextInformation, shape: str) -> VariantTimes | None:
-    """Read what `keep_times` wrote for this device and shape; None where there is nothing, or a file that it did not write."""
+class _KeptTimes(msgspec.Struct, frozen=True):
+    """Content of a file of times."""
+
+    renderer: str
+    version: str
+    shape: str
+    nanoseconds: dict[Precision, dict[str, Annotated[float, msgspec.Meta(gt=0.0)]]]
+    """Time of a texel by precision and by the text of a variant."""
+
+
+def _read(path: Path) -> tuple[str, VariantTimes] | None:
+    """Return shape and times in a file; None where there is none, or where `keep_times` did not write it."""
     try:
-        with _path(folder, device, shape).open("rb") as file:
+        with path.open("rb") as file:
             content = file.read(LARGEST_FILE + 1)
         if len(content) > LARGEST_FILE:
             return None
-        found = json.loads(content)
-        return VariantTimes(
-            {
-                _precision(precision): {parsed_variant(text): _time(value) for text, value in own.items()}
-                for precision, own in found["nanoseconds"].items()
-            }
-        )
-    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError, InputError):
+        kept = msgspec.json.decode(content, type=_KeptTimes)
+        times = {
+            precision: {parsed_variant(text): time for text, time in own.items()}
+            for precision, own in kept.nanoseconds.items()
+        }
+        return kept.shape, VariantTimes(times)
+    except (OSError, ValueError, RecursionError, InputError):
         return None
 
 
-def _precision(name: str) -> Precision:
-    if name not in get_args(Precision):
-        raise ValueError(name)
-    return name  # type: ignore[return-value]
-
-
-def _time(value: Any) -> float:
-    time = float(value)
-    if not 0.0 < time < math.inf:
-        raise ValueError(value)
-    return time
+def read_times(folder: Path, device: ContextInformation, shape: str) -> VariantTimes | None:
+    """Read what `keep_times` wrote for this device and shape; None where there is nothing, or a file that it did not write."""
+    found = _read(_path(folder, device, shape))
+    return None if found is None else found[1]
 
 
 def keep_times(folder: Path, device: ContextInformation, shape: str, times: VariantTimes) -> None:
     """Write `times`. A folder that cannot be written to is no error: they are measured again."""
-    content = {
-        "renderer": device.renderer,
-        "version": device.version,
-        "shape": shape,
-        "nanoseconds": {
-            precision: {str(variant): time for variant, time in own.items()}
-            for precision, own in times.nanoseconds.items()
-        },
+    nanoseconds = {
+        precision: {str(variant): time for variant, time in own.items()} for precision, own in times.nanoseconds.items()
     }
+    content = msgspec.json.encode(_KeptTimes(device.renderer, device.version, shape, nanoseconds))
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        write_text(_path(folder, device, shape), json.dumps(content, indent=2) + "\n")
+        write_text(_path(folder, device, shape), msgspec.json.format(content, indent=2).decode() + "\n")
     except (OSError, InputError):
         return
 
 
 def kept_times(folder: Path, device: ContextInformation) -> dict[str, VariantTimes]:
     """Return all times that are kept for a device, by codec shape."""
-    found: dict[str, VariantTimes] = {}
-    for path in sorted(folder.glob("*.json")):
-        try:
-            with path.open("rb") as file:
-                shape = json.loads(file.read(LARGEST_FILE))["shape"]
-        except (OSError, ValueError, TypeError, KeyError, RecursionError):
-            continue
-        if isinstance(shape, str) and path == _path(folder, device, shape):
-            times = read_times(folder, device, shape)
-            if times is not None:
-                found[shape] = times
-    return found
+    read = [(path, _read(path)) for path in sorted(folder.glob("*.json"))]
+    return {found[0]: found[1] for path, found in read if found and path == _path(folder, device, found[0])}
 
 
 VARIANT_VARIABLE: Final = "NTC_VIEWER_DECODER_VARIANT"

@@ -96,14 +96,11 @@ class FirstView:
         extent = float((scene.bounds[1] - scene.bounds[0]).max())
         ids = draw_ids(camera, CONFIG.size)
         self._overview = CandidateView.of(Candidate(camera, extent), ids, len(scene.textures))
-        if not scene.textures or self._is_enough(scene, self._overview):
+        shown = self._overview.textures
+        if not scene.textures or (self._overview.meets(ENOUGH) and shown >= ENOUGH_TEXTURES * len(scene.textures)):
             self._emit(FirstViewFound(scene, None))
             return
         self._emit(Notification(f"all of {scene.name} shows few of its textures: looking for a better place to begin"))
-
-    @staticmethod
-    def _is_enough(scene: Scene, view: CandidateView) -> bool:
-        return view.meets(ENOUGH) and view.textures >= ENOUGH_TEXTURES * len(scene.textures)
 
     def _best(self, scene: Scene, drawer: CandidateRenderer) -> Camera | None:
         """Return the place that shows most; None where that is no more than all of the scene shows."""

@@ -133,13 +133,9 @@ void main() {
         bool inside;
         TileRecord tile = own_tile(p, place, inside);
         TextureRecord record = textures[tile.texture_id];
-        LevelRecord level = levels[record.first_level + tile.level];
-        ivec2 size = ivec2(level.texel_width, level.texel_height);
         ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
-        ivec2 texel = texel_of(tile, place, size);
         float inputs[DECODER_INPUTS];
-        uvec2 uv = uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
-        decoder_input(record, uv, float(tile.level), wrap, inputs);
+        decoder_input(record, decoded_at(tile, place), float(tile.level), wrap, inputs);
         for (int q = 0; q < PIXELS; ++q) {
             adapters[q] = q == p ? record.adapter : adapters[q];
             for (int i = 0; i < DECODER_INPUTS; ++i) x[q][i] = q == p ? inputs[i] : x[q][i];
@@ -164,12 +160,9 @@ void main() {
         bool inside;
         TileRecord tile = own_tile(p, place, inside);
         if (!inside) continue;
+        ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
         TextureRecord record = textures[tile.texture_id];
-        LevelRecord level = levels[record.first_level + tile.level];
-        ivec2 size = ivec2(level.texel_width, level.texel_height);
-        ivec2 texel = texel_of(tile, place, size);
-        uvec2 uv = uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
-        store_texel(tile, place, decode_at(record, uv, float(tile.level), ivec2(tile.wrap_u, tile.wrap_v), true));
+        store_texel(tile, place, decode_at(record, decoded_at(tile, place), float(tile.level), wrap, true));
     }
 }
 #endif

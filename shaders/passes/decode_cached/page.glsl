@@ -23,6 +23,14 @@ ivec2 texel_of(TileRecord tile, ivec2 place, ivec2 size) {
     return ivec2(wrapped_texel(texel.x, size.x, tile.wrap_u), wrapped_texel(texel.y, size.y, tile.wrap_v));
 }
 
+// Where the texel at `place` on a tile's page is decoded: its centre, in units of 2^-32.
+uvec2 decoded_at(TileRecord tile, ivec2 place) {
+    LevelRecord level = levels[textures[tile.texture_id].first_level + tile.level];
+    ivec2 size = ivec2(level.texel_width, level.texel_height);
+    ivec2 texel = texel_of(tile, place, size);
+    return uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
+}
+
 ivec2 page_corner(int page) {
     return ivec2(page % PAGES_ACROSS, (page / PAGES_ACROSS) % PAGES_ACROSS) * PAGE_SIDE;
 }

@@ -85,7 +85,7 @@ def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     for _ in range(2):
         # A second frame finds the bins empty again.
         binned.run(inputs, targets[1])
-        bins = np.frombuffer(binned.bins(), BIN_RECORD)
+        bins = np.frombuffer(binned._bins.read(), BIN_RECORD)
         np.testing.assert_array_equal(bins["pixels"], expected)
         np.testing.assert_array_equal(bins["first"], np.cumsum(expected) - expected)
         np.testing.assert_allclose(targets[1].read(), targets[0].read(), atol=2e-5, rtol=0.0)
@@ -107,7 +107,7 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     )
     binned = DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading())
     binned.run(VisibilityInputs(visibility, material, textures=(0, 1, 2, 3)), target)
-    groups = np.frombuffer(binned.bins(), BIN_RECORD)["groups_x"]
+    groups = np.frombuffer(binned._bins.read(), BIN_RECORD)["groups_x"]
     assert groups.tolist() == [64 * 64 // 256, 0, 0, 0]
     for made in (target, material, binned, ranges, buffers, programs):
         made.release()
@@ -131,7 +131,7 @@ def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsC
         )
         binned.run(VisibilityInputs(visibility, material, textures=(0, 1)), target)
         pictures.append(target.read())
-        groups = np.frombuffer(binned.bins(), BIN_RECORD)[0]
+        groups = np.frombuffer(binned._bins.read(), BIN_RECORD)[0]
         assert groups["groups_x"] * groups["groups_y"] >= -(-size[0] * size[1] // (64 * ranges.pixels))
         for made in (target, binned, ranges, buffers, programs):
             made.release()

@@ -97,7 +97,11 @@ class ClusterCulling:
         )
         if self.item_count:
             self._run(view, work.items, work.buckets, work.capacity)
-        self._back_copy(len(ranges))
+        self._is_new = len(ranges) > 0
+        if self._is_new:
+            self._back.copy([(self._buckets, BUCKET_RECORD.itemsize * len(ranges))], len(ranges))
+        else:
+            self._told = self._counts(b"")
         return GpuDrawList(ranges, work.materials, self._commands, self._buckets, self._draws)
 
     def _run(self, view: ClusterView, items: NDArray[np.void], buckets: NDArray[np.void], capacity: int) -> None:
@@ -125,13 +129,6 @@ class ClusterCulling:
         set_uniforms(self._write, {"item_count": len(items)})
         self._write.run(*groups)
         self._context.gl.memory_barrier()
-
-    def _back_copy(self, buckets: int) -> None:
-        self._is_new = buckets > 0
-        if not buckets:
-            self._told = self._counts(b"")
-            return
-        self._back.copy([(self._buckets, BUCKET_RECORD.itemsize * buckets)], buckets)
 
     def counts(self, waits: bool) -> DrawCounts:
         """Return the counts of the last list; unless this `waits`, of one before where the GPU has not come so far."""

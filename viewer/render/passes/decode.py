@@ -188,11 +188,6 @@ class DecodeBinnedPass(DecodePass):
             self._decode.run_indirect(self._bins, decoder * BIN_RECORD.itemsize)
         self._gl.memory_barrier()
 
-    def bins(self) -> bytes:
-        """Return BIN_RECORD of every decoder after the last frame: reads them back, which drawing never does."""
-        content: bytes = self._bins.read()
-        return content
-
     def own_buffers(self) -> Sequence[moderngl.Buffer]:
         """Return the bins and the list of pixels."""
         return self._bins, self._pixels

@@ -13,7 +13,7 @@ from ntc.metrics.compressed_textures import SUFFIX, BlockCache
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.jobs.job import Job, JobReport
-from viewer.lighting.prefilter import MOST_SAMPLES, PrefilterSize, irradiance_map, lobe_samples, source_samples
+from viewer.lighting.prefilter import MOST_SAMPLES, irradiance_map, lobe_samples, source_samples
 from viewer.render.pass_scheduler import Progress, Step, ToCome
 from viewer.render.resources.layout import TextureUnit, UniformBinding
 from viewer.render.resources.light import EnvironmentMaps
@@ -66,7 +66,8 @@ class PrefilterPass:
         whole = step.whole or self._context.waits or not inputs.is_kept
         cache = self._cache if inputs.is_kept else None
         width, height = output.size.texture_size
-        path = None if cache is None else cache.folder / f"{self._digest(inputs.key, output.size)}{SUFFIX}"
+        digest = hashlib.sha256(f"{VERSION} {inputs.key} {output.size}".encode()).hexdigest()[:32]
+        path = None if cache is None else cache.folder / f"{digest}{SUFFIX}"
         if not step.is_same_view or self._filtering is None or self._filtering.key != inputs.key:
             output.write_panorama(inputs.panorama)
             found = None if cache is None or path is None else cache.read(path, width * height * 16)
@@ -94,10 +95,6 @@ class PrefilterPass:
             cache.write(path, output.maps.read())
             cache.trim()
         return Progress()
-
-    @staticmethod
-    def _digest(key: str, size: PrefilterSize) -> str:
-        return hashlib.sha256(f"{VERSION} {key} {size}".encode()).hexdigest()[:32]
 
     def _source_of(self, side: int) -> moderngl.Texture:
         if self._source is None or self._source.width != side:

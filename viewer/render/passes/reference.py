@@ -6,7 +6,7 @@ Each plane of maps (`ntc.codec.maps`) has arrays of its own, in the format that 
 import math
 import os
 import time
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 
 import moderngl
@@ -91,8 +91,11 @@ class ImageUploads:
             self._upload(wanted)
             self._upload_coming(whole)
         except GpuMemoryError:
-            if not self._drop_all_but({place.array for place in wanted}):
+            others = self.arrays.keys() - {place.array for place in wanted}
+            if not others:
                 raise
+            for array in others:
+                self._drop(array)
             self._upload(wanted)
             self._upload_coming(whole)
         has_changed = self._shown != self._places.version or len(self._uploaded) != before
@@ -106,13 +109,6 @@ class ImageUploads:
         content = self._places.content
         self._uploaded = {place: own for place, own in self._uploaded.items() if content.get(place) == own}
         self._arrived = [place for place in self._arrived if place in self._uploaded]
-
-    def _drop_all_but(self, wanted: Collection[int]) -> bool:
-        """Free all other arrays; return whether there were any."""
-        others = [array for array in self.arrays if array not in wanted]
-        for array in others:
-            self._drop(array)
-        return bool(others)
 
     def _drop(self, array: int) -> None:
         self.arrays.pop(array)[1].release()

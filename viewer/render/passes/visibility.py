@@ -37,10 +37,6 @@ class VisibilityPass:
         self._programs = programs
         self._scene_buffers = scene_buffers
 
-    def _program(self, target: VisibilityTarget, alpha_test: bool) -> moderngl.Program:
-        defines = {**target.content.defines(), "ALPHA_TEST": int(alpha_test)}
-        return self._programs.program("common/scene.vert", "passes/visibility/visibility.frag", defines)
-
     def run(self, inputs: CulledScene, output: VisibilityTarget) -> None:
         """Draw the list that the scene buffers hold."""
         gl = self._gl
@@ -48,8 +44,10 @@ class VisibilityPass:
         gl.enable_only(moderngl.DEPTH_TEST)
         gl.depth_func = "<"
         self._scene_buffers.bind_materials()
-        opaque, alpha_tested = (self._program(output, alpha_test) for alpha_test in (False, True))
-        for program in (opaque, alpha_tested):
-            matrix = inputs.matrix.T.astype("<f4").tobytes()
-            set_uniforms(program, {"view_projection": matrix, "blend_sample": inputs.sample})
-        self._scene_buffers.draw(opaque, alpha_tested)
+        values = {"view_projection": inputs.matrix.T.astype("<f4").tobytes(), "blend_sample": inputs.sample}
+        programs = []
+        for alpha_test in (0, 1):
+            defines = {**output.content.defines(), "ALPHA_TEST": alpha_test}
+            programs.append(self._programs.program("common/scene.vert", "passes/visibility/visibility.frag", defines))
+            set_uniforms(programs[-1], values)
+        self._scene_buffers.draw(*programs)

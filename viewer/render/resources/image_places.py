@@ -128,11 +128,6 @@ class ImagePlaces:
         """Number of images in sight, where they are bounded."""
         return len(self._wanted)
 
-    @property
-    def bytes_placed(self) -> int:
-        """Number of bytes of what is there or coming, where that is bounded."""
-        return self._bytes
-
     def of(self, materials: Iterable[int]) -> set[ImagePlace]:
         """Return the places of the images of `materials` that are there."""
         keys = {self._keys[index] for index in materials if index in self._keys}

@@ -24,13 +24,13 @@ def scene_of_textures(count: int) -> Scene:
 
 def checked(places: ImagePlaces, scene: Scene, most_bytes: int) -> None:
     """What always holds."""
-    assert places.bytes_placed <= most_bytes
+    assert places._bytes <= most_bytes
     for place, own in places.content.items():
         plan, (width, height) = places.plans[place.array], scene.textures[own.texture].size
         assert 0 <= place.layer < plan.layers
         assert plan.size == (max(1, width >> own.level), max(1, height >> own.level))
     total = sum(image_bytes(places.plans[place.array].size) for place in places.content)
-    assert total == places.bytes_placed
+    assert total == places._bytes
     assert {place.array for place in places.content} == set(places.plans)
 
 
