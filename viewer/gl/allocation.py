@@ -206,7 +206,7 @@ class GpuMemory:
         most = self.limits.storage_block_bytes
         if storage and size > most:
             raise GpuMemoryError(
-                f"{what}: {size / 1e6:.0f} MB are more than the {most / 1e6:.0f} MB of a buffer that shaders can read here "
+                f"{what}: {size / 1e6:.0f} MB exceed the {most / 1e6:.0f} MB that shaders can read of one buffer "
                 f"({self.limits.storage_limit}); make the picture smaller, or open fewer textures at once"
             )
         return self.made(what, size, lambda: self.gl.buffer(data, reserve=reserve, dynamic=dynamic))

@@ -97,7 +97,7 @@ def create_headless_context(device: str | None = None, system: GraphicsSystem = 
         older = _older_context(number, system)
         if older is not None:
             raise InputError(
-                f"OpenGL {LEAST} is needed, and {older} is there; update the driver, or draw without the GPU: {system.software}"
+                f"OpenGL {LEAST} is required, the driver offers {older}; update it, or draw without the GPU: {system.software}"
             ) from error
         raise InputError(f"OpenGL {LEAST} without a window is not available ({error}); {system.driver}") from error
     return wrap_context(gl, load)

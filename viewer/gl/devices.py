@@ -99,9 +99,9 @@ def choose_device(choice: str, devices: Sequence[Device]) -> int:
             device for device in devices if device.version and wanted in f"{device.renderer} {device.file}".lower()
         ]
     if not found:
-        raise InputError(f"--device {choice}: no such device (there are: {there})")
+        raise InputError(f"--device {choice}: no such device (available: {there})")
     if len(found) > 1 and wanted != SOFTWARE:
-        raise InputError(f"--device {choice}: fits several; name one by its number ({there})")
+        raise InputError(f"--device {choice}: matches several devices; choose one by its number ({there})")
     return found[0].index
 
 
@@ -120,5 +120,5 @@ def device_number(choice: str | None, system: GraphicsSystem = SYSTEM) -> int:
     if not named:
         return 0
     if not system.has_egl:
-        raise InputError(f"--device {named}: not to be chosen here; {system.window_gpu}")
+        raise InputError(f"--device {named}: this system has no choice of the GPU by this option; {system.window_gpu}")
     return choose_device(named, find_devices(system))

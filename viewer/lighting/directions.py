@@ -75,7 +75,7 @@ def octahedral_directions(coordinates: Array) -> Array:
 
 
 def cube_coordinates(directions: Array) -> tuple[NDArray[np.int64], Array]:
-    """([...] faces 0 to 5: +X, +Y, +Z, -X, -Y, -Z; [..., 2] places on them in [0, 1]) that `directions` [..., 3] meet.
+    """Return ([...] faces 0 to 5: +X, +Y, +Z, -X, -Y, -Z; [..., 2] places on them in [0, 1]) that `directions` [..., 3] meet.
 
     On a face a place runs along the two axes that follow the face's own in the order X, Y, Z, X, Y.
     """
@@ -88,7 +88,7 @@ def cube_coordinates(directions: Array) -> tuple[NDArray[np.int64], Array]:
 
 
 def cube_directions(side: int) -> Array:
-    """[side + 2, 6, side + 2, 3] unit vectors through the texels of the six faces and of a border of one texel around each, where
+    """Return [side + 2, 6, side + 2, 3] unit vectors through the texels of the six faces and a border of one texel around each, where
     the face goes on."""
     place = ((np.arange(-1, side + 1) + 0.5) / side) * 2.0 - 1.0
     down, across = np.meshgrid(place, place, indexing="ij")

@@ -104,7 +104,7 @@ class DivergenceOverlay:
         return Output(output.version, (ToCome("statistics", 1),) if self._back.is_pending else ())
 
     def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
-        """The maps of two sources as an overlay; both must have been counted."""
+        """Return the maps of two sources as an overlay; both must have been counted."""
         if self._target is None:
             raise RuntimeError("count first")
         most = settings.most(max(self.statistics[source].maximum for source in (first, second)))
@@ -123,7 +123,7 @@ class DivergenceOverlay:
 
 
 LEAST_ERROR = 1e-6
-"""Steps of 8-bit sRGB: where nothing differs more, nothing is divided by less."""
+"""Smallest divisor of errors, in steps of 8-bit sRGB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,13 +131,13 @@ class ComparisonErrors:
     """Root mean square errors between A and B, in steps of 8-bit sRGB; NaN for textures that are not visible."""
 
     by_texture: NDArray[np.float32]
-    """[textures]."""
+    """[textures] error of each texture."""
     by_decoder: NDArray[np.float32]
-    """[textures]: of all textures of the texture's decoder."""
+    """[textures] error over all textures of the texture's decoder."""
 
 
 class ErrorOverlay:
-    """Textures and buffers are made when they are shown, and once."""
+    """Errors of the comparison on the GPU. Textures and buffers are made once, when they are shown."""
 
     def __init__(self, context: GraphicsContext, textures: int) -> None:
         self._context, self._textures = context, textures
@@ -153,7 +153,7 @@ class ErrorOverlay:
         self._errors = errors
 
     def set_flip(self, flip: NDArray[np.float32] | None, key: object) -> None:
-        """The FLIP map [H, W], row 0 on top, of the picture that `key` stands for; None: it is not known."""
+        """Set the FLIP map [H, W], row 0 on top, of the picture that `key` stands for; None: it is not known."""
         if self._flip is not None:
             self._flip.release()
             self._flip = None
@@ -165,7 +165,7 @@ class ErrorOverlay:
         self._flip_key = key
 
     def flip_map(self, key: object) -> moderngl.Texture | None:
-        """The map, if it is of the picture that `key` stands for."""
+        """Return the FLIP map if it is of the picture that `key` stands for."""
         return self._flip if key == self._flip_key else None
 
     def marks(
@@ -197,13 +197,13 @@ class ErrorOverlay:
 
 
 def largest_error(values: NDArray[np.float32]) -> float:
-    """The error at the far end of the palette."""
+    """Return the error at the far end of the palette."""
     known = values[np.isfinite(values)]
     return max(float(known.max()), LEAST_ERROR) if known.size else LEAST_ERROR
 
 
 class Compositor:
-    """Puts the pictures of both slots together."""
+    """Composition of the pictures of both slots."""
 
     def __init__(self, context: RenderContext, divergence_stage: Stage) -> None:
         self._scheduler = context.scheduler
@@ -248,7 +248,7 @@ class Compositor:
         return CompositeInputs(targets.picture(first), targets.picture(second), params)
 
     def prepare(self, view: ViewState, targets: PictureTargets) -> bool:
-        """Compile a program that another way to compare `view` would need; whether there was one."""
+        """Compile a program that another way to compare `view` would need; return whether there was one."""
         sources = [slot.source for slot in shown_slots(view)]
         for compare, kind in COMPARISONS:
             other = replace(view, compare=compare, difference=Difference(kind), overlay=Overlay())

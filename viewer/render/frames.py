@@ -114,7 +114,7 @@ FRAMES = 300
 
 
 class FrameHistory:
-    """The last frames in which something was drawn, oldest first."""
+    """History of the last frames in which something was drawn, oldest first."""
 
     def __init__(self) -> None:
         self._frames: deque[tuple[Mapping[str, float], float]] = deque(maxlen=FRAMES)
@@ -151,7 +151,7 @@ class FrameHistory:
 
 
 class FrameTimes:
-    """Measures each frame between `begin` and `end`."""
+    """Times of frames, measured between `begin` and `end` of each."""
 
     def __init__(self, waits: bool) -> None:
         """Take `waits` of the GraphicsContext: times of each frame are known within it; else frames are timed by the wall clock."""

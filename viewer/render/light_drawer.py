@@ -25,7 +25,7 @@ MOST_CACHED_BYTES = 1 << 28
 
 
 class LightDrawer:
-    """Keeps one environment and one shadow map of one scene."""
+    """Light of one scene: one environment and one shadow map."""
 
     def __init__(self, context: RenderContext, drawer: SceneDrawer) -> None:
         self._context, self._scene = context.graphics, context.scene

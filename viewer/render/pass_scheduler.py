@@ -130,7 +130,7 @@ def largest_of_each(items: Iterable[ToCome]) -> tuple[ToCome, ...]:
 
 
 class PassScheduler:
-    """Remembers what each target was made from, for as long as the target exists. All that is drawn is drawn by it."""
+    """Scheduler that runs all passes. It remembers what each target was made from, for as long as the target exists."""
 
     def __init__(self, timer: PassTimer) -> None:
         self.timer = timer

@@ -80,9 +80,7 @@ def drawable_paths(context: GraphicsContext) -> tuple[DecodePath, ...]:
 def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
     """Return the reasons why this driver cannot decode by a path, by the path's name."""
     version = context.info.version
-    reason = (
-        f"needs compute shaders (OpenGL 4.3), which are not to be had here ({version}); forward draws the same picture"
-    )
+    reason = f"needs compute shaders (OpenGL 4.3); this driver has {version}. Use forward: it draws the same picture"
     return {path: reason for path in get_args(DecodePath) if path not in drawable_paths(context)}
 
 

@@ -41,7 +41,7 @@ UPDATE_BYTES = 8 << 20
 
 
 class Renderer:
-    """Draws views of one scene with any number of packs. All calls belong to the thread of its OpenGL context."""
+    """Renderer of one scene with any number of packs. All calls belong to the thread of its OpenGL context."""
 
     def __init__(
         self,
@@ -54,7 +54,7 @@ class Renderer:
         update_bytes: int = UPDATE_BYTES,
         variants: VariantChoice | None = None,
     ) -> None:
-        """`update_bytes` is the upload budget of a frame for packs that replace others; the rest is that of the RenderContext.
+        """Open the scene. `update_bytes`: upload budget of a frame for packs that replace others; for the rest see RenderContext.
 
         Where the context waits for the GPU, the times of a frame and what its pixels need are known within the frame; else they are
         taken from a frame or two before. Raises GpuMemoryError.

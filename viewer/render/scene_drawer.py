@@ -127,7 +127,7 @@ class CullPass:
 
 
 class SceneDrawer:
-    """Draws visibility buffers of one scene."""
+    """Drawing of the visibility buffers of one scene."""
 
     def __init__(self, context: RenderContext) -> None:
         self._context, self._scheduler = context.graphics, context.scheduler

@@ -33,7 +33,7 @@ def _described(source: str) -> str:
 
 
 class SlotDrawer:
-    """Hands the passes of a slot to the scheduler, which runs those that have something to do."""
+    """Drawing of slots: it hands the passes of a slot to the scheduler, which runs those that have something to do."""
 
     def __init__(self, context: RenderContext, packs: GpuPacks, images: ImageSources, light: LightDrawer) -> None:
         self._context, self._scheduler = context.graphics, context.scheduler
@@ -175,7 +175,7 @@ class BlendInputs:
 
 
 class BlendSamplesPass:
-    """Adds a sample to the mean of a slot with each frame of a view that rests, until there are SAMPLES.
+    """Pass that adds a sample to the mean of a slot with each frame of a view at rest, until there are SAMPLES.
 
     Further samples have a visibility buffer and planes of their own; so ids, divergence and planes are always those of the first.
     """

@@ -67,7 +67,7 @@ def _in_order(first: DecoderVariant, precisions: Sequence[Precision]) -> Iterato
 
 
 class VariantMeasurement:
-    """Times decoders of one pack: those of its texture with the fewest texels."""
+    """Measurement of the decoders of one pack, on its texture with the fewest texels."""
 
     def __init__(self, context: GraphicsContext, pack: Pack) -> None:
         self._context, self._pack = context, pack
@@ -234,8 +234,6 @@ class VariantChoice:
             if times is None:
                 times = VariantMeasurement(context, pack).times()
                 keep_times(folder, context.info, shape, times)
-                self.tell(
-                    f"decoder {shape}: measured on {context.info.renderer}, {times.fastest('fp32')} is the fastest"
-                )
+                self.tell(f"decoder {shape}: {times.fastest('fp32')} is the fastest variant on {context.info.renderer}")
             self._times[shape] = times
         return self._times[shape]

@@ -165,7 +165,7 @@ class Viewport:
     def alone(self, kind: PictureAlone, size: tuple[int, int]) -> NDArray[np.uint8]:
         """Return the picture without the interface: [H, W, 3] uint8 sRGB, row 0 on top. Raises InputError where there is none."""
         if self.renderer is None or not self.is_open:
-            raise InputError("there is no picture to write: what is open has not been drawn")
+            raise InputError("no picture to write yet: the scene has not been drawn")
         view = self._view(size).alone(kind)
         # The next frame draws what is shown again: both have one target.
         self.last_view = None
@@ -283,7 +283,7 @@ class Viewport:
         alone = next((side for side, slot in session.view.slots.items() if slot.source != REFERENCE), None)
         if not self._is_drawn and alone is not None and session.view.compare not in ("a", "b"):
             self._emit(ViewChanged(replace(session.view, compare=alone)))
-            self._emit(Notification(f"slot {alone.upper()} is shown alone, because both could not be drawn"))
+            self._emit(Notification(f"slot {alone.upper()} is shown alone: the GPU has no memory for both"))
             return
         # The last picture stays, at whatever size.
         self._undrawable = self._wanted(size)

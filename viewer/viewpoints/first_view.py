@@ -100,7 +100,9 @@ class FirstView:
         if not scene.textures or (self._overview.meets(ENOUGH) and shown >= ENOUGH_TEXTURES * len(scene.textures)):
             self._emit(FirstViewFound(scene, None))
             return
-        self._emit(Notification(f"all of {scene.name} shows few of its textures: looking for a better place to begin"))
+        self._emit(
+            Notification(f"the whole of {scene.name} shows few of its textures; searching for a better first view")
+        )
 
     def _best(self, scene: Scene, drawer: CandidateRenderer) -> Camera | None:
         """Return the place that shows most; None where that is no more than all of the scene shows."""

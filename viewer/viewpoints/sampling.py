@@ -108,7 +108,7 @@ def candidates(eyes: Array, targets: Array, scales: Array, fov: float) -> list[C
 
 
 class CandidateSampler:
-    """Samples viewpoints inside of a scene and keeps those with the highest estimated score."""
+    """Sampler of viewpoints inside of a scene; it keeps those with the highest estimated score."""
 
     def __init__(self, ground: Surfaces, random: np.random.Generator, extent: float, fov: float) -> None:
         self._ground, self._random, self._extent, self._fov = ground, random, extent, fov
@@ -341,7 +341,7 @@ def sample_viewpoints(scene: Scene, draw_ids: DrawTextureIds, config: ViewpointC
     """
     if config.count < 1:
         raise InputError(f"viewpoints: count {config.count}; ask for one or more")
-    nothing = InputError(f"{scene.name}: no viewpoint sees a texture; name a file of cameras by --views")
+    nothing = InputError(f"{scene.name}: no sampled viewpoint sees a texture; give a file of cameras by --views")
     ground = Surfaces(scene)
     if not ground.textured_area.any():
         raise nothing

@@ -134,7 +134,7 @@ def scene_views(scene: Scene, source: ViewSource) -> SceneViews:
     if wanted:
         sampled = sample_viewpoints(scene, renderer.texture_ids_from, ViewpointConfig(count=wanted, seed=source.seed))
         reason = "" if cameras else f"{scene.name} has no cameras: "
-        note = f"{reason}looking from {len(sampled)} places sampled in it"
+        note = f"{reason}using {len(sampled)} viewpoints sampled in it"
     if not cameras and not sampled:
-        raise InputError("--views: the scene has no cameras; name a file of them, or give --sampled-views")
+        raise InputError("--views: the scene has no cameras; give a file of cameras, or --sampled-views")
     return SceneViews(cameras, sampled, renderer, note)

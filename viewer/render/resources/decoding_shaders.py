@@ -37,7 +37,7 @@ def supported_precisions(context: GraphicsContext) -> tuple[Precision, ...]:
 def unsupported_precisions(context: GraphicsContext) -> dict[str, str]:
     """Return the reasons why this driver cannot compute in a precision, by its name."""
     lacking = set(LEVELS) - set(supported_precisions(context))
-    reason = f"{context.info.renderer} has no 16-bit arithmetic in shaders; take fp16, which stores decoders in 16 bits"
+    reason = f"{context.info.renderer} has no 16-bit arithmetic in shaders; use fp16, which stores decoders in 16 bits"
     return {precision: reason for precision in LEVELS if precision in lacking}
 
 

@@ -86,7 +86,7 @@ class LatentStore:
         return () if texture is None else self.tables.level_rows(texture)
 
     def _counted_cells(self) -> NDArray[np.int64]:
-        """[mips and one more of each texture] int64: cells from each mip on."""
+        """Return [mips and one more of each texture] int64: number of cells from each mip on."""
         return np.array(
             [sum(row.rows for row in rows[start:]) for rows in self.rows for start in range(len(rows) + 1)], np.int64
         )
@@ -117,8 +117,8 @@ class LatentStore:
             return "latents: the GPU has no memory for all of them; close other programs"
         total = int(self._cells_from[self._first_sum].sum()) * self.cell_bytes
         return (
-            f"latents: {total / 1e6:.0f} MB are more than the {self._most_bytes / 1e6:.0f} MB of a buffer that shaders can read here "
-            f"({self._limit_name}); take a pack of fewer or smaller textures"
+            f"latents: {total / 1e6:.0f} MB exceed the {self._most_bytes / 1e6:.0f} MB that shaders can read of one buffer "
+            f"({self._limit_name}); use a pack with fewer or smaller textures"
         )
 
     def all_levels(self) -> dict[int, int]:

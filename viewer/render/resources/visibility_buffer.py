@@ -69,7 +69,7 @@ class PlaneReading:
 
 
 class VisibilityTarget:
-    """The visibility buffer of one picture size (width, height): integer words and depth, and what `content` adds."""
+    """Visibility buffer of one picture size (width, height): integer words and depth, and what `content` adds."""
 
     def __init__(self, context: GraphicsContext, size: tuple[int, int], content: SurfaceContent) -> None:
         self._functions = context.functions

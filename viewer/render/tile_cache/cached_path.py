@@ -19,7 +19,7 @@ FRAMES_AHEAD_OF_MISSING = 4
 
 
 class CachedPath:
-    """Draws one pack from its tile cache. A view is complete once no tile is waiting and no band is left."""
+    """Path `cached` of one pack, over several frames. A view is complete once no tile is waiting and no band is left."""
 
     name = "decode_cached"
 

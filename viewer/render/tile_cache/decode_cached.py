@@ -37,7 +37,7 @@ PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
 
 
 class DecodeCachedPass:
-    """The GPU work of path `cached`: `request`, `decode` and `sample` in turn make a frame of a plane (see CachedPath)."""
+    """Tile cache on the GPU of path `cached`: `request`, `decode` and `sample` in turn make a frame of a plane (see CachedPath)."""
 
     def __init__(
         self,

@@ -27,7 +27,7 @@ def test_a_device_is_named_by_number_name_or_file(choice: str, index: int) -> No
 
 @pytest.mark.parametrize(
     ("choice", "word"),
-    [("6", "no such device"), ("-1", "no such device"), ("intel", "no such device"), ("4070", "fits several")],
+    [("6", "no such device"), ("-1", "no such device"), ("intel", "no such device"), ("4070", "matches several")],
 )
 def test_what_names_none_or_several_is_one_line_with_all(choice: str, word: str) -> None:
     with pytest.raises(InputError, match=word) as raised:
