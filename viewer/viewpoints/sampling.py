@@ -341,7 +341,7 @@ def sample_viewpoints(scene: Scene, draw_ids: DrawTextureIds, config: ViewpointC
     """
     if config.count < 1:
         raise InputError(f"viewpoints: count {config.count}; ask for one or more")
-    nothing = InputError(f"{scene.name}: no sampled viewpoint sees a texture; give a file of cameras by --views")
+    nothing = InputError(f"{scene.name}: no viewpoint sees a texture; give a file of cameras by --views")
     ground = Surfaces(scene)
     if not ground.textured_area.any():
         raise nothing

@@ -87,7 +87,7 @@ def run(**environment: str) -> subprocess.CompletedProcess[str]:
     [
         (
             {"MESA_GL_VERSION_OVERRIDE": "3.3", "MESA_GLSL_VERSION_OVERRIDE": "330"},
-            ("4.1 is needed", "3.3", "is there"),
+            ("4.1 is required", "3.3", "the driver offers"),
         ),
         ({"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}, ("4.1 without a window is not available", "apt-get")),
         ({WITHOUT_VARIABLE: "everything"}, ("'everything' is none of",)),

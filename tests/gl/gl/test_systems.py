@@ -75,7 +75,7 @@ def test_windows_draws_without_egl(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize(
     ("library", "parts"),
     [
-        (OtherLibrary(newest=400), ("OpenGL 4.1 is needed", "is there; update the driver", "opengl32.dll")),
+        (OtherLibrary(newest=400), ("OpenGL 4.1 is required", "the driver offers", "update it", "opengl32.dll")),
         (OtherLibrary(newest=110), ("wglCreateContextAttribsARB failed", "install the driver of the GPU's maker")),
         pytest.param(
             OtherLibrary(lacking=("glTextureView",)),
