@@ -20,6 +20,7 @@ from viewer.render.resources import pack_buffers
 
 _create: Final = context_module.create_headless_context
 _release: Final = moderngl.Context.release
+_find: Final = ProgramFactory._find
 _SHARED: Final[list[GraphicsContext]] = []
 """The shared context, once there is one."""
 _MADE: Final[dict[object, ProgramFactory]] = {}
@@ -48,7 +49,10 @@ def release_unless_shared(gl: moderngl.Context) -> None:
 
 
 class SharedPrograms(ProgramFactory):
-    """A factory of the shared context compiles what any of them asks for once; elsewhere it is one of its own."""
+    """A factory of the shared context compiles what any of them asks for once; elsewhere it is one of its own.
+
+    So it is while something else than a compiler stands in for `ProgramFactory._find`: its programs are none to keep.
+    """
 
     def __init__(self, gl: moderngl.Context, library: ShaderLibrary, functions: GlFunctions | None = None) -> None:
         super().__init__(gl, library, functions)
@@ -65,13 +69,13 @@ class SharedPrograms(ProgramFactory):
 
     def program(self, vertex: str, fragment: str, defines: Defines | None = None) -> moderngl.Program:
         """Return a program of the shared factory."""
-        if self._one is None:
+        if self._one is None or ProgramFactory._find is not _find:
             return super().program(vertex, fragment, defines)
         return self._one.program(vertex, fragment, defines)
 
     def compute(self, name: str, defines: Defines | None = None) -> moderngl.ComputeShader:
         """Return a compute program of the shared factory."""
-        if self._one is None:
+        if self._one is None or ProgramFactory._find is not _find:
             return super().compute(name, defines)
         return self._one.compute(name, defines)
 

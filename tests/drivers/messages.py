@@ -16,7 +16,7 @@ RUNTIME_VARIABLE: Final = "XDG_RUNTIME_DIR"
 SHADERS_VARIABLE: Final = "MESA_SHADER_CACHE_DIR"
 """Environment variable: folder in which Mesa caches compiled shaders."""
 OWN_CACHE: Final = Path(__file__).resolve().parents[2] / ".shader_cache"
-"""Folder for compiled shaders where the user's folder for caches cannot be written."""
+"""Folder for compiled shaders where the user's folder for caches cannot be written, and for what compilers have said of them."""
 
 
 @contextmanager

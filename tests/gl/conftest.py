@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.support.every_program import AssembledProgram, every_program
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.path_choice import COMPUTING
 from viewer.state.view_state import Slot
@@ -47,9 +46,3 @@ def graphics(pytestconfig: pytest.Config) -> Iterator[GraphicsContext]:
     yield context
     del pytestconfig.stash[CONTEXT]
     context.gl.release()
-
-
-@pytest.fixture(scope="session")
-def programs(graphics: GraphicsContext) -> tuple[AssembledProgram, ...]:
-    """Every program that can be assembled; collecting them takes about 20 s."""
-    return every_program(graphics)

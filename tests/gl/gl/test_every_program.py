@@ -1,5 +1,9 @@
-"""Another compiler than the driver's accepts every program that can be assembled."""
+"""Every program that can be assembled is accepted by another compiler than the driver's, and keeps to what OpenGL guarantees.
 
+Numbers are those of tables 23.55 to 23.64 of OpenGL 4.3, whatever the driver at hand offers beyond.
+"""
+
+import hashlib
 import re
 import shutil
 import subprocess
@@ -9,16 +13,52 @@ from pathlib import Path
 
 import pytest
 
-from tests.support.every_program import AssembledProgram
+from tests.drivers.messages import OWN_CACHE
+from tests.support.declarations import Declaration, declarations
+from tests.support.every_program import AssembledProgram, every_program
 from viewer.export.web.packed import SHADER
+from viewer.gl.context import GraphicsContext
 from viewer.gl.older_glsl import OlderSource, older_source
+from viewer.lighting.prefilter import MOST_SAMPLES
 from viewer.locations import shaders_folder
+from viewer.render.resources.layout import (
+    BIN_GROUP,
+    GROUP_SIDE,
+    MOST_LIGHTS,
+    SCAN_GROUP,
+    TEXEL_GROUP,
+    ImageUnit,
+    TextureUnit,
+    UniformBinding,
+)
 
 pytestmark = pytest.mark.once
 FILES_AT_ONCE = 200
+ACCEPTED = OWN_CACHE / "accepted-by-glslang"
+"""Hashes of accepted shaders, a line each; remove the file to compile all again."""
 UNITS_OF_A_STAGE, UNITS = 16, 80
 """Texture units that OpenGL 4.1 guarantees (GL_MAX_TEXTURE_IMAGE_UNITS, GL_MAX_COMBINED_TEXTURE_IMAGE_UNITS)."""
 SAMPLER = re.compile(r"^\s*uniform [iu]?sampler\w+ (\w+);", re.MULTILINE)
+STORAGE_BUFFERS = 8
+"""Binding points, blocks of a stage, and blocks of a program."""
+IMAGES = 8
+"""Units, and images of a program."""
+OUTPUT_RESOURCES = 8
+"""Storage blocks, images and outputs of a program together."""
+SAMPLERS_OF_A_STAGE = 16
+TEXTURE_UNITS = 96
+UNIFORM_BINDINGS = 72
+BLOCKS_OF_A_STAGE = 12
+UNIFORM_BLOCK_BYTES = 16384
+GROUP_INVOCATIONS = 1024
+
+Stages = tuple[tuple[Declaration, ...], ...]
+
+
+@pytest.fixture(scope="module")
+def programs(graphics: GraphicsContext) -> tuple[AssembledProgram, ...]:
+    """Every program that can be assembled; collecting them takes about 15 s."""
+    return every_program(graphics)
 
 
 def test_every_shader_file_is_in_some_program(programs: tuple[AssembledProgram, ...]) -> None:
@@ -84,15 +124,22 @@ def test_glsl_4_10_needs_no_more_texture_units_than_are_guaranteed(programs: tup
 
 
 def complaints(texts: Mapping[str, str], folder: Path) -> list[str]:
-    """Errors and warnings of glslang in shaders, given with the names of their files."""
+    """Errors and warnings of glslang in shaders, given with the names of their files.
+
+    Texts that this glslang has accepted in an earlier run are remembered by their hashes, and not compiled again.
+    """
     compiler = shutil.which("glslangValidator")
     if compiler is None:
         pytest.skip("there is no glslangValidator: apt-get install glslang-tools")
+    version = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=True).stdout
+    hashes = {text: hashlib.sha256(f"{version}{name}{text}".encode()).hexdigest() for text, name in texts.items()}
+    accepted = set(ACCEPTED.read_text(encoding="ascii").split()) if ACCEPTED.is_file() else set[str]()
     files = dict[str, str]()
     for number, (text, name) in enumerate(texts.items()):
-        path = folder / f"{number}{Path(name).suffix}"
-        path.write_text(text, encoding="utf-8")
-        files[str(path)] = name
+        if hashes[text] not in accepted:
+            path = folder / f"{number}{Path(name).suffix}"
+            path.write_text(text, encoding="utf-8")
+            files[str(path)] = name
     found, paths, name = list[str](), list(files), ""
     for first in range(0, len(paths), FILES_AT_ONCE):
         command = [compiler, *paths[first : first + FILES_AT_ONCE]]
@@ -100,4 +147,69 @@ def complaints(texts: Mapping[str, str], folder: Path) -> list[str]:
         for line in subprocess.run(command, capture_output=True, text=True, check=False).stdout.splitlines():
             name = files.get(line, name)
             found += [f"{name}: {line}"] if line.startswith(("ERROR", "WARNING")) else []
+    if not found:
+        ACCEPTED.parent.mkdir(exist_ok=True)
+        with ACCEPTED.open("a", encoding="ascii") as file:
+            file.writelines(f"{own}\n" for own in hashes.values() if own not in accepted)
     return found
+
+
+@pytest.fixture(scope="module")
+def declared(programs: tuple[AssembledProgram, ...]) -> list[tuple[str, Stages]]:
+    """Of each program its files, and what each of its stages declares."""
+    of_text = {text: declarations(text) for program in programs for text in program.texts}
+    return [(" + ".join(program.files), tuple(of_text[text] for text in program.texts)) for program in programs]
+
+
+def numbers(stages: Stages, kind: str) -> list[int]:
+    """Those of all stages; a block or an image that two stages share counts once."""
+    return [own.number for own in {own for stage in stages for own in stage if own.kind == kind}]
+
+
+def test_declarations_are_found(declared: list[tuple[str, Stages]]) -> None:
+    found = Counter(own.kind for _, stages in declared for stage in stages for own in stage)
+    assert set(found) == {"storage", "uniform block", "sampler", "image", "output"}
+
+
+def test_storage_buffers_are_bound_below_the_guaranteed_number(declared: list[tuple[str, Stages]]) -> None:
+    beyond = {name: max(numbers(stages, "storage"), default=0) for name, stages in declared}
+    assert {name: number for name, number in beyond.items() if number >= STORAGE_BUFFERS} == {}
+
+
+def test_no_two_buffers_of_a_program_have_the_same_binding(declared: list[tuple[str, Stages]]) -> None:
+    for kind in ("storage", "uniform block", "image"):
+        twice = {name for name, stages in declared if len(set(numbers(stages, kind))) < len(numbers(stages, kind))}
+        assert twice == set(), kind
+
+
+def test_no_two_samplers_of_a_stage_have_the_same_unit(declared: list[tuple[str, Stages]]) -> None:
+    for name, stages in declared:
+        for stage in stages:
+            units = numbers((stage,), "sampler")
+            assert len(set(units)) == len(units) <= SAMPLERS_OF_A_STAGE, name
+
+
+def test_outputs_images_and_storage_blocks_together_are_no_more_than_guaranteed(
+    declared: list[tuple[str, Stages]],
+) -> None:
+    for name, stages in declared:
+        blocks, images = numbers(stages, "storage"), numbers(stages, "image")
+        outputs = numbers(stages[-1:], "output") if len(stages) > 1 else []
+        assert len(blocks) <= STORAGE_BUFFERS, name
+        assert len(blocks) + len(images) + len(outputs) <= OUTPUT_RESOURCES, name
+        assert all(number < IMAGES for number in images), name
+
+
+def test_uniform_blocks_are_few_and_small(declared: list[tuple[str, Stages]]) -> None:
+    for name, stages in declared:
+        for stage in stages:
+            assert len(numbers((stage,), "uniform block")) <= BLOCKS_OF_A_STAGE, name
+    assert max(UniformBinding) < UNIFORM_BINDINGS
+    assert 16 * MOST_SAMPLES <= UNIFORM_BLOCK_BYTES
+    assert 4 * 16 * MOST_LIGHTS <= UNIFORM_BLOCK_BYTES
+
+
+def test_units_and_work_groups_are_within_the_guaranteed_ones() -> None:
+    assert max(TextureUnit) < TEXTURE_UNITS
+    assert max(ImageUnit) < IMAGES
+    assert max(GROUP_SIDE**2, BIN_GROUP, SCAN_GROUP, TEXEL_GROUP) <= GROUP_INVOCATIONS
