@@ -15,8 +15,13 @@ SIZE = (1000, 600)
 LARGEST_ERROR_DB = 0.01
 
 
-@pytest.mark.parametrize("slowest", [0.0, 1.5])
-@pytest.mark.parametrize("path", ["deferred", "cached"])
+@pytest.mark.parametrize(
+    ("path", "slowest"),
+    [
+        ("deferred", 1.5),
+        *(pytest.param(*given, marks=pytest.mark.nightly) for given in (("deferred", 0.0), ("cached", 0.0), ("cached", 1.5))),
+    ],
+)
 def test_figures_are_of_the_final_picture(start: Start, truth: Truth, wall: Path, path: str, slowest: float) -> None:
     """`slowest`: seconds by which answers of the GPU may come later."""
     played = start(

@@ -21,13 +21,16 @@ def test_the_builtin_scene(start: Start, check: Check) -> None:
     check(rest)
 
 
-@pytest.mark.parametrize("path", ["deferred", "cached", "auto"])
+@pytest.mark.parametrize(
+    "path", ["auto", *(pytest.param(path, marks=pytest.mark.nightly) for path in ("deferred", "cached"))]
+)
 def test_a_pack_beside_the_scene(start: Start, check: Check, wall: Path, path: str) -> None:
     rest = start(str(wall), "--path", path).of("start")
     assert (rest.view.slot_a.source, rest.view.slot_a.path) == ("clustered", path)
     check(rest)
 
 
+@pytest.mark.nightly
 def test_the_stochastic_filter(start: Start, check: Check, wall: Path) -> None:
     rest = start(str(wall), "--filter", "stochastic").of("start")
     assert rest.view.slot_a.filter == "stochastic"
@@ -40,6 +43,7 @@ def test_original_images(start: Start, check: Check, tmp_path: Path) -> None:
     check(rest)
 
 
+@pytest.mark.nightly
 def test_a_pack_of_the_command_line(start: Start, check: Check, wall: Path, tmp_path: Path) -> None:
     scene = Path(shutil.copy(wall, tmp_path / "alone.glb"))
     pack = Path(shutil.copy(wall.with_suffix(".clustered.ntc"), tmp_path / "elsewhere.ntc"))
@@ -48,6 +52,7 @@ def test_a_pack_of_the_command_line(start: Start, check: Check, wall: Path, tmp_
     check(rest)
 
 
+@pytest.mark.nightly
 def test_a_library(start: Start, check: Check, tmp_path: Path) -> None:
     scene = write_wall(tmp_path / "alone.glb", side=SMALL)
     library = encode(scene, tmp_path / "library", "--workers", "1")

@@ -14,7 +14,7 @@ from tests.ui.rest.conftest import Check, Start
 from viewer import cli
 from viewer.scene.images import read_image
 
-pytestmark = [pytest.mark.process, pytest.mark.slow]
+pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.nightly]
 
 SIZE = (1280, 720)
 SCENES = {"dutch_ship": "dutch_ship/dutch_ship_medium_1k.gltf", "portal": "portal/portal.glb"}

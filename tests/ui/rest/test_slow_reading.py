@@ -32,7 +32,10 @@ def four(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.mark.parametrize(("path", "seed"), [("deferred", 1), ("deferred", 2), ("cached", 3)])
+@pytest.mark.parametrize(
+    ("path", "seed"),
+    [("cached", 3), *(pytest.param("deferred", seed, marks=pytest.mark.nightly) for seed in (1, 2))],
+)
 def test_answers_that_come_late(start: Start, check: Check, wall: Path, path: str, seed: int) -> None:
     played = start(str(wall), "--path", path, slowest_answer=SLOWEST, seed=seed)
     check(played.of("start"))
@@ -44,12 +47,13 @@ def test_a_map_of_decoders_whose_answers_come_late(start: Start, check: Check, w
     check(played.of("map"))
 
 
+@pytest.mark.nightly
 def test_images_and_answers_that_come_late(start: Start, check: Check, four: Path) -> None:
     played = start(str(four), slowest_read=SLOWEST, slowest_answer=SLOWEST)
     check(played.of("start"))
 
 
-@pytest.mark.parametrize("slowest", [0.0, SLOWEST])
+@pytest.mark.parametrize("slowest", [pytest.param(0.0, marks=pytest.mark.nightly), SLOWEST])
 def test_images_that_there_is_no_room_for(start: Start, check: Check, four: Path, slowest: float) -> None:
     """They are read in threads, while frames show coarser ones."""
     budgets = Budgets(image_bytes=IMAGE_BYTES)
@@ -59,6 +63,7 @@ def test_images_that_there_is_no_room_for(start: Start, check: Check, four: Path
         check(played.of(name), budgets)
 
 
+@pytest.mark.nightly
 def test_latents_of_one_texture_at_a_time(start: Start, check: Check, four: Path) -> None:
     """The budget holds what each near view needs, but not what all of them need, nor the first view: that has coarser mips."""
     budgets = Budgets(latent_bytes=LATENT_BYTES)
@@ -78,6 +83,7 @@ def test_tiles_whose_latents_there_was_no_room_for(start: Start, check: Check, f
         check(played.of(stage.name), budgets)
 
 
+@pytest.mark.nightly
 def test_tiles_in_a_small_cache(start: Start, check: Check, four: Path) -> None:
     budgets = Budgets(tile_megabytes=TILE_MEGABYTES)
     stages = (Stage("near", (NEAR,)), Stage("back", ("camera.next",)))

@@ -56,6 +56,7 @@ def test_light_that_is_prefiltered(start: Start, check: Check, wall: Path, tmp_p
         check(played.of(stage.name))
 
 
+@pytest.mark.nightly
 def test_paths_that_are_switched(start: Start, check: Check, wall: Path) -> None:
     """While programs are compiled, and what the paths before have uploaded is there."""
     paths = ("deferred", "cached", "binned", "forward", "auto")
@@ -82,6 +83,7 @@ def test_a_pack_that_is_encoded_and_accepted(start: Start, check: Check, tmp_pat
         check(played.of(stage.name))
 
 
+@pytest.mark.nightly
 def test_groups_that_are_trained_and_trained_again(start: Start, check: Check, tmp_path: Path) -> None:
     scene = write_wall(tmp_path / "scene.glb", side=TRAINED)
     stages = (
