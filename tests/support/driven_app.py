@@ -1,6 +1,7 @@
 """The window's content without a window, driven by calls: tests and benchmarks click, type and take pictures."""
 
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,20 @@ class DrivenApp(HeadlessApp):
             self.frame(SETTLING_FRAMES)
         while self.frontend.interface.is_settling(self.session):
             self.frame()
+
+    def until(self, reached: Callable[[], object], seconds: float = 120.0) -> None:
+        """Draw frames until `reached` says yes. Fails with the messages of the window after `seconds`."""
+        began = time.monotonic()
+        while not reached():
+            assert time.monotonic() - began < seconds, [entry.text for entry in self.session.window.log]
+            self.frame()
+            # What works beside the frames needs the processors, and Python's lock.
+            time.sleep(0.005)
+
+    def rest(self) -> None:
+        """Draw until the picture is whole and nothing is to come."""
+        self.frame()
+        self.until(lambda: self.is_settled)
 
     def move(self, x: float, y: float) -> None:
         """Move the mouse."""

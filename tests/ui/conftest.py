@@ -3,14 +3,16 @@
 import os
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 from imgui_bundle import imgui
 
 from lab.bench.random_pack import random_pack
 from lab.window_trials.virtual_display import virtual_display
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
@@ -21,6 +23,7 @@ from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
 
 SIZE = (720, 400)
+Opener = Callable[..., DrivenApp]
 
 
 def write_scene(folder: Path, seed: int = 5) -> Path:
@@ -76,17 +79,33 @@ def scene(scene_path: Path) -> Scene:
 
 
 @pytest.fixture
-def app(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[DrivenApp]:
-    made = DrivenApp(
-        scene,
-        open_packs(packs_beside(scene_path)),
-        SIZE,
-        tmp_path / "pictures",
-        ViewerSettings(live_figures=False, column_folded=False),
-    )
+def open_window(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
+    """Opens a window's content, by default the small scene with its packs; what is open at the end of the test is closed."""
+    opened: list[DrivenApp] = []
+
+    def open_one(
+        size: tuple[int, int] = SIZE,
+        shown: Scene | None = None,
+        packs: Mapping[str, Pack] | None = None,
+        **settings: Any,
+    ) -> DrivenApp:
+        """Other scenes have no packs unless they are given."""
+        if packs is None:
+            packs = open_packs(packs_beside(scene_path)) if shown is None else {}
+        made = DrivenApp(shown or scene, packs, size, tmp_path / "pictures", ViewerSettings(**settings))
+        opened.append(made)
+        return made
+
+    yield open_one
+    for made in reversed(opened):
+        made.close()
+
+
+@pytest.fixture
+def app(open_window: Opener) -> DrivenApp:
+    made = open_window(live_figures=False, column_folded=False)
     made.settle()
-    yield made
-    made.close()
+    return made
 
 
 @pytest.fixture

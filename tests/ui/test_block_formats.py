@@ -59,14 +59,6 @@ def driven(process: HeldProcess, app: DrivenApp) -> DrivenApp:
     return app
 
 
-def until(app: DrivenApp, reached: Callable[[], bool]) -> None:
-    start = time.monotonic()
-    while not reached():
-        assert time.monotonic() - start < PATIENCE_SECONDS
-        app.frame()
-        time.sleep(0.005)
-
-
 def toasts(app: DrivenApp) -> str:
     return " ".join(toast.text for toast in app.session.window.toasts)
 
@@ -79,7 +71,7 @@ def test_a_slot_keeps_what_it_shows_until_the_textures_are_encoded(driven: Drive
     assert not driven.is_settled
     assert "A encoding" in driven.widgets.labels()
     process.may_go = True
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_a.source == "bc1"
     assert "A encoding" not in driven.widgets.labels()
     assert "A path" not in driven.widgets.labels()
@@ -95,7 +87,7 @@ def test_the_picture_is_that_of_the_decoded_blocks(driven: DrivenApp) -> None:
     pictures = {}
     for source in ("reference", "astc-4x4", "astc-12x12"):
         driven.run("slot.source", "a", source)
-        until(driven, lambda: driven.is_settled)
+        driven.until(lambda: driven.is_settled)
         renderer = driven.frontend.picture.renderer
         assert renderer is not None
         pictures[source] = (renderer.picture(Slot(source)) * 255.0).astype(np.uint8)
@@ -116,18 +108,18 @@ def test_another_choice_cancels_the_encoding(driven: DrivenApp, process: HeldPro
     assert driven.session.awaited_formats == {}
     assert driven.session.view.slot_a.source == "single"
     process.may_go = True
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_a.source == "single"
 
 
 def test_what_was_encoded_before_needs_no_process(driven: DrivenApp, process: HeldProcess) -> None:
     driven.run("slot.source", "a", "bc1")
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     calls = process.calls
     driven.session.compressed = {}
     driven.frontend._formats._background.forget()
     driven.run("slot.source", "b", "bc1")
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_b.source == "bc1"
     assert process.calls == calls
 
@@ -145,14 +137,14 @@ def test_a_missing_encoder_is_one_message_and_changes_nothing(driven: DrivenApp,
 
     process.function, before = missing, driven.session.view
     driven.run("slot.source", "b", "bc7")
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_b == before.slot_b
     assert "bc7: block compression: the packages are not installed" in toasts(driven)
 
 
 def test_measure_tables_and_flat_window_have_its_figures(driven: DrivenApp) -> None:
     driven.run("slot.source", "a", "bc1")
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     driven.run("compare.measure")
     driven.frame(2)
     session = driven.session
@@ -168,26 +160,26 @@ def test_measure_tables_and_flat_window_have_its_figures(driven: DrivenApp) -> N
         driven.show_panel(panel)
     driven.run("texture.flat", "0")
     driven.settle()
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     assert "flat picture" in driven.widgets.labels()
 
 
 def test_a_saved_view_asks_for_its_formats_again(driven: DrivenApp, tmp_path: Path) -> None:
     driven.run("slot.source", "b", "bc1")
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     driven.run("view.save", tmp_path / "view.json")
     driven.run("slot.source", "b", "reference")
     driven.session.compressed = {}
     driven.run("view.load", tmp_path / "view.json")
     assert driven.session.awaited_formats == {"b": "bc1"}
     assert "not open" not in toasts(driven)
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_b.source == "bc1"
 
 
 def test_textures_of_another_scene_are_not_shown(driven: DrivenApp, scene_path: Path) -> None:
     driven.run("slot.source", "a", "bc1")
-    until(driven, lambda: driven.is_settled)
+    driven.until(lambda: driven.is_settled)
     old, view, found = driven.session.scene, driven.session.view, driven.session.compressed["bc1"]
     driven.run("file.open", scene_path)
     driven.frame(2)

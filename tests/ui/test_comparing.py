@@ -3,9 +3,8 @@
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,27 +14,15 @@ from ntc.codec.color import linear_to_srgb8
 from ntc.codec.quality import psnr_db
 from ntc.worker.process import FunctionProcess
 from tests.support.driven_app import DrivenApp
-from tests.ui.conftest import SIZE
+from tests.ui.conftest import SIZE, Opener
 from viewer.commands import run_line
 from viewer.inspect import live_comparison
 from viewer.inspect.comparison import Comparison, PicturePair, compare
 from viewer.render.renderer import Renderer
-from viewer.scene.model import Scene
-from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import CompareMode, Slot
 
 ComparisonProcess = FunctionProcess[PicturePair, Comparison]
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
-PATIENCE_SECONDS = 60.0
-
-
-def until(app: DrivenApp, reached: Callable[[], bool]) -> None:
-    start = time.monotonic()
-    while not reached():
-        assert time.monotonic() - start < PATIENCE_SECONDS
-        app.frame()
-        time.sleep(0.01)
 
 
 @pytest.fixture(scope="module")
@@ -48,24 +35,17 @@ def shared_process() -> Iterator[ComparisonProcess]:
 
 @pytest.fixture
 def live(
-    scene: Scene, scene_path: Path, tmp_path: Path, shared_process: ComparisonProcess, monkeypatch: pytest.MonkeyPatch
+    open_window: Opener, shared_process: ComparisonProcess, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator[DrivenApp]:
     """With live figures; the camera looks at both squares from the front."""
     monkeypatch.setattr(live_comparison, "FunctionProcess", lambda *_: shared_process)
     monkeypatch.setattr(shared_process, "close", lambda: None)
-    made = DrivenApp(
-        scene,
-        open_packs(packs_beside(scene_path)),
-        SIZE,
-        tmp_path,
-        ViewerSettings(coarse_while_moving=False, column_folded=False),
-    )
+    made = open_window(coarse_while_moving=False, column_folded=False)
     camera = replace(made.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     made.session.view = replace(made.session.view, camera=camera)
     made.settle()
     yield made
-    until(made, lambda: not made.frontend.live.is_computing)
-    made.close()
+    made.until(lambda: not made.frontend.live.is_computing)
 
 
 def labels(app: DrivenApp) -> tuple[str, ...]:
@@ -176,7 +156,7 @@ def test_flicker_composes_and_decodes_nothing(app: DrivenApp, monkeypatch: pytes
 
 
 def test_figures_of_the_view_come_when_it_rests(live: DrivenApp) -> None:
-    until(live, lambda: live.frontend.facts().live.is_current)
+    live.until(lambda: live.frontend.facts().live.is_current)
     found = live.frontend.facts().live.comparison
     renderer = live.frontend.picture.renderer
     assert found is not None
@@ -216,13 +196,13 @@ def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_droppe
         live.session.view = replace(live.session.view, camera=camera)
         live.frame()
         assert not live.frontend.live.is_computing
-    until(live, lambda: live.frontend.live.is_computing)
+    live.until(lambda: live.frontend.live.is_computing)
     live.session.view = replace(live.session.view, camera=replace(live.session.view.camera, eye=(0.2, 0.0, 1.5)))
     live.frame()
     figures = live.frontend.facts().live
     assert figures.comparison is None
     assert not figures.is_current
-    until(live, lambda: live.frontend.facts().live.is_current)
+    live.until(lambda: live.frontend.facts().live.is_current)
     found = live.frontend.facts().live.comparison
     renderer = live.frontend.picture.renderer
     assert found is not None
@@ -232,7 +212,7 @@ def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_droppe
 
 def test_no_figures_where_both_slots_show_the_same(live: DrivenApp) -> None:
     live.session.view = replace(live.session.view, slot_a=Slot(), slot_b=Slot())
-    until(live, lambda: not live.frontend.needs_frame(SIZE))
+    live.until(lambda: not live.frontend.needs_frame(SIZE))
     time.sleep(0.35)
     live.frame(8)
     assert live.frontend.facts().live.comparison is None
@@ -240,7 +220,7 @@ def test_no_figures_where_both_slots_show_the_same(live: DrivenApp) -> None:
 
 
 def test_the_errors_are_sorted_coloured_and_highlighted(live: DrivenApp) -> None:
-    until(live, lambda: live.frontend.facts().live.is_current)
+    live.until(lambda: live.frontend.facts().live.is_current)
     live.click("show histogram")
     assert "histogram" in labels(live)
     run_line(live.context, "histogram.panel")
@@ -335,7 +315,7 @@ def test_a_click_keeps_the_pixel(app: DrivenApp) -> None:
 def test_the_list_of_errors_has_room_for_eight_rows(live: DrivenApp) -> None:
     live.resize((1280, 720))
     live.run("errors.panel")
-    until(live, lambda: live.frontend.live.figures.is_current)
+    live.until(lambda: live.frontend.live.figures.is_current)
     live.settle()
     tops = sorted(live.widgets.centre(label)[1] for label in labels(live) if label.startswith("error texture"))
     row = tops[1] - tops[0]

@@ -81,6 +81,8 @@ class Widgets:
 def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DrivenApp]:
     packs = open_packs(packs_beside(scene_path))
     made = DrivenApp(scene, packs, (1600, 1000), tmp_path_factory.mktemp("pictures"), ViewerSettings())
+    # Nobody looks at the picture.
+    made.session.resolution = 0.25
     made.settle()
     yield made
     made.close()

@@ -1,8 +1,6 @@
 """Textures, groups, nodes, memory and messages in the window; the layout of the panels and their theme."""
 
 import json
-import time
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,35 +10,25 @@ from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
 from tests.support.picture_scenes import Part, scene_of, texture
-from tests.ui.conftest import SIZE
+from tests.ui.conftest import SIZE, Opener
 from viewer.commands import find_command
 from viewer.inspect.texture_table import TextureRow
 from viewer.scene.model import Material, Scene
 from viewer.state.event_handlers import notify
-from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.ui.annotations import slot_note
 
-Opener = Callable[..., DrivenApp]
-
 
 @pytest.fixture
-def opener(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
-    """Opens a window's content at some size, of some scene."""
-    opened: list[DrivenApp] = []
+def opener(open_window: Opener) -> Opener:
+    """Opens a window's content at some size, of some scene, and lets its layout rest."""
 
-    def open_app(
-        size: tuple[int, int] = SIZE, shown: Scene | None = None, settings: ViewerSettings | None = None
-    ) -> DrivenApp:
-        packs = {} if shown is not None else open_packs(packs_beside(scene_path))
-        made = DrivenApp(shown or scene, packs, size, tmp_path, settings)
-        opened.append(made)
+    def opened(size: tuple[int, int] = SIZE, shown: Scene | None = None) -> DrivenApp:
+        made = open_window(size, shown)
         made.settle()
         return made
 
-    yield open_app
-    for made in reversed(opened):
-        made.close()
+    return opened
 
 
 def labels(app: DrivenApp) -> tuple[str, ...]:
@@ -67,11 +55,8 @@ def place_of_tab(title: str) -> tuple[float, float]:
 
 
 def wait_for_background(app: DrivenApp) -> None:
-    for _ in range(500):
-        app.frame()
-        if not app.frontend.interface.background.is_busy:
-            break
-        time.sleep(0.01)
+    app.frame()
+    app.until(lambda: not app.frontend.interface.background.is_busy)
     app.settle()
 
 

@@ -1,7 +1,6 @@
 """Files that vanish or change under an open window."""
 
 import shutil
-from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
 
@@ -11,11 +10,10 @@ from imgui_bundle import imgui
 
 from ntc.pack.file import read_pack
 from tests.support.driven_app import DrivenApp
-from tests.ui.conftest import SIZE, write_scene
+from tests.ui.conftest import Opener, write_scene
 from viewer.commands.effects import PictureKind
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.settings import ViewerSettings
 
 
 @pytest.fixture
@@ -27,12 +25,11 @@ def own(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def window(own: Path, tmp_path: Path) -> Iterator[DrivenApp]:
-    settings = ViewerSettings(live_figures=False, column_folded=False)
-    made = DrivenApp(load_scene(own), open_packs(packs_beside(own)), SIZE, tmp_path / "pictures", settings)
+def window(own: Path, open_window: Opener) -> DrivenApp:
+    packs = open_packs(packs_beside(own))
+    made = open_window(shown=load_scene(own), packs=packs, live_figures=False, column_folded=False)
     made.settle()
-    yield made
-    made.close()
+    return made
 
 
 def errors(app: DrivenApp) -> list[str]:

@@ -1,6 +1,6 @@
 """The window while the GPU has no memory: it stays open, says so once, and shows what it can."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +10,8 @@ from numpy.typing import NDArray
 from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
-from tests.ui.conftest import SIZE
+from tests.ui.conftest import SIZE, Opener
 from viewer.gl.allocation import GpuMemoryError
-from viewer.scene.model import Scene
-from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 
 Refuse = Callable[[DrivenApp, str], None]
@@ -31,12 +28,9 @@ def refuse(monkeypatch: pytest.MonkeyPatch) -> Refuse:
 
 
 @pytest.fixture
-def bare(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[DrivenApp]:
+def bare(open_window: Opener) -> DrivenApp:
     """A window that has drawn nothing yet."""
-    settings = ViewerSettings(live_figures=False, column_folded=False)
-    made = DrivenApp(scene, open_packs(packs_beside(scene_path)), SIZE, tmp_path / "pictures", settings)
-    yield made
-    made.close()
+    return open_window(live_figures=False, column_folded=False)
 
 
 def errors(app: DrivenApp) -> list[str]:

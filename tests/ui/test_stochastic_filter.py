@@ -7,17 +7,6 @@ from viewer.commands import run
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.state.navigation import turned
 
-FRAMES = 400
-
-
-def settle(app: DrivenApp) -> None:
-    """Frames until nothing more is to come."""
-    for _ in range(FRAMES):
-        app.frame()
-        if app.is_settled:
-            return
-    raise AssertionError("it never settles")
-
 
 def samples(app: DrivenApp) -> list[int]:
     """Of the slots of the last picture."""
@@ -27,10 +16,10 @@ def samples(app: DrivenApp) -> list[int]:
 
 
 def test_a_view_at_rest_gathers_samples_and_rests(app: DrivenApp) -> None:
-    settle(app)
+    app.rest()
     assert samples(app) == []
     run(app.context, "filter.texels", "stochastic")
-    settle(app)
+    app.rest()
     assert samples(app) == [SAMPLES]
     drawn = app.frontend.picture.frames_drawn
     for _ in range(5):
@@ -40,5 +29,5 @@ def test_a_view_at_rest_gathers_samples_and_rests(app: DrivenApp) -> None:
     app.session.view = replace(app.session.view, camera=turned(app.session.view.camera, 3.0))
     app.frame()
     assert samples(app)[0] < SAMPLES
-    settle(app)
+    app.rest()
     assert samples(app) == [SAMPLES]

@@ -12,18 +12,16 @@ from imgui_bundle import imgui
 
 from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
-from tests.ui.conftest import SIZE, hide_panels
+from tests.ui.conftest import SIZE, Opener, hide_panels
 from viewer.commands import COMMANDS, run
 from viewer.commands.command import Command
 from viewer.commands.effects import Effect
 from viewer.commands.keys import parse_chord
 from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
-from viewer.scene.model import Scene
 from viewer.script.directions import hold
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
 from viewer.state.session import Session
-from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Overlay, Side, Slot, Zoom
 from viewer.ui.panels.timings import timings_text
 
@@ -87,11 +85,8 @@ def test_paths_that_the_driver_lacks_are_grey_with_the_reason_and_left_out_by_th
 def test_auto_finds_the_cheapest_precision_beside_the_frames(app: DrivenApp) -> None:
     app.click("A precision")
     app.click("A precision: auto")
-    for _ in range(2000):
-        app.frame()
-        if not app.session.precision_searches:
-            break
-        time.sleep(0.01)
+    app.frame()
+    app.until(lambda: not app.session.precision_searches)
     assert app.session.view.slot_a.precision != "fp32", "weights of the built-in packs are halves"
     assert any("clustered: precision fp16" in toast.text for toast in app.session.window.toasts)
 
@@ -370,8 +365,7 @@ def test_what_panels_hide_is_not_drawn(app: DrivenApp) -> None:
     np.testing.assert_array_equal(app.screenshot(), shot)
 
 
-def test_the_first_picture_is_as_large_as_panels_leave_room(scene: Scene, tmp_path: Path) -> None:
-    app = DrivenApp(scene, {}, SIZE, tmp_path, ViewerSettings(live_figures=False))
+def test_the_first_picture_is_as_large_as_panels_leave_room(open_window: Opener) -> None:
+    app = open_window(packs={}, live_figures=False)
     app.settle()
     assert app.frontend.picture.frames_drawn == 1
-    app.close()

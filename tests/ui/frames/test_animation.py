@@ -10,17 +10,18 @@ from ntc.errors import InputError
 from tests.gl.render.test_poses import moving_scene
 from tests.support.driven_app import DrivenApp
 from tests.support.gltf_builder import GltfBuilder
+from tests.ui.conftest import Opener
 from viewer.commands import run
 from viewer.render.frames import read_picture
 from viewer.scene.load import load_scene
-from viewer.scene.model import Pose, Scene
+from viewer.scene.model import Pose
 
 SIZE = (900, 600)
 
 
 @pytest.fixture
-def app(tmp_path: Path) -> DrivenApp:
-    made = DrivenApp(moving_scene(), {}, SIZE, tmp_path)
+def app(open_window: Opener) -> DrivenApp:
+    made = open_window(SIZE, moving_scene())
     made.settle()
     made.show_panel("Scene")
     return made
@@ -56,7 +57,6 @@ def test_the_time_line_plays_pauses_and_rests(app: DrivenApp) -> None:
     assert session.view.pose is None
     # The first one was posed in double precision.
     assert (np.abs(picture(app) - at_rest) <= 1).mean() >= 0.999
-    app.close()
 
 
 def test_a_moment_can_be_chosen_while_it_plays(app: DrivenApp) -> None:
@@ -73,10 +73,11 @@ def test_a_moment_can_be_chosen_while_it_plays(app: DrivenApp) -> None:
     # From its end it begins anew.
     run(app.context, "animation.play")
     assert session.view.pose == Pose("move", 0.0)
-    app.close()
 
 
-def test_a_moment_at_which_transforms_overflow_is_one_message_and_the_scene_at_rest(tmp_path: Path) -> None:
+def test_a_moment_at_which_transforms_overflow_is_one_message_and_the_scene_at_rest(
+    open_window: Opener, tmp_path: Path
+) -> None:
     builder = GltfBuilder()
     builder.add("nodes", children=[1])
     builder.add("nodes", mesh=builder.mesh(builder.triangle()), scale=[10.0, 10.0, 10.0])
@@ -84,7 +85,7 @@ def test_a_moment_at_which_transforms_overflow_is_one_message_and_the_scene_at_r
     sampler = {"input": builder.accessor(np.array([0.0, 1.0], np.float32)), "output": builder.accessor(sizes)}
     channel = {"sampler": 0, "target": {"node": 0, "path": "scale"}}
     builder.add("animations", name="grow", samplers=[sampler], channels=[channel])
-    app = DrivenApp(load_scene(builder.write(tmp_path / "grow.glb")), {}, SIZE, tmp_path)
+    app = open_window(SIZE, load_scene(builder.write(tmp_path / "grow.glb")))
     at_rest = picture(app)
     run(app.context, "animation.play")
     run(app.context, "animation.time", 1.0)
@@ -94,11 +95,9 @@ def test_a_moment_at_which_transforms_overflow_is_one_message_and_the_scene_at_r
     assert len([text for text in texts if "overflows" in text]) == 1
     assert (app.session.is_moving, app.session.view.pose) == (False, None)
     np.testing.assert_array_equal(picture(app), at_rest)
-    app.close()
 
 
-def test_without_animations_it_says_so(scene: Scene, tmp_path: Path) -> None:
-    app = DrivenApp(scene, {}, SIZE, tmp_path)
+def test_without_animations_it_says_so(open_window: Opener) -> None:
+    app = open_window(packs={})
     with pytest.raises(InputError, match="the scene has no animations"):
         run(app.context, "animation.play")
-    app.close()

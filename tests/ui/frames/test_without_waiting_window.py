@@ -23,8 +23,6 @@ from viewer.state.view_state import Slot
 FRAMES = 300
 SIZE = (640, 400)
 SLOT = Slot("clustered", "cached")
-MOST_FRAMES = 2000
-"""Of a picture that comes to rest."""
 
 
 def late_context(device: str | None) -> GraphicsContext:
@@ -43,7 +41,7 @@ def drawn(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[DrivenApp,
             app = DrivenApp(scene, packs, SIZE, tmp_path_factory.mktemp("pictures"), settings)
         app.session.view = replace(app.session.view, slot_a=SLOT, slot_b=SLOT, compare="a", material_view="base")
         app.settle()
-        rest(app)
+        app.rest()
         yield app, calls
         app.close()
 
@@ -52,16 +50,7 @@ MIDDLE = (0.5, 0.5)
 """Of the picture, as shares."""
 
 
-def rest(app: DrivenApp) -> None:
-    """Draw until the picture is whole."""
-    for _ in range(MOST_FRAMES):
-        app.frame()
-        if app.is_settled:
-            return
-    raise AssertionError("the picture does not come to rest")
-
-
-@pytest.mark.parametrize("asks", [False, True])
+@pytest.mark.parametrize("asks", [pytest.param(False, marks=pytest.mark.nightly), True])
 def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]], asks: bool) -> None:
     """`asks`: with times, the pixel and the block at a place, and the map of decoders."""
     app, calls = drawn
@@ -74,7 +63,7 @@ def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]], asks: bool)
         app.show_panel("Pixel")
         app.show_panel("Timings")
     app.run("camera.set", turned(camera, 0.2))
-    rest(app)
+    app.rest()
     calls.clear()
     counts, timed, reads = list[int](), 0, app.frontend.reader.pixels.reads
     for number in range(FRAMES):
@@ -102,7 +91,7 @@ def test_the_pixel_at_rest_is_that_of_the_picture(drawn: tuple[DrivenApp, list[s
     app, _ = drawn
     app.show_panel("Pixel")
     app.session.inspection.pixel = MIDDLE
-    rest(app)
+    app.rest()
     pixel, renderer = app.frontend.facts().pixel, app.frontend.picture.renderer
     assert pixel is not None
     assert pixel.a is not None
@@ -120,7 +109,7 @@ def test_the_pixel_at_rest_is_that_of_the_picture(drawn: tuple[DrivenApp, list[s
 def test_the_picture_at_rest_is_that_of_a_renderer_that_waits(drawn: tuple[DrivenApp, list[str]]) -> None:
     app, _ = drawn
     app.show_panel("Memory")
-    rest(app)
+    app.rest()
     shown, view = app.frontend.picture.renderer, app.frontend.picture.last_view
     assert shown is not None
     assert view is not None

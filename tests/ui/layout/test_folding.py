@@ -1,34 +1,23 @@
 """How panels and picture share the window: two thirds for the picture, and panels that fold."""
 
-from collections.abc import Callable, Iterator
-from pathlib import Path
-
 import pytest
 from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
-from viewer.scene.model import Scene
-from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.settings import ViewerSettings
-
-Opener = Callable[..., DrivenApp]
+from tests.ui.conftest import Opener
 
 
 @pytest.fixture
-def opener(scene: Scene, scene_path: Path, tmp_path: Path) -> Iterator[Opener]:
-    """Opens a window's content at some size."""
-    opened: list[DrivenApp] = []
+def opener(open_window: Opener) -> Opener:
+    """Opens a window's content at some size; its picture has few pixels, for nobody looks at it."""
 
-    def open_app(size: tuple[int, int], **settings: object) -> DrivenApp:
-        chosen = ViewerSettings(live_figures=False, **settings)  # type: ignore[arg-type]
-        made = DrivenApp(scene, open_packs(packs_beside(scene_path)), size, tmp_path, chosen)
-        opened.append(made)
+    def opened(size: tuple[int, int]) -> DrivenApp:
+        made = open_window(size, live_figures=False)
+        made.session.resolution = 0.25
         made.settle()
         return made
 
-    yield open_app
-    for made in reversed(opened):
-        made.close()
+    return opened
 
 
 def share_of_picture(app: DrivenApp) -> float:

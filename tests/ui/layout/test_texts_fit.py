@@ -1,20 +1,18 @@
 """No text of a panel is cut or drawn over another one: at every scale, in both themes."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from ntc.codec.model import Pack
 from tests.support.driven_app import DrivenApp
 from tests.support.text_extents import TextExtents
+from tests.ui.conftest import Opener
 from viewer.inspect.comparison import Comparison, ErrorRow, LiveFigures
-from viewer.scene.model import Scene
 from viewer.state.event_handlers import notify
-from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.settings import ViewerSettings
 
 WINDOWS = [((1280, 720), 1.0), ((1280, 720), 1.5), ((1280, 720), 2.0), ((1600, 900), 1.5)]
 FIGURES = LiveFigures(
@@ -40,26 +38,24 @@ def content(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture(params=WINDOWS, ids=lambda window: f"{window[0][0]}x{window[0][1]} at {window[1]:g}")
-def opened(
-    request: pytest.FixtureRequest, content: str, scene: Scene, scene_path: Path, tmp_path: Path
-) -> Iterator[DrivenApp]:
+def opened(request: pytest.FixtureRequest, content: str, open_window: Opener) -> DrivenApp:
     size, scale = request.param
-    packs = open_packs(packs_beside(scene_path)) if content == "packs" else {}
-    settings = ViewerSettings(live_figures=False, column_folded=False, ui_scale=scale)
-    app = DrivenApp(scene, packs, size, tmp_path, settings)
+    packs: dict[str, Pack] | None = None if content == "packs" else {}
+    app = open_window(size, packs=packs, live_figures=False, column_folded=False, ui_scale=scale)
+    # Nobody looks at the picture.
+    app.session.resolution = 0.25
     facts = app.frontend.facts
     app.frontend.facts = lambda: replace(facts(), live=FIGURES)  # type: ignore[method-assign]
     notify(app.session, "it broke at a place with a very long name, and this line goes on and on", "error", "why")
     app.session.window.toasts = ()
-    if packs:
+    if packs is None:
         app.run("slot.source", "b", "single")
         app.run("overlay.kind", "divergence")
         app.run("compare.measure")
         app.run("compare.mode", "difference")
         app.run("pixel.keep", size[0] // 4, size[1] // 4)
     app.settle()
-    yield app
-    app.close()
+    return app
 
 
 def problems(app: DrivenApp, title: str) -> Mapping[str, list[str]]:
@@ -90,7 +86,7 @@ def tab_problems(app: DrivenApp) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("theme", ["dark", "light"])
+@pytest.mark.parametrize("theme", ["dark", pytest.param("light", marks=pytest.mark.nightly)])
 def test_every_text_of_every_panel_fits(opened: DrivenApp, content: str, theme: str) -> None:
     opened.run("window.theme", theme)
     opened.settle()

@@ -19,7 +19,10 @@ LARGEST_ERROR_DB = 0.01
     ("path", "slowest"),
     [
         ("deferred", 1.5),
-        *(pytest.param(*given, marks=pytest.mark.nightly) for given in (("deferred", 0.0), ("cached", 0.0), ("cached", 1.5))),
+        *(
+            pytest.param(*given, marks=pytest.mark.nightly)
+            for given in (("deferred", 0.0), ("cached", 0.0), ("cached", 1.5))
+        ),
     ],
 )
 def test_figures_are_of_the_final_picture(start: Start, truth: Truth, wall: Path, path: str, slowest: float) -> None:

@@ -28,9 +28,7 @@ OTHERS = [way for way in WAYS if way not in SOME]
 
 
 @pytest.fixture(scope="module")
-def played(
-    request: pytest.FixtureRequest, screen: str, wall: Path, tmp_path_factory: pytest.TempPathFactory
-) -> Played:
+def played(request: pytest.FixtureRequest, screen: str, wall: Path, tmp_path_factory: pytest.TempPathFactory) -> Played:
     """One window for many ways: for each it opens the scene anew, so that nothing of it is on the GPU, and is left alone."""
     ways: list[str] = request.param
     # The view of materials outlives the scene.
