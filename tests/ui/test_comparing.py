@@ -35,9 +35,9 @@ def shared_process() -> Iterator[ComparisonProcess]:
 
 @pytest.fixture
 def live(
-    open_window: Opener, shared_process: ComparisonProcess, monkeypatch: pytest.MonkeyPatch
+    monkeypatch: pytest.MonkeyPatch, shared_process: ComparisonProcess, open_window: Opener
 ) -> Iterator[DrivenApp]:
-    """With live figures; the camera looks at both squares from the front."""
+    """With live figures; the camera looks at both squares from the front. The window closes before what is patched is undone."""
     monkeypatch.setattr(live_comparison, "FunctionProcess", lambda *_: shared_process)
     monkeypatch.setattr(shared_process, "close", lambda: None)
     made = open_window(coarse_while_moving=False, column_folded=False)
@@ -314,6 +314,7 @@ def test_a_click_keeps_the_pixel(app: DrivenApp) -> None:
 
 def test_the_list_of_errors_has_room_for_eight_rows(live: DrivenApp) -> None:
     live.resize((1280, 720))
+    live.session.resolution = 0.25
     live.run("errors.panel")
     live.until(lambda: live.frontend.live.figures.is_current)
     live.settle()
