@@ -4,9 +4,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec import reference
-from ntc.codec.color import linear_to_srgb, srgb_to_linear
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
+from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.model import Pack
 from viewer.scene.model import Sampler
 

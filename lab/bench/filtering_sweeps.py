@@ -8,7 +8,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb
+from ntc.codec.mips import linear_to_srgb
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds

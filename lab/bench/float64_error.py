@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.filtering import decode_filtered, filter_decoded
-from ntc.codec.color import linear_to_srgb, linear_to_srgb8, srgb_to_linear
+from ntc.codec.mips import linear_to_srgb, linear_to_srgb8, srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none
 from ntc.pack.match import PackMatch

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from lab.bench.float64_error import Float64Pixels, float64_pixels
 from lab.bench.interleaved import Progress, no_progress, spread_of, warm_up_rounds
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none, psnr_db
 from ntc.metrics.block_compression import BlockFormat

@@ -11,31 +11,18 @@ from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
-KEYWORDS: dict[str, tuple[str, ...]] = {
-    "aerial": ("aerial", "satellite"),
-    "brick": ("brick", "bricks"),
-    "roofing": ("roof", "roofing", "shingle", "shingles", "slates"),
-    "wood": ("wood", "wooden", "plank", "planks", "parquet", "oak", "pine", "bark", "timber"),
-    "metal": ("metal", "steel", "iron", "rust", "rusty", "copper", "brass", "aluminium", "aluminum", "chrome"),
-    "fabric": ("fabric", "cloth", "carpet", "leather", "curtain", "linen", "wool", "awning", "denim"),
-    "floor": ("floor", "tile", "tiles", "pavement", "paving", "cobble", "cobblestone", "cobbles"),
-    "plaster": ("plaster", "stucco", "paint", "painted"),
-    "concrete": ("concrete", "cement", "asphalt"),
-    "rock": ("rock", "stone", "cliff", "marble", "granite"),
-    "terrain": (
-        "terrain",
-        "ground",
-        "grass",
-        "sand",
-        "dirt",
-        "mud",
-        "soil",
-        "snow",
-        "leaves",
-        "gravel",
-        "foliage",
-        "moss",
-    ),
+KEYWORDS: dict[str, str] = {
+    "aerial": "aerial satellite",
+    "brick": "brick bricks",
+    "roofing": "roof roofing shingle shingles slates",
+    "wood": "wood wooden plank planks parquet oak pine bark timber",
+    "metal": "metal steel iron rust rusty copper brass aluminium aluminum chrome",
+    "fabric": "fabric cloth carpet leather curtain linen wool awning denim",
+    "floor": "floor tile tiles pavement paving cobble cobblestone cobbles",
+    "plaster": "plaster stucco paint painted",
+    "concrete": "concrete cement asphalt",
+    "rock": "rock stone cliff marble granite",
+    "terrain": "terrain ground grass sand dirt mud soil snow leaves gravel foliage moss",
 }
 """Words by which a name without a label is put into one of the paper's categories; the first that fits counts."""
 UNKNOWN = "other"
@@ -51,7 +38,7 @@ def guessed_category(name: str) -> str:
     """Category for a texture's name, or UNKNOWN."""
     words = set(re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower().replace("_", " ").replace("-", " ").split())
     words = {re.sub(r"[^a-z]", "", word) for word in words}
-    return next((category for category, keys in KEYWORDS.items() if words & set(keys)), UNKNOWN)
+    return next((category for category, keys in KEYWORDS.items() if words & set(keys.split())), UNKNOWN)
 
 
 def category_grouping(textures: Sequence[SourceTexture], labels: Mapping[int, str] | None = None) -> Grouping:

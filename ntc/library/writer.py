@@ -7,7 +7,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
 
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import EncodedTexture, Pack
@@ -73,9 +72,7 @@ class LibraryWriter:
     def __enter__(self) -> "LibraryWriter":
         return self
 
-    def __exit__(
-        self, _kind: type[BaseException] | None, _error: BaseException | None, _at: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_exception: object) -> None:
         self._unlock()
 
     def add(self, shard: Shard, data: bytes) -> bool:
@@ -257,7 +254,8 @@ def _joined(writer: LibraryWriter, shards: list[Shard]) -> Iterator[Shard]:
     index = LibraryIndex(writer.index.folder)
     for shard in shards:
         index.take(shard)
-    groups = [found for each in _by_key(index).values() for found in _bundles(each)]
+    by_key = index.shards_with({pixel_hash for _, pixel_hash in index.places})
+    groups = [found for each in by_key.values() for found in _bundles(each)]
     for group in groups:
         whole = [shard for shard, hashes in group if len(hashes) == len(shard.textures)]
         if len(group) == 1 and whole:
@@ -268,10 +266,6 @@ def _joined(writer: LibraryWriter, shards: list[Shard]) -> Iterator[Shard]:
         joined = shard_of(pack, data)
         writer.add_file(joined, data)
         yield joined
-
-
-def _by_key(index: LibraryIndex) -> dict[str, list[tuple[Shard, frozenset[str]]]]:
-    return index.shards_with({pixel_hash for _, pixel_hash in index.places})
 
 
 def _bundles(shards: list[tuple[Shard, frozenset[str]]]) -> Iterator[list[tuple[Shard, frozenset[str]]]]:

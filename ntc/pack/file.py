@@ -7,7 +7,8 @@ import json
 import math
 import os
 import re
-from collections.abc import Callable, Container, Iterable, Mapping
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, BinaryIO, TypeVar
@@ -150,13 +151,29 @@ def checked_pack(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
     return _read(file, metadata, path)
 
 
+@contextmanager
+def _reading(path: Path) -> Iterator[None]:
+    """Raise InputError, with one line that names the file, for every error of reading a pack."""
+    try:
+        yield
+    except SafetensorError as error:
+        raise InputError(f"{path}: not a safetensors file ({error}); {REMEDY}") from error
+    except MetadataError as error:
+        raise InputError(f"{path}: {error}; {REMEDY}") from error
+    except OSError as error:
+        reason = error.strerror or error
+        raise InputError(f"{path}: cannot be read ({reason}); check its path and permissions") from error
+    except MemoryError as error:
+        raise InputError(f"{path}: takes more memory than there is; encode at a smaller --texture-size") from error
+
+
 def read_pack(path: Path) -> Pack:
     """Read and check a pack: types, shapes, indices and finiteness. Raises InputError with one line.
 
     safetensors compares shapes with the file's length; what memory is taken is in proportion to that.
     """
     path = Path(path)
-    try:
+    with _reading(path):
         if not path.is_file():
             raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
         if path.stat().st_size == 0:
@@ -168,14 +185,6 @@ def read_pack(path: Path) -> Pack:
         if text is None:
             raise InputError(f"{path}: has no {METADATA_KEY!r} metadata; {REMEDY}")
         return checked_pack(file, parse_metadata(text), path)
-    except SafetensorError as error:
-        raise InputError(f"{path}: not a safetensors file ({error}); {REMEDY}") from error
-    except MetadataError as error:
-        raise InputError(f"{path}: {error}; {REMEDY}") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the file's permissions") from error
-    except MemoryError as error:
-        raise InputError(f"{path}: takes more memory than there is; encode at a smaller --texture-size") from error
 
 
 LARGEST_HEADER = 100_000_000
@@ -246,29 +255,19 @@ def read_textures(path: Path, wanted: Container[str]) -> Pack:
     What is read is checked as `read_pack` checks it. Raises InputError with one line; also where no texture is wanted.
     """
     path = Path(path)
-    try:
-        with path.open("rb") as file:
-            places, metadata, begin = _header(file, path)
-            fewer, numbers = _chosen(metadata, wanted)
-            if not fewer.textures:
-                raise InputError(f"{path}: holds none of the textures that are asked for")
-            tensors: dict[str, Mapping[str, Any]] = {}
-            for name, place in places.items():
-                parts = _INDEXED.fullmatch(name)
-                number = numbers[parts[1]].get(int(parts[2])) if parts else None
-                if parts is None or number is None:
-                    continue
-                file.seek(begin + place.data_offsets[0])
-                data = file.read(place.data_offsets[1] - place.data_offsets[0])
-                tensors[f"{parts[1]}.{number}{parts[3] or ''}"] = {
-                    "dtype": place.dtype,
-                    "shape": place.shape,
-                    "data": data,
-                }
-            return checked_pack(tensors, fewer, path)
-    except MetadataError as error:
-        raise InputError(f"{path}: {error}; {REMEDY}") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror or error}); check the path") from error
-    except MemoryError as error:
-        raise InputError(f"{path}: takes more memory than there is; encode at a smaller --texture-size") from error
+    with _reading(path), path.open("rb") as file:
+        places, metadata, begin = _header(file, path)
+        fewer, numbers = _chosen(metadata, wanted)
+        if not fewer.textures:
+            raise InputError(f"{path}: holds none of the textures that are asked for")
+        tensors: dict[str, Mapping[str, Any]] = {}
+        for name, place in places.items():
+            parts = _INDEXED.fullmatch(name)
+            number = numbers[parts[1]].get(int(parts[2])) if parts else None
+            if parts is None or number is None:
+                continue
+            file.seek(begin + place.data_offsets[0])
+            data = file.read(place.data_offsets[1] - place.data_offsets[0])
+            named = f"{parts[1]}.{number}{parts[3] or ''}"
+            tensors[named] = {"dtype": place.dtype, "shape": place.shape, "data": data}
+        return checked_pack(tensors, fewer, path)

@@ -12,6 +12,7 @@ from msgspec import Meta
 from ntc.codec.config import ColorSpace, WrapMode
 from ntc.codec.maps import BASE_ALONE, LARGEST_CHANNELS, MapName, channel_places
 from ntc.codec.model import CodecSettings, Pack
+from ntc.codec.quality import finite_or_none
 from ntc.codec.registry import FIRST_NAME, MODULES, codec_named
 from ntc.errors import MetadataError
 
@@ -104,17 +105,13 @@ def codec_json(config: CodecSettings) -> dict[str, Any]:
     return found if config.kind == FIRST_NAME else {KIND: config.kind, **found}
 
 
-def _finite(decibels: float | None) -> float | None:
-    return decibels if decibels is not None and math.isfinite(decibels) else None
-
-
 def metadata_json(pack: Pack) -> str:
     """Return the metadata of `pack`; the same pack gives the same text. Raises ValueError for numbers that are not finite."""
     textures = [{name: getattr(t, name) for name in TextureMetadata.__struct_fields__} for t in pack.textures]
     for texture in textures:
         # Equal pictures have an infinite PSNR.
-        texture["psnr_db"] = _finite(texture["psnr_db"])
-        texture["map_psnr_db"] = tuple(map(_finite, texture["map_psnr_db"]))
+        texture["psnr_db"] = finite_or_none(texture["psnr_db"])
+        texture["map_psnr_db"] = tuple(map(finite_or_none, texture["map_psnr_db"]))
     grouping = {name: getattr(pack.grouping, name) for name in GroupingMetadata.__struct_fields__}
     document = {
         "format_version": FORMAT_VERSION,

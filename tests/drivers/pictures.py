@@ -11,7 +11,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from tests.golden.pictures import GRID, SMALL_CAMERAS, SMALL_SIZE, Studio
 from viewer.scene.images import write_png
 from viewer.state.view_state import DecodePath, MaterialView, Slot, ViewState

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from ntc.io import write_text
 from ntc.pack.file import read_pack
 from viewer.gl.context import create_headless_context

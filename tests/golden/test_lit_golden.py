@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from tests.support.lit_studio import LitStudio, Planes, sphere_grid
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.scene.images import read_image, write_png

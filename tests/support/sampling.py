@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.bench.filtering import selected_lod, wrapped
-from ntc.codec.color import srgb_to_linear
-from ntc.codec.mips import mip_chain
+from ntc.codec.mips import mip_chain, srgb_to_linear
 from viewer.scene.model import Sampler
 
 Array = NDArray[np.float64]

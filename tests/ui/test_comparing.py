@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.quality import psnr_db
 from ntc.worker.process import FunctionProcess
 from tests.support.driven_app import DrivenApp

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.quality import psnr_of_mse
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip_map, ssim_map

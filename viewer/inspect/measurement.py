@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb8
 from ntc.codec.maps import MAPS, PLANE_OF_MAP, MapName
+from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none, psnr_db
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map

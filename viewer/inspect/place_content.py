@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext

@@ -196,12 +196,6 @@ Take = Callable[[Argument, Result, int], Argument | str | None]
 """(argument, result, attempt from 0) -> None: it is kept. A line: the job failed. Another argument: that job is to be done instead."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Due(Generic[Argument]):
-    argument: Argument
-    attempt: int
-
-
 def run_jobs(
     executor: Executor[Argument, Result],
     arguments: Iterable[Argument],
@@ -217,38 +211,39 @@ def run_jobs(
     Arguments are asked for when a slot is free, so neither they nor results pile up. `stopped` ends it early; jobs that are under
     way then are lost. `tried_again` is told why a job is begun once more.
     """
-    coming, again = iter(arguments), deque[_Due[Argument]]()
-    under_way: dict[int, _Due[Argument]] = {}
+    # Jobs as (argument, attempt).
+    coming = ((argument, 0) for argument in arguments)
+    again, under_way = deque[tuple[Argument, int]](), dict[int, tuple[Argument, int]]()
     failures, number = list[Failure[Argument]](), 0
 
-    def failed(due: _Due[Argument], problem: str, cut: Sequence[Argument]) -> None:
-        if due.attempt + 1 < MOST_ATTEMPTS:
+    def failed(argument: Argument, attempt: int, problem: str, cut: Sequence[Argument]) -> None:
+        if attempt + 1 < MOST_ATTEMPTS:
             tried_again(problem)
-            again.append(_Due(due.argument, due.attempt + 1))
+            again.append((argument, attempt + 1))
         elif cut:
             tried_again(problem)
-            again.extend(_Due(each, 0) for each in cut)
+            again.extend((each, 0) for each in cut)
         else:
-            failures.append(Failure(due.argument, problem))
+            failures.append(Failure(argument, problem))
 
     while not stopped():
         while len(under_way) < executor.slots:
-            due = again.popleft() if again else next((_Due(each, 0) for each in coming), None)
+            due = again.popleft() if again else next(coming, None)
             if due is None:
                 break
-            executor.submit(number, due.argument)
+            executor.submit(number, due[0])
             under_way[number] = due
             number += 1
         if not under_way:
             break
         for ended in executor.wait(SECONDS_BETWEEN_QUESTIONS):
-            due = under_way.pop(ended.number)
+            argument, attempt = under_way.pop(ended.number)
             if ended.result is None:
-                failed(due, ended.problem, parts(due.argument))
+                failed(argument, attempt, ended.problem, parts(argument))
                 continue
-            answer = take(due.argument, ended.result, due.attempt)
+            answer = take(argument, ended.result, attempt)
             if isinstance(answer, str):
-                failed(due, answer, ())
+                failed(argument, attempt, answer, ())
             elif answer is not None:
-                again.append(_Due(answer, 0))
+                again.append((answer, 0))
     return failures

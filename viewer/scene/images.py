@@ -12,7 +12,7 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb
+from ntc.codec.mips import linear_to_srgb
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import atomic_path, is_partial, read_file

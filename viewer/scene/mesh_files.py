@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import srgb_to_linear
+from ntc.codec.mips import srgb_to_linear
 from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.scene.images import decode_image

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter, minimum_filter
 
 from lab.benchmarks.twins.geometry import Error
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Scene

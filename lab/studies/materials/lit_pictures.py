@@ -15,8 +15,8 @@ import numpy as np
 from lab.studies.materials.own_codec import LARGEST_BITS, grouped_by_maps
 from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import config_for_bits
-from ntc.codec.color import linear_to_srgb8
 from ntc.codec.encoding import texture_set
+from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_db
 from ntc.errors import InputError

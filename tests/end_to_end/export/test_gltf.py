@@ -15,9 +15,9 @@ import pytest
 import trimesh
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.color import to_8bit, to_linear
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import map_slices
+from ntc.codec.mips import to_8bit, to_linear
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError

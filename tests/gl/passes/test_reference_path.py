@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.config import WrapMode
+from ntc.codec.mips import srgb_to_linear
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import sample
 from viewer.gl.context import GraphicsContext

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb, srgb_to_linear
 from ntc.codec.maps import MAPS, PLANE_COMPONENTS, PLANE_OF_MAP, MapName
+from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from tests.support.lit_studio import LitStudio, Planes, sphere_grid
 from viewer.gl.context import GraphicsContext
 from viewer.lighting.prefilter import SKY_SIZE, PrefilteredEnvironment, prefilter

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from ntc.codec import reference
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import MAPS
+from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.textures import SourceTexture, hash_pixels
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE, expected, shown

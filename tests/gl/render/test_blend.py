@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.color import linear_to_srgb
+from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError

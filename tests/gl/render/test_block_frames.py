@@ -11,8 +11,8 @@ from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import block_parts
-from ntc.codec.color import linear_to_srgb
 from ntc.codec.gpu import StoredRows
+from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.color import linear_to_srgb
+from ntc.codec.mips import linear_to_srgb
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
 from viewer.render.compositor import ComparisonErrors

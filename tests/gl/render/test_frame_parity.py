@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_pack
-from ntc.codec.color import linear_to_srgb
 from ntc.codec.config import WrapMode
+from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.color import linear_to_srgb8
+from ntc.codec.mips import linear_to_srgb8
 from tests.gl.small_scenes import CAMERAS, FLAT, INSIDE, SCENES
 from tests.support.ray_caster import cast_scene
 from viewer.gl.context import GraphicsContext

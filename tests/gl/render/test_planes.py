@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, Plane, plane_channels
+from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE

@@ -11,8 +11,8 @@ from lab.bench.filtering import filter_decoded, wrapped
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.color import linear_to_srgb, srgb_to_linear
 from ntc.codec.latents import latent_levels
+from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.model import Pack
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.gl.small_scenes import FRONT, objects

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.latents import latent_levels
+from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from tests.gl.render.test_frame_parity import CASES

@@ -8,12 +8,11 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.color import linear_to_srgb, linear_to_srgb8, srgb8_to_linear_table, srgb_to_linear
 from ntc.codec.config import ColorSpace
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import MapName
-from ntc.codec.mips import mip_chain, resize_to
+from ntc.codec.mips import linear_to_srgb, linear_to_srgb8, mip_chain, resize_to, srgb8_to_linear_table, srgb_to_linear
 from ntc.codec.quality import map_psnr_db, measured_texture, normal_angles
 from ntc.metrics.metrics import psnr_table
 from tests.support.gltf_builder import noise

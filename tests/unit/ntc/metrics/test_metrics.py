@@ -12,11 +12,10 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.grid.model import GridConfig, grid_parts
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels
-from ntc.codec.mips import mip_chain
+from ntc.codec.mips import mip_chain, srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.quality import PsnrSummary, mean_square_error, psnr_db, worst_share_db
 from ntc.codec.textures import SourceTexture

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ntc.codec.color import srgb_to_linear
+from ntc.codec.mips import srgb_to_linear
 from ntc.codec.textures import hash_pixels
 from ntc.errors import InputError
 from tests.support.gltf_builder import GltfBuilder, noise, png

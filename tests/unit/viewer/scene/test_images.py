@@ -16,7 +16,7 @@ import pytest
 import zstandard
 from numpy.typing import NDArray
 
-from ntc.codec.color import linear_to_srgb, srgb_to_linear
+from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, compressed_blocks, decompress

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, map_slices
+from ntc.codec.mips import srgb_to_linear
 from ntc.codec.textures import hash_pixels
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BlockFormat

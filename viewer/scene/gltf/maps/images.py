@@ -11,8 +11,8 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.maps import MapName
+from ntc.codec.mips import srgb_to_linear
 from ntc.codec.textures import hash_pixels
 from ntc.errors import InputError
 from ntc.io import read_file

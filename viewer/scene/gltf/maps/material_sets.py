@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.codec.color import srgb_to_linear
 from ntc.codec.maps import BASE_ALONE, MAP_CHANNELS, MAPS, PLANE_COMPONENTS, PLANE_OF_MAP, MapName, Plane
+from ntc.codec.mips import srgb_to_linear
 from viewer.locations import images_cache
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile

@@ -9,7 +9,6 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ntc.codec.color import linear_to_srgb, srgb_to_linear
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.torch_twin import AdapterStack, DecoderStack, positional_encoding, with_lod
 from ntc.codec.grid.training import optimizers as decoder_loss
@@ -17,7 +16,7 @@ from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, freez
 from ntc.codec.grid.training.data import IMAGE_DEVIATION, LATENT_SPREAD, TrainingData, image_latents, random_latents
 from ntc.codec.grid.training.optimizers import Muon, orthogonalised, squared_error
 from ntc.codec.latents import latent_cell_count, latent_levels
-from ntc.codec.mips import mip_chain
+from ntc.codec.mips import linear_to_srgb, mip_chain, srgb_to_linear
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.codec.torch_texels import PyramidTable, trilinear_corners, weighted_rows
 from tests.support.textures import of_pixels
