@@ -22,9 +22,7 @@ from viewer.viewpoints.sampling import (
     ViewCriteria,
     ViewpointConfig,
     choose,
-    orbit,
 )
-from viewer.viewpoints.surfaces import Surfaces
 
 WALKING, CLOSE, AROUND = 6, 3, 3
 """Numbers of places at eye height, close to surfaces and around the scene that are looked from."""
@@ -120,11 +118,7 @@ class FirstView:
 
 def _places(scene: Scene) -> list[Candidate]:
     """Return places to look from, the same for the same scene."""
-    ground = Surfaces(scene)
-    if not ground.textured_area.any():
+    sampler = CandidateSampler.of(scene, CONFIG)
+    if sampler is None:
         return []
-    random = np.random.default_rng(CONFIG.seed)
-    extent = float((scene.bounds[1] - scene.bounds[0]).max())
-    sampler = CandidateSampler(ground, random, extent, CONFIG.fov_degrees)
-    around = orbit(scene, random, extent, AROUND, CONFIG)
-    return [*sampler.walking(WALKING), *sampler.close(CLOSE), *around]
+    return [*sampler.walking(WALKING), *sampler.close(CLOSE), *sampler.around(AROUND)]

@@ -110,12 +110,21 @@ def candidates(eyes: Array, targets: Array, scales: Array, fov: float) -> list[C
 class CandidateSampler:
     """Sampler of viewpoints inside of a scene; it keeps those with the highest estimated score."""
 
-    def __init__(self, ground: Surfaces, random: np.random.Generator, extent: float, fov: float) -> None:
-        self._ground, self._random, self._extent, self._fov = ground, random, extent, fov
+    def __init__(self, scene: Scene, config: ViewpointConfig, ground: Surfaces) -> None:
+        """Take a scene whose surfaces `ground` have textures."""
+        self._scene, self._config, self._ground = scene, config, ground
+        self._random = np.random.default_rng(config.seed)
+        self._extent = float((scene.bounds[1] - scene.bounds[0]).max())
         textured, texture = ground.textured_area, np.maximum(ground.texture, 0)
         of_texture = np.bincount(texture, textured)[texture]
         self._weights = np.divide(textured, of_texture, out=np.zeros_like(textured), where=of_texture > 0.0)
-        self._samples = ground.points(random, self._weights, SAMPLES, up_only=False)
+        self._samples = ground.points(self._random, self._weights, SAMPLES, up_only=False)
+
+    @classmethod
+    def of(cls, scene: Scene, config: ViewpointConfig) -> "CandidateSampler | None":
+        """Return the sampler of a scene; None where no surface has a texture."""
+        ground = Surfaces(scene)
+        return cls(scene, config, ground) if ground.textured_area.any() else None
 
     def _scores(self, eyes: Array, targets: Array, heights: Array) -> Array:
         """Return [N] number of textures with a sample in front of each eye, occluded or not, times a random jitter."""
@@ -138,7 +147,7 @@ class CandidateSampler:
         # Roofs and places behind back-facing walls come last; places under the ground are left out.
         order = np.lexsort((-scores, last, around.behind_walls()))
         best = order[~around.buried()[order]][:count]
-        return candidates(eyes[best], targets[best], heights[best], self._fov)
+        return candidates(eyes[best], targets[best], heights[best], self._config.fov_degrees)
 
     def walking(self, count: int) -> list[Candidate]:
         """Sample at most `count` views from eye height above the ground, in random directions."""
@@ -165,27 +174,25 @@ class CandidateSampler:
         distance = heights * _log_uniform(random, CLOSE_DISTANCES, points)
         return self._kept(targets.points + away * distance[:, None], targets.points, heights, False, count)
 
-
-def orbit(
-    scene: Scene, random: np.random.Generator, extent: float, count: int, config: ViewpointConfig
-) -> list[Candidate]:
-    """Sample `count` views from around the scene that show all or most of it."""
-    fov, aspect = config.fov_degrees, config.size[0] / config.size[1]
-    low, high = scene.bounds.astype(np.float64)
-    centre, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, extent * 1e-3)
-    targets = centre + random.uniform(-0.25, 0.25, (count, 3)) * half
-    way = _direction(random.uniform(0.0, 2.0 * np.pi, count), np.radians(random.uniform(*ELEVATION_DEGREES, count)))
-    # The distance at which the corners of the bounding box just fit into the frame.
-    signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(8, 3)
-    corners = centre + signs * half - targets[:, None]
-    right = _direction(np.arctan2(way[:, 0], way[:, 2]) + np.pi / 2.0, np.zeros(count))
-    aside = np.abs(np.einsum("nci,ni->nc", corners, right)) / aspect
-    above = np.abs(np.einsum("nci,ni->nc", corners, np.cross(way, right)))
-    behind = np.einsum("nci,ni->nc", corners, way)
-    fitting = (behind + np.maximum(aside, above) / math.tan(math.radians(fov) / 2.0)).max(axis=1)
-    distance = fitting * random.uniform(*ORBIT_DISTANCES, count)
-    scales = np.full(count, extent * ORBIT_SCALE)
-    return candidates(targets + way * distance[:, None], targets, scales, fov)
+    def around(self, count: int) -> list[Candidate]:
+        """Sample `count` views from around the scene that show all or most of it."""
+        random, fov = self._random, self._config.fov_degrees
+        aspect = self._config.size[0] / self._config.size[1]
+        low, high = self._scene.bounds.astype(np.float64)
+        centre, half = (low + high) / 2.0, np.maximum((high - low) / 2.0, self._extent * 1e-3)
+        targets = centre + random.uniform(-0.25, 0.25, (count, 3)) * half
+        way = _direction(random.uniform(0.0, 2.0 * np.pi, count), np.radians(random.uniform(*ELEVATION_DEGREES, count)))
+        # The distance at which the corners of the bounding box just fit into the frame.
+        signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(8, 3)
+        corners = centre + signs * half - targets[:, None]
+        right = _direction(np.arctan2(way[:, 0], way[:, 2]) + np.pi / 2.0, np.zeros(count))
+        aside = np.abs(np.einsum("nci,ni->nc", corners, right)) / aspect
+        above = np.abs(np.einsum("nci,ni->nc", corners, np.cross(way, right)))
+        behind = np.einsum("nci,ni->nc", corners, way)
+        fitting = (behind + np.maximum(aside, above) / math.tan(math.radians(fov) / 2.0)).max(axis=1)
+        distance = fitting * random.uniform(*ORBIT_DISTANCES, count)
+        scales = np.full(count, self._extent * ORBIT_SCALE)
+        return candidates(targets + way * distance[:, None], targets, scales, fov)
 
 
 DrawTextureIds = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
@@ -342,17 +349,14 @@ def sample_viewpoints(scene: Scene, draw_ids: DrawTextureIds, config: ViewpointC
     if config.count < 1:
         raise InputError(f"viewpoints: count {config.count}; ask for one or more")
     nothing = InputError(f"{scene.name}: no viewpoint sees a texture; give a file of cameras by --views")
-    ground = Surfaces(scene)
-    if not ground.textured_area.any():
+    places = CandidateSampler.of(scene, config)
+    if places is None:
         raise nothing
-    random = np.random.default_rng(config.seed)
-    extent = float((scene.bounds[1] - scene.bounds[0]).max())
     renderer = CandidateRenderer(draw_ids, config.size, scene)
     total = config.count * config.candidates_per_view
     walking, close = (math.ceil(total * share) for share in WALKING_AND_CLOSE_SHARES)
-    places = CandidateSampler(ground, random, extent, config.fov_degrees)
     views = renderer.views([*places.walking(walking), *places.close(close)])
-    around = orbit(scene, random, extent, max(total - walking - close, ORBITS_TRIED), config)
+    around = places.around(max(total - walking - close, ORBITS_TRIED))
     views += renderer.views(around[:ORBITS_TRIED])
     # Views from outside are the slowest to render, and in a town show mostly the backs of houses.
     if sum(view.meets(CRITERIA[0]) for view in views) < ENOUGH * config.count:

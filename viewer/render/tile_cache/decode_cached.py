@@ -21,6 +21,7 @@ from viewer.render.resources.layout import (
     PAGE_SIDE,
     PAGES_ACROSS,
     TEXEL_GROUP,
+    TILE_LEVEL_RECORD,
     TILE_RECORD,
     ImageUnit,
     StorageBinding,
@@ -70,7 +71,7 @@ class DecodeCachedPass:
         """Number of the last request, and of the last one that was answered."""
         self._used = np.zeros(self._pool.pages, np.uint32)
         """[pages] number of the request that read each page last, as of the last answer."""
-        self._tiles_of = np.zeros(len(table.levels), np.int64)
+        self._tiles_of = np.zeros(len(table.rows), np.int64)
         """[rows of the table] tiles in the cache of each texture, by its first row."""
         self._is_outdated = False
         """True where tiles have been evicted since the last request was made, which may have counted on them."""
@@ -90,10 +91,11 @@ class DecodeCachedPass:
 
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
+        levels = table.rows[["first_entry", "across"]].astype(TILE_LEVEL_RECORD)
         asked = min(self._most, table.entries)
         self._places: dict[StorageBinding | TileBinding, moderngl.Buffer] = {
             TileBinding.MATERIAL_TILES: memory.buffer(what, table.first_level_of_material.tobytes()),
-            TileBinding.TILE_LEVELS: memory.buffer(what, table.levels.tobytes()),
+            TileBinding.TILE_LEVELS: memory.buffer(what, levels.tobytes()),
             TileBinding.TILE_ENTRIES: memory.buffer(what, bytes(4 * table.entries)),
             TileBinding.PAGE_USED: memory.buffer(what, bytes(4 * self._pool.pages)),
             StorageBinding.RESULTS: memory.buffer(what, bytes(4 * (1 + asked))),

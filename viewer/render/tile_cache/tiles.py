@@ -11,8 +11,19 @@ from ntc.codec.latents import latent_levels
 from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
-from viewer.render.resources.layout import PAGES_ACROSS, TILE_LEVEL_RECORD, TILE_RECORD, TILE_SIDE
+from viewer.render.resources.layout import PAGES_ACROSS, TILE_RECORD, TILE_SIDE
 from viewer.scene.model import Material
+
+TILE_ROW = np.dtype(
+    [
+        *((name, "<i4") for name in ("first_entry", "across", "texture", "level")),
+        ("wrap", "<i4", (2,)),
+        ("single", "?"),
+        ("first", "<i4"),
+    ]
+)
+"""Tiles of a mip under one pair of WRAP_ codes: as TILE_LEVEL_RECORD, then texture id, mip number, whether the mip is a single tile,
+and the row of the finest mip of the same texture under the same modes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,19 +31,9 @@ class TileTable:
     """Entries count all tiles, level after level; a tile's border depends on the wrap modes, so modes have tiles of their own."""
 
     first_level_of_material: NDArray[np.int32]
-    """[materials] row of `levels` of the texture's finest mip; -1 where nothing is decoded."""
-    levels: NDArray[np.void]
-    """[rows] TILE_LEVEL_RECORD."""
-    texture_of_level: NDArray[np.int32]
-    """[rows] texture id."""
-    level_of_level: NDArray[np.int32]
-    """[rows] mip number."""
-    wrap_of_level: NDArray[np.int32]
-    """[rows, 2] WRAP_ codes."""
-    single_of_level: NDArray[np.bool_]
-    """[rows] whether the mip is a single tile."""
-    first_of_level: NDArray[np.int32]
-    """[rows] row of the finest mip of the same texture under the same modes."""
+    """[materials] row of the texture's finest mip; -1 where nothing is decoded."""
+    rows: NDArray[np.void]
+    """[rows] TILE_ROW of each mip."""
     entries: int
     """Number of tiles of all levels."""
 
@@ -41,7 +42,7 @@ class TileTable:
         """Make the table of the textures that `pack` decodes in a plane of their maps."""
         first_of: dict[tuple[int, int, int], int] = {}
         firsts: list[int] = []
-        rows: list[tuple[int, int, int, int, int, int]] = []
+        rows: list[tuple[object, ...]] = []
         entries = 0
         for material in materials:
             own = material.plane(plane)
@@ -55,27 +56,16 @@ class TileTable:
                 first_of[key] = len(rows)
                 texture = pack.textures[index]
                 for number, level in enumerate(latent_levels(texture.width, texture.height, pack.config)):
-                    across = -(-level.texel_width // TILE_SIDE)
-                    rows.append((entries, across, own.texture_id, number, *wrap))
-                    entries += across * -(-level.texel_height // TILE_SIDE)
+                    across, down = (-(-side // TILE_SIDE) for side in (level.texel_width, level.texel_height))
+                    rows.append((entries, across, own.texture_id, number, wrap, across * down == 1, first_of[key]))
+                    entries += across * down
             firsts.append(first_of[key])
-        table = np.array(rows or [(0, 1, -1, 0, 0, 0)], np.int32)
-        levels = np.zeros(len(table), TILE_LEVEL_RECORD)
-        levels["first_entry"], levels["across"] = table[:, 0], table[:, 1]
-        return TileTable(
-            np.array(firsts or [-1], np.int32),
-            levels,
-            table[:, 2],
-            table[:, 3],
-            table[:, 4:6],
-            np.diff(table[:, 0], append=max(1, entries)) == 1,
-            np.maximum.accumulate(np.where(table[:, 3] == 0, np.arange(len(table)), 0)).astype(np.int32),
-            max(1, entries),
-        )
+        table = np.array(rows or [(0, 1, -1, 0, (0, 0), True, 0)], TILE_ROW)
+        return TileTable(np.array(firsts or [-1], np.int32), table, max(1, entries))
 
     def are_single(self, entries: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return [N] whether these entries are the only tile of their mip: what is shown first of a texture."""
-        single: NDArray[np.bool_] = self.single_of_level[self._rows(entries)]
+        single: NDArray[np.bool_] = self.rows["single"][self._rows(entries)]
         return single
 
     def stand_ins(self, firsts: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -83,33 +73,33 @@ class TileTable:
 
         They are those of the finest mip that is a single tile, and of the coarsest: a tile stands in for finer ones alone.
         """
-        ends = np.append(np.nonzero(self.level_of_level == 0)[0], len(self.levels))
+        ends = np.append(np.nonzero(self.rows["level"] == 0)[0], len(self.rows))
         last = ends[np.searchsorted(ends, firsts, side="right")] - 1
-        singles = np.nonzero(self.single_of_level)[0]
+        singles = np.nonzero(self.rows["single"])[0]
         found = (
             singles[np.minimum(np.searchsorted(singles, firsts), max(len(singles) - 1, 0))] if len(singles) else last
         )
         rows = np.unique([np.where((found >= firsts) & (found <= last), found, last), last])
-        entries: NDArray[np.int64] = self.levels["first_entry"][rows].astype(np.int64)
+        entries: NDArray[np.int64] = self.rows["first_entry"][rows].astype(np.int64)
         return entries
 
     def textures(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
         """Return [N] first rows of the textures of these entries."""
-        firsts: NDArray[np.int64] = self.first_of_level[self._rows(entries)].astype(np.int64)
+        firsts: NDArray[np.int64] = self.rows["first"][self._rows(entries)].astype(np.int64)
         return firsts
 
     def _rows(self, entries: NDArray[np.int64]) -> NDArray[np.int64]:
-        rows: NDArray[np.int64] = np.searchsorted(self.levels["first_entry"], entries, side="right") - 1
+        rows: NDArray[np.int64] = np.searchsorted(self.rows["first_entry"], entries, side="right") - 1
         return rows
 
     def tiles(self, entries: NDArray[np.int64]) -> NDArray[np.void]:
         """Return [N] TILE_RECORD of these entries; their pages are left 0."""
         rows = self._rows(entries)
-        place = entries - self.levels["first_entry"][rows]
+        place = entries - self.rows["first_entry"][rows]
         tiles = np.zeros(len(entries), TILE_RECORD)
-        tiles["texture_id"], tiles["level"] = self.texture_of_level[rows], self.level_of_level[rows]
-        tiles["tile_x"], tiles["tile_y"] = place % self.levels["across"][rows], place // self.levels["across"][rows]
-        tiles["wrap_u"], tiles["wrap_v"] = self.wrap_of_level[rows].T
+        tiles["texture_id"], tiles["level"] = self.rows["texture"][rows], self.rows["level"][rows]
+        tiles["tile_x"], tiles["tile_y"] = place % self.rows["across"][rows], place // self.rows["across"][rows]
+        tiles["wrap_u"], tiles["wrap_v"] = self.rows["wrap"][rows].T
         tiles["entry"] = entries
         return tiles
 

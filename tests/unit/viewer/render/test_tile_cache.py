@@ -132,9 +132,9 @@ def table() -> TileTable:
 def test_the_first_single_tile_and_the_coarsest_mip_stand_in(table: TileTable) -> None:
     firsts = table.first_level_of_material.astype(np.int64)
     for number, first in enumerate(firsts):
-        last = (*firsts[1:], len(table.levels))[number] - 1
-        single = next((row for row in range(first, last + 1) if table.single_of_level[row]), last)
-        expected = sorted({int(table.levels["first_entry"][row]) for row in (single, last)})
+        last = (*firsts[1:], len(table.rows))[number] - 1
+        single = next((row for row in range(first, last + 1) if table.rows["single"][row]), last)
+        expected = sorted({int(table.rows["first_entry"][row]) for row in (single, last)})
         assert table.stand_ins(firsts[number : number + 1]).tolist() == expected
     everything = table.stand_ins(firsts)
     assert sorted(set(table.textures(everything).tolist())) == firsts.tolist()
@@ -145,4 +145,4 @@ def test_entries_belong_to_the_texture_of_their_level(table: TileTable) -> None:
     entries = np.arange(table.entries)
     firsts = table.textures(entries)
     assert (np.diff(firsts) >= 0).all()
-    np.testing.assert_array_equal(table.texture_of_level[firsts], table.tiles(entries)["texture_id"])
+    np.testing.assert_array_equal(table.rows["texture"][firsts], table.tiles(entries)["texture_id"])
