@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from viewer.lighting.directions import Array
+from viewer.lighting.directions import Array, sample_bilinear
 
 SMALLEST_ROUGHNESS: Final = 0.045
 """Smallest roughness of reflections of single lights (alpha 0.002): a perfect mirror would never show a light without size."""
@@ -123,12 +123,7 @@ def brdf_table(side: int = TABLE_SIDE, samples: int = TABLE_SAMPLES) -> Array:
 def table_lookup(table: Array, view_cosine: Array, roughness: Array) -> tuple[Array, Array]:
     """Sample both columns of `table` [side, side, 2] at [N, 1] cosines and roughnesses, as a clamped texture with a linear filter."""
     side = table.shape[0]
-    x, y = (np.clip(values[..., 0] * side - 0.5, 0.0, side - 1.0) for values in (view_cosine, roughness))
-    left, top = (np.minimum(values.astype(np.int64), side - 2) for values in (x, y))
-    right, bottom = (x - left)[:, None], (y - top)[:, None]
-    above = table[top, left] * (1.0 - right) + table[top, left + 1] * right
-    below = table[top + 1, left] * (1.0 - right) + table[top + 1, left + 1] * right
-    found = above * (1.0 - bottom) + below * bottom
+    found = sample_bilinear(table, view_cosine[..., 0] * side, roughness[..., 0] * side)
     return found[:, :1], found[:, 1:]
 
 

@@ -99,3 +99,15 @@ def cube_directions(side: int) -> Array:
         directions[:, face, :, (axis + 1) % 3] = across
         directions[:, face, :, (axis + 2) % 3] = down
     return np.asarray(directions / np.linalg.norm(directions, axis=-1, keepdims=True))
+
+
+def sample_bilinear(image: Array, x: Array, y: Array, repeat_x: bool = False) -> Array:
+    """Sample `image` [H, W, C] at texel coordinates (0.5: the first centre), clamped at its edges, or repeated along x: [..., C]."""
+    height, width = image.shape[:2]
+    x, y = x - 0.5, y - 0.5
+    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    across, down = (x - left)[..., None], (y - top)[..., None]
+    columns = [(left + step) % width if repeat_x else np.clip(left + step, 0, width - 1) for step in (0, 1)]
+    rows = [np.clip(top + step, 0, height - 1) for step in (0, 1)]
+    upper, lower = (image[row, columns[0]] * (1.0 - across) + image[row, columns[1]] * across for row in rows)
+    return np.asarray(upper * (1.0 - down) + lower * down)

@@ -19,6 +19,7 @@ from viewer.lighting.directions import (
     octahedral_directions,
     panorama_coordinates,
     panorama_solid_angles,
+    sample_bilinear,
 )
 
 ENVIRONMENT_LEVELS: Final = 7
@@ -86,18 +87,6 @@ def irradiance_map(panorama: NDArray[np.float32], side: int) -> Array:
     towards = normalized(np.concatenate([in_blocks(part) for part in parts], axis=1))
     cosines = np.maximum(cube_directions(side).reshape(-1, 3) @ towards.T, 0.0)
     return np.asarray((cosines @ in_blocks(light) / np.pi).reshape(side + 2, 6, side + 2, 3))
-
-
-def sample_bilinear(image: Array, x: Array, y: Array, repeat_x: bool = False) -> Array:
-    """Sample `image` [H, W, C] at texel coordinates (0.5: the first centre), clamped at its edges, or repeated along x: [..., C]."""
-    height, width = image.shape[:2]
-    x, y = x - 0.5, y - 0.5
-    left, top = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-    across, down = (x - left)[..., None], (y - top)[..., None]
-    columns = [(left + step) % width if repeat_x else np.clip(left + step, 0, width - 1) for step in (0, 1)]
-    rows = [np.clip(top + step, 0, height - 1) for step in (0, 1)]
-    upper, lower = (image[row, columns[0]] * (1.0 - across) + image[row, columns[1]] * across for row in rows)
-    return np.asarray(upper * (1.0 - down) + lower * down)
 
 
 def sample_panorama(panorama: Array, directions: Array) -> Array:

@@ -153,7 +153,7 @@ class GpuPack:
         """Return the GPU memory of the pack, as drawing with this path and filter uses it."""
         parts = self.buffers.bytes_by_part
         of_passes = {key: own.bytes_on_gpu for key, own in self._passes.items()}
-        of_caches = sum(cache.bytes_on_gpu for cache in self._caches.values())
+        of_caches = sum(path.cache.bytes_on_gpu for path in self._caches.values())
         used = sum(size for key, size in of_passes.items() if key[:2] == (name, texel_filter))
         idle = sum(of_passes.values()) - used
         others = [("tile cache", of_caches)] if name == "cached" and self._caches else [("tables", used)]
@@ -222,8 +222,8 @@ class GpuPack:
         if not update.latents.fits:
             self.buffers.note_latents()
         self.pack, self.version = update.opened.pack, update.opened.version
-        for cache in self._caches.values():
-            cache.mark_stale(textures)
+        for path in self._caches.values():
+            path.cache.mark_stale(textures)
         if regrouped:
             # Passes depend on which decoders there are.
             self._release_passes()
@@ -240,7 +240,8 @@ class GpuPack:
             self._update.latents.release()
         self._update = self._next = None
         self._release_passes()
-        for part in (*self._caches.values(), self._ranges, *self._latents.values(), self.buffers):
+        caches = [path.cache for path in self._caches.values()]
+        for part in (*caches, self._ranges, *self._latents.values(), self.buffers):
             if part is not None:
                 part.release()
         self._caches.clear()

@@ -1,6 +1,5 @@
 """Decode path `cached` over several frames: when tiles are requested, decoded and drawn."""
 
-from collections.abc import Collection
 from dataclasses import replace
 
 from viewer.gl.timer import PassTimer
@@ -24,7 +23,9 @@ class CachedPath:
     name = "decode_cached"
 
     def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget) -> None:
-        self._cache, self._timer, self._budget, self._waits = cache, timer, budget, cache.waits
+        self.cache = cache
+        """Tile cache that the path draws from."""
+        self._timer, self._budget, self._waits = timer, budget, cache.waits
         self._requested: VisibilityInputs | None = None
         """View whose tiles were requested last."""
         self._is_unasked = False
@@ -35,14 +36,9 @@ class CachedPath:
         """Number of parts of the picture that the next frames draw."""
 
     @property
-    def bytes_on_gpu(self) -> int:
-        """Number of bytes of atlas and tables."""
-        return self._cache.bytes_on_gpu
-
-    @property
     def tiles(self) -> TileCounts:
         """State of the tile cache; tiles that are decoded but not drawn, or not asked for yet, count as waiting."""
-        counts = self._cache.counts
+        counts = self.cache.counts
         undrawn = bool(self._frames_ahead or self._bands_left or self._is_unasked)
         return replace(counts, waiting=max(counts.waiting, 1)) if undrawn else counts
 
@@ -67,15 +63,15 @@ class CachedPath:
         if self._bands_left:
             return False
         if not self._waits:
-            self._cache.answer(waits=False)
-        most = FRAMES_AHEAD if self._cache.only_stale else 0
-        if self._cache.is_missing_tiles and self._budget.is_tight:
+            self.cache.answer(waits=False)
+        most = FRAMES_AHEAD if self.cache.only_stale else 0
+        if self.cache.is_missing_tiles and self._budget.is_tight:
             most = FRAMES_AHEAD_OF_MISSING
         if self._frames_ahead >= most:
             # Until a request is answered there is nothing new to show.
-            return self._cache.is_pending and not (self._cache.has_work or self._frames_ahead)
+            return self.cache.is_pending and not (self.cache.has_work or self._frames_ahead)
         self._frames_ahead += 1
-        self._decode(self._cache.tiles_ahead())
+        self._decode(self.cache.tiles_ahead())
         return True
 
     def _draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, again: bool) -> None:
@@ -91,7 +87,7 @@ class CachedPath:
             return
         self._bands_left = 0
         if self._requested != inputs:
-            self._cache.retry_coarse()
+            self.cache.retry_coarse()
         if whole or self._waits:
             self._decode_asked(inputs, whole)
         else:
@@ -100,62 +96,54 @@ class CachedPath:
             self._bands_left = BANDS
             self._sample_band(inputs, target)
             return
-        self._cache.sample(inputs, target)
+        self.cache.sample(inputs, target)
 
     def _decode_asked(self, inputs: VisibilityInputs, whole: bool) -> None:
         """Request the view's tiles, and decode those that are missing, or a frame's share of them."""
         self._is_unasked = False
         while True:
-            if self._requested != inputs or self._cache.request_overflowed:
-                self._cache.request(inputs)
-                self._cache.answer(waits=True)
+            if self._requested != inputs or self.cache.request_overflowed:
+                self.cache.request(inputs)
+                self.cache.answer(waits=True)
                 self._requested = inputs
-            elif self._cache.is_pending:
-                self._cache.answer(waits=True)
-            wanted = 0 if self._frames_ahead and not whole else self._cache.tiles_now(whole)
+            elif self.cache.is_pending:
+                self.cache.answer(waits=True)
+            wanted = 0 if self._frames_ahead and not whole else self.cache.tiles_now(whole)
             self._frames_ahead = 0
             if wanted:
                 self._decode(wanted)
-            if not (whole and wanted and self._cache.request_overflowed):
+            if not (whole and wanted and self.cache.request_overflowed):
                 return
 
     def _decode_known(self, inputs: VisibilityInputs) -> None:
         """Decode a frame's share of the tiles that were missing when a request was answered last, and request this view's."""
-        self._cache.answer(waits=False)
-        wanted = 0 if self._frames_ahead else self._cache.tiles_now(whole=False)
+        self.cache.answer(waits=False)
+        wanted = 0 if self._frames_ahead else self.cache.tiles_now(whole=False)
         self._frames_ahead = 0
         if wanted:
             self._decode(wanted)
-        self._cache.decode_first(inputs)
-        is_new = self._requested != inputs or self._cache.request_overflowed
-        self._is_unasked = is_new and self._cache.is_pending
+        self.cache.decode_first(inputs)
+        is_new = self._requested != inputs or self.cache.request_overflowed
+        self._is_unasked = is_new and self.cache.is_pending
         if is_new and not self._is_unasked:
-            self._cache.request(inputs)
+            self.cache.request(inputs)
             self._requested = inputs
-
-    def mark_stale(self, textures: Collection[int]) -> None:
-        """Decode the tiles of these scene textures anew: the pack's buffers hold another version of them."""
-        self._cache.mark_stale(textures)
 
     def _decode(self, count: int) -> None:
         """Decode waiting tiles. Where a frame has a limit of time, it asks for the time that they took."""
         if self._budget.milliseconds is None:
-            self._cache.decode(count)
+            self.cache.decode(count)
             return
         done = 0
 
         def note(milliseconds: float) -> None:
-            self._cache.note_time(done, milliseconds)
+            self.cache.note_time(done, milliseconds)
 
         with self._timer.watch(note):
-            done = self._cache.decode(count)
+            done = self.cache.decode(count)
 
     def _sample_band(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Draw the next rows."""
         band = (BANDS - self._bands_left, BANDS)
         self._bands_left -= 1
-        self._cache.sample(inputs, target, band)
-
-    def release(self) -> None:
-        """Free the tile cache."""
-        self._cache.release()
+        self.cache.sample(inputs, target, band)
