@@ -6,13 +6,13 @@ which those are. Pictures are compared with those of the system's driver, drawn 
 
 import sys
 import tempfile
+from collections.abc import Iterator, Sequence
 
-from tests.drivers.drivers import SYSTEM, Driver, other_drivers
+from tests.drivers.drivers import ROOT, SYSTEM, Driver, other_drivers
 from tests.drivers.messages import own_session_folders
 from tests.drivers.test_pictures import FOLDER_VARIABLE
 
-SOME = ("-n", "2", "--dist", "loadscope", "-m", "driver")
-ALL = (*SOME[:-1], "not timing and not once")
+SOME, ALL = "driver and not once", "not timing and not once"
 
 
 def say(line: str) -> None:
@@ -21,10 +21,19 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
+def marked(folders: Sequence[str]) -> Iterator[str]:
+    """Yield the files of `folders` with tests marked `driver`: no others are read."""
+    for folder in folders:
+        for path in sorted((ROOT / folder).rglob("test_*.py")):
+            if "mark.driver" in path.read_text(encoding="utf-8"):
+                yield str(path.relative_to(ROOT))
+
+
 def main() -> None:
     """Fails where any driver fails; drivers that are not there are named with what would make them usable."""
     say(f"driver: {SYSTEM.name}: {SYSTEM.description()}")
-    options = (*ALL, *sys.argv[2:]) if sys.argv[1:2] == ["all"] else (*SOME, *sys.argv[1:])
+    everything, given = sys.argv[1:2] == ["all"], sys.argv[1:]
+    options = ("-n", "2", "--dist", "loadscope", "-m", ALL, *given[1:]) if everything else ("-m", SOME, *given)
     usable = list[Driver]()
     for driver, text in other_drivers():
         say(f"no driver: {text}" if driver is None else f"driver: {driver.name}: {text}")
@@ -37,7 +46,8 @@ def main() -> None:
             sys.exit("the system's driver draws no pictures to compare with")
         for driver in usable:
             say(f"tests with {driver.name}")
-            arguments = ("-m", "pytest", *driver.tests, *options)
+            tests = driver.tests if everything else tuple(marked(driver.tests))
+            arguments = ("-m", "pytest", *tests, *options)
             if driver.run(*arguments, variables={FOLDER_VARIABLE: pictures}).returncode != 0:
                 failed.append(driver.name)
     if failed:

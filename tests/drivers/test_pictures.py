@@ -13,6 +13,8 @@ from viewer.gl.program import ShaderError
 from viewer.scene.images import read_image, write_png
 from viewer.state.view_state import Slot
 
+pytestmark = pytest.mark.driver
+
 FOLDER_VARIABLE = "NTC_VIEWER_SYSTEM_PICTURES"
 TOLERANCE = 1
 """Of 255."""

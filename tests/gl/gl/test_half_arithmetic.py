@@ -23,6 +23,8 @@ from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.resources.decoding_shaders import precision_defines
 from viewer.state.view_state import Precision
 
+pytestmark = pytest.mark.driver
+
 PLAIN = GridConfig(hidden_width=16, output_channels=4)
 ADAPTED = GridConfig(
     hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, weight_bits=16

@@ -10,6 +10,8 @@ from viewer.gl.allocation import is_released
 from viewer.gl.context import GraphicsContext
 from viewer.gl.read_back import Fence, PicturePart, ReadBack
 
+pytestmark = pytest.mark.driver
+
 DOUBLE = """#version 430
 layout(local_size_x = 1) in;
 layout(std430, binding = 0) buffer Values { uint values[]; };

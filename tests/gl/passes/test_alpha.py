@@ -15,6 +15,8 @@ from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Sampler
 from viewer.state.view_state import ViewState
 
+pytestmark = pytest.mark.driver
+
 SIZE = (48, 32)
 MAP = PixelMap((-0.253, -0.261), (1 / 32 + 1e-4, 0.0), (0.0, 1 / 20 + 1e-4))
 """Magnified, with more than one image and no pixel centre on an edge."""

@@ -20,7 +20,7 @@ from tests.support.packs.parity import largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 
-pytestmark = pytest.mark.computes
+pytestmark = [pytest.mark.computes, pytest.mark.driver]
 
 SIZES = ((64, 64), (17, 33), (1, 1), (8, 4), (9, 200), (512, 512))
 GROUPS = (0, 1, 0, 1, 2, 0)

@@ -21,7 +21,7 @@ from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, cod
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
-pytestmark = pytest.mark.computes
+pytestmark = [pytest.mark.computes, pytest.mark.driver]
 
 SMALL = GridConfig(hidden_width=8, positional_octaves=1)
 FULL = GridConfig(

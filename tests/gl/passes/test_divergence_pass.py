@@ -12,6 +12,8 @@ from viewer.render.resources.layout import MATERIAL_SHIFT
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
 
+pytestmark = pytest.mark.driver
+
 
 @pytest.fixture(scope="module", params=[pytest.param("compute", marks=pytest.mark.computes), "fragment"])
 def counting(graphics: GraphicsContext, request: pytest.FixtureRequest) -> DivergencePass:

@@ -15,6 +15,8 @@ from viewer.gl.program import ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import scene_includes
 
+pytestmark = pytest.mark.driver
+
 STEPS = 1 << 32
 MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 COORDINATES = (

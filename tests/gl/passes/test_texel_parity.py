@@ -16,7 +16,7 @@ from tests.support.packs.parity import in_float32, largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 
-pytestmark = pytest.mark.computes
+pytestmark = [pytest.mark.computes, pytest.mark.driver]
 
 SIZES = ((64, 64), (17, 33), (1, 1), (200, 3), (1024, 1024))
 WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")

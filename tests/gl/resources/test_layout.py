@@ -19,6 +19,8 @@ from viewer.render.resources.layout import (
     scene_includes,
 )
 
+pytestmark = pytest.mark.driver
+
 CONFIGS = {channels: GridConfig(latent_channels=channels) for channels in (4, 12)}
 BLOCK = BlockConfig()
 

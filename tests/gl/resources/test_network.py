@@ -22,6 +22,8 @@ from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, cod
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
+pytestmark = pytest.mark.driver
+
 SIZE = (37, 50)
 PLAIN = GridConfig(hidden_width=12, positional_octaves=1)
 ADAPTED = GridConfig(
