@@ -12,7 +12,7 @@ import pytest
 from ntc.errors import InputError
 from viewer.lighting.panorama import LARGEST_RADIANCE, load_panorama
 
-SECONDS = 3.0
+SECONDS = 1.5
 """How long each of these tests may run; it stops there, with whatever number of files."""
 CASES = 600
 SLOWEST = 3.0

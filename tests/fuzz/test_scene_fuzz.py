@@ -149,43 +149,33 @@ def places(value: Any) -> Iterator[tuple[Any, Any]]:
             yield from places(child)
 
 
-def test_the_undamaged_file_loads() -> None:
-    assert loads_or_refuses(rich_builder().glb())
-
-
-def test_every_field_replaced_by_every_value() -> None:
+@pytest.mark.parametrize("values", [2, pytest.param(12, marks=pytest.mark.nightly)])
+def test_every_field_removed_and_replaced(values: int) -> None:
     builder = rich_builder()
     original = builder.json
     chooser = random.Random(0)
     loaded = 0
-    count = len(list(places(original)))
-    for number in range(count):
-        for value in chooser.sample(VALUES, 6):
+    for number in range(len(list(places(original)))):
+        for value in (..., *chooser.sample(VALUES, values)):
             builder.json = copy.deepcopy(original)
             owner, key = list(places(builder.json))[number]
-            owner[key] = value
+            if value is ...:
+                del owner[key]
+            else:
+                owner[key] = value
             loaded += loads_or_refuses(builder.glb())
     assert loaded > 0
 
 
-def test_every_field_removed() -> None:
-    builder = rich_builder()
-    original = builder.json
-    for number in range(len(list(places(original)))):
-        builder.json = copy.deepcopy(original)
-        owner, key = list(places(builder.json))[number]
-        del owner[key]
-        loads_or_refuses(builder.glb())
-
-
 def test_truncated_files() -> None:
     data = rich_builder().glb()
+    assert loads_or_refuses(data)
     chooser = random.Random(1)
     for length in [*range(0, 64), *chooser.sample(range(64, len(data)), 200)]:
         assert not loads_or_refuses(data[:length])
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(1, 4))])
 def test_changed_bytes(seed: int) -> None:
     data = rich_builder().glb()
     chooser = random.Random(seed)
@@ -199,7 +189,7 @@ def test_changed_bytes(seed: int) -> None:
 def test_changed_json_text() -> None:
     text = json.dumps(rich_builder().json).encode()
     chooser = random.Random(5)
-    for _ in range(300):
+    for _ in range(200):
         changed = bytearray(text)
         for _ in range(chooser.choice((1, 3, 10))):
             start = chooser.randrange(len(changed))

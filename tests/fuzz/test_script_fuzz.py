@@ -16,9 +16,10 @@ from viewer.script.directions import DIRECTIONS
 from viewer.script.script import parse_script
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_file import SavedView, parse_view, view_json
+from viewer.state.view_file import parse_view, view_json
 
 SCENE = load_scene(assets_folder() / "courtyard.glb")
+SAVED = example_view(new_session(SCENE, {}, ViewerSettings(), InitialView()))
 HARMLESS = [command for command in COMMANDS if not command.id.startswith(REACHING_OUT)]
 WORDS = st.one_of(
     st.sampled_from([*(command.id for command in HARMLESS), *DIRECTIONS, "a", "b", "on", "0.5", "-1", "1e400", "nan"]),
@@ -59,14 +60,10 @@ def test_any_command_runs_or_is_refused(lines: list[str]) -> None:
             one_line(error)
 
 
-def saved() -> SavedView:
-    return example_view(new_session(SCENE, {}, ViewerSettings(), InitialView()))
-
-
 @given(path=st.lists(st.integers(0, 30), min_size=1, max_size=4), value=VALUES)
 @settings(max_examples=300, deadline=None)
 def test_a_view_with_any_field_replaced_is_read_or_refused(path: list[int], value: Any) -> None:
-    content = json.loads(view_json(saved()))
+    content = json.loads(view_json(SAVED))
     place: Any = content
     for number in path[:-1]:
         inner = [
@@ -79,6 +76,6 @@ def test_a_view_with_any_field_replaced_is_read_or_refused(path: list[int], valu
     if keys:
         place[keys[path[-1] % len(keys)]] = value
     try:
-        parse_view(json.dumps(content), "any view", saved())
+        parse_view(json.dumps(content), "any view", SAVED)
     except InputError as error:
         one_line(error)

@@ -18,7 +18,7 @@ from pathlib import Path
 import zstandard
 
 from ntc.errors import InputError
-from tests.support.gltf_builder import GltfBuilder, ktx2
+from tests.support.gltf_builder import GltfBuilder, ktx2, png_of
 
 SPARE_BYTES = 1 << 30
 """Address space that reading may take beyond what the program itself has."""
@@ -57,17 +57,6 @@ def accessor_claim() -> bytes:
     primitive = builder.triangle()
     builder.json["accessors"][primitive["attributes"]["POSITION"]]["count"] = BYTES // 12
     return builder.drawn(primitive).glb()
-
-
-def png_claim() -> bytes:
-    """A PNG of 32768 x 32768 RGBA pixels with a kilobyte of data."""
-
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
-    header = struct.pack(">IIBBBBB", SIDE, SIDE, 8, 6, 0, 0, 0)
-    data = chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(1 << 20))) + chunk(b"IEND", b"")
-    return b"\x89PNG\r\n\x1a\n" + data
 
 
 def webp_claim(lossless: bool) -> bytes:
@@ -123,7 +112,7 @@ def claims() -> Iterator[tuple[str, bytes]]:
     yield "zlib.ktx2", ktx2(zlib.compress(bytes(1 << 19)), (SIDE, SIDE), 43, scheme=3)
     yield "bc7.ktx2", ktx2(FILLING, (SIDE, SIDE), 145)
     yield "length.ktx2", ktx2(FILLING, (4, 4), 37, level_length=BYTES)
-    yield "picture.png", png_claim()
+    yield "picture.png", png_of((SIDE, SIDE), 8, 6, zlib.compress(bytes(1 << 20)))
     yield "picture.jpg", jpeg_claim()
     yield "lossy.webp", webp_claim(lossless=False)
     yield "lossless.webp", webp_claim(lossless=True)

@@ -24,12 +24,18 @@ def png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> bytes:
     depth = 16 if pixels.dtype == np.uint16 else 8
     color = {1: 0, 2: 4, 3: 2, 4: 6}[channels]
 
+    rows = b"".join(b"\0" + row.astype(row.dtype.newbyteorder(">")).tobytes() for row in pixels)
+    return png_of((width, height), depth, color, zlib.compress(rows))
+
+
+def png_of(size: tuple[int, int], depth: int, color: int, packed: bytes) -> bytes:
+    """A PNG file of a header and the data `packed`, whatever that holds."""
+
     def chunk(name: bytes, data: bytes) -> bytes:
         return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
 
-    rows = b"".join(b"\0" + row.astype(row.dtype.newbyteorder(">")).tobytes() for row in pixels)
-    header = struct.pack(">IIBBBBB", width, height, depth, color, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(rows)) + chunk(b"IEND", b"")
+    header = struct.pack(">IIBBBBB", *size, depth, color, 0, 0, 0)
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
 
 
 def noise(height: int = 4, width: int = 6, channels: int = 3, seed: int = 0) -> NDArray[np.uint8]:

@@ -21,13 +21,14 @@ def built(builder: GltfBuilder) -> Scene:
 
 
 def world_triangles(scene: Scene) -> NDArray[np.float64]:
-    """[T, 3, 3] world-space corners of all drawn triangles."""
+    """[T, 3, 3] world-space corners of all drawn triangles, in the order of their front faces."""
     parts = []
     for row, transform in zip(scene.instances.primitive, scene.instances.transform, strict=True):
         primitive = scene.primitives[row]
         index = scene.geometry.indices[primitive.first_index : primitive.first_index + primitive.index_count]
         local = scene.geometry.positions[primitive.base_vertex + index.astype(np.int64)].astype(np.float64)
-        parts.append((local @ transform[:3, :3].T.astype(np.float64) + transform[:3, 3]).reshape(-1, 3, 3))
+        placed = (local @ transform[:3, :3].T.astype(np.float64) + transform[:3, 3]).reshape(-1, 3, 3)
+        parts.append(placed if np.linalg.det(transform[:3, :3]) > 0 else placed[:, ::-1])
     return np.concatenate(parts)
 
 

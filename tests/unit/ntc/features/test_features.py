@@ -265,6 +265,11 @@ def test_a_hit_computes_nothing_and_gives_the_same(tmp_path: Path, computed: lis
     np.testing.assert_array_equal(first, feature_matrix("spectral", given))
     assert len(computed) == 8
     assert len(list((tmp_path / "new" / "cache").iterdir())) == 4
+    # Progress counts what is kept too.
+    seen: list[tuple[int, int]] = []
+    more = [*given[:2], *textures(6)[4:]]
+    feature_matrix("spectral", more, replace(options, progress=lambda done, count: seen.append((done, count))))
+    assert seen == [(2, 4), (3, 4), (4, 4)]
 
 
 def test_what_is_kept_is_raw(tmp_path: Path, computed: list[str]) -> None:
@@ -362,13 +367,3 @@ def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path, place: str)
     given = textures()
     found = feature_matrix("spectral", given, FeatureOptions(cache=folder))
     np.testing.assert_array_equal(found, feature_matrix("spectral", given))
-
-
-def test_progress_counts_what_is_kept_too(tmp_path: Path) -> None:
-    seen: list[tuple[int, int]] = []
-    options = FeatureOptions(cache=tmp_path, progress=lambda done, count: seen.append((done, count)))
-    feature_matrix("spectral", textures(2), options)
-    assert seen == [(1, 2), (2, 2)]
-    seen.clear()
-    feature_matrix("spectral", textures(4), options)
-    assert seen == [(2, 4), (3, 4), (4, 4)]

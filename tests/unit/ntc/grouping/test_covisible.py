@@ -76,7 +76,7 @@ def test_the_search_finds_the_best_of_all_groups() -> None:
 
 
 @pytest.mark.slow
-def test_a_limit_on_spread_is_kept() -> None:
+def test_a_limit_and_a_weight_on_spread_are_kept() -> None:
     seen = seen_blocks([neighbours(seed) for seed in range(2)], TEXTURES)
     features = np.random.default_rng(5).normal(size=(TEXTURES, 3))
     free = covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_weight=0.0))
@@ -84,6 +84,10 @@ def test_a_limit_on_spread_is_kept() -> None:
     limited = covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_limit=limit))
     assert feature_spread(features, np.array(limited.groups)) <= limit
     assert limited.parameters["excess"] >= free.parameters["excess"]
+    tied, again = (covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_weight=3.0)) for _ in range(2))
+    assert tied == again, "the same seed gives the same groups"
+    assert feature_spread(features, np.array(tied.groups)) < feature_spread(features, np.array(free.groups))
+    assert tied.parameters["excess"] >= free.parameters["excess"]
     with pytest.raises(InputError, match="allow more spread"):
         covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_limit=1e-6))
 
@@ -121,14 +125,6 @@ def test_it_beats_chance_and_keeps_the_bound() -> None:
     assert grouping.parameters["baseline_excess"] == seen.excess(np.arange(TEXTURES))
 
 
-@pytest.mark.slow
-def test_the_same_seed_gives_the_same_groups() -> None:
-    seen = seen_blocks([neighbours(4)], TEXTURES)
-    features = np.zeros((TEXTURES, 2))
-    results = {covisible_grouping(seen, features, CovisibleConfig(clusters=4, seed=7)).groups for _ in range(2)}
-    assert len(results) == 1
-
-
 @pytest.mark.parametrize(("textures", "clusters"), [(2, 10), (3, 3), (5, 1)])
 def test_few_textures(textures: int, clusters: int) -> None:
     seen = seen_blocks([neighbours(0, textures)], textures)
@@ -137,28 +133,11 @@ def test_few_textures(textures: int, clusters: int) -> None:
     assert grouping.group_count <= min(clusters, textures)
 
 
-@pytest.mark.slow
-def test_weight_on_spread_trades_divergence_for_likeness() -> None:
-    seen = seen_blocks([neighbours(seed) for seed in range(2)], TEXTURES)
-    features = np.random.default_rng(5).normal(size=(TEXTURES, 3))
-
-    def spread(groups: tuple[int, ...]) -> float:
-        chosen = [features[np.array(groups) == group] for group in set(groups)]
-        return float(sum(((part - part.mean(axis=0)) ** 2).sum() for part in chosen))
-
-    free, tied = (covisible_grouping(seen, features, CovisibleConfig(clusters=6, spread_weight=w)) for w in (0.0, 3.0))
-    assert spread(tied.groups) < spread(free.groups)
-    assert tied.parameters["excess"] >= free.parameters["excess"]
-
-
 def test_views_that_show_nothing_are_refused() -> None:
     empty = np.full((20, 20), -1, np.int32)
     alone = np.zeros((20, 20), np.int32)
     for views in ([empty], [alone], [empty, alone]):
         with pytest.raises(InputError, match="no block"):
             covisible_grouping(seen_blocks(views, 3), np.zeros((3, 1)), CovisibleConfig(clusters=2))
-
-
-def test_ids_beyond_the_textures_are_refused() -> None:
     with pytest.raises(ValueError, match="texture id 7"):
         seen_blocks([np.full((8, 8), 7, np.int32)], 7)

@@ -32,6 +32,7 @@ from ntc.metrics.compressed_textures import (
     compress_texture,
     mip_shapes,
 )
+from tests.support.gltf_builder import noise
 
 pytest.importorskip("quicktex")
 pytest.importorskip("etcpak")
@@ -40,11 +41,6 @@ pytest.importorskip("astc_encoder")
 Image = NDArray[np.uint8]
 BC_FORMATS: tuple[BlockFormat, ...] = ("bc1", "bc7")
 FORMATS: tuple[BlockFormat, ...] = (*BC_FORMATS, "astc-4x4", "astc-6x5", "astc-12x12")
-
-
-def noise(width: int, height: int, channels: int, seed: int = 0) -> Image:
-    """[height, width, channels] uint8 random pixels."""
-    return np.random.default_rng(seed).integers(0, 256, (height, width, channels), np.uint8)
 
 
 def waves(width: int, height: int, channels: int) -> Image:
@@ -74,7 +70,7 @@ def test_a_colour_stays_that_colour(block_format: BlockFormat, color: tuple[int,
 
 
 @pytest.mark.parametrize("block_format", FORMATS)
-@pytest.mark.parametrize("size", [(1, 1), (3, 5), (4, 4), (9, 6), (1, 4096), (4096, 1)])
+@pytest.mark.parametrize("size", [(1, 1), (3, 5), (4, 4), (9, 6), (1, 1024), (1024, 1)])
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 def test_any_shape_is_padded_and_cropped(block_format: BlockFormat, size: tuple[int, int], channels: int) -> None:
     width, height = size
@@ -87,14 +83,10 @@ def test_any_shape_is_padded_and_cropped(block_format: BlockFormat, size: tuple[
     assert len(compressed.blocks) == compressed_bytes(width, height, block_format)
     assert compressed.bits_per_texel == pytest.approx(8 * len(compressed.blocks) / (width * height))
     assert psnr_db(compressed.decoded, image[..., :kept]) > (18.0 if block_format == "astc-12x12" else 25.0)
-
-
-@pytest.mark.parametrize("block_format", FORMATS)
-def test_padding_repeats_the_edge(block_format: BlockFormat) -> None:
-    image = waves(10, 7, 3)
+    # Padding repeats the edge.
     across, down = block_size(block_format)
-    padded = np.pad(image, ((0, -7 % down), (0, -10 % across), (0, 0)), mode="edge")
-    assert compress(image, block_format).blocks == compress(padded, block_format).blocks
+    padded = np.pad(image, ((0, -height % down), (0, -width % across), (0, 0)), mode="edge")
+    assert compress(padded, block_format).blocks == compressed.blocks
 
 
 @pytest.mark.parametrize(("image", "gain_db"), [(waves(64, 64, 3), 5.0), (noise(64, 64, 3), 1.0)])
@@ -123,22 +115,13 @@ def test_larger_blocks_of_astc_are_worse_and_more_effort_is_no_worse() -> None:
     assert psnr_db(compress(image, "astc-8x8", "medium").decoded, image) <= thorough[2]
 
 
-def test_alpha_of_two_and_four_channels_is_kept_by_astc() -> None:
+def test_alpha_is_kept_but_by_bc1() -> None:
     for channels in (2, 4):
         image = waves(32, 32, channels)
         image[..., -1] = np.arange(32, dtype=np.uint8)[None, :] * 8
         decoded = compress(image, "astc-4x4").decoded
         assert decoded.shape == image.shape
         assert psnr_db(decoded[..., -1], image[..., -1]) > 30.0
-
-
-@pytest.mark.parametrize("block_format", FORMATS)
-def test_blocks_of_another_size_are_refused(block_format: BlockFormat) -> None:
-    with pytest.raises(InputError, match="are not the blocks of 8x8 texels"):
-        decompress(b"\0" * 24, (8, 8, 3), block_format)
-
-
-def test_alpha_is_kept_by_bc7_and_left_out_of_bc1() -> None:
     image = waves(32, 32, 4)
     image[..., 3] = np.arange(32, dtype=np.uint8)[None, :] * 8
     other = image.copy()
@@ -163,7 +146,7 @@ def test_bc1_blocks_are_read_as_opaque() -> None:
 @pytest.mark.parametrize("block_format", BC_FORMATS)
 @pytest.mark.parametrize("channels", [3, 4])
 def test_openimageio_reads_the_same_blocks(tmp_path: Path, block_format: BlockFormat, channels: int) -> None:
-    image = np.concatenate([waves(64, 32, channels), noise(64, 32, channels)])
+    image = np.concatenate([waves(64, 32, channels), noise(32, 64, channels)])
     compressed = compress(image, block_format)
     file = tmp_path / "picture.dds"
     file.write_bytes(dds(compressed.blocks, 64, 64, block_format))
@@ -179,11 +162,15 @@ def test_openimageio_reads_the_same_blocks(tmp_path: Path, block_format: BlockFo
 def test_bad_pictures_are_one_line(block_format: BlockFormat, image: Image) -> None:
     with pytest.raises(InputError, match="image: has shape"):
         compress(image, block_format)
+    with pytest.raises(InputError, match="are not the blocks of 8x8 texels"):
+        decompress(b"\0" * 24, (8, 8, 3), block_format)
 
 
-def test_an_unknown_format_is_one_line() -> None:
+def test_an_unknown_format_is_one_line(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"choose bc1, bc7, .* or astc-12x12"):
         compress(noise(4, 4, 3), "bc2")  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="choose bc1"):
+        compress_texture(CompressionRequest(PIXELS, "bc9", tmp_path))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -279,8 +266,3 @@ def test_the_oldest_files_go_first(tmp_path: Path) -> None:
     BlockCache(tmp_path, largest_bytes=2 * paths[0].stat().st_size).trim()
     assert [path.exists() for path in paths] == [False, True, True]
     assert (tmp_path / "other.txt").exists()
-
-
-def test_errors_of_the_encoder_are_passed_on(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="choose bc1"):
-        compress_texture(CompressionRequest(PIXELS, "bc9", tmp_path))  # type: ignore[arg-type]

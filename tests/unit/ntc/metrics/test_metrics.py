@@ -21,13 +21,9 @@ from ntc.codec.quality import PsnrSummary, mean_square_error, psnr_db, worst_sha
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent, divergence_map
-from ntc.metrics.image_quality import ImageDecoder, flip, level_psnr, ssim
+from ntc.metrics.image_quality import flip, level_psnr, ssim
 from ntc.metrics.metrics import psnr_table
-
-
-def test_equal_pictures_have_infinite_psnr() -> None:
-    picture = np.random.default_rng(0).integers(0, 256, (5, 6, 3), np.uint8)
-    assert psnr_db(picture, picture.copy()) == math.inf
+from tests.support.gltf_builder import noise
 
 
 def test_a_known_error() -> None:
@@ -35,6 +31,7 @@ def test_a_known_error() -> None:
     assert mean_square_error(a, b) == mean_square_error(b, a) == 4.0
     assert psnr_db(a, b) == pytest.approx(10.0 * math.log10(255.0**2 / 4.0))
     assert psnr_db(a, np.full_like(a, 255)) == pytest.approx(0.0)
+    assert psnr_db(a, a.copy()) == math.inf
 
 
 def test_summary_of_known_values() -> None:
@@ -43,17 +40,12 @@ def test_summary_of_known_values() -> None:
     assert (summary.mean_db, summary.median_db, summary.minimum_db) == (40.0, 30.0, 20.0)
     mean = (10**-2.0 + 10**-3.0 + 10**-7.0) / 3.0
     assert summary.of_mean_mse_db == pytest.approx(-10.0 * math.log10(mean))
-
-
-def test_summary_of_nothing_is_none() -> None:
     assert PsnrSummary.of([]) is None
-
-
-def test_summary_with_a_perfect_texture_stays_printable() -> None:
-    summary = PsnrSummary.of([math.inf, 30.0])
-    assert summary is not None
-    assert summary.minimum_db == 30.0
-    assert summary.of_mean_mse_db == pytest.approx(30.0 + 10.0 * math.log10(2.0))
+    # With a perfect texture it stays printable.
+    perfect = PsnrSummary.of([math.inf, 30.0])
+    assert perfect is not None
+    assert perfect.minimum_db == 30.0
+    assert perfect.of_mean_mse_db == pytest.approx(30.0 + 10.0 * math.log10(2.0))
 
 
 def test_table_lists_the_worst_texture_first_and_counts_every_byte() -> None:
@@ -85,11 +77,6 @@ def test_table_of_perfect_textures_is_json() -> None:
 Image = NDArray[np.uint8]
 HOSTILE_SIZES = [(1, 1), (4096, 1), (1, 4096), (10, 11), (11, 11), (3, 40)]
 METRICS = [ssim, flip]
-
-
-def noise(width: int, height: int, channels: int = 3, seed: int = 0) -> Image:
-    """[height, width, channels] uint8 random pixels."""
-    return np.random.default_rng(seed).integers(0, 256, (height, width, channels), np.uint8)
 
 
 def disturbed(image: Image, steps: int, seed: int = 1) -> Image:
@@ -139,25 +126,23 @@ def test_ssim_of_two_flat_pictures_is_the_luminance_term(size: tuple[int, int]) 
         assert ssim(a, b) == pytest.approx(expected, abs=1e-6)
 
 
-def test_ssim_of_a_negative_is_below_zero() -> None:
-    image = noise(40, 40)
-    assert ssim(image, 255 - image) < -0.5
-
-
 @pytest.mark.parametrize("channels", [1, 2, 3, 4])
 @pytest.mark.parametrize("size", HOSTILE_SIZES)
-def test_equal_pictures_of_any_shape_are_the_best(size: tuple[int, int], channels: int) -> None:
-    image = noise(*size, channels)
-    assert ssim(image, image.copy()) == pytest.approx(1.0, abs=1e-12)
-    assert flip(image, image.copy()) == 0.0
-
-
-@pytest.mark.parametrize("channels", [1, 2, 3, 4])
-@pytest.mark.parametrize("size", HOSTILE_SIZES)
-def test_different_pictures_of_any_shape_stay_within_bounds(size: tuple[int, int], channels: int) -> None:
+def test_pictures_of_any_shape_stay_within_bounds_and_equal_ones_are_the_best(
+    size: tuple[int, int], channels: int
+) -> None:
     a, b = noise(*size, channels), noise(*size, channels, seed=9)
+    assert ssim(a, a.copy()) == pytest.approx(1.0, abs=1e-12)
+    assert flip(a, a.copy()) == 0.0
     assert -1.0 <= ssim(a, b) < 1.0
     assert 0.0 < flip(a, b) <= 1.0
+
+
+def test_opposites_are_worst() -> None:
+    image = noise(40, 40)
+    assert ssim(image, 255 - image) < -0.5
+    black, white = np.zeros((30, 30, 3), np.uint8), np.full((30, 30, 3), 255, np.uint8)
+    assert 0.9 < flip(black, white) <= 1.0
 
 
 @pytest.mark.parametrize("size", [(64, 48), (7, 5)])
@@ -197,6 +182,25 @@ def test_bad_pictures_are_one_line(metric: Any, a: Image, b: Image) -> None:
         metric(a, b)
 
 
+def test_what_cannot_be_measured_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    for pixels_per_degree in (0.0, -1.0, math.nan, math.inf):
+        with pytest.raises(InputError, match="pixels_per_degree"):
+            flip(noise(4, 4), noise(4, 4), pixels_per_degree)
+    nonsense: tuple[tuple[list[float], float], ...] = (
+        ([], 0.05),
+        ([30.0, math.nan], 0.05),
+        ([30.0], 0.0),
+        ([30.0], 1.5),
+        ([30.0], math.nan),
+    )
+    for values, share in nonsense:
+        with pytest.raises(InputError, match="worst PSNR"):
+            worst_share_db(values, share)
+    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
+    with pytest.raises(InputError, match="pip install flip-evaluator"):
+        flip(noise(4, 4), noise(4, 4))
+
+
 def flip_of_openimageio(a: Image, b: Image, pixels_per_degree: float) -> float:
     """Mean LDR-FLIP by OpenImageIO's own implementation, which wants linear light."""
     if not hasattr(OpenImageIO.ImageBufAlgo, "FLIP_diff"):
@@ -218,23 +222,6 @@ def test_flip_agrees_with_openimageio(size: tuple[int, int], pixels_per_degree: 
         assert flip(image, other, pixels_per_degree) == pytest.approx(expected, abs=2e-5)
 
 
-def test_flip_of_black_and_white_is_nearly_one() -> None:
-    black, white = np.zeros((30, 30, 3), np.uint8), np.full((30, 30, 3), 255, np.uint8)
-    assert 0.9 < flip(black, white) <= 1.0
-
-
-@pytest.mark.parametrize("pixels_per_degree", [0.0, -1.0, math.nan, math.inf])
-def test_flip_needs_pixels_per_degree(pixels_per_degree: float) -> None:
-    with pytest.raises(InputError, match="pixels_per_degree"):
-        flip(noise(4, 4), noise(4, 4), pixels_per_degree)
-
-
-def test_flip_without_its_package_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "flip_evaluator", None)
-    with pytest.raises(InputError, match="pip install flip-evaluator"):
-        flip(noise(4, 4), noise(4, 4))
-
-
 def test_worst_share_of_known_values() -> None:
     values = [float(value) for value in range(100, 0, -1)]
     assert worst_share_db(values) == pytest.approx(3.0)
@@ -246,59 +233,37 @@ def test_worst_share_of_known_values() -> None:
     assert worst_share_db([math.inf]) == math.inf
 
 
-@pytest.mark.parametrize(
-    ("values", "share"), [([], 0.05), ([30.0, math.nan], 0.05), ([30.0], 0.0), ([30.0], 1.5), ([30.0], math.nan)]
-)
-def test_worst_share_of_nonsense_is_one_line(values: list[float], share: float) -> None:
-    with pytest.raises(InputError, match="worst PSNR"):
-        worst_share_db(values, share)
-
-
 def source_of(pack: Pack, index: int, pixels: Image) -> SourceTexture:
     """`pixels` as the source of a texture of `pack`."""
     texture = pack.textures[index]
     return SourceTexture(texture.name, pixels, texture.pixel_hash, color_space=texture.color_space)
 
 
-def cpu_decode(pack: Pack) -> ImageDecoder:
-    """The decode of `pack` by torch on the CPU."""
-    return TorchGrid(pack, "cpu").decode_image
-
-
 @pytest.mark.parametrize("color_space", ["srgb", "linear"])
 def test_level_psnr_is_psnr_against_the_mips(color_space: Any) -> None:
     pack = random_pack()
     pack = replace(pack, textures=tuple(replace(texture, color_space=color_space) for texture in pack.textures))
-    codec = TorchGrid(pack, "cpu")
+    decode = TorchGrid(pack, "cpu").decode_image
     for index, texture in enumerate(pack.textures):
-        source = source_of(pack, index, noise(texture.width, texture.height, texture.channels))
-        measured = level_psnr(pack, index, source, codec.decode_image)
+        source = source_of(pack, index, noise(texture.height, texture.width, texture.channels))
+        measured = level_psnr(pack, index, source, decode)
         mips = mip_chain(source.pixels, color_space)
         assert len(measured) == len(latent_levels(texture.width, texture.height, pack.config)) > 1
         for level, value in enumerate(measured):
-            assert value == psnr_db(codec.decode_image(index, level), mips[level])
-        assert level_psnr(pack, index, source, cpu_decode(pack)) == measured
-
-
-def test_level_psnr_is_infinite_where_equal() -> None:
-    pack = random_pack()
-    source = source_of(pack, 1, TorchGrid(pack, "cpu").decode_image(1))
-    first, *others = level_psnr(pack, 1, source, cpu_decode(pack))
+            assert value == psnr_db(decode(index, level), mips[level])
+    # What is equal has an infinite one, and another size is refused.
+    first, *others = level_psnr(pack, 1, source_of(pack, 1, decode(1)), decode)
     assert first == math.inf
     assert all(math.isfinite(value) for value in others)
-
-
-def test_level_psnr_of_one_texel_and_of_a_single_level() -> None:
-    pack = random_pack(sizes=((1, 1),), groups=(0,))
-    assert len(level_psnr(pack, 0, source_of(pack, 0, noise(1, 1, pack.textures[0].channels)), cpu_decode(pack))) == 1
-    pack = random_pack(sizes=((64, 64),), groups=(0,), config=replace(GridConfig(), levels=1))
-    assert len(level_psnr(pack, 0, source_of(pack, 0, noise(64, 64, pack.textures[0].channels)), cpu_decode(pack))) == 1
-
-
-def test_level_psnr_of_another_size_is_one_line() -> None:
-    pack = random_pack()
     with pytest.raises(InputError, match="encode it again"):
-        level_psnr(pack, 0, source_of(pack, 0, noise(32, 64)), cpu_decode(pack))
+        level_psnr(pack, 0, source_of(pack, 0, noise(64, 32)), decode)
+
+
+@pytest.mark.parametrize(("side", "config"), [(1, GridConfig()), (64, GridConfig(levels=1))])
+def test_level_psnr_of_one_texel_and_of_a_single_level(side: int, config: GridConfig) -> None:
+    pack = random_pack(sizes=((side, side),), groups=(0,), config=config)
+    source = source_of(pack, 0, noise(side, side, pack.textures[0].channels))
+    assert len(level_psnr(pack, 0, source, TorchGrid(pack, "cpu").decode_image)) == 1
 
 
 def brute_map(ids: NDArray[np.int32], block: tuple[int, int]) -> NDArray[np.uint16]:
@@ -323,18 +288,12 @@ def test_map_agrees_with_a_loop(size: tuple[int, int], block: tuple[int, int], d
     np.testing.assert_array_equal(result, brute_map(ids, block))
 
 
-def test_what_decodes_nothing_counts_for_nothing() -> None:
+def test_maps_of_pictures_that_decode_one_texel_nothing_or_all_there_is() -> None:
     ids = np.full((8, 16), -1, np.int32)
     ids[3, 11] = 5
     np.testing.assert_array_equal(divergence_map(ids), [[0, 1]])
-
-
-def test_an_empty_picture_has_an_empty_map() -> None:
     assert divergence_map(np.zeros((0, 16), np.int32)).shape == (0, 2)
     assert divergence_map(np.zeros((0, 0), np.int32)).shape == (0, 0)
-
-
-def test_all_different_ids() -> None:
     assert divergence_map(np.arange(64, dtype=np.int32).reshape(8, 8)).tolist() == [[64]]
 
 
@@ -349,14 +308,11 @@ def test_statistics_of_a_known_map() -> None:
     assert figures(statistics) == (5 / 6, 5, 2, 5, 9 / 4, 4 / 9)
     assert (statistics.blocks, statistics.covered_blocks, statistics.decoder_runs) == (6, 4, 9)
     assert statistics.histogram == (2, 2, 1, 0, 0, 1)
-
-
-def test_statistics_of_an_empty_map() -> None:
     assert figures(DivergenceStatistics.of(np.zeros((0, 0), np.uint16))) == (0.0, 0, 0, 0, 0.0, 1.0)
-
-
-def test_statistics_of_a_map_without_divergence() -> None:
     assert figures(DivergenceStatistics.of(np.ones((3, 3), np.uint16))) == (0.0, 0, 0, 1, 1.0, 1.0)
+    assert cut_percent(30, 40) == pytest.approx(25.0)
+    assert cut_percent(50, 40) == pytest.approx(-25.0)
+    assert cut_percent(0, 0) is None
 
 
 def test_statistics_agree_with_the_definition() -> None:
@@ -367,9 +323,3 @@ def test_statistics_agree_with_the_definition() -> None:
     assert statistics.score == pytest.approx(excess.mean())
     assert statistics.mean == pytest.approx(divergence[divergence > 0].mean())
     assert statistics.wave_efficiency == pytest.approx((divergence > 0).sum() / divergence.sum())
-
-
-def test_a_cut_is_in_percent_of_what_there_was() -> None:
-    assert cut_percent(30, 40) == pytest.approx(25.0)
-    assert cut_percent(50, 40) == pytest.approx(-25.0)
-    assert cut_percent(0, 0) is None

@@ -20,26 +20,27 @@ def options_of(arguments: Sequence[str]) -> Any:
     return parse_arguments(arguments)[1]
 
 
-def test_no_arguments_open_the_built_in_scene() -> None:
+def test_view_is_the_default_subcommand(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert options_of([]) == ViewOptions()
-
-
-def test_view_is_the_default_subcommand() -> None:
     expected = ViewOptions(scene=Path("street.glb"), grouping="single", path="forward")
     assert options_of(["street.glb", "--grouping", "single", "--path", "forward"]) == expected
     assert options_of(["view", "street.glb", "--grouping", "single", "--path", "forward"]) == expected
+    # A file and a built-in scene are no mistyped commands.
+    monkeypatch.chdir(tmp_path)
+    Path("rendr").write_text("")
+    for scene in ("rendr", "gallery", "street.glb", "./street", "street2"):
+        assert options_of([scene]) == ViewOptions(scene=Path(scene))
 
 
 @pytest.mark.parametrize(
     "arguments",
     [
         ["render", "a.glb", "--out", "o", "--pack", "x.ntc", "y.ntc"],
-        ["render", "--out", "o", "--pack", "x.ntc", "--pack", "y.ntc", "--", "a.glb"],
+        ["render", "--out", "o", "--pack", "x.ntc", "--pack", "y.ntc", "a.glb"],
         ["render", "--pack", "x.ntc", "y.ntc", "a.glb", "--out", "o"],
     ],
 )
 def test_packs_and_scene_in_any_order(arguments: list[str]) -> None:
-    arguments = [argument for argument in arguments if argument != "--"]
     options = options_of(arguments)
     assert isinstance(options, RenderOptions)
     assert options.scene == Path("a.glb")
@@ -90,30 +91,14 @@ def test_encode_decode_and_info() -> None:
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
-        ("render --out o --bogus 3", "--bogus"),
-        ("render --out o --size 10", "--size"),
-        ("render --out o --size 0x5", "--size"),
-        ("render --out o --precision fp8", "--precision"),
+        ("render --out {out} --bogus 3", "--bogus"),
+        ("render --out {out} --size 10", "--size"),
+        ("render --out {out} --size 0x5", "--size"),
+        ("render --out {out} --precision fp8", "--precision"),
         ("render", "--out"),
-        ("render --out o --eye 1 2", "--eye"),
-        ("encode s.glb --out f.ntc --grouping nonsense", "--grouping"),
+        ("render --out {out} --eye 1 2", "--eye"),
+        ("encode s.glb --out {out}.ntc --grouping nonsense", "--grouping"),
         ("encode", "--out"),
-    ],
-)
-def test_bad_arguments_are_one_line_and_exit_status_2(
-    arguments: str, named: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert cli.main(arguments.split()) == 2
-    captured = capsys.readouterr()
-    assert captured.err.startswith("error: ")
-    assert captured.err.count("\n") == 1
-    assert named in captured.err
-    assert captured.out == ""
-
-
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
         ("render missing.glb --out {out}", "missing.glb"),
         ("render --out {out} --pack missing.ntc", "missing.ntc"),
         ("render --out {out} --grouping nonsense", "nonsense"),
@@ -130,15 +115,15 @@ def test_bad_arguments_are_one_line_and_exit_status_2(
         ("info missing.glb", "missing.glb"),
     ],
 )
-def test_bad_input_is_one_line_and_leaves_nothing_behind(
+def test_bad_arguments_and_input_are_one_line_and_leave_nothing_behind(
     arguments: str, named: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "out"
-    assert cli.main(arguments.format(out=out).split()) == 2
+    assert cli.main(arguments.format(out=tmp_path / "out").split()) == 2
     captured = capsys.readouterr()
     assert captured.err.startswith("error: ")
     assert captured.err.count("\n") == 1
     assert named in captured.err
+    assert captured.out == ""
     assert list(tmp_path.iterdir()) == []
 
 
@@ -189,18 +174,16 @@ def test_a_mistyped_command_is_told_apart_from_a_file(word: str, remedy: str) ->
     assert remedy in str(error.value)
 
 
-def test_a_file_and_a_built_in_scene_are_no_mistyped_commands(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    Path("rendr").write_text("")
-    for scene in ("rendr", "gallery", "street.glb", "./street", "street2"):
-        assert options_of([scene]) == ViewOptions(scene=Path(scene))
-
-
-def test_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_version_and_that_help_tells_of_it(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         parse_arguments(["--version"])
     assert stopped.value.code == 0
     assert capsys.readouterr().out == f"ntc-viewer {viewer.__version__}\n"
+    with pytest.raises(SystemExit):
+        parse_arguments(["--help"])
+    printed = capsys.readouterr().out
+    assert "--version" in printed
+    assert "--tyro-write-completion" in printed
 
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
@@ -216,14 +199,6 @@ def test_completion_of_every_shell_knows_the_commands(shell: str, tmp_path: Path
 def test_completion_of_an_unknown_shell_is_refused(words: list[str]) -> None:
     with pytest.raises(InputError, match=r"bash\|zsh\|fish FILE"):
         parse_arguments(["--tyro-write-completion", *words])
-
-
-def test_help_tells_of_version_and_completion(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        parse_arguments(["--help"])
-    printed = capsys.readouterr().out
-    assert "--version" in printed
-    assert "--tyro-write-completion" in printed
 
 
 def test_without_the_package_lab_only_its_commands_are_missing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -194,9 +194,6 @@ def test_a_key_is_changed_taken_away_and_exchanged() -> None:
     bound = bindings({"camera.frame-all": "M", "compare.measure": "F"})
     assert bound.problems == ()
     assert (bound.text("camera.frame-all"), bound.text("compare.measure")) == ("M", "F")
-
-
-def test_a_command_without_a_key_gets_one() -> None:
     assert bindings({"camera.go": "Ctrl+G"}).text("camera.go") == "Ctrl+G"
 
 

@@ -88,17 +88,11 @@ def test_padded_matrix_columns() -> None:
 @pytest.mark.parametrize(
     "change",
     [
-        {"count": 4},
-        {"count": 10**12},
-        {"count": -1},
-        {"count": 1.5},
-        {"byteOffset": 1},
-        {"byteOffset": 2**60},
-        {"bufferView": 9},
-        {"bufferView": -1},
+        *({"count": value} for value in (4, 10**12, -1, 1.5)),
+        *({"byteOffset": value} for value in (1, 2**60)),
+        *({"bufferView": value} for value in (9, -1)),
         {"componentType": 5124},
-        {"type": "VEC4"},
-        {"type": 3},
+        *({"type": value} for value in ("VEC4", 3)),
     ],
 )
 def test_out_of_range_is_an_input_error(change: dict[str, object]) -> None:
@@ -106,14 +100,6 @@ def test_out_of_range_is_an_input_error(change: dict[str, object]) -> None:
     index = builder.accessor(TRIANGLE)
     builder.json["accessors"][index].update(change)
     with pytest.raises(InputError, match=r"test\.glb"):
-        accessors(builder).raw(index, "test", ("VEC3",))
-
-
-def test_count_without_bytes_is_bounded() -> None:
-    builder = GltfBuilder()
-    builder.view(b"abcd")
-    index = builder.add("accessors", componentType=5126, count=2**40, type="VEC3")
-    with pytest.raises(InputError, match="without a buffer view"):
         accessors(builder).raw(index, "test", ("VEC3",))
 
 
@@ -307,6 +293,9 @@ def test_draco_agrees_with_the_plain_file(data_folder: Path) -> None:
     assert areas[0] == pytest.approx(areas[1], rel=5e-3)
     assert packed.geometry.uvs.min() >= -0.01
     assert packed.geometry.uvs.max() <= 1.01
+    for name in ("normals", "tangents"):
+        means = [np.abs(getattr(scene.geometry, name)).mean(axis=0) for scene in (plain, packed)]
+        np.testing.assert_allclose(means[0], means[1], atol=5e-3)
 
 
 def test_broken_draco_is_an_input_error() -> None:
@@ -444,13 +433,6 @@ def test_the_same_vertices_with_and_without_tangents_are_two_ranges() -> None:
     assert [each.base_vertex for each in scene.primitives] == [0, 3, 0]
     assert scene.geometry.tangents is not None
     assert len(scene.geometry.positions) == 6
-
-
-def test_draco_gives_the_normals_and_tangents_of_the_plain_file(data_folder: Path) -> None:
-    scenes = [load_scene(data_folder / f"scenes/lantern/{kind}/Lantern.gltf") for kind in ("glTF", "glTF-Draco")]
-    for name in ("normals", "tangents"):
-        means = [np.abs(getattr(scene.geometry, name)).mean(axis=0) for scene in scenes]
-        np.testing.assert_allclose(means[0], means[1], atol=5e-3)
 
 
 def test_other_formats_keep_their_normals(tmp_path: Path) -> None:

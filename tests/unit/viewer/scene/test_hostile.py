@@ -18,16 +18,15 @@ import pytest
 
 from ntc.errors import InputError
 from tests.support.claims import claims
-from tests.support.gltf_builder import TRIANGLE, GltfBuilder, noise, png
+from tests.support.gltf_builder import TRIANGLE, GltfBuilder, noise, png, png_of
+from tests.support.scenes import built
 from viewer.locations import SCENE_ROOTS_VARIABLE
 from viewer.scene import bounds, images
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.gltf import geometry as gltf_geometry
-from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.gltf.maps import images as gltf_images
 from viewer.scene.images import decode_image
-from viewer.scene.load import build_scene, load_scene
-from viewer.scene.model import Scene
+from viewer.scene.load import load_scene
 from viewer.state.settings import SETTINGS_FILE, load_settings
 
 MEGABYTE = 1 << 20
@@ -46,26 +45,9 @@ def bounded(megabytes: float = 200.0, seconds: float = 5.0) -> Iterator[None]:
         tracemalloc.stop()
 
 
-def built(builder: GltfBuilder) -> Scene:
-    return build_scene(parse_gltf(builder.glb(), "hostile.glb", None), "hostile", None)
-
-
 def refused(builder: GltfBuilder, words: str) -> None:
     with bounded(), pytest.raises(InputError, match=words):
         built(builder)
-
-
-def bomb(width: int, height: int) -> bytes:
-    """A PNG of zeros whose pixels are really there, packed as tightly as deflate can."""
-
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
-    packer = zlib.compressobj(9)
-    row = bytes(1 + 3 * width)
-    rows = b"".join(packer.compress(row) for _ in range(height)) + packer.flush()
-    header = struct.pack(">IIBBBBB", width, height, 8, 2, 0, 0, 0)
-    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
 
 
 @pytest.mark.parametrize("count", [10**7, 10**9, 2**53])
@@ -155,7 +137,8 @@ def test_images_that_claim_more_than_they_hold() -> None:
 
 def test_an_image_bomb_that_is_really_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(images, "LARGE_VALUES", images.FREE_VALUES)
-    data = bomb(4096, 2048)
+    # Its pixels are really there, packed as tightly as deflate can.
+    data = png_of((4096, 2048), 8, 2, zlib.compress(bytes(2048 * (1 + 3 * 4096)), 9))
     assert len(data) < MEGABYTE // 16
     with bounded(megabytes=20), pytest.raises(InputError, match="4096 x 2048 texels in"):
         decode_image(data, "bomb.png")
@@ -196,12 +179,7 @@ def test_many_images_of_one_name() -> None:
         pixels = np.full((1, 2, 3), 7, np.uint8)
         pixels[0, 0] = index % 256, index // 256, 9
         builder.image(png(pixels), name="same")
-    materials = [
-        builder.add(
-            "materials", pbrMetallicRoughness={"baseColorTexture": {"index": builder.add("textures", source=i)}}
-        )
-        for i in range(count)
-    ]
+    materials = [builder.material(image) for image in range(count)]
     scene = built(builder.drawn(*(builder.triangle(material) for material in materials)))
     names = [texture.name for texture in scene.textures]
     assert len(set(names)) == len(names) == count

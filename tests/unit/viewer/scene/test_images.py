@@ -77,14 +77,6 @@ def test_broken_images_are_input_errors(data: bytes) -> None:
         decode_image(data, "broken.png")
 
 
-def test_a_small_file_of_a_huge_image_is_refused_before_memory_is_taken() -> None:
-    header = bytearray(png(noise(2, 2)))
-    header[16:24] = (30000).to_bytes(4, "big") * 2
-    header[29:33] = zlib.crc32(bytes(header[12:29])).to_bytes(4, "big")
-    with pytest.raises(InputError, match=r"bomb\.png"):
-        decode_image(bytes(header), "bomb.png")
-
-
 def test_write_png_leaves_nothing_behind_on_failure(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     with pytest.raises(InputError, match="cannot be written"):
@@ -102,27 +94,20 @@ def test_folder_textures(tmp_path: Path) -> None:
     opaque[..., 3] = 255
     write_png(tmp_path / "opaque.png", opaque)
     (tmp_path / "notes.txt").write_text("no image")
+    (tmp_path / "z.ktx2").write_bytes(ktx2(noise().tobytes(), (6, 4), 23))
     textures = folder_textures(tmp_path)
     assert [(t.name, t.category, t.pixels.shape[2]) for t in textures] == [
         ("cut", None, 4),
         ("opaque", None, 3),
         ("wood/oak", "wood", 3),
+        ("z", None, 3),
     ]
     assert textures[2].pixel_hash == hash_pixels(noise(seed=1))
     (tmp_path / "broken.png").write_bytes(b"broken")
-    with pytest.raises(InputError, match=r"broken\.png"):
-        folder_textures(tmp_path)
-
-
-def test_folders_without_images(tmp_path: Path) -> None:
-    for folder in (tmp_path, tmp_path / "nowhere"):
-        with pytest.raises(InputError):
+    (tmp_path / "empty").mkdir()
+    for folder, words in ((tmp_path, r"broken\.png"), (tmp_path / "empty", "empty"), (tmp_path / "nowhere", "nowhere")):
+        with pytest.raises(InputError, match=words):
             folder_textures(folder)
-
-
-def test_srgb_round_trip() -> None:
-    values = np.arange(256) / 255.0
-    np.testing.assert_allclose(linear_to_srgb(srgb_to_linear(values)), values, atol=1e-6)
 
 
 def test_reduction_is_a_box_filter_in_linear_light() -> None:
@@ -288,11 +273,6 @@ def test_the_plain_image_is_preferred_to_its_compressed_copy() -> None:
         texture.pop("source", None)
 
 
-def test_a_folder_of_ktx2_is_read(tmp_path: Path) -> None:
-    (tmp_path / "a.ktx2").write_bytes(ktx2(noise().tobytes(), (6, 4), 23))
-    assert [texture.name for texture in folder_textures(tmp_path)] == ["a"]
-
-
 @pytest.mark.parametrize(
     ("data", "words"),
     [
@@ -305,6 +285,7 @@ def test_a_folder_of_ktx2_is_read(tmp_path: Path) -> None:
         (ktx2(bytes(64), (4, 4), 37, scheme=1), "BasisLZ with VkFormat 37"),
         (ktx2(bytes(63), (4, 4), 37), "mip 0 does not hold the 64 bytes"),
         (ktx2(b"broken", (4, 4), 37, scheme=2), "mip 0 does not hold"),
+        (ktx2(zstandard.ZstdCompressor().compress(bytes(1 << 28)), (4, 4), 37, scheme=2), "mip 0 does not hold"),
         (ktx2(zlib.compress(bytes(65)), (4, 4), 37, scheme=3), "mip 0 does not hold"),
         (ktx2(bytes(15), (4, 4), 157), "mip 0 does not hold the 16 bytes"),
         (ktx2(bytes(64), (4, 4), 143), r"VkFormat 143 \(BC6H\) is not read"),
@@ -325,17 +306,6 @@ def test_hostile_files_are_refused(data: bytes, words: str) -> None:
         with pytest.raises(InputError, match=words):
             decode_image(data, "a.ktx2")
         assert tracemalloc.get_traced_memory()[1] < 1 << 24
-    finally:
-        tracemalloc.stop()
-
-
-def test_a_bomb_of_zstandard_stops_at_the_pictures_size() -> None:
-    bomb = zstandard.ZstdCompressor().compress(bytes(1 << 28))
-    tracemalloc.start()
-    try:
-        with pytest.raises(InputError, match="mip 0 does not hold"):
-            decode_image(ktx2(bomb, (4, 4), 37, scheme=2), "a.ktx2")
-        assert tracemalloc.get_traced_memory()[1] < 1 << 22
     finally:
         tracemalloc.stop()
 
@@ -365,12 +335,7 @@ def content(scene: Scene) -> list[tuple[Any, ...]]:
     """All that there is to know of its textures."""
     return [
         (
-            texture.name,
-            texture.size,
-            texture.has_alpha,
-            texture.pixel_hash,
-            texture.set_hash,
-            texture.maps,
+            (texture.name, texture.size, texture.has_alpha, texture.pixel_hash, texture.set_hash, texture.maps),
             texture.pixels.tobytes(),
             None if texture.alpha is None else texture.alpha.tobytes(),
             {name: pixels.tobytes() for name, pixels in texture.further_maps.items()},
@@ -494,21 +459,14 @@ def test_what_was_not_used_for_longest_goes_first() -> None:
     assert cache.nbytes == 80
     assert cache.get("a", lambda: block(1)) is first
     assert len(cache.get("b", lambda: block(2))) == 2
-
-
-def test_what_is_too_large_is_given_but_not_kept() -> None:
-    cache = PixelCache(10)
-    assert len(cache.get("a", lambda: block(11))) == 11
-    assert cache.nbytes == 0
-
-
-def test_what_is_offered_removes_nothing() -> None:
-    cache = PixelCache(100)
-    cache.offer("a", block(60))
-    cache.offer("b", block(60))
-    assert cache.nbytes == 60
-    cache.get("a", lambda: block(1))
-    assert cache.made == 0
+    # What is too large is given but not kept, and what is offered removes nothing.
+    assert len(cache.get("d", lambda: block(101))) == 101
+    cache.offer("e", block(60))
+    assert cache.nbytes == 82
+    made = cache.made
+    cache.offer("f", block(10))
+    assert len(cache.get("f", lambda: block(1))) == 10
+    assert (cache.made, cache.nbytes) == (made, 92)
 
 
 def test_what_several_threads_ask_for_is_made_once() -> None:

@@ -14,44 +14,22 @@ from viewer.state.view_file import LARGEST_VIEW, SavedView, parse_view, view_jso
 from viewer.state.view_state import Overlay, Slot, ViewState, Zoom
 
 
-def test_settings_come_back(tmp_path: Path) -> None:
+def test_settings_come_back_and_are_the_defaults_without_a_file(tmp_path: Path) -> None:
+    assert load_settings(tmp_path) == (ViewerSettings(), None)
     settings = replace(ViewerSettings(), camera_mode="fly", anisotropy=8, wipe_position=0.25, window_size=(900, 500))
     settings = replace(settings, texel_filter="stochastic")
     save_settings(tmp_path / "new", settings)
     assert load_settings(tmp_path / "new") == (settings, None)
 
 
-def test_no_file_gives_the_defaults(tmp_path: Path) -> None:
-    assert load_settings(tmp_path) == (ViewerSettings(), None)
-
-
-@pytest.mark.parametrize(
-    "content",
-    [
-        "",
-        "{",
-        "[]",
-        '{"anisotropy": 3}',
-        '{"anisotropy": true}',
-        '{"wipe_position": 7}',
-        '{"wipe_position": NaN}',
-        '{"window_size": [1]}',
-        '{"camera_mode": 5}',
-        "[" * 100000,
-    ],
-)
-def test_a_broken_file_gives_the_defaults_and_one_line(tmp_path: Path, content: str) -> None:
-    (tmp_path / SETTINGS_FILE).write_text(content)
-    settings, problem = load_settings(tmp_path)
-    assert settings == ViewerSettings()
-    assert problem is not None
-    assert "\n" not in problem
-    assert SETTINGS_FILE in problem
-
-
 @pytest.mark.parametrize(
     ("content", "named"),
     [
+        *((content, "") for content in ("", "{", "[]", '{"anisotropy": true}', "[" * 100000)),
+        ('{"wipe_position": 7}', "wipe_position"),
+        ('{"wipe_position": NaN}', ""),
+        ('{"window_size": [1]}', "window_size"),
+        ('{"camera_mode": 5}', "camera_mode"),
         ('{"fov_degrees": 200}', "fov_degrees: Expected number <= 120"),
         ('{"theme": "pink"}', "theme: Invalid enum value 'pink', must be one of dark, light"),
         ('{"anisotropy": 3}', "anisotropy: must be one of 1, 2, 4, 8, 16"),
@@ -60,10 +38,13 @@ def test_a_broken_file_gives_the_defaults_and_one_line(tmp_path: Path, content: 
         ('{"hidden_panels": [5]}', "hidden_panels[0]: Expected text"),
     ],
 )
-def test_the_line_about_a_broken_file_names_the_field_and_the_remedy(tmp_path: Path, content: str, named: str) -> None:
+def test_a_broken_file_gives_the_defaults_and_a_line_with_the_remedy(tmp_path: Path, content: str, named: str) -> None:
     (tmp_path / SETTINGS_FILE).write_text(content)
-    _, problem = load_settings(tmp_path)
+    settings, problem = load_settings(tmp_path)
+    assert settings == ViewerSettings()
     assert problem is not None
+    assert "\n" not in problem
+    assert SETTINGS_FILE in problem
     assert named in problem
     assert "it will be overwritten when the window closes; using default settings" in problem
 
@@ -99,9 +80,7 @@ RICH = SavedView(
 def test_round_trip() -> None:
     assert parse_view(view_json(RICH), "v", PLAIN) == RICH
     assert parse_view(view_json(PLAIN), "v", replace(PLAIN, bookmarks=RICH.bookmarks)) == PLAIN
-
-
-def test_absent_fields_stay_and_unknown_ones_are_ignored() -> None:
+    # Absent fields stay, and unknown ones are ignored.
     assert parse_view('{"format": "ntc-viewer view", "of a later version": [1]}', "v", RICH) == RICH
 
 
@@ -127,53 +106,38 @@ def _with(path: str, value: Any) -> str:
     return json.dumps(content)
 
 
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        ("format", "something else"),
-        ("version", 2),
-        ("version", True),
-        ("camera", []),
-        ("camera/eye", [1, 2]),
-        ("camera/eye", [1, 2, float("nan")]),
-        ("camera/eye", [1, 2, float("inf")]),
-        ("camera/eye", [1, 2, True]),
-        ("camera/eye", [0.5, 0.25, 0.125]),
-        ("camera/up", [0, 0, 0]),
-        ("camera/fov", 180),
-        ("camera/fov", "60"),
-        ("camera/near", -1),
-        ("camera/far", 0.25),
-        ("camera/name", ""),
-        ("slots/a/source", 5),
-        ("slots/a/path", "fast"),
-        ("slots/a/path", ["cached"]),
-        ("slots/b", "reference"),
-        ("compare", {}),
-        ("divider", 1.5),
-        ("divider", float("nan")),
-        ("overlay/opacity", -0.1),
-        ("overlay/palette", "rainbow"),
-        ("overlay/block", "1x1"),
-        ("zoom/factor", 1e9),
-        ("zoom/x", float("nan")),
-        ("lighting/environment", ""),
-        ("pose", 3),
-        ("pose/seconds", -1),
-        ("pose/seconds", float("nan")),
-        ("pose/animation", None),
-        ("anisotropy", 3),
-        ("anisotropy", True),
-        ("resolution", 0),
-        ("resolution", 10**400),
-        ("bookmarks", {}),
-        ("bookmarks", [1]),
-        ("bookmarks", [{}]),
-        ("bookmarks", [{"name": "one"}, {"name": "one"}]),
-        ("bookmarks", [{"name": "x"}] * 1001),
-        ("bookmarks/0/eye", None),
-    ],
-)
+HOSTILE: dict[str, list[Any]] = {
+    "format": ["something else"],
+    "version": [2, True],
+    "camera": [[]],
+    "camera/eye": [[1, 2], [1, 2, float("nan")], [1, 2, float("inf")], [1, 2, True], [0.5, 0.25, 0.125]],
+    "camera/up": [[0, 0, 0]],
+    "camera/fov": [180, "60"],
+    "camera/near": [-1],
+    "camera/far": [0.25],
+    "camera/name": [""],
+    "slots/a/source": [5],
+    "slots/a/path": ["fast", ["cached"]],
+    "slots/b": ["reference"],
+    "compare": [{}],
+    "divider": [1.5, float("nan")],
+    "overlay/opacity": [-0.1],
+    "overlay/palette": ["rainbow"],
+    "overlay/block": ["1x1"],
+    "zoom/factor": [1e9],
+    "zoom/x": [float("nan")],
+    "lighting/environment": [""],
+    "pose": [3],
+    "pose/seconds": [-1, float("nan")],
+    "pose/animation": [None],
+    "anisotropy": [3, True],
+    "resolution": [0, 10**400],
+    "bookmarks": [{}, [1], [{}], [{"name": "one"}, {"name": "one"}], [{"name": "x"}] * 1001],
+    "bookmarks/0/eye": [None],
+}
+
+
+@pytest.mark.parametrize(("path", "value"), [(path, value) for path in HOSTILE for value in HOSTILE[path]])
 def test_hostile_fields_are_one_line(path: str, value: Any) -> None:
     with pytest.raises(InputError) as caught:
         parse_view(_with(path, value), "v", PLAIN)

@@ -38,17 +38,10 @@ def test_without_repeating_it_stops_at_the_end() -> None:
     pose, after = playing.advance(ANIMATIONS, Pose("walk", 1.9), 1.0)
     assert pose == Pose("walk", 2.0)
     assert not after.is_playing
-
-
-def test_an_animation_of_one_moment_has_nothing_to_play() -> None:
-    still = (AnimationFacts("still", 0.0),)
-    pose, after = AnimationPlayback(is_playing=True).advance(still, None, 1.0)
+    pose, after = AnimationPlayback(is_playing=True).advance((AnimationFacts("still", 0.0),), None, 1.0)
     assert (pose, after.is_playing) == (Pose("still", 0.0), False)
-
-
-def test_an_unknown_name_is_the_first_animation() -> None:
-    assert chosen_animation(ANIMATIONS, Pose("run", 1.0)).name == "walk"
-    assert chosen_animation(ANIMATIONS, Pose("wave", 1.0)).name == "wave"
+    # An unknown name is the first animation.
+    assert [chosen_animation(ANIMATIONS, Pose(name, 1.0)).name for name in ("run", "wave")] == ["walk", "wave"]
 
 
 BOUNDS = np.array([[0, 0, 0], [2, 2, 4]], np.float32)
@@ -90,20 +83,20 @@ TOWN = np.array([[-100.0, 0.0, -100.0], [100.0, 30.0, 100.0]], np.float32)
 SIZE = float(np.linalg.norm(TOWN[1] - TOWN[0]))
 
 
-def test_speed_is_that_of_what_is_near() -> None:
-    assert fly_speed(TOWN, 1.7, 0.0, False) == pytest.approx(NEAR_SHARE * 1.7)
-    assert fly_speed(TOWN, 3.4, 0.0, False) == pytest.approx(NEAR_SHARE * 3.4)
-
-
-def test_walls_slow_down_but_are_no_end_and_the_sky_has_a_limit() -> None:
-    assert fly_speed(TOWN, 0.0, 0.0, False) == pytest.approx(SIZE / 1000.0)
-    assert fly_speed(TOWN, np.inf, 0.0, False) == pytest.approx(SIZE / 12.0)
-
-
-def test_notches_and_shift_are_faster() -> None:
-    usual = fly_speed(TOWN, 2.0, 0.0, False)
-    assert fly_speed(TOWN, 2.0, 2.0, False) == pytest.approx(usual * FASTER_STEP**2)
-    assert fly_speed(TOWN, 2.0, 0.0, True) == pytest.approx(usual * 4.0)
+@pytest.mark.parametrize(
+    ("distance", "notches", "shift", "speed"),
+    [
+        (1.7, 0.0, False, NEAR_SHARE * 1.7),
+        (3.4, 0.0, False, NEAR_SHARE * 3.4),
+        # Walls slow down but are no end, and the sky has a limit.
+        (0.0, 0.0, False, SIZE / 1000.0),
+        (np.inf, 0.0, False, SIZE / 12.0),
+        (2.0, 2.0, False, NEAR_SHARE * 2.0 * FASTER_STEP**2),
+        (2.0, 0.0, True, NEAR_SHARE * 2.0 * 4.0),
+    ],
+)
+def test_speed_is_that_of_what_is_near(distance: float, notches: float, shift: bool, speed: float) -> None:
+    assert fly_speed(TOWN, distance, notches, shift) == pytest.approx(speed)
 
 
 def test_flying_ends_far_from_the_scene_but_never_on_the_way_back() -> None:
@@ -116,9 +109,15 @@ def test_flying_ends_far_from_the_scene_but_never_on_the_way_back() -> None:
     assert kept_in_sight(street, moved, TOWN) == moved
 
 
-def test_the_whole_picture_is_where_it_is() -> None:
+def test_places_of_the_window_and_the_picture() -> None:
     assert WHOLE.is_whole
     assert WHOLE.window_to_image(0.3, 0.8) == pytest.approx((0.3, 0.8))
+    assert WHOLE.towards(0.5, 0.5, 1000.0).factor == LARGEST_ZOOM
+    zoom = Zoom(3.0, (0.3, 0.7))
+    place = zoom.window_to_image(0.1, 0.9)
+    assert zoom.image_to_window(*place) == pytest.approx((0.1, 0.9))
+    # Dragging moves the picture along.
+    assert zoom.moved(0.1, -0.2).window_to_image(0.2, 0.7) == pytest.approx(place)
 
 
 @pytest.mark.parametrize("at", [(0.0, 0.0), (0.2, 0.9), (1.0, 1.0), (0.5, 0.5)])
@@ -142,30 +141,11 @@ def test_what_is_shown_never_leaves_the_picture(centre: tuple[float, float]) -> 
         assert all(-1e-9 <= value <= 1.0 + 1e-9 for value in zoom.window_to_image(*corner))
 
 
-def test_image_to_window_is_the_inverse_of_window_to_image() -> None:
-    zoom = Zoom(3.0, (0.3, 0.7))
-    assert zoom.image_to_window(*zoom.window_to_image(0.1, 0.9)) == pytest.approx((0.1, 0.9))
-
-
-def test_dragging_moves_the_picture_along() -> None:
-    zoom = Zoom(4.0, (0.5, 0.5))
-    before = zoom.window_to_image(0.5, 0.5)
-    assert zoom.moved(0.1, -0.2).window_to_image(0.6, 0.3) == pytest.approx(before)
-
-
-def test_there_is_a_largest_magnification() -> None:
-    assert WHOLE.towards(0.5, 0.5, 1000.0).factor == LARGEST_ZOOM
-
-
-def test_green_red_has_the_colours_of_the_paper() -> None:
+def test_green_red_has_the_colours_of_the_paper_and_viridis_grows_brighter_all_the_way() -> None:
     expected = [(0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0)]
     np.testing.assert_allclose(palette_colors("green-red", np.array([0.0, 0.5, 1.0])), expected)
-
-
-def test_the_other_palette_grows_brighter_all_the_way() -> None:
     # Whoever cannot tell hues apart still sees which block has more decoders.
-    colors = palette_colors("viridis", np.linspace(0.0, 1.0, 50))
-    brightness = colors @ np.array([0.2126, 0.7152, 0.0722])
+    brightness = palette_colors("viridis", np.linspace(0.0, 1.0, 50)) @ np.array([0.2126, 0.7152, 0.0722])
     assert (np.diff(brightness) > 0.0).all()
 
 

@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from ntc.codec.grid.model import grid_parts
+from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from tests.support.spoilt_files import (
@@ -65,6 +66,11 @@ def context(path: Path) -> Context:
     return open_context(path)
 
 
+def same_latents(file: Path, pack: Pack) -> None:
+    """The first texture of `file` is that of `pack`."""
+    np.testing.assert_array_equal(grid_parts(read_pack(file)).textures[0].latents, grid_parts(pack).textures[0].latents)
+
+
 def answer(context: Context, label: str) -> None:
     run_or_notify(context, "question.answer", label)
 
@@ -82,8 +88,7 @@ def test_a_pack_is_written_beside_the_scene_that_it_was_trained_on(context: Cont
     settle(context)
     assert packs_in(other) == ["scene.single.ntc"]
     assert packs_in(path) == ["scene.random.ntc", "scene.single.ntc"]
-    written = read_pack(path.with_name("scene.random.ntc"))
-    np.testing.assert_array_equal(grid_parts(written).textures[0].latents, grid_parts(pack).textures[0].latents)
+    same_latents(path.with_name("scene.random.ntc"), pack)
     assert set(context.session.packs) == {"random"}
     run_or_notify(context, "training.accept")
     assert "no finished run" in errors(context)[-1]
@@ -222,113 +227,90 @@ def test_escape_closes_what_is_on_top_and_never_the_window(context: Context) -> 
     assert not effects.is_closing
 
 
-@pytest.fixture
-def scene_path(tmp_path: Path) -> Path:
-    return write_scene(tmp_path)
-
-
-@pytest.fixture
-def opened(scene_path: Path) -> Context:
-    return open_context(scene_path)
-
-
-def test_a_pack_that_is_as_it_was_opened_is_replaced(opened: Context, scene_path: Path) -> None:
-    pack, file = finished(opened), scene_path.with_name("scene.single.ntc")
-    accept(opened, file)
-    assert errors(opened) == []
-    np.testing.assert_array_equal(grid_parts(read_pack(file)).textures[0].latents, grid_parts(pack).textures[0].latents)
-    assert opened.training.log.undecided is None
+def test_a_pack_that_is_as_it_was_opened_is_replaced(context: Context, path: Path) -> None:
+    pack, file = finished(context), path.with_name("scene.single.ntc")
+    accept(context, file)
+    assert errors(context) == []
+    same_latents(file, pack)
+    assert context.training.log.undecided is None
     # What was written last is known too.
-    finished(opened, 8)
-    accept(opened, file)
-    assert errors(opened) == []
+    finished(context, 8)
+    accept(context, file)
+    assert errors(context) == []
 
 
 @pytest.mark.parametrize("spoil", [emptied, garbage, truncated], ids=lambda spoil: spoil.__name__)
-def test_a_pack_that_others_have_changed_is_not_replaced(opened: Context, scene_path: Path, spoil: Spoil) -> None:
-    pack, file = finished(opened), scene_path.with_name("scene.single.ntc")
+def test_a_pack_that_others_have_changed_is_not_replaced(context: Context, path: Path, spoil: Spoil) -> None:
+    pack, file = finished(context), path.with_name("scene.single.ntc")
     spoil(file)
     changed = file.read_bytes()
-    accept(opened, file)
-    assert len(errors(opened)) == 1
-    assert "has changed since it was opened" in errors(opened)[0]
+    accept(context, file)
+    assert len(errors(context)) == 1
+    assert "has changed since it was opened" in errors(context)[0]
     assert file.read_bytes() == changed
-    assert opened.training.log.undecided == 1
-    accept(opened)
-    written = scene_path.with_name("scene.random.ntc")
-    assert len(errors(opened)) == 1
-    np.testing.assert_array_equal(
-        grid_parts(read_pack(written)).textures[0].latents, grid_parts(pack).textures[0].latents
-    )
+    assert context.training.log.undecided == 1
+    accept(context)
+    written = path.with_name("scene.random.ntc")
+    assert len(errors(context)) == 1
+    same_latents(written, pack)
 
 
-def test_another_pack_in_its_place_is_not_replaced(opened: Context, scene_path: Path) -> None:
-    finished(opened)
-    file = scene_path.with_name("scene.single.ntc")
-    write_pack(file, pack_of(scene_path, 3))
+def test_another_pack_in_its_place_is_not_replaced(context: Context, path: Path) -> None:
+    finished(context)
+    file = path.with_name("scene.single.ntc")
+    write_pack(file, pack_of(path, 3))
     changed = file.read_bytes()
-    accept(opened, file)
-    assert "has changed since it was opened" in errors(opened)[0]
+    accept(context, file)
+    assert "has changed since it was opened" in errors(context)[0]
     assert file.read_bytes() == changed
     # Opened again, it is what the user knows.
-    run_or_notify(opened, "file.open", file)
-    accept(opened, file)
-    assert len(errors(opened)) == 1
+    run_or_notify(context, "file.open", file)
+    accept(context, file)
+    assert len(errors(context)) == 1
     assert file.read_bytes() != changed
 
 
-def test_a_pack_that_is_gone_is_written_anew(opened: Context, scene_path: Path) -> None:
-    finished(opened)
-    file = scene_path.with_name("scene.single.ntc")
+def test_a_pack_that_is_gone_is_written_anew(context: Context, path: Path) -> None:
+    finished(context)
+    file = path.with_name("scene.single.ntc")
     file.unlink()
-    accept(opened, file)
-    assert errors(opened) == []
+    accept(context, file)
+    assert errors(context) == []
     assert read_pack(file).textures
 
 
-def test_a_name_that_was_taken_meanwhile_is_not_replaced(opened: Context, scene_path: Path) -> None:
-    finished(opened)
-    written = scene_path.with_name("scene.random.ntc")
-    run_or_notify(opened, "training.accept")
-    settle(opened)
-    assert written.is_file()
-    finished(opened, 9)
-    accept(opened)
-    assert scene_path.with_name("scene.random-2.ntc").is_file()
-
-
-def test_the_scene_folder_is_gone(opened: Context, scene_path: Path, tmp_path: Path) -> None:
-    finished(opened)
-    scene_folder = scene_path.parent
+def test_the_scene_folder_is_gone(context: Context, path: Path, tmp_path: Path) -> None:
+    finished(context)
+    scene_folder = path.parent
     shutil.rmtree(scene_folder)
     scene_folder.write_text("a file")
-    accept(opened)
-    assert len(errors(opened)) == 1
-    assert opened.training.log.undecided == 1
+    accept(context)
+    assert len(errors(context)) == 1
+    assert context.training.log.undecided == 1
     scene_folder.unlink()
-    accept(opened, tmp_path / "other" / "pack.ntc")
+    accept(context, tmp_path / "other" / "pack.ntc")
     assert (tmp_path / "other" / "pack.ntc").is_file()
 
 
-def test_accepting_onto_a_full_disk(opened: Context, scene_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    finished(opened)
+def test_accepting_onto_a_full_disk(context: Context, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    finished(context)
     fsync = os.fsync
 
     def full(_handle: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    before = sorted(scene_path.parent.iterdir())
-    accept(opened)
-    assert len(errors(opened)) == 1
-    assert "No space left on device" in errors(opened)[0]
-    assert sorted(scene_path.parent.iterdir()) == before
-    assert opened.training.log.undecided == 1
-    assert opened.training.log[1].pack is not None
+    before = sorted(path.parent.iterdir())
+    accept(context)
+    assert len(errors(context)) == 1
+    assert "No space left on device" in errors(context)[0]
+    assert sorted(path.parent.iterdir()) == before
+    assert context.training.log.undecided == 1
+    assert context.training.log[1].pack is not None
     monkeypatch.setattr(os, "fsync", fsync)
-    accept(opened, scene_path.with_name("elsewhere.ntc"))
-    assert read_pack(scene_path.with_name("elsewhere.ntc")).textures
-    assert opened.training.log.undecided is None
+    accept(context, path.with_name("elsewhere.ntc"))
+    assert read_pack(path.with_name("elsewhere.ntc")).textures
+    assert context.training.log.undecided is None
 
 
 KILLED = """
@@ -346,16 +328,10 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 
 def facts_of(scene: Path) -> KeptRun:
-    scene_of_window = str(scene.resolve())
+    stamp = scene_stamp(scene)
     return KeptRun(
-        "scene", scene_of_window, scene_stamp(scene), "retrain group 0", "quick", "done", 2, 1.0, 30.0, 2, time.time()
+        "scene", str(scene.resolve()), stamp, "retrain group 0", "quick", "done", 2, 1.0, 30.0, 2, time.time()
     )
-
-
-@pytest.fixture
-def scene_of_window(tmp_path: Path) -> Path:
-    (tmp_path / "scene").mkdir()
-    return write_scene(tmp_path / "scene")
 
 
 @pytest.fixture
@@ -363,9 +339,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path / "data" / "runs"
 
 
-def window(scene_of_window: Path, folder: Path) -> Context:
+def window(path: Path, folder: Path) -> Context:
     """A window on a scene, as it is after its first frame."""
-    opened = open_context(scene_of_window)
+    opened = open_context(path)
     context = Context(opened.session, kept=KeptRuns(folder))
     PromptEffects(context)
     context.training.tick(context.session.scene, frozenset())
@@ -396,57 +372,57 @@ def waiting(context: Context) -> list[int]:
     return [run.number for run in context.training.waiting.runs]
 
 
-def test_a_run_of_a_killed_window_is_found_again(scene_of_window: Path, folder: Path) -> None:
-    ended = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(scene_of_window)], check=False)
+def test_a_run_of_a_killed_window_is_found_again(path: Path, folder: Path) -> None:
+    ended = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(path)], check=False)
     assert ended.returncode == -signal.SIGKILL
-    context = window(scene_of_window, folder)
+    context = window(path, folder)
     assert "kept back from an earlier session: scene run 2" in messages(context)
     run_line(context, "training.kept-back open")
     assert context.session.view.slot_a.source == "run 1"
     assert context.training.log.undecided == 1
     accept(context)
-    written = read_pack(scene_of_window.with_name("scene.random.ntc"))
+    written = read_pack(path.with_name("scene.random.ntc"))
     np.testing.assert_array_equal(
-        grid_parts(written).textures[0].latents, grid_parts(pack_of(scene_of_window, 5)).textures[0].latents
+        grid_parts(written).textures[0].latents, grid_parts(pack_of(path, 5)).textures[0].latents
     )
     assert list(folder.iterdir()) == []
 
 
 def test_a_window_that_is_closed_at_once_leaves_its_runs_and_a_decided_one_leaves_none(
-    scene_of_window: Path, folder: Path
+    path: Path, folder: Path
 ) -> None:
-    first = window(scene_of_window, folder)
+    first = window(path, folder)
     end_run(first)
-    second = window(scene_of_window, folder)
+    second = window(path, folder)
     assert waiting(second) == []
     run_line(first, "window.close")
     first.training.close()
-    third = window(scene_of_window, folder)
+    third = window(path, folder)
     assert waiting(third) == [1]
     run_line(third, "training.kept-back keep")
-    assert scene_of_window.with_name("scene.random.ntc").is_file()
+    assert path.with_name("scene.random.ntc").is_file()
     assert list(folder.iterdir()) == []
     end_run(third, 8)
     run_line(third, "training.discard")
     assert list(folder.iterdir()) == []
 
 
-def test_a_run_goes_to_one_of_two_windows(scene_of_window: Path, folder: Path) -> None:
-    first = window(scene_of_window, folder)
+def test_a_run_goes_to_one_of_two_windows(path: Path, folder: Path) -> None:
+    first = window(path, folder)
     end_run(first)
     first.training.close()
-    second, third = window(scene_of_window, folder), window(scene_of_window, folder)
+    second, third = window(path, folder), window(path, folder)
     assert waiting(second) == waiting(third) == [1]
     run_line(second, "training.kept-back open")
     for action in ("open", "keep"):
         run_or_notify(third, "training.kept-back", action)
     assert "is open in another window" in errors(third)[0]
     assert "there is no unsaved run" in errors(third)[1]
-    assert sorted(file.name for file in scene_of_window.parent.glob("*.ntc")) == ["scene.single.ntc"]
+    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
 
 
-def test_a_run_goes_back_to_its_own_scene_alone(scene_of_window: Path, folder: Path, tmp_path: Path) -> None:
-    first = window(scene_of_window, folder)
+def test_a_run_goes_back_to_its_own_scene_alone(path: Path, folder: Path, tmp_path: Path) -> None:
+    first = window(path, folder)
     end_run(first)
     first.training.close()
     (tmp_path / "other").mkdir()
@@ -456,36 +432,34 @@ def test_a_run_goes_back_to_its_own_scene_alone(scene_of_window: Path, folder: P
     run_line(second, "training.kept-back open")
     assert second.session.scene.path == other
     run_or_notify(second, "question.answer", "Keep")
-    assert second.session.scene.path == scene_of_window
+    assert second.session.scene.path == path
     assert second.session.view.slot_a.source == "run 2"
     settle(second)
     assert sorted(file.name for file in other.parent.glob("*.ntc")) == ["scene.random.ntc", "scene.single.ntc"]
-    assert sorted(file.name for file in scene_of_window.parent.glob("*.ntc")) == ["scene.single.ntc"]
+    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
 
 
-def test_a_scene_that_has_changed_gets_no_pack_of_its_earlier_self(
-    scene_of_window: Path, folder: Path, tmp_path: Path
-) -> None:
-    first = window(scene_of_window, folder)
+def test_a_scene_that_has_changed_gets_no_pack_of_its_earlier_self(path: Path, folder: Path, tmp_path: Path) -> None:
+    first = window(path, folder)
     end_run(first)
     first.training.close()
     # Other pictures, so that no texture is the same.
     (tmp_path / "other").mkdir()
     for file in write_scene(tmp_path / "other", 1).parent.iterdir():
-        file.replace(scene_of_window.parent / file.name)
-    second = window(scene_of_window, folder)
+        file.replace(path.parent / file.name)
+    second = window(path, folder)
     run_or_notify(second, "training.kept-back", "keep")
     run_or_notify(second, "training.kept-back", "open")
     assert "has changed since" in errors(second)[0]
     assert "made for another scene" in errors(second)[1]
     assert waiting(second) == [1]
-    assert sorted(file.name for file in scene_of_window.parent.glob("*.ntc")) == ["scene.single.ntc"]
+    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
 
 
 def test_what_cannot_be_written_when_the_window_closes_is_kept_back(
-    scene_of_window: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+    path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    context = window(scene_of_window, folder)
+    context = window(path, folder)
     end_run(context)
 
     def full(destination: Path, _pack: object) -> None:
@@ -497,15 +471,15 @@ def test_what_cannot_be_written_when_the_window_closes_is_kept_back(
     run_or_notify(context, "question.answer", "Keep")
     assert effects.is_closing
     context.training.close()
-    assert sorted(file.name for file in scene_of_window.parent.glob("*.ntc")) == ["scene.single.ntc"]
-    assert waiting(window(scene_of_window, folder)) == [1]
+    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
+    assert waiting(window(path, folder)) == [1]
 
 
-def test_discarding_for_good_asks_first(scene_of_window: Path, folder: Path) -> None:
-    first = window(scene_of_window, folder)
+def test_discarding_for_good_asks_first(path: Path, folder: Path) -> None:
+    first = window(path, folder)
     end_run(first)
     first.training.close()
-    second = window(scene_of_window, folder)
+    second = window(path, folder)
     run_line(second, "training.kept-back discard")
     run_line(second, "window.dismiss")
     assert waiting(second) == [1]
@@ -515,19 +489,19 @@ def test_discarding_for_good_asks_first(scene_of_window: Path, folder: Path) -> 
     assert list(folder.iterdir()) == []
 
 
-def test_what_is_no_run_is_passed_over_and_a_full_disk_is_said_once(scene_of_window: Path, folder: Path) -> None:
+def test_what_is_no_run_is_passed_over_and_a_full_disk_is_said_once(path: Path, folder: Path) -> None:
     kept = KeptRuns(folder)
     key = kept.new_key()
-    kept.write(key, pack_of(scene_of_window), facts_of(scene_of_window))
+    kept.write(key, pack_of(path), facts_of(path))
     kept.release(key)
     for spoilt in (FACTS_FILE, PACK_FILE):
         other = kept.new_key()
-        kept.write(other, pack_of(scene_of_window), replace(facts_of(scene_of_window), number=9))
+        kept.write(other, pack_of(path), replace(facts_of(path), number=9))
         (folder / other / spoilt).write_bytes(b"?") if spoilt == FACTS_FILE else (folder / other / spoilt).unlink()
         kept.release(other)
     assert [run.number for run in kept.waiting()] == [2]
     (folder.parent / "file").write_text("")
-    context = window(scene_of_window, folder.parent / "file" / "runs")
+    context = window(path, folder.parent / "file" / "runs")
     end_run(context)
     end_run(context)
     assert [line for line in errors(context) if "runs will be lost" in line] == errors(context)
@@ -535,8 +509,8 @@ def test_what_is_no_run_is_passed_over_and_a_full_disk_is_said_once(scene_of_win
 
 
 @pytest.mark.process
-def test_a_run_under_way_is_kept_as_far_as_it_is(scene_of_window: Path, folder: Path) -> None:
-    context = window(scene_of_window, folder)
+def test_a_run_under_way_is_kept_as_far_as_it_is(path: Path, folder: Path) -> None:
+    context = window(path, folder)
     training, scene = context.training, context.session.scene
     training.start(EncodeScene(TrainingSettings("baseline", texture_size=16)), scene, None)
     began = time.monotonic()
