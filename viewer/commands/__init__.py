@@ -25,19 +25,7 @@ from viewer.commands.keys import HOLD_KEY, Bindings, bind_keys
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
-_MODULES = (
-    edit,
-    compare,
-    inspection,
-    overlay,
-    materials,
-    animation,
-    camera,
-    files,
-    leaving,
-    training,
-    window,
-)
+_MODULES = (edit, compare, inspection, overlay, materials, animation, camera, files, leaving, training, window)
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.menu is not None)
 """Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have none."""

@@ -10,8 +10,12 @@ from viewer.training.live_training import Decision
 PictureKind = Literal["window", PictureAlone]
 
 
+class Effect:
+    """Request of a command, carried out by the window."""
+
+
 @dataclass(frozen=True)
-class RunCommand:
+class RunCommand(Effect):
     """Run another command after the one that returns this."""
 
     command_id: str
@@ -21,7 +25,7 @@ class RunCommand:
 
 
 @dataclass(frozen=True)
-class OpenScene:
+class OpenScene(Effect):
     """Read a scene beside the frames, then open it."""
 
     path: Path
@@ -32,19 +36,19 @@ class OpenScene:
 
 
 @dataclass(frozen=True)
-class ReadVariant:
+class ReadVariant(Effect):
     """Read the open scene again beside the frames, in another material variant."""
 
     variant: str
 
 
 @dataclass(frozen=True)
-class CancelOpening:
+class CancelOpening(Effect):
     """End the reading of a scene."""
 
 
 @dataclass(frozen=True)
-class WriteText:
+class WriteText(Effect):
     """Write a text file at once. Raises InputError."""
 
     path: Path
@@ -54,24 +58,24 @@ class WriteText:
 
 
 @dataclass(frozen=True)
-class RaisePanel:
+class RaisePanel(Effect):
     """Bring the panel of this title to the front."""
 
     title: str
 
 
 @dataclass(frozen=True)
-class ResetLayout:
+class ResetLayout(Effect):
     """Dock all panels where they are at first."""
 
 
 @dataclass(frozen=True)
-class Measure:
+class Measure(Effect):
     """Measure both slots in the next whole picture."""
 
 
 @dataclass(frozen=True)
-class TakePicture:
+class TakePicture(Effect):
     """Write the next whole picture as a PNG."""
 
     kind: PictureKind = "window"
@@ -83,7 +87,7 @@ class TakePicture:
 
 
 @dataclass(frozen=True)
-class TakeFilm:
+class TakeFilm(Effect):
     """Film the window's content from now on."""
 
     file: Path | None
@@ -91,20 +95,5 @@ class TakeFilm:
 
 
 @dataclass(frozen=True)
-class CloseWindow:
+class CloseWindow(Effect):
     """End the program after this frame."""
-
-
-Effect = (
-    RunCommand
-    | OpenScene
-    | ReadVariant
-    | CancelOpening
-    | WriteText
-    | RaisePanel
-    | ResetLayout
-    | Measure
-    | TakePicture
-    | TakeFilm
-    | CloseWindow
-)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from ntc.errors import InputError
 from viewer.commands.command import Arg, Context, command, gesture
-from viewer.commands.window import panel_switch, toggle_panel
+from viewer.commands.window import panel_command
 from viewer.inspect.comparison import compared_source
 from viewer.state.pack_files import match_scene
 from viewer.state.session import ErrorColumn, ErrorsBy, Session
@@ -15,27 +15,15 @@ LARGEST_IS_WORST: tuple[ErrorColumn, ...] = ("pixels", "mean", "max")
 
 
 def _no_pixel_kept(context: Context) -> str:
-    return (
-        "no pixel is kept; click on one while the panel Pixel is open"
-        if context.session.inspection.pixel is None
-        else ""
-    )
+    kept = context.session.inspection.pixel is not None
+    return "" if kept else "no pixel is kept; click on one while the panel Pixel is open"
 
 
 def _nothing_highlighted(context: Context) -> str:
     return "" if context.session.view.highlight else "nothing is highlighted"
 
 
-@command(
-    "pixel.panel",
-    "Pixel panel",
-    "enlarge the pixels around the mouse in A and B",
-    "Inspect",
-    "I",
-    current=panel_switch("Pixel"),
-)
-def toggle_pixel_panel(session: Session) -> None:
-    toggle_panel(session, "Pixel")
+pixel_panel = panel_command("Pixel", "enlarge the pixels around the mouse in A and B", "Inspect", "I")
 
 
 @command("pixel.keep", "Keep pixel", "keep a pixel of the picture in the panel Pixel", "Inspect")
@@ -77,16 +65,7 @@ def hover(session: Session, at: tuple[float, float] | None) -> None:
     session.inspection.hovered = at
 
 
-@command(
-    "errors.panel",
-    "Errors panel",
-    "list textures or decoders by the difference between A and B",
-    "Inspect",
-    "U",
-    current=panel_switch("Errors"),
-)
-def toggle_errors_panel(session: Session) -> None:
-    toggle_panel(session, "Errors")
+errors_panel = panel_command("Errors", "list textures or decoders by the difference between A and B", "Inspect", "U")
 
 
 def _change_table(session: Session, table: dict[str, object]) -> None:
@@ -151,15 +130,7 @@ def end_highlight(session: Session) -> None:
     session.view = replace(session.view, highlight=())
 
 
-@command(
-    "histogram.panel",
-    "Histogram panel",
-    "plot the number of pixels by the difference between A and B",
-    "Inspect",
-    current=panel_switch("Histogram"),
-)
-def toggle_histogram_panel(session: Session) -> None:
-    toggle_panel(session, "Histogram")
+histogram_panel = panel_command("Histogram", "plot the number of pixels by the difference between A and B", "Inspect")
 
 
 Texture = Annotated[str, Arg("number of the texture in the scene, or its name")]

@@ -1,10 +1,9 @@
 """Commands: the window, its panels and how they look."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Annotated
 
-from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.command import Arg, Command, Context, Menu, command, gesture, switch
 from viewer.commands.effects import Effect, RaisePanel, ResetLayout
 from viewer.state.session import Session
 from viewer.state.settings import UI_SCALE_RANGE, Theme
@@ -85,25 +84,17 @@ def fit_column(session: Session, folded: bool) -> None:
     session.window.column_folded = folded
 
 
-def toggle_panel(session: Session, title: str) -> None:
-    """Open a panel of OPENED_ON_REQUEST that is closed, or close an open one."""
-    session.window.open_panels ^= {title}
+def panel_command(title: str, help_line: str, menu: Menu, key: str = "") -> Command:
+    """Return the command that opens a panel of OPENED_ON_REQUEST, or closes it."""
+
+    def toggle(session: Session) -> None:
+        session.window.open_panels ^= {title}
+
+    is_open = switch(lambda session: title in session.window.open_panels)
+    return command(f"{title.lower()}.panel", f"{title} panel", help_line, menu, key, current=is_open)(toggle)
 
 
-def panel_switch(title: str) -> Callable[[Session], str]:
-    """Return a function for `Command.current` of the command that opens a panel."""
-    return switch(lambda session: title in session.window.open_panels)
-
-
-@command(
-    "log.panel",
-    "Log panel",
-    "show all messages with their times",
-    "Window",
-    current=panel_switch("Log"),
-)
-def toggle_log(session: Session) -> None:
-    toggle_panel(session, "Log")
+log_panel = panel_command("Log", "show all messages with their times", "Window")
 
 
 @command("help.palette", "Find a command", "find a command by typing", "Help", "Ctrl+P", "F3")

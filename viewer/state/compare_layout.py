@@ -29,10 +29,8 @@ def layout_of(view: ViewState) -> CompareLayout | None:
 
 def shown_slots(view: ViewState) -> tuple[Slot, Slot]:
     """Return the slots of the first and the second part; twice the same where one slot fills the picture."""
-    if view.compare in ("a", "b"):
-        slot = view.slot_a if view.compare == "a" else view.slot_b
-        return slot, slot
-    return (view.slot_b, view.slot_a) if view.flipped else (view.slot_a, view.slot_b)
+    first, second = shown_sides(view)
+    return view.slots[first], view.slots[second]
 
 
 def shown_sides(view: ViewState) -> tuple[Side, Side]:

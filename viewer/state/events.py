@@ -15,8 +15,12 @@ from viewer.state.message_log import MessageKind
 from viewer.state.view_state import Side, ViewState
 
 
+class Event:
+    """Report of a job or the renderer, which changes the session."""
+
+
 @dataclass(frozen=True)
-class Notification:
+class Notification(Event):
     """Message that is shown for some seconds and kept in the log."""
 
     text: str
@@ -27,7 +31,7 @@ class Notification:
 
 
 @dataclass(frozen=True, eq=False)
-class PackUpdated:
+class PackUpdated(Event):
     """A pack that was opened under a name, or that replaces the pack of that name."""
 
     name: str
@@ -35,14 +39,14 @@ class PackUpdated:
 
 
 @dataclass(frozen=True)
-class PackClosed:
+class PackClosed(Event):
     """Request to close a pack. Slots that show it go back to what they showed before its run, else to the reference."""
 
     name: str
 
 
 @dataclass(frozen=True)
-class PackRenamed:
+class PackRenamed(Event):
     """New name of an open pack whose run was accepted into a file. No effect where the name is taken."""
 
     name: str
@@ -50,7 +54,7 @@ class PackRenamed:
 
 
 @dataclass(frozen=True)
-class RunStarted:
+class RunStarted(Event):
     """First pack of a training run: slot A shows it, slot B keeps what it shows."""
 
     name: str
@@ -58,7 +62,7 @@ class RunStarted:
 
 
 @dataclass(frozen=True)
-class PrecisionFound:
+class PrecisionFound(Event):
     """Result of the search for the fastest precision of a slot."""
 
     side: Side
@@ -67,7 +71,7 @@ class PrecisionFound:
 
 
 @dataclass(frozen=True, eq=False)
-class TexturesCompressed:
+class TexturesCompressed(Event):
     """Textures in a block format of graphics hardware that slots wait for."""
 
     scene: Scene
@@ -78,14 +82,14 @@ class TexturesCompressed:
 
 
 @dataclass(frozen=True)
-class ViewChanged:
+class ViewChanged(Event):
     """View to draw in place of one that cannot be drawn."""
 
     view: ViewState
 
 
 @dataclass(frozen=True, eq=False)
-class Reverted:
+class Reverted(Event):
     """State before an opened file that cannot be drawn: it is restored."""
 
     scene: Scene
@@ -94,7 +98,7 @@ class Reverted:
 
 
 @dataclass(frozen=True, eq=False)
-class FirstViewFound:
+class FirstViewFound(Event):
     """Result of the search for a first view in a scene without cameras."""
 
     scene: Scene
@@ -102,16 +106,4 @@ class FirstViewFound:
     """Camera found; None keeps the view of the whole scene."""
 
 
-Event = (
-    Notification
-    | FirstViewFound
-    | PackUpdated
-    | PackClosed
-    | PackRenamed
-    | RunStarted
-    | PrecisionFound
-    | TexturesCompressed
-    | ViewChanged
-    | Reverted
-)
 EmitEvent = Callable[[Event], None]

@@ -59,22 +59,17 @@ def present_view(session: Session) -> SavedView:
 
 
 def _camera_fields(camera: Camera) -> dict[str, Any]:
-    return {
+    fields = {
         "name": camera.name,
         "eye": camera.eye,
         "target": camera.target,
         "up": camera.up,
         "fov": camera.fov_degrees,
-        **{
-            name: value
-            for name, value in (
-                ("orthographic_height", camera.orthographic_height),
-                ("near", camera.near),
-                ("far", camera.far),
-            )
-            if value is not None
-        },
+        "orthographic_height": camera.orthographic_height,
+        "near": camera.near,
+        "far": camera.far,
     }
+    return {name: value for name, value in fields.items() if value is not None}
 
 
 def view_json(saved: SavedView) -> str:
@@ -223,14 +218,12 @@ def parse_view(text: str, where: str, present: SavedView) -> SavedView:
 
 def with_open_sources(view: ViewState, present: ViewState, sources: tuple[str, ...]) -> tuple[ViewState, list[str]]:
     """Return `view` with slots of `present` in place of sources that are not open, and the names of those sources."""
-    missing = list(
-        dict.fromkeys(slot.source for slot in (view.slot_a, view.slot_b) if slot.source not in (REFERENCE, *sources))
-    )
-    return replace(
-        view,
-        slot_a=present.slot_a if view.slot_a.source in missing else view.slot_a,
-        slot_b=present.slot_b if view.slot_b.source in missing else view.slot_b,
-    ), missing
+    missing: dict[str, None] = {}
+    for side, slot in view.slots.items():
+        if slot.source not in (REFERENCE, *sources):
+            missing[slot.source] = None
+            view = view.with_slot(side, present.slots[side])
+    return view, list(missing)
 
 
 def with_known_pose(view: ViewState, animations: Sequence[AnimationFacts]) -> ViewState:

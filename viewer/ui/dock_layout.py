@@ -7,7 +7,7 @@ from typing import Literal
 from imgui_bundle import ImVec2, imgui
 
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import Area
+from viewer.ui.widgets import Area, side_bar, ui_scale
 
 Place = Literal["upper", "lower"]
 DOCK_SPACE = "column"
@@ -257,23 +257,9 @@ COLUMN_LABEL = "fold panels"
 
 def draw_column_handle(ui: UiFrame, folded: bool) -> None:
     """Draw a strip with an arrow along the left edge: a click folds all panels into it, the next one unfolds them."""
-    style = imgui.get_style()
-    width = STRIP * style.font_scale_main * style.font_scale_dpi
-    flags = (
-        imgui.WindowFlags_.no_decoration
-        | imgui.WindowFlags_.no_saved_settings
-        | imgui.WindowFlags_.no_nav
-        | imgui.WindowFlags_.no_focus_on_appearing
-    )
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(0.0, 0.0))
-    imgui.push_style_var(imgui.StyleVar_.window_min_size, ImVec2(1.0, 1.0))
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
-    imgui.push_style_color(imgui.Col_.window_bg, style.color_(imgui.Col_.menu_bar_bg))
-    # Known to ImGui as a side bar: panels are docked in what it leaves.
-    opened = imgui.internal.begin_viewport_side_bar("##fold", imgui.get_main_viewport(), imgui.Dir.left, width, flags)
-    imgui.pop_style_color()
-    imgui.pop_style_var(3)
-    if opened:
+    with side_bar("##fold", imgui.Dir.left, STRIP * ui_scale(), ImVec2(0.0, 0.0)) as opened:
+        if not opened:
+            return
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
         if imgui.invisible_button(COLUMN_LABEL, ImVec2(max(room.x, 1.0), max(room.y, 1.0))):
             ui.emit("window.column")
@@ -284,7 +270,6 @@ def draw_column_handle(ui: UiFrame, folded: bool) -> None:
             ImVec2(at.x + (room.x - size) / 2.0, at.y + (room.y - size) / 2.0),
             imgui.is_item_hovered(),
         )
-    imgui.end()
 
 
 def _arrow(direction: imgui.Dir, at: ImVec2, bright: bool) -> None:

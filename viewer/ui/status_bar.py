@@ -6,7 +6,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.state.message_log import MessageLog
 from viewer.ui.facts import UiFrame, Work
-from viewer.ui.widgets import duration, shortened
+from viewer.ui.widgets import duration, shortened, side_bar, ui_scale
 
 SIDE = 4.0
 """Space above and below the text, in window units at normal scale."""
@@ -16,44 +16,23 @@ SHARE_HEIGHT = 6.0
 MESSAGE_SHARE = 0.3
 """Width that the last message keeps beside the work, as a share of the bar."""
 CANCEL = "Cancel"
-FLAGS = (
-    imgui.WindowFlags_.no_scrollbar
-    | imgui.WindowFlags_.no_saved_settings
-    | imgui.WindowFlags_.no_nav
-    | imgui.WindowFlags_.no_focus_on_appearing
-    | imgui.WindowFlags_.no_decoration
-)
-
-
-def _scale() -> float:
-    style = imgui.get_style()
-    return float(style.font_scale_main * style.font_scale_dpi)
 
 
 def status_bar_height() -> float:
     """Return the height of the bar in window units: one line of text."""
-    return float(imgui.get_text_line_height() + 2.0 * SIDE * _scale())
+    return float(imgui.get_text_line_height() + 2.0 * SIDE * ui_scale())
 
 
 def draw_status_bar(ui: UiFrame) -> float:
     """Draw the bar, and return its height in window units. The viewport's work area shrinks by it from the next frame on."""
     height = status_bar_height()
-    style = imgui.get_style()
     inset = (height - imgui.get_text_line_height()) / 2.0
-    imgui.push_style_var(imgui.StyleVar_.window_padding, ImVec2(style.window_padding.x, inset))
-    imgui.push_style_var(imgui.StyleVar_.window_min_size, ImVec2(1.0, 1.0))
-    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
-    imgui.push_style_color(imgui.Col_.window_bg, style.color_(imgui.Col_.menu_bar_bg))
-    # Known to ImGui as a side bar: panels are docked in what it leaves.
-    opened = imgui.internal.begin_viewport_side_bar(
-        "##status", imgui.get_main_viewport(), imgui.Dir.down, height, FLAGS
-    )
-    imgui.pop_style_color()
-    imgui.pop_style_var(3)
-    if opened:
+    padding = ImVec2(imgui.get_style().window_padding.x, inset)
+    with side_bar("##status", imgui.Dir.down, height, padding) as opened:
+        if not opened:
+            return height
         right = imgui.get_content_region_avail().x
         _message(ui.session.window.log, _work(ui.facts.work, right, ui) if ui.facts.work else right, ui)
-    imgui.end()
     return height
 
 
@@ -92,7 +71,7 @@ def _work(all_work: Sequence[Work], right: float, ui: UiFrame) -> float:
             ui.emit(first.cancel)
         ui.rects.note("cancel work", f"Cancel: {first.title}.")
         imgui.same_line()
-    bar = SHARE_WIDTH * _scale()
+    bar = SHARE_WIDTH * ui_scale()
     top = imgui.get_cursor_pos_y()
     if first.share is not None:
         left -= gap + bar

@@ -31,7 +31,7 @@ from viewer.ui.panels.training import EncodeOffer
 from viewer.ui.picture_input import PictureInput
 from viewer.ui.question_window import QuestionWindow
 from viewer.ui.status_bar import draw_status_bar
-from viewer.ui.widgets import Area, WidgetRects
+from viewer.ui.widgets import Area, WidgetRects, ui_scale
 
 SETTLING_FRAMES = 3
 """Number of frames that ImGui's layout needs after an event."""
@@ -159,9 +159,8 @@ class UserInterface:
 
     def _layout_panels(self, ui: UiFrame) -> Area:
         """Dock the panels, and return the rectangle of the picture."""
-        style, settings = imgui.get_style(), ui.session.settings
+        settings, scale = ui.session.settings, ui_scale()
         places = [Docked(panel.title, panel.place) for panel in self._all_panels]
-        scale = style.font_scale_main * style.font_scale_dpi
         if settings.column_folded is None:
             narrow = folds_at_first(imgui.get_main_viewport().size.x / scale)
             if narrow != ui.session.window.column_folded:

@@ -1,17 +1,41 @@
 """Widgets that panels share: rectangles, colours, sizes, lists, table cells, labels and tooltips."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
 from viewer.scene.json_text import counted as counted
 from viewer.state.palettes import PaletteName, palette_colors, share_of_most
 
 SLOT_COLORS = {"a": (0.35, 0.65, 1.0, 1.0), "b": (1.0, 0.6, 0.25, 1.0)}
 """Colours of slots: blue for A and orange for B differ for every kind of colour vision."""
+
+
+@contextmanager
+def side_bar(name: str, side: imgui.Dir, size: float, padding: ImVec2) -> Iterator[bool]:
+    """Draw a bar along an edge of the window, to which ImGui docks panels; yields True where it is visible."""
+    style = imgui.get_style()
+    flags = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings
+    flags |= imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_focus_on_appearing
+    imgui.push_style_var(imgui.StyleVar_.window_padding, padding)
+    imgui.push_style_var(imgui.StyleVar_.window_min_size, ImVec2(1.0, 1.0))
+    imgui.push_style_var(imgui.StyleVar_.window_rounding, 0.0)
+    imgui.push_style_color(imgui.Col_.window_bg, style.color_(imgui.Col_.menu_bar_bg))
+    opened = imgui.internal.begin_viewport_side_bar(name, imgui.get_main_viewport(), side, size, flags)
+    imgui.pop_style_color()
+    imgui.pop_style_var(3)
+    yield opened
+    imgui.end()
+
+
+def ui_scale() -> float:
+    """Return window units per unit of normal scale."""
+    style = imgui.get_style()
+    return float(style.font_scale_main * style.font_scale_dpi)
 
 
 def packed(rgba: tuple[float, float, float, float]) -> int:
@@ -260,11 +284,6 @@ def list_width(*choices: str) -> float:
     """Return the width of a drop-down list that shows each of these texts whole."""
     arrow = imgui.get_frame_height()
     return max(map(text_width, choices)) + arrow + 2.0 * imgui.get_style().frame_padding.x
-
-
-def field_width(text: str) -> float:
-    """Return the width of a field or a button that shows this text whole."""
-    return text_width(text) + 2.0 * imgui.get_style().frame_padding.x
 
 
 def box_width(label: str) -> float:

@@ -9,6 +9,7 @@ from ntc.codec.config import PrecisionChoice
 from ntc.metrics.divergence import cut_percent
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
 from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
+from viewer.ui.controls import check_box, command_button, command_list, slider
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import (
     beside,
@@ -51,35 +52,23 @@ def figures_state(ui: UiFrame) -> str:
 
 def draw_flicker(ui: UiFrame) -> None:
     """Draw the flicker's switch and rate."""
-    if imgui.checkbox("flicker", ui.session.window.flickers)[0]:
-        ui.emit("compare.toggle-flicker")
-    ui.rects.note("flicker")
+    check_box(ui, "flicker", ui.session.window.flickers, "compare.toggle-flicker")
     imgui.same_line()
-    imgui.set_next_item_width(-1)
-    low, high = FLICKER_RANGE
-    rate = ui.session.settings.flicker_hz
-    flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
-    moved, rate = imgui.slider_float("##rate", rate, low, high, "%.1f Hz", flags)
-    ui.rects.note("flicker rate")
-    if moved:
-        ui.emit("compare.flicker", round(rate, 3))
+    rate = slider(ui, "flicker rate", ui.session.settings.flicker_hz, FLICKER_RANGE, "%.1f Hz", logarithmic=True)
+    if rate is not None:
+        ui.emit("compare.flicker", rate)
 
 
 def draw_difference(ui: UiFrame) -> None:
     """Draw the kind of the difference and its gain."""
     difference = ui.session.view.difference
-    imgui.set_next_item_width(list_width(*get_args(DifferenceKind)))
-    kind = combo("difference", difference.kind, get_args(DifferenceKind), ui.rects)
-    if kind != difference.kind:
-        ui.emit("compare.difference", kind)
+    kinds = get_args(DifferenceKind)
+    command_list(ui, "difference", difference.kind, kinds, "compare.difference", width=list_width(*kinds))
     beside(em(7.0))
-    imgui.set_next_item_width(-1)
     if difference.kind == "amplified":
-        flags = imgui.SliderFlags_.logarithmic | imgui.SliderFlags_.always_clamp
-        moved, gain = imgui.slider_float("##gain", difference.gain, *GAINS, "x %.1f", flags)
-        ui.rects.note("gain")
-        if moved:
-            ui.emit("compare.gain", round(gain, 3))
+        gain = slider(ui, "gain", difference.gain, GAINS, "x %.1f", logarithmic=True)
+        if gain is not None:
+            ui.emit("compare.gain", gain)
         return
     texts = {"raw": "|A - B|, sRGB", "relative": "|A - B| / A, linear", "flip": "dark 0, bright 1"}
     imgui.text_disabled(texts[difference.kind])
@@ -87,10 +76,7 @@ def draw_difference(ui: UiFrame) -> None:
 
 def draw_live_figures(ui: UiFrame) -> None:
     """Draw PSNR, SSIM and FLIP of A against B."""
-    changed, live_figures = imgui.checkbox("A against B", ui.session.settings.live_figures)
-    ui.rects.note("live figures")
-    if changed:
-        ui.emit("compare.live", live_figures)
+    check_box(ui, "A against B", ui.session.settings.live_figures, "compare.live", "live figures")
     disabled_beside(figures_state(ui))
     ui.rects.note("figures state")
     live = ui.facts.live
@@ -139,10 +125,8 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     # Three lists in one row where there is room for them, else the first one in a row of its own.
     room = imgui.get_content_region_avail().x - sum(paths) - 2.0 * imgui.get_style().item_spacing.x
     fits = room >= list_width(slot.source) or is_image_source(slot.source)
-    imgui.set_next_item_width(room if fits else -1.0)
-    source = combo(f"{letter} source", slot.source, ui.session.sources, ui.rects)
-    if source != slot.source:
-        ui.emit("slot.source", side, source)
+    width = room if fits else -1.0
+    command_list(ui, f"{letter} source", slot.source, ui.session.sources, "slot.source", side, width=width)
     waits = ui.session.awaited_formats.get(side)
     if waits is not None:
         disabled_beside(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
@@ -152,19 +136,20 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
             imgui.same_line()
         else:
             imgui.set_cursor_pos_x(left)
-        imgui.set_next_item_width(paths[0])
-        lacking = ui.session.unsupported
-        path = combo(
-            f"{letter} path", slot.path, get_args(PathChoice), ui.rects, lambda choice: lacking.get(choice, "")
-        )
-        imgui.same_line()
-        imgui.set_next_item_width(paths[1])
-        choices = get_args(PrecisionChoice)
-        precision = combo(f"{letter} precision", shown, choices, ui.rects, lambda choice: lacking.get(choice, ""))
-        if precision != shown:
-            ui.emit("slot.precision", side, precision)
-        if path != slot.path:
-            ui.emit("slot.path", side, path)
+        lists = (("path", slot.path, get_args(PathChoice)), ("precision", shown, get_args(PrecisionChoice)))
+        for (name, current, choices), width in zip(lists, paths, strict=True):
+            if name == "precision":
+                imgui.same_line()
+            command_list(
+                ui,
+                f"{letter} {name}",
+                current,
+                choices,
+                f"slot.{name}",
+                side,
+                width=width,
+                refusal=lambda choice: ui.session.unsupported.get(choice, ""),
+            )
 
 
 def _modes(ui: UiFrame) -> None:
@@ -190,9 +175,7 @@ def _panels(ui: UiFrame) -> None:
         name = title.lower()
         if number:
             beside(box_width(name))
-        if imgui.checkbox(name, title in ui.session.window.open_panels)[0]:
-            ui.emit(f"{name}.panel")
-        ui.rects.note(f"show {name}")
+        check_box(ui, name, title in ui.session.window.open_panels, f"{name}.panel", f"show {name}")
 
 
 def _filters(ui: UiFrame) -> None:
@@ -211,16 +194,12 @@ def _filters(ui: UiFrame) -> None:
     imgui.same_line()
     imgui.text("resolution")
     beside(box_width("coarser while moving"))
-    changed, coarse = imgui.checkbox("coarser while moving", ui.session.settings.coarse_while_moving)
-    ui.rects.note("coarser while moving")
-    if changed:
-        ui.emit("view.coarse-while-moving", coarse)
+    coarse = ui.session.settings.coarse_while_moving
+    check_box(ui, "coarser while moving", coarse, "view.coarse-while-moving")
 
 
 def _overlay(ui: UiFrame) -> None:
-    if imgui.checkbox("divergence", ui.session.view.overlay.kind == "divergence")[0]:
-        ui.emit("overlay.toggle")
-    ui.rects.note("divergence")
+    check_box(ui, "divergence", ui.session.view.overlay.kind == "divergence", "overlay.toggle")
     excess = [
         ui.facts.divergence[s.source].excess
         for s in (ui.session.view.slot_a, ui.session.view.slot_b)
@@ -232,9 +211,7 @@ def _overlay(ui: UiFrame) -> None:
 
 
 def _figures(ui: UiFrame) -> None:
-    if imgui.button("Measure"):
-        ui.emit("compare.measure")
-    ui.rects.note("Measure")
+    command_button(ui, "Measure", "compare.measure")
     if not ui.session.inspection.measurements:
         disabled_beside("PSNR, divergence, memory")
         return

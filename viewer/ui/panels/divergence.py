@@ -7,6 +7,7 @@ from ntc.metrics.divergence import DivergenceStatistics, cut_percent
 from viewer.inspect.place_content import BlockContent
 from viewer.state.palettes import PALETTES
 from viewer.state.view_state import BLOCKS, ScaleName, is_image_source
+from viewer.ui.controls import command_button, command_list, slider
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import side_ink
 from viewer.ui.widgets import beside, combo, counted, list_width, named_cells
@@ -21,25 +22,16 @@ SCALE_NAMES = {scale: name for name, scale in SCALES.items()}
 
 def _settings(ui: UiFrame) -> None:
     overlay = ui.session.view.overlay
-    imgui.set_next_item_width(list_width(*BLOCKS))
-    block = combo("block", overlay.block, tuple(BLOCKS), ui.rects)
+    command_list(ui, "block", overlay.block, tuple(BLOCKS), "overlay.block", width=list_width(*BLOCKS))
     imgui.same_line()
-    imgui.set_next_item_width(list_width(*PALETTES))
-    palette = combo("palette", overlay.palette, tuple(PALETTES), ui.rects)
+    command_list(ui, "palette", overlay.palette, tuple(PALETTES), "overlay.palette", width=list_width(*PALETTES))
     beside(list_width(*SCALES))
     imgui.set_next_item_width(-1)
     scale = SCALES[combo("scale", SCALE_NAMES[overlay.scale], tuple(SCALES), ui.rects)]
-    imgui.set_next_item_width(-1)
-    always_clamp = imgui.SliderFlags_.always_clamp
-    moved, opacity = imgui.slider_float("##opacity", overlay.opacity, 0.0, 1.0, "opacity %.2f", always_clamp)
-    ui.rects.note("opacity")
     if scale != overlay.scale:
         ui.emit("overlay.scale", scale)
-    if block != overlay.block:
-        ui.emit("overlay.block", block)
-    if palette != overlay.palette:
-        ui.emit("overlay.palette", palette)
-    if moved:
+    opacity = slider(ui, "opacity", overlay.opacity, (0.0, 1.0), "opacity %.2f")
+    if opacity is not None:
         ui.emit("overlay.opacity", opacity)
 
 
@@ -116,9 +108,7 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
     imgui.text(f"block {block.place.column}, {block.place.row}")
     imgui.same_line()
     if kept:
-        if imgui.small_button("release"):
-            ui.emit("block.keep-at", None)
-        ui.rects.note("release")
+        command_button(ui, "release", "block.keep-at", None, small=True)
     else:
         imgui.text_disabled("click to keep")
     slots = {"A": ui.session.view.slot_a.source, "B": ui.session.view.slot_b.source}

@@ -9,6 +9,7 @@ from viewer.commands.inspection import LARGEST_IS_WORST
 from viewer.inspect.comparison import ErrorRow
 from viewer.state.session import ErrorColumn, Session
 from viewer.state.view_state import OverlayKind
+from viewer.ui.controls import command_button
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.panels.compare import decibels, figures_state
 from viewer.ui.widgets import beside, box_width, cells, text_width
@@ -116,9 +117,7 @@ def draw_errors_panel(ui: UiFrame) -> None:
     imgui.text_disabled(figures_state(ui))
     if ui.session.view.highlight:
         imgui.same_line()
-        if imgui.small_button("end highlight"):
-            ui.emit("errors.clear")
-        ui.rects.note("end highlight")
+        command_button(ui, "end highlight", "errors.clear", small=True)
     rows = sorted_rows(ui.session, ui.facts)
     if not rows:
         return

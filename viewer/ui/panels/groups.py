@@ -9,7 +9,7 @@ from ntc.pack.match import PackMatch
 from viewer.inspect.group_table import GroupDistances, GroupRow, group_distances, group_rows, grouping_features
 from viewer.jobs.job import Background
 from viewer.state.session import Session
-from viewer.ui.controls import command_button
+from viewer.ui.controls import command_button, select_texture
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import cells, counted, headings
 
@@ -188,8 +188,7 @@ class GroupsPanel:
         if imgui.selectable(
             f"##member {texture}", texture == ui.session.inspection.selected_texture, flags, ImVec2(0, side)
         )[0]:
-            doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-            ui.emit("texture.flat" if doubly else "texture.select", str(texture))
+            select_texture(ui, texture)
             self._followed = texture
         ui.rects.note(f"member {texture}")
         imgui.set_cursor_pos(at)

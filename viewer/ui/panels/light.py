@@ -7,6 +7,7 @@ from imgui_bundle import imgui
 
 from viewer.commands.materials import VIEWS
 from viewer.state.view_state import ELEVATION_RANGE, REFERENCE, SKY, DecodedMaps, MaterialView, ToneMap
+from viewer.ui.controls import command_list, slider
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo, em, wrapped_disabled
 
@@ -28,9 +29,7 @@ def _label(text: str, ui: UiFrame) -> None:
 def _slider(ui: UiFrame, label: str, value: float, ends: tuple[float, float], text: str) -> float | None:
     """Draw a labelled slider, and return its new value; None where it was not moved."""
     _label(label, ui)
-    moved, found = imgui.slider_float(f"##{label}", value, *ends, text, imgui.SliderFlags_.always_clamp)
-    ui.rects.note(label)
-    return round(found, 3) if moved else None
+    return slider(ui, label, value, ends, text)
 
 
 def _draw_environment(ui: UiFrame) -> None:
@@ -64,9 +63,7 @@ def _draw_light(ui: UiFrame) -> None:
     if stops is not None:
         ui.emit("light.exposure", stops)
     _label("tone map", ui)
-    tone_map = combo("tone map", lighting.tone_map, get_args(ToneMap), ui.rects)
-    if tone_map != lighting.tone_map:
-        ui.emit("light.tone-map", tone_map)
+    command_list(ui, "tone map", lighting.tone_map, get_args(ToneMap), "light.tone-map")
     wrapped_disabled("Shift + drag over the picture moves the sun.")
 
 
@@ -77,18 +74,14 @@ def _draw_decoded_maps(ui: UiFrame) -> None:
             continue
         letter = side.upper()
         _label(f"{letter} decodes", ui)
-        chosen = combo(f"{letter} maps", slot.maps, get_args(DecodedMaps), ui.rects)
-        if chosen != slot.maps:
-            ui.emit("slot.maps", side, chosen)
+        command_list(ui, f"{letter} maps", slot.maps, get_args(DecodedMaps), "slot.maps", side)
 
 
 def draw_light_panel(ui: UiFrame) -> None:
     """Draw the content of the panel; light is shown only where it has an effect."""
     view = ui.session.view.material_view
     _label("view", ui)
-    chosen = combo("materials", view, get_args(MaterialView), ui.rects)
-    if chosen != view:
-        ui.emit("materials.view", chosen)
+    command_list(ui, "materials", view, get_args(MaterialView), "materials.view")
     if view != "base":
         _draw_decoded_maps(ui)
     if view == "lit":

@@ -3,6 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.message_log import LogEntry
+from viewer.ui.controls import copy_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import ink
 from viewer.ui.widgets import counted
@@ -19,9 +20,7 @@ class LogPanel:
     def draw(self, ui: UiFrame) -> None:
         """Draw the content of the panel."""
         log = ui.session.window.log
-        if imgui.small_button("copy all"):
-            imgui.set_clipboard_text(log.text())
-        ui.rects.note("copy log")
+        copy_button(ui, "copy all", "copy log", log.text)
         imgui.same_line()
         _, self._errors_only = imgui.checkbox("errors only", self._errors_only)
         ui.rects.note("errors only")
@@ -56,8 +55,6 @@ class LogPanel:
         if self._expanded != entry.number:
             return
         imgui.indent()
-        if imgui.small_button(f"copy##{entry.number}"):
-            imgui.set_clipboard_text(entry.whole())
-        ui.rects.note(f"copy log {entry.number}")
+        copy_button(ui, f"copy##{entry.number}", f"copy log {entry.number}", entry.whole)
         imgui.text_wrapped(entry.details or entry.text)
         imgui.unindent()

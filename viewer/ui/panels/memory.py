@@ -12,6 +12,7 @@ from viewer.inspect.memory_table import (
     smaller_note,
 )
 from viewer.state.view_state import Slot, is_image_source
+from viewer.ui.controls import copy_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import InkName, ink
 from viewer.ui.widgets import disabled_beside
@@ -69,9 +70,7 @@ class MemoryPanel:
     def draw(self, ui: UiFrame) -> None:
         """Draw the content of the panel."""
         self._update(ui)
-        if imgui.small_button("copy"):
-            imgui.set_clipboard_text(self.text())
-        ui.rects.note("copy memory")
+        copy_button(ui, "copy", "copy memory", self.text)
         disabled_beside("ratio to RGBA8 of equal size")
         for note in self._notes:
             imgui.text_wrapped(note)

@@ -4,6 +4,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.inspect.place_content import REACH, PixelContent, PixelPatch
 from viewer.state.view_state import Slot, is_image_source
+from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import side_ink
 from viewer.ui.widgets import cells, em
@@ -113,9 +114,7 @@ def draw_pixel_panel(ui: UiFrame) -> None:
     imgui.text(f"{place.x}, {place.y} of {place.picture[0]} x {place.picture[1]}")
     imgui.same_line()
     if ui.session.inspection.pixel is not None:
-        if imgui.small_button("release"):
-            ui.emit("pixel.let-go")
-        ui.rects.note("let the pixel go")
+        command_button(ui, "release", "pixel.let-go", label="let the pixel go", small=True)
     else:
         imgui.text_disabled("click to keep")
     cell = min(em(LARGEST_CELL), (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))

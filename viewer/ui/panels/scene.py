@@ -6,6 +6,7 @@ from viewer.inspect.scene_tree import SceneTree
 from viewer.scene.model import LoadReport, Material, Scene
 from viewer.scene.report import report_lines
 from viewer.state.motion import chosen_animation
+from viewer.ui.controls import check_box, command_button, command_list, copy_button, select_texture
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo
 
@@ -33,23 +34,13 @@ def _draw(ui: UiFrame) -> None:
     if len(session.scene.animations) > 1:
         imgui.set_next_item_width(-1)
         names = tuple(animation.name for animation in session.scene.animations)
-        chosen = combo("animation", shown.name, names, ui.rects)
-        if chosen != shown.name:
-            ui.emit("animation.time", 0.0, chosen)
-    if imgui.button("Pause" if session.playback.is_playing else "Play"):
-        ui.emit("animation.play")
-    ui.rects.note("Play")
+        command_list(ui, "animation", shown.name, names, "animation.time", 0.0)
+    command_button(ui, "Pause" if session.playback.is_playing else "Play", "animation.play", label="Play")
     imgui.same_line()
-    imgui.begin_disabled(pose is None and not session.playback.is_playing)
-    if imgui.button("Rest"):
-        ui.emit("animation.rest")
-    imgui.end_disabled()
-    ui.rects.note("Rest")
+    rests = pose is None and not session.playback.is_playing
+    command_button(ui, "Rest", "animation.rest", missing="the scene is at rest" if rests else "")
     imgui.same_line()
-    changed, _ = imgui.checkbox("repeat", session.playback.repeats)
-    ui.rects.note("repeat")
-    if changed:
-        ui.emit("animation.repeat")
+    check_box(ui, "repeat", session.playback.repeats, "animation.repeat")
     imgui.same_line()
     imgui.set_next_item_width(-1)
     texts = tuple(f"x {speed:g}" for speed in SPEEDS)
@@ -157,8 +148,7 @@ class SceneLists:
                 )[0]
                 ui.rects.note(f"material {number}")
                 if chosen and texture >= 0:
-                    doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-                    ui.emit("texture.flat" if doubly else "texture.select", str(texture))
+                    select_texture(ui, texture)
 
 
 def _report(scene: Scene, ui: UiFrame) -> None:
@@ -167,9 +157,7 @@ def _report(scene: Scene, ui: UiFrame) -> None:
     ui.rects.note("load report")
     if not opened:
         return
-    if imgui.small_button("copy report"):
-        imgui.set_clipboard_text("\n".join(report_lines(scene)))
-    ui.rects.note("copy report")
+    copy_button(ui, "copy report", "copy report", lambda: "\n".join(report_lines(scene)))
     _parts(report, ui)
     imgui.tree_pop()
 
@@ -198,13 +186,9 @@ def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
     imgui.text_disabled(
         ", ".join(f"{used[key]:,} {key}" for key in ("triangles", "materials", "textures") if key in used)
     )
-    if imgui.button("Open..."):
-        ui.emit("file.open")
-    ui.rects.note("Open...")
+    command_button(ui, "Open...", "file.open")
     imgui.same_line()
-    if imgui.button("Frame all"):
-        ui.emit("camera.frame-all")
-    ui.rects.note("Frame all")
+    command_button(ui, "Frame all", "camera.frame-all")
     opened = imgui.tree_node_ex(f"cameras ({len(scene.cameras)})", imgui.TreeNodeFlags_.default_open)
     ui.rects.note("cameras")
     if opened:

@@ -12,6 +12,7 @@ from viewer.inspect.texture_table import (
     texture_rows,
 )
 from viewer.state.view_state import is_image_source
+from viewer.ui.controls import select_texture
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import headings
 
@@ -159,8 +160,7 @@ class TexturesPanel:
         label = f"texture {row.texture_id}"
         ui.rects.note(label, f"{row.name}, {row.width} x {row.height}\n{ui.rects.explanation('texture #')}")
         if clicked:
-            doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
-            ui.emit("texture.flat" if doubly else "texture.select", str(row.texture_id))
+            select_texture(ui, row.texture_id)
             self._scrolled_to = row.texture_id
         imgui.set_cursor_pos(at)
         if ui.facts.thumbnail is not None:

@@ -5,6 +5,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from viewer.render.frames import FrameHistory
+from viewer.ui.controls import copy_button
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.widgets import counted
 
@@ -135,9 +136,7 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     imgui.text_wrapped(ui.facts.renderer)
     imgui.text_disabled(f"medians by {ui.facts.timer}")
     imgui.same_line()
-    if imgui.small_button("copy"):
-        imgui.set_clipboard_text(timings_text(ui.facts))
-    ui.rects.note("copy timings")
+    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts))
     if ui.facts.history is not None:
         plot.draw(ui.facts.history, ui)
     if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):

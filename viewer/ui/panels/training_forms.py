@@ -12,7 +12,7 @@ from ntc.codec.registry import MODULES, codec_named
 from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, LARGEST_BITS, TrainingSettings, make_budget
-from viewer.ui.controls import command_button
+from viewer.ui.controls import check_box, command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import beside, combo, counted, em, list_width, text_width, wrapped_disabled
 
@@ -65,10 +65,8 @@ class TrainingForms:
         if pack is None:
             imgui.text_wrapped("This scene has no pack. Encode it:")
             self._encode(ui)
-            changed, ahead = imgui.checkbox("prepare ahead", ui.session.settings.prepare_encoding)
-            ui.rects.note("prepare ahead")
-            if changed:
-                ui.emit("training.ahead", ahead)
+            ahead = ui.session.settings.prepare_encoding
+            check_box(ui, "prepare encoding early", ahead, "training.ahead", "prepare ahead")
             return
         if pack is not self._pack:
             same = self._pack is not None and self._pack.grouping.groups == pack.grouping.groups
@@ -125,11 +123,11 @@ class TrainingForms:
             imgui.same_line()
             self._clusters = _field("k", self._clusters, NUMBER, ui)
 
-    def _button(self, label: str, command: tuple[str, *tuple[object, ...]] | None, ui: UiFrame) -> None:
-        """Draw a button that runs a command with its values; grey where `command` is None."""
-        name, *values = command or ("training.encode",)
-        missing = "" if command is not None else "fill in all fields above"
-        command_button(ui, label, str(name), *values, missing=missing, size=ImVec2(-1, 0))
+    @staticmethod
+    def _button(ui: UiFrame, title: str, command_id: str, *values: object) -> None:
+        """Draw a button that runs a command with `values`; grey where one of them is None or empty."""
+        missing = "fill in all fields above" if None in values or "" in values else ""
+        command_button(ui, title, command_id, *values, missing=missing, size=ImVec2(-1, 0))
 
     @property
     def _k(self) -> str:
@@ -144,12 +142,9 @@ class TrainingForms:
         imgui.text("texels at most")
         bits = self._codec_and_bits(ui)
         budget = self._length(self._codec, ui)
-        command = None
-        if budget is not None and bits is not None:
-            recipe = self._recipe if codec_named(self._codec).trains else "best"
-            how = (int(self._size), budget, recipe, self._codec, bits)
-            command = ("training.encode", self._strategy, self._k, *how)
-        self._button("Encode this scene", command, ui)
+        recipe = self._recipe if codec_named(self._codec).trains else "best"
+        how = (int(self._size), budget, recipe, self._codec, bits)
+        self._button(ui, "Encode this scene", "training.encode", self._strategy, self._k, *how)
 
     def _codec_and_bits(self, ui: UiFrame) -> float | None:
         """Draw codec and bits per texel. Return the bits, None for wrong ones; a codec without a target ignores them."""
@@ -199,12 +194,9 @@ class TrainingForms:
             self._groups = set()
         ui.rects.note("no groups")
         budget = self._length(pack.config.kind, ui)
-        command = None
-        if budget is not None and self._groups:
-            groups = ",".join(map(str, sorted(self._groups)))
-            command = ("training.retrain", groups, budget, self._recipe)
-        label = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
-        self._button(label, command, ui)
+        groups = ",".join(map(str, sorted(self._groups)))
+        title = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
+        self._button(ui, title, "training.retrain", groups, budget, self._recipe)
         ui.rects.note("Retrain")
 
     def _move(self, pack: Pack, ui: UiFrame) -> None:
@@ -221,18 +213,13 @@ class TrainingForms:
         imgui.set_next_item_width(list_width(*targets))
         self._group = combo("to group", self._group, targets, ui.rects)
         budget = self._length(pack.config.kind, ui)
-        command = None
-        if budget is not None:
-            command = ("training.move", str(self._texture), self._group, budget, self._recipe)
-        self._button("Move and train both groups", command, ui)
+        values = (str(self._texture), self._group, budget, self._recipe)
+        self._button(ui, "Move and train both groups", "training.move", *values)
 
     def _regroup(self, pack: Pack, ui: UiFrame) -> None:
         self._grouping(ui)
         budget = self._length(pack.config.kind, ui)
-        command = None
-        if budget is not None:
-            command = ("training.regroup", self._strategy, self._k, budget, self._recipe)
-        self._button("Regroup and train", command, ui)
+        self._button(ui, "Regroup and train", "training.regroup", self._strategy, self._k, budget, self._recipe)
 
 
 def _group_lines(pack: Pack) -> list[str]:
