@@ -9,16 +9,11 @@ from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
 from viewer.ui.facts import Work
+from viewer.ui.panels.training import STATES
 from viewer.ui.widgets import duration
 
 LEAST_SHARE, LEAST_SECONDS = 0.03, 1.0
 """Least share of the work and least seconds before the time left is estimated."""
-TRAINING_STATES = {
-    "preparing": "preparing textures and groups",
-    "pausing": "pausing",
-    "paused": "paused",
-    "cancelling": "cancelling",
-}
 
 
 def seconds_left(share: float, began: float) -> float | None:
@@ -61,7 +56,7 @@ def training_work(training: LiveTraining) -> Iterator[Work]:
     """Yield the training under way, and the pack being written."""
     if (run := training.active) is not None:
         title, progress = f"{run.name}: {job_title(run.job)}", run.progress
-        state = TRAINING_STATES.get(run.state, "")
+        state = STATES[run.state]
         if progress is None:
             state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
         share = progress.step / max(1, progress.steps) if progress is not None else None

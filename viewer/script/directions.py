@@ -5,13 +5,14 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from imgui_bundle import imgui
 
 from ntc.errors import InputError
 from viewer.commands.command import typed_path
-from viewer.commands.effects import TakeFilm, TakePicture
+from viewer.commands.effects import Effect, TakeFilm, TakePicture
 from viewer.commands.keys import Chord, parse_chord
 from viewer.script.stage import PROPERTIES, Stage, Turn, expect
 from viewer.ui.picture_input import imgui_key
@@ -237,28 +238,23 @@ def _size(arguments: Sequence[str]) -> Play:
     return play
 
 
+def _perform(effect: Effect, stage: Stage) -> Iterator[Turn]:
+    stage.context.perform(effect)
+    yield "frame"
+
+
 def _screenshot(arguments: Sequence[str]) -> Play:
     file = Path(arguments[0])
     if file.suffix.lower() != ".png":
         raise InputError(f"{arguments[0]!r}: must end with .png")
-
-    def play(stage: Stage) -> Iterator[Turn]:
-        stage.context.perform(TakePicture(file=file, quiet=True))
-        yield "frame"
-
-    return play
+    return lambda stage: _perform(TakePicture(file=file, quiet=True), stage)
 
 
 def _film(arguments: Sequence[str]) -> Play:
     file = None if arguments == ("end",) else Path(arguments[0])
     if file is not None and file.suffix.lower() != ".webp":
         raise InputError(f"{arguments[0]!r}: must end with .webp, or be `end`")
-
-    def play(stage: Stage) -> Iterator[Turn]:
-        stage.context.perform(TakeFilm(file))
-        yield "frame"
-
-    return play
+    return lambda stage: _perform(TakeFilm(file), stage)
 
 
 def _drop(arguments: Sequence[str]) -> Play:
@@ -276,20 +272,12 @@ def _key(arguments: Sequence[str]) -> Play:
     return lambda _stage: press(chord)
 
 
-def _held(text: str, down: bool) -> Play:
-    modifier = text.capitalize()
+def _held(arguments: Sequence[str], down: bool) -> Play:
+    modifier = arguments[0].capitalize()
     if modifier in MODIFIER_KEYS:
         return lambda _stage: hold_modifier(modifier, down)
-    chord = parse_chord(text)
+    chord = parse_chord(arguments[0])
     return lambda _stage: hold(chord, down)
-
-
-def _hold(arguments: Sequence[str]) -> Play:
-    return _held(arguments[0], True)
-
-
-def _release(arguments: Sequence[str]) -> Play:
-    return _held(arguments[0], False)
 
 
 def _click(arguments: Sequence[str]) -> Play:
@@ -354,8 +342,10 @@ DIRECTIONS = {
     ),
     "drop": Direction("drop FILE ...", "drop files on the window", 1, MANY, _drop),
     "key": Direction("key KEY", "press a key and let it go, e.g. `Ctrl+P`", 1, 1, _key),
-    "hold": Direction("hold KEY", "press a key, or a modifier for the mouse, e.g. `Ctrl`", 1, 1, _hold),
-    "release": Direction("release KEY", "let a key go", 1, 1, _release),
+    "hold": Direction(
+        "hold KEY", "press a key, or a modifier for the mouse, e.g. `Ctrl`", 1, 1, partial(_held, down=True)
+    ),
+    "release": Direction("release KEY", "let a key go", 1, 1, partial(_held, down=False)),
     "click": Direction("click LABEL", "click on the widget of this label", 1, MANY, _click),
     "move": Direction("move X Y", "move the mouse; pixels, or per cent of the window as `50%`", 2, 2, _move),
     "drag": Direction("drag X0 Y0 X1 Y1 [BUTTON]", "drag with the left, right or middle button", 4, 5, _drag),

@@ -13,11 +13,9 @@ from viewer.state.palettes import PaletteName
 from viewer.state.session import Toast
 from viewer.state.view_state import BLOCKS, Overlay, Slot, ViewState, is_image_source
 from viewer.ui.facts import FrameFacts, UiFrame
-from viewer.ui.widgets import Area, counted, draw_tooltip, heat, packed
+from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tooltip, heat, packed
 
 MARGIN = 12.0
-WHITE = (1.0, 1.0, 1.0, 0.9)
-SHADE = (0.0, 0.0, 0.0, 0.65)
 WARNING = (0.38, 0.26, 0.02, 0.92)
 WARNING_WIDTH = 26.0
 """Largest width of a warning, in font sizes."""
@@ -32,16 +30,6 @@ def slot_label(slot: Slot) -> str:
     if is_image_source(slot.source):
         return slot.source
     return f"{slot.source}, {slot.path}" + ("" if slot.precision == "fp32" else f", {slot.precision}")
-
-
-def _boxed_text(
-    draw: imgui.ImDrawList, at: ImVec2, text: str, fill: tuple[float, float, float, float], wrap: float = 0.0
-) -> None:
-    """Draw text on a plate, with the text's upper left corner at `at`."""
-    size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
-    low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
-    draw.add_rect_filled(low, high, packed(fill), 4.0)
-    draw.add_text(imgui.get_font(), imgui.get_font_size(), at, packed(WHITE), text, wrap_width=wrap)
 
 
 def _line(start: ImVec2, end: ImVec2) -> None:
@@ -67,7 +55,7 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
     top, middle = area.top + 8.0, ImVec2(*area.at(0.5, 0.5))
 
     def plate(left: float, top: float, text: str) -> None:
-        _boxed_text(draw, ImVec2(left, top), text, SHADE)
+        draw_plate(draw, ImVec2(left, top), text)
 
     sides = shown_sides(view)
     names = [f"{side.upper()}: {slot_label(view.slot_a if side == 'a' else view.slot_b)}" for side in sides]
@@ -115,16 +103,11 @@ class PictureWarnings:
         if key != self._key:
             self._key = key
             self._warnings = picture_warnings(session.scene, slots, packs, matches, session.resolution)
-        draw, at = (
-            imgui.get_background_draw_list(),
-            ImVec2(area.left + MARGIN, area.top + WARNINGS_TOP * imgui.get_font_size()),
-        )
+        draw = imgui.get_background_draw_list()
+        at = ImVec2(area.left + MARGIN, area.top + WARNINGS_TOP * imgui.get_font_size())
         wrap = max(80.0, min(WARNING_WIDTH * imgui.get_font_size(), area.width - 3.0 * MARGIN))
         for number, warning in enumerate(self._warnings):
-            text = f"! {warning.text}"
-            size = imgui.calc_text_size(text, wrap_width=wrap)
-            _boxed_text(draw, at, text, WARNING, wrap)
-            low, high = ImVec2(at.x - 6.0, at.y - 3.0), ImVec2(at.x + size.x + 6.0, at.y + size.y + 3.0)
+            low, high = draw_plate(draw, at, f"! {warning.text}", WARNING, wrap)
             ui.rects.note_rectangle(f"warning {number + 1}", low.x, low.y, high.x, high.y)
             if not imgui.get_io().want_capture_mouse and imgui.is_mouse_hovering_rect(low, high, False):
                 draw_tooltip(warning.remedy)
@@ -177,9 +160,8 @@ def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
     for toast in reversed(toasts):
         extent = imgui.calc_text_size(toast.text, wrap_width=wrap)
         y -= extent.y + 10.0
-        _boxed_text(
-            draw, ImVec2(_centred(area, extent.x), y), toast.text, ERROR if toast.kind == "error" else MESSAGE, wrap
-        )
+        fill = ERROR if toast.kind == "error" else MESSAGE
+        draw_plate(draw, ImVec2(_centred(area, extent.x), y), toast.text, fill, wrap)
 
 
 def _centred(area: Area, width: float) -> float:
@@ -188,19 +170,22 @@ def _centred(area: Area, width: float) -> float:
     return max(MARGIN, min((area.left + area.right - width) / 2.0, right - width))
 
 
+def _draw_low_line(area: Area, text: str) -> Area:
+    """Draw a line of text at the lower edge of `area`, below all windows, and return its rectangle."""
+    extent = imgui.calc_text_size(text)
+    at = ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0)
+    draw_plate(imgui.get_background_draw_list(), at, text)
+    return Area(at.x, at.y, at.x + extent.x, at.y + extent.y)
+
+
 def draw_hints(ui: UiFrame, area: Area) -> None:
     """Draw one line of hints at the lower edge of `area`, as many as fit."""
-    keys = "Ctrl+P commands   F1 help   Tab mode   Space other slot   M measure   F12 screenshot"
-    text = f"{ui.session.settings.camera_mode} camera   {keys}"
-    parts = text.split("   ")
-    while len(parts) > 1 and imgui.calc_text_size("   ".join(parts)).x > area.width - 2.0 * MARGIN:
+    keys = ("Ctrl+P commands", "F1 help", "Tab mode", "Space other slot", "M measure", "F12 screenshot")
+    parts = [f"{ui.session.settings.camera_mode} camera", *keys]
+    while parts and imgui.calc_text_size("   ".join(parts)).x > area.width - 2.0 * MARGIN:
         parts.pop()
-    text = "   ".join(parts)
-    extent = imgui.calc_text_size(text)
-    if extent.x <= area.width - 2.0 * MARGIN:
-        # Below all windows.
-        draw = imgui.get_background_draw_list()
-        _boxed_text(draw, ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0), text, SHADE)
+    if parts:
+        _draw_low_line(area, "   ".join(parts))
 
 
 def draw_way_back(ui: UiFrame, area: Area) -> None:
@@ -208,13 +193,9 @@ def draw_way_back(ui: UiFrame, area: Area) -> None:
     mouse = imgui.get_io().mouse_pos
     inside = all(0.0 <= share < 1.0 for share in area.share_of(mouse.x, mouse.y))
     keys = bindings(ui.session.settings.keys).text("window.panels")
-    if not (inside and keys):
-        return
-    text = f"press {keys} to show the panels"
-    extent = imgui.calc_text_size(text)
-    at = ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0)
-    _boxed_text(imgui.get_background_draw_list(), at, text, SHADE)
-    ui.rects.note_rectangle("way back", at.x, at.y, at.x + extent.x, at.y + extent.y)
+    if inside and keys:
+        place = _draw_low_line(area, f"press {keys} to show the panels")
+        ui.rects.note_rectangle("way back", place.left, place.top, place.right, place.bottom)
 
 
 LEGEND_TEXT = (1.0, 1.0, 1.0, 0.95)

@@ -14,7 +14,7 @@ from viewer.state import navigation
 from viewer.state.compare_layout import WIPES, window_to_image
 from viewer.state.session import Session
 from viewer.ui.facts import Emit
-from viewer.ui.widgets import Area, WidgetRects, packed
+from viewer.ui.widgets import Area, WidgetRects, draw_plate
 
 _IMGUI_NAMES = {
     "PageUp": "page_up",
@@ -74,8 +74,6 @@ SHOWN_SECONDS = 1.5
 """Time for which the speed is shown after a use or change, in seconds."""
 SHOWN_AT = 0.3
 """Place of the speed as a share of the picture's height."""
-PLATE = (0.0, 0.0, 0.0, 0.65)
-TEXT = (1.0, 1.0, 1.0, 0.9)
 
 
 class Flight:
@@ -137,9 +135,7 @@ class Flight:
         size = imgui.calc_text_size(self._text)
         middle, y = area.at(0.5, SHOWN_AT)
         x = middle - size.x / 2.0
-        draw = imgui.get_background_draw_list()
-        draw.add_rect_filled(ImVec2(x - 6, y - 3), ImVec2(x + size.x + 6, y + size.y + 3), packed(PLATE), 4.0)
-        draw.add_text(ImVec2(x, y), packed(TEXT), self._text)
+        draw_plate(imgui.get_background_draw_list(), ImVec2(x, y), self._text)
         rects.note_rectangle(self._text, x, y, x + size.x, y + size.y)
 
     def _say(self, speed: float, notches: float) -> None:

@@ -1,5 +1,6 @@
 """Widgets that panels share: rectangles, colours, sizes, lists, table cells, labels and tooltips."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -11,6 +12,9 @@ from imgui_bundle import ImVec2, imgui
 from viewer.scene.json_text import counted as counted
 from viewer.state.palettes import PaletteName, palette_colors, share_of_most
 
+WHITE = (1.0, 1.0, 1.0, 0.9)
+SHADE = (0.0, 0.0, 0.0, 0.65)
+"""Colours of texts and plates over the picture."""
 SLOT_COLORS = {"a": (0.35, 0.65, 1.0, 1.0), "b": (1.0, 0.6, 0.25, 1.0)}
 """Colours of slots: blue for A and orange for B differ for every kind of colour vision."""
 
@@ -86,6 +90,21 @@ class Area:
             for side, units, pixels in zip((self.width, self.height), window, framebuffer, strict=True)
         )
         return width, height
+
+
+def draw_plate(
+    draw: imgui.ImDrawList,
+    at: ImVec2,
+    text: str,
+    fill: tuple[float, float, float, float] = SHADE,
+    wrap: float = 0.0,
+) -> tuple[ImVec2, ImVec2]:
+    """Draw text on a plate, with the text's upper left corner at `at`; returns two corners of the plate."""
+    size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
+    low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
+    draw.add_rect_filled(low, high, packed(fill), 4.0)
+    draw.add_text(imgui.get_font(), imgui.get_font_size(), at, packed(WHITE), text, wrap_width=wrap)
+    return low, high
 
 
 TOOLTIP_SECONDS = 0.2
@@ -222,6 +241,22 @@ def combo(
             imgui.close_current_popup()
         imgui.end_combo()
     return chosen
+
+
+def sort_order() -> tuple[int, bool] | None:
+    """Return (column, descending) by which the present table is sorted; None without an order."""
+    specs = imgui.table_get_sort_specs()
+    if specs is None or specs.specs_count == 0:
+        return None
+    spec = specs.get_specs(0)
+    return spec.column_user_id, spec.get_sort_direction() == imgui.SortDirection.descending
+
+
+def decibels(value: float | None) -> str:
+    """Return a PSNR as text."""
+    if value is None:
+        return "-"
+    return f"{value:.2f}" if math.isfinite(value) else "equal"
 
 
 def cells(*texts: str) -> None:

@@ -1,6 +1,5 @@
 """Panel "Compare": what slots A and B show, how they are shown, and their figures side by side."""
 
-import math
 from typing import get_args
 
 from imgui_bundle import imgui
@@ -15,6 +14,7 @@ from viewer.ui.widgets import (
     beside,
     box_width,
     combo,
+    decibels,
     disabled_beside,
     em,
     headings,
@@ -25,13 +25,6 @@ from viewer.ui.widgets import (
 
 GAINS = (1.0, 64.0)
 """Range of the slider."""
-
-
-def decibels(value: float | None) -> str:
-    """Return a PSNR as text."""
-    if value is None:
-        return "-"
-    return f"{value:.2f}" if math.isfinite(value) else "equal"
 
 
 def figures_state(ui: UiFrame) -> str:
@@ -227,7 +220,7 @@ def _figures(ui: UiFrame) -> None:
     for side, slot in ui.session.view.slots.items():
         figure = ui.session.inspection.measurements.get(side)
         rows["shows"].append(figure.source if figure else "-")
-        rows["PSNR seen dB"].append(f"{figure.psnr_db:.2f}" if figure and figure.psnr_db is not None else "-")
+        rows["PSNR seen dB"].append(decibels(figure.psnr_db if figure else None))
         divergence = figure.divergence if figure else None
         rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
         rows["excess"].append(str(divergence.excess) if divergence else "-")

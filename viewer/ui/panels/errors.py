@@ -1,8 +1,5 @@
 """Panel "Errors": which textures and decoders make A and B differ, worst first; a click shows where they are."""
 
-import math
-from dataclasses import dataclass
-
 from imgui_bundle import imgui
 
 from viewer.commands.inspection import LARGEST_IS_WORST
@@ -11,8 +8,8 @@ from viewer.state.session import ErrorColumn, Session
 from viewer.state.view_state import OverlayKind
 from viewer.ui.controls import command_button
 from viewer.ui.facts import FrameFacts, UiFrame
-from viewer.ui.panels.compare import decibels, figures_state
-from viewer.ui.widgets import beside, box_width, cells, text_width
+from viewer.ui.panels.compare import figures_state
+from viewer.ui.widgets import beside, box_width, cells, decibels, text_width
 
 ROWS_SHOWN = 200
 HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
@@ -27,18 +24,9 @@ WIDEST: dict[ErrorColumn, str] = {"decoder": "-", "pixels": "999,999", "psnr": "
 """Widest usual figures, for the widths of columns."""
 
 
-@dataclass(frozen=True)
-class NamedRow:
-    """Row of the table with its name."""
-
-    name: str
-    row: ErrorRow
-
-
-def _value(named: NamedRow, column: ErrorColumn) -> float | str:
-    row = named.row
+def _value(name: str, row: ErrorRow, column: ErrorColumn) -> float | str:
     values: dict[ErrorColumn, float | str] = {
-        "name": named.name.lower(),
+        "name": name.lower(),
         "decoder": row.decoder,
         "pixels": row.pixels,
         "psnr": row.psnr_db,
@@ -48,18 +36,18 @@ def _value(named: NamedRow, column: ErrorColumn) -> float | str:
     return values[column]
 
 
-def sorted_rows(session: Session, facts: FrameFacts) -> list[NamedRow]:
-    """Return the sorted rows of the last comparison."""
+def sorted_rows(session: Session, facts: FrameFacts) -> list[tuple[str, ErrorRow]]:
+    """Return the sorted rows of the last comparison with their names."""
     found, table = facts.live.comparison, session.inspection.errors
     if found is None:
         return []
     if table.by == "texture":
         textures = session.scene.textures
-        rows = [NamedRow(textures[row.number].name, row) for row in found.textures if row.number < len(textures)]
+        rows = [(textures[row.number].name, row) for row in found.textures if row.number < len(textures)]
     else:
-        rows = [NamedRow(f"decoder {row.number}", row) for row in found.decoders]
+        rows = [(f"decoder {row.number}", row) for row in found.decoders]
     # Python's sort is stable: equal rows stay in order of their numbers.
-    return sorted(rows, key=lambda named: _value(named, table.column), reverse=table.descending)
+    return sorted(rows, key=lambda named: _value(named[0], named[1], table.column), reverse=table.descending)
 
 
 def _choices(ui: UiFrame) -> None:
@@ -92,20 +80,20 @@ def _headings(ui: UiFrame) -> None:
         ui.rects.note(f"sort by {column}")
 
 
-def _row(named: NamedRow, ui: UiFrame) -> None:
-    row, by = named.row, ui.session.inspection.errors.by
+def _row(name: str, row: ErrorRow, ui: UiFrame) -> None:
+    by = ui.session.inspection.errors.by
     decoder = ui.session.inspection.errors.highlighted_decoder
     lit = decoder == row.number if by == "decoder" else decoder is None and ui.session.view.highlight == (row.number,)
     imgui.table_next_row()
     imgui.table_next_column()
     flags = imgui.SelectableFlags_.span_all_columns
-    if imgui.selectable(f"{named.name}##{row.number}", lit, flags)[0]:
+    if imgui.selectable(f"{name}##{row.number}", lit, flags)[0]:
         ui.emit("errors.highlight", by, row.number)
-    ui.rects.note(f"error {by} {row.number}", f"{named.name}\n{ui.rects.explanation(f'error {by} #')}")
+    ui.rects.note(f"error {by} {row.number}", f"{name}\n{ui.rects.explanation(f'error {by} #')}")
     cells(
         str(row.decoder) if row.decoder >= 0 else "-",
         f"{row.pixels:,}",
-        decibels(row.psnr_db) if math.isfinite(row.psnr_db) else "equal",
+        decibels(row.psnr_db),
         f"{row.mean:.2f}",
         str(row.largest),
     )
@@ -132,8 +120,8 @@ def draw_errors_panel(ui: UiFrame) -> None:
             width = max(text_width(f"{text}{' v' * sorts}"), text_width(WIDEST[column]))
             imgui.table_setup_column(text, imgui.TableColumnFlags_.width_fixed, width)
         _headings(ui)
-        for named in rows[:ROWS_SHOWN]:
-            _row(named, ui)
+        for name, row in rows[:ROWS_SHOWN]:
+            _row(name, row, ui)
         if len(rows) > ROWS_SHOWN:
             imgui.table_next_row()
             imgui.table_next_column()

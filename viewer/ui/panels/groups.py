@@ -11,16 +11,12 @@ from viewer.jobs.job import Background
 from viewer.state.session import Session
 from viewer.ui.controls import command_button, select_texture
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import cells, counted, headings
+from viewer.ui.widgets import cells, counted, decibels, headings, sort_order
 
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
 """Largest height of the list of groups, in rows."""
 COLUMNS = ("group", "members", "mip 0 dB", "worst dB")
-
-
-def _decibels(value: float | None) -> str:
-    return "-" if value is None else f"{value:.2f}"
 
 
 def _parameter(value: object) -> str:
@@ -36,9 +32,9 @@ def _parameter(value: object) -> str:
 
 def quality_text(row: GroupRow) -> str:
     """Return the PSNR of a group, after that in the pack that this one replaced, where it is known."""
-    before = "" if row.before_db in (None, row.psnr_db) else f"{_decibels(row.before_db)} -> "
+    before = "" if row.before_db in (None, row.psnr_db) else f"{decibels(row.before_db)} -> "
     same = ", as before" if row.before_db is not None and row.before_db == row.psnr_db else ""
-    return f"PSNR of mip 0: {before}{_decibels(row.psnr_db)} dB{same}"
+    return f"PSNR of mip 0: {before}{decibels(row.psnr_db)} dB{same}"
 
 
 def replaced_source(session: Session, source: str) -> str | None:
@@ -130,17 +126,14 @@ class GroupsPanel:
                     self._chosen = row.group
                 ui.rects.note(f"group {row.group}")
                 absent = f" + {row.absent} not here" if row.absent else ""
-                cells(f"{len(row.members)}{absent}", _decibels(row.psnr_db), _decibels(row.worst_db))
+                cells(f"{len(row.members)}{absent}", decibels(row.psnr_db), decibels(row.worst_db))
         imgui.end_table()
 
     def _sort(self) -> None:
-        specs = imgui.table_get_sort_specs()
-        if specs is None or specs.specs_count == 0:
+        order = sort_order()
+        if order is None:
             self._shown = list(self._rows)
             return
-        spec = specs.get_specs(0)
-        descending = spec.get_sort_direction() == imgui.SortDirection.descending
-        order = (spec.column_user_id, descending)
         if order == self._order:
             return
         self._order = order
@@ -150,7 +143,7 @@ class GroupsPanel:
             lambda row: row.psnr_db if row.psnr_db is not None else float("inf"),
             lambda row: row.worst_db if row.worst_db is not None else float("inf"),
         )
-        self._shown = sorted(self._rows, key=keys[spec.column_user_id], reverse=descending)
+        self._shown = sorted(self._rows, key=keys[order[0]], reverse=order[1])
 
     def _group(self, ui: UiFrame, pack: Pack, decoders: tuple[int, ...]) -> None:
         row = self._rows[self._chosen]

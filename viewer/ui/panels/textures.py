@@ -14,7 +14,7 @@ from viewer.inspect.texture_table import (
 from viewer.state.view_state import is_image_source
 from viewer.ui.controls import select_texture
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import headings
+from viewer.ui.widgets import decibels, headings, sort_order
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail in lines of text."""
@@ -37,7 +37,7 @@ def _texts(row: TextureRow) -> tuple[str, ...]:
         f"{row.width} x {row.height}",
         row.category or "-",
         str(row.group) if row.group >= 0 else "-",
-        f"{row.psnr_db:.2f}" if row.psnr_db is not None else "-",
+        decibels(row.psnr_db),
         f"{row.bits_per_texel:.2f}" if row.bits_per_texel is not None else "-",
         f"{row.gpu_bytes / 1e3:,.1f} kB" if row.gpu_bytes is not None else "-",
     )
@@ -114,17 +114,11 @@ class TexturesPanel:
             scene = ui.session.scene
             self._all = compressed_rows(scene, blocks) if blocks else texture_rows(scene, pack, match, sizes)
             self._key = key
-        specs = imgui.table_get_sort_specs()
-        column: TextureColumn | None = None
-        descending = False
-        if specs is not None and specs.specs_count > 0:
-            spec = specs.get_specs(0)
-            column = COLUMNS[spec.column_user_id]
-            descending = spec.get_sort_direction() == imgui.SortDirection.descending
-        order = (self._filter, column, descending)
+        by = sort_order()
+        order = (self._filter, by)
         if fresh or order != self._order:
             rows = filtered(self._all, self._filter)
-            rows = ordered(rows, column, descending) if column is not None else rows
+            rows = ordered(rows, COLUMNS[by[0]], by[1]) if by is not None else rows
             self._rows = [(row, _texts(row)) for row in rows]
             self._order = order
 

@@ -113,15 +113,20 @@ def timings_text(facts: FrameFacts) -> str:
     """Return all figures of the panel as text for the clipboard."""
     lines = [facts.renderer, f"medians by {facts.timer}"]
     lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
-    lines += [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
+    return "\n".join([*lines, *count_lines(facts)])
+
+
+def count_lines(facts: FrameFacts) -> list[str]:
+    """Return counts of the last frame, and why it was drawn, one a line."""
+    lines = [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
     lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
+    for slot, tiles in facts.tiles.items():
+        lines.append(f"{tiles.resident:>9,} tiles of {slot.source} cached, {tiles.waiting:,} waiting")
+        if tiles.starved:
+            lines.append(f"{tiles.starved:>9,} tiles do not fit: raise tile_cache_megabytes in settings.json")
     lines.append(f"{facts.blocking_calls:>9,} calls in the last frame that waited for the GPU")
-    return "\n".join([*lines, f"{facts.frames_drawn:>9,} frames drawn", because_text(facts)])
-
-
-def because_text(facts: FrameFacts) -> str:
-    """Return why the last frame was drawn, in a line."""
-    return f"reason of the last frame: {', '.join(facts.drawn_because) or INPUT}"
+    lines.append(f"{facts.frames_drawn:>9,} frames drawn")
+    return [*lines, f"reason of the last frame: {', '.join(facts.drawn_because) or INPUT}"]
 
 
 def _mark(color: imgui.ImVec4, side: float) -> None:
@@ -154,12 +159,5 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
             imgui.text(f"{milliseconds:9.2f} ms")
         imgui.end_table()
     imgui.separator()
-    for name, count in (*ui.facts.drawn.items(), *ui.facts.skipped.items()):
-        imgui.text_wrapped(f"{count:>7,} {name.replace('_', ' ')}" + ("" if name in ui.facts.drawn else " (skipped)"))
-    for slot, tiles in ui.facts.tiles.items():
-        imgui.text_wrapped(f"{tiles.resident:>7,} tiles of {slot.source} cached, {tiles.waiting:,} waiting")
-        if tiles.starved:
-            imgui.text_wrapped(f"{tiles.starved:,} tiles do not fit: raise tile_cache_megabytes in settings.json")
-    imgui.text_wrapped(f"{ui.facts.blocking_calls:>7,} calls in the last frame that waited for the GPU")
-    imgui.text(f"{ui.facts.frames_drawn:>7,} frames drawn")
-    imgui.text_wrapped(because_text(ui.facts))
+    for line in count_lines(ui.facts):
+        imgui.text_wrapped(line)
