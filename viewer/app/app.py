@@ -12,14 +12,14 @@ from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.locations import kept_runs_folder
 from viewer.script.script import Script, play_script
-from viewer.script.stage import Turn
+from viewer.script.stage import Stage, Turn
 from viewer.state.session import Session
 from viewer.training.kept_runs import KeptRuns
 from viewer.ui.theme import Appearance
 from viewer.ui.widgets import WidgetRects
 
 
-class App:
+class App(Stage):
     """Session that is shown and driven by commands. An ImGui context is current in all calls."""
 
     prepares_ahead = False
@@ -40,11 +40,6 @@ class App:
         return Frontend(graphics, self.context, self.effects, self.prepares_ahead)
 
     @property
-    def size(self) -> tuple[int, int]:
-        """Size (width, height) of the content in pixels."""
-        raise NotImplementedError
-
-    @property
     def is_settled(self) -> bool:
         """True where further frames would show nothing new."""
         return not self.frontend.reasons(self.size)
@@ -63,10 +58,6 @@ class App:
     def widgets(self) -> WidgetRects:
         """Labelled widgets of the last frame."""
         return self.frontend.interface.rects
-
-    def resize(self, size: tuple[int, int]) -> None:
-        """Give the content this size (width, height) in pixels, from the next frame on."""
-        raise NotImplementedError
 
     def run(self, command_id: str, *values: object) -> None:
         """Run a command with typed values; an error becomes a message."""

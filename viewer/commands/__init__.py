@@ -128,7 +128,7 @@ def command_table_markdown() -> str:
 def _parameters(command: Command) -> str:
     parts = []
     for parameter in command.parameters:
-        what = " \\| ".join(f"`{choice}`" for choice in parameter.fixed) or parameter.help
+        what = " \\| ".join(f"`{choice}`" for choice in parameter.fixed) or parameter.arg.help
         parts.append(
             f"{parameter.name.upper()}: {what}" + (f" ({parameter.default_text})" if parameter.default_text else "")
         )

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
 
 from ntc.errors import InputError
 from viewer.commands.effects import Effect
@@ -18,6 +18,7 @@ from viewer.training.live_training import LiveTraining
 
 Menu = Literal["File", "Edit", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
 SWITCH = {"on": True, "off": False}
+Name = TypeVar("Name", bound=str)
 REQUIRED: Any = inspect.Parameter.empty
 
 
@@ -77,11 +78,6 @@ class Parameter:
     """Type of the value: str, Path, float, int, bool (typed as `on` or `off`) or a Literal; any type for gestures."""
     arg: Arg
     default: Any = REQUIRED
-
-    @property
-    def help(self) -> str:
-        """Description of the parameter in a few words."""
-        return self.arg.help
 
     @property
     def fixed(self) -> dict[str, Any]:
@@ -232,7 +228,7 @@ class Command:
             raise InputError(f"{self.id}: takes at most {len(self.parameters)} arguments; usage: {self.usage}")
         for parameter in self.parameters[given:]:
             if parameter.default is REQUIRED:
-                raise InputError(f"{self.id}: lacks {parameter.name} ({parameter.help}); usage: {self.usage}")
+                raise InputError(f"{self.id}: lacks {parameter.name} ({parameter.arg.help}); usage: {self.usage}")
 
     def _each(self, convert: Callable[[Parameter, Any], Any], values: Sequence[Any]) -> list[Any]:
         try:
@@ -275,6 +271,11 @@ def _parameters(function: Callable[..., Effect | None]) -> tuple[Parameter, ...]
         kind, arg = get_args(hints[name]) if get_origin(hints[name]) is Annotated else (hints[name], Arg())
         parameters.append(Parameter(name, kind, arg, declared.default))
     return tuple(parameters)
+
+
+def following(names: Sequence[Name], present: Name) -> Name:
+    """Return the name after `present`, the first one after the last."""
+    return names[(names.index(present) + 1) % len(names)]
 
 
 def words(line: str) -> list[str]:

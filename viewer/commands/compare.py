@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, get_args
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from ntc.metrics.block_compression import named_format
-from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.command import Arg, Context, command, following, gesture, switch
 from viewer.commands.effects import Effect, Measure
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE
@@ -15,6 +15,7 @@ from viewer.state.view_state import (
     REFERENCE,
     CompareMode,
     DecodedMaps,
+    DecodePath,
     DifferenceKind,
     PathChoice,
     Side,
@@ -23,13 +24,7 @@ from viewer.state.view_state import (
 )
 
 MODES: tuple[CompareMode, ...] = get_args(CompareMode)
-NEXT_PATH: dict[PathChoice, PathChoice] = {
-    "auto": "deferred",
-    "deferred": "binned",
-    "binned": "cached",
-    "cached": "forward",
-    "forward": "deferred",
-}
+PATHS: tuple[DecodePath, ...] = ("deferred", "binned", "cached", "forward")
 SlotSide = Annotated[Side, Arg("which slot")]
 
 
@@ -64,8 +59,7 @@ def _change_slot(session: Session, side: Side, **changes: Any) -> None:
     "Tab",
 )
 def next_mode(session: Session) -> None:
-    following = MODES[(MODES.index(session.view.compare) + 1) % len(MODES)]
-    session.view = replace(session.view, compare=following)
+    session.view = replace(session.view, compare=following(MODES, session.view.compare))
 
 
 @command(
@@ -287,9 +281,10 @@ def next_source(session: Session) -> None:
     unavailable=_a_shows_images,
 )
 def next_path(session: Session) -> None:
-    path = NEXT_PATH[session.view.slot_a.path]
+    present = session.view.slot_a.path
+    path = PATHS[0] if present == "auto" else following(PATHS, present)
     while path in session.unsupported:
-        path = NEXT_PATH[path]
+        path = following(PATHS, path)
     _change_slot(session, "a", path=path)
 
 

@@ -73,10 +73,6 @@ class Bindings:
         return ", ".join(str(chord) for chord in self.chords.get(command_id, ()))
 
 
-def _own_chords(command: Command) -> tuple[Chord, ...]:
-    return tuple(parse_chord(key) for key in (command.key, command.second_key) if key)
-
-
 def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list[str]) -> dict[str, tuple[Chord, ...]]:
     """Return the user's chords by command id, without those that cannot be read or have another use."""
     ids = {command.id for command in commands}
@@ -106,7 +102,8 @@ def _conflict(
     owners: dict[Chord, str] = {}
     # Commands that the user did not change come first: they keep their keys.
     for command in sorted(commands, key=lambda command: command.id in wanted):
-        mine = wanted.get(command.id, _own_chords(command))
+        default = tuple(parse_chord(key) for key in (command.key, command.second_key) if key)
+        mine = wanted.get(command.id, default)
         for chord in mine:
             if chord in owners:
                 refused = command.id if command.id in wanted else owners[chord]

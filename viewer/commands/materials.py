@@ -2,9 +2,9 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, get_args
+from typing import Annotated, Any
 
-from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.command import Arg, Context, command, following, gesture
 from viewer.commands.effects import Effect, ReadVariant
 from viewer.lighting.panorama import load_panorama
 from viewer.state.event_handlers import notify
@@ -43,10 +43,9 @@ def _light(session: Session, **changes: Any) -> None:
     "G",
 )
 def next_view(session: Session) -> None:
-    views = get_args(MaterialView)
-    following: MaterialView = views[(views.index(session.view.material_view) + 1) % len(views)]
-    session.view = replace(session.view, material_view=following)
-    notify(session, f"{following}: {VIEWS[following]}")
+    view = following(tuple(VIEWS), session.view.material_view)
+    session.view = replace(session.view, material_view=view)
+    notify(session, f"{view}: {VIEWS[view]}")
 
 
 @command(

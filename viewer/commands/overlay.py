@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated, Any
 
-from viewer.commands.command import Arg, command, switch
+from viewer.commands.command import Arg, command, following, switch
 from viewer.state.event_handlers import notify
 from viewer.state.palettes import PALETTES, PaletteName
 from viewer.state.session import Session
@@ -12,10 +12,6 @@ from viewer.state.view_state import BLOCKS, BlockName, OverlayKind, ScaleName
 
 def _change(session: Session, **changes: Any) -> None:
     session.view = replace(session.view, overlay=replace(session.view.overlay, **changes))
-
-
-def _following(names: tuple[str, ...], present: str) -> str:
-    return names[(names.index(present) + 1) % len(names)]
 
 
 @command(
@@ -49,7 +45,7 @@ def set_kind(session: Session, kind: Annotated[OverlayKind, Arg("kind of map")])
     "B",
 )
 def next_block(session: Session) -> None:
-    block = _following(tuple(BLOCKS), session.view.overlay.block)
+    block = following(tuple(BLOCKS), session.view.overlay.block)
     _change(session, block=block)
     notify(session, f"decoders are counted in blocks of {block} pixels")
 
@@ -73,7 +69,7 @@ def set_block(session: Session, block: Annotated[BlockName, Arg("WIDTHxHEIGHT in
     "L",
 )
 def next_palette(session: Session) -> None:
-    _change(session, palette=_following(tuple(PALETTES), session.view.overlay.palette))
+    _change(session, palette=following(tuple(PALETTES), session.view.overlay.palette))
 
 
 @command(

@@ -11,7 +11,7 @@ from ntc.library.reading import library_packs
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
 from viewer.locations import packs_folder
-from viewer.scene.model import Scene
+from viewer.scene.model import Scene, SceneTexture
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
@@ -22,11 +22,9 @@ MOST_OF_A_LIBRARY = 4
 
 def match_scene(pack: Pack, scene: Scene) -> PackMatch:
     """Return which textures of `scene` are in `pack`."""
-    textures = scene.textures
-    identities = [
-        [own for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own] for texture in textures
-    ]
-    return match_pack(pack, identities, [texture.name for texture in textures])
+    return match_pack(
+        pack, [_hashes(texture) for texture in scene.textures], [texture.name for texture in scene.textures]
+    )
 
 
 def source_of_grouping(packs: Mapping[str, Pack], grouping: str) -> str | None:
@@ -83,9 +81,11 @@ def same_place(first: Path, second: Path) -> bool:
 
 def wanted_textures(scene: Scene) -> frozenset[str]:
     """Return the hashes by which a pack may hold a texture of `scene`."""
-    return frozenset(
-        own for texture in scene.textures for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own
-    )
+    return frozenset(own for texture in scene.textures for own in _hashes(texture))
+
+
+def _hashes(texture: SceneTexture) -> list[str]:
+    return [own for own in (texture.packed_hash, texture.set_hash, texture.pixel_hash) if own]
 
 
 def read_packs(path: Path, wanted: Container[str]) -> list[Pack]:

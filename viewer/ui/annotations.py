@@ -235,14 +235,6 @@ def _largest(ui: UiFrame) -> float | None:
     return largest_error(np.array([row.rmse for row in rows], np.float32))
 
 
-def _bar(at: ImVec2, colors: list[tuple[float, float, float, float]], size: tuple[float, float]) -> None:
-    draw = imgui.get_background_draw_list()
-    field = size[0] / len(colors)
-    for number, color in enumerate(colors):
-        left = at.x + number * field
-        draw.add_rect_filled(ImVec2(left, at.y), ImVec2(left + field, at.y + size[1]), packed(color))
-
-
 def _legend(
     ui: UiFrame, area: Area, lines: list[str], texts: list[str], shades: list[float], name: PaletteName
 ) -> None:
@@ -262,8 +254,10 @@ def _legend(
     for text in lines:
         draw.add_text(ImVec2(left + 8.0, y), packed(LEGEND_TEXT), text)
         y += line
-    if texts:
-        _bar(ImVec2(left + 8.0, y + 2.0), [heat(name, 1.0 + shade, 2) for shade in shades], (bar, line))
+    field = bar / max(len(shades), 1)
+    for number, shade in enumerate(shades):
+        at = ImVec2(left + 8.0 + number * field, y + 2.0)
+        draw.add_rect_filled(at, ImVec2(at.x + field, at.y + line), packed(heat(name, 1.0 + shade, 2)))
     part = bar / max(len(texts), 1)
     for number, text in enumerate(texts):
         x = left + 8.0 + number * part + (part - imgui.calc_text_size(text).x) / 2.0

@@ -9,6 +9,7 @@ from typing import Any
 from imgui_bundle import ImVec2, imgui, portable_file_dialogs
 
 from ntc.errors import InputError
+from viewer.inspect.memory_table import megabytes
 from viewer.locations import BUILTIN_SCENES, builtin_scene_path
 from viewer.scene.folder_listing import (
     FolderEntry,
@@ -69,10 +70,6 @@ RECENT_SHARE = 0.3
 """Width of the list of recent files, as a share of the dialog."""
 LABEL = "file: "
 """Prefix of the labels of entries: `file: textures/`, `file: recent town.glb`."""
-
-
-def _bytes(size: int) -> str:
-    return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{max(size / 1e3, 0.1):,.1f} kB"
 
 
 class FileDialog:
@@ -292,7 +289,7 @@ class FileDialog:
             imgui.table_next_column()
             imgui.text_disabled("" if entry.kind == "folder" else entry.kind)
             imgui.table_next_column()
-            imgui.text_disabled("" if entry.kind == "folder" else _bytes(entry.size))
+            imgui.text_disabled("" if entry.kind == "folder" else megabytes(entry.size))
         imgui.end_table()
         return chosen
 

@@ -1,6 +1,6 @@
 """The card of first steps: what this program is for, and three things to try."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from imgui_bundle import ImVec2, imgui
 
@@ -22,23 +22,14 @@ PURPOSE = (
 )
 
 
-@dataclass(frozen=True)
-class _Step:
-    """Step to try."""
-
-    do: str
-    """Action in a few words."""
-    why: str
-    """Result that the user sees."""
-
-
-def _steps(session: Session) -> tuple[_Step, ...]:
+def _steps(session: Session) -> tuple[tuple[str, str], ...]:
+    """Return (action, result that the user sees) of each step."""
     bound = bindings(session.settings.keys)
     overlay, opening = bound.text("overlay.toggle") or "the menu Overlay", bound.text("file.open") or "File > Open"
     return (
-        _Step(f"Hold {HOLD_KEY}", "A and B swap: watch the differences."),
-        _Step(f"Press {overlay}", "A map shows blocks of pixels that need more than one decoder."),
-        _Step("Drop your glTF on the window", f"Or press {opening}. Then encode it."),
+        (f"Hold {HOLD_KEY}", "A and B swap: watch the differences."),
+        (f"Press {overlay}", "A map shows blocks of pixels that need more than one decoder."),
+        ("Drop your glTF on the window", f"Or press {opening}. Then encode it."),
     )
 
 
@@ -74,8 +65,8 @@ class FirstRunCard:
         )
         imgui.text_wrapped(PURPOSE)
         imgui.separator()
-        for number, (step, done) in enumerate(zip(_steps(ui.session), self._done, strict=True), 1):
-            self._row(number, step, done)
+        for number, ((do, why), done) in enumerate(zip(_steps(ui.session), self._done, strict=True), 1):
+            self._row(f"{number}. {do}", why, done)
             ui.rects.note(f"first step {number}")
         if imgui.button("Got it"):
             ui.emit("window.close-layer", "window.show_first_steps")
@@ -88,15 +79,15 @@ class FirstRunCard:
         return rest if rest.width >= LEAST_REST * font else replace(area, bottom=max(top, area.top + 1.0))
 
     @staticmethod
-    def _row(number: int, step: _Step, done: bool) -> None:
+    def _row(do: str, why: str, done: bool) -> None:
         imgui.begin_group()
         if done:
-            imgui.text_colored(ink("good"), f"{number}. {step.do}: done")
+            imgui.text_colored(ink("good"), f"{do}: done")
         else:
-            imgui.text(f"{number}. {step.do}")
+            imgui.text(do)
         imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
         imgui.indent()
-        imgui.text_wrapped(step.why)
+        imgui.text_wrapped(why)
         imgui.unindent()
         imgui.pop_style_color()
         imgui.end_group()

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -31,12 +30,8 @@ GRAB = 8.0
 LINE = (1.0, 1.0, 1.0, 0.9)
 
 
-@dataclass(frozen=True, eq=False)
-class _Side:
-    """Content of one side."""
-
-    flat: FlatTexture | None
-    caption: str
+_Side = tuple[FlatTexture | None, str]
+"""Texture and caption of one side."""
 
 
 class FlatWindow:
@@ -81,10 +76,10 @@ class FlatWindow:
             width, height = texture.size
             self._controls(ui)
             sides = {side: self._side(ui, number, side) for side in self._sources}
-            for side, shown in sides.items():
+            for side, (_, caption) in sides.items():
                 imgui.text_colored(side_ink(side), side.upper())
                 imgui.same_line()
-                imgui.text(shown.caption)
+                imgui.text(caption)
                 ui.rects.note(f"flat caption {side}")
             self._picture(sides, (width, height), ui)
         imgui.end()
@@ -144,7 +139,7 @@ class FlatWindow:
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         index = match.texture_index[number] if match is not None and number < len(match.texture_index) else -1
         if pack is None or index < 0:
-            return _Side(None, f"{source} does not hold this texture")
+            return None, f"{source} does not hold this texture"
         encoded = pack.textures[index]
         # The pack may be read anew under its name, so that the name alone is no key.
         answer = self._ask(side, (texture, source, encoded), partial(decode_flat, texture, pack, index))
@@ -162,17 +157,17 @@ class FlatWindow:
         if not job.done:
             first = job.report.partial
             doing = f", decoding {job.report.share:.0%}" if source != REFERENCE else ""
-            return _Side(first if isinstance(first, FlatTexture) else None, about + doing)
+            return (first if isinstance(first, FlatTexture) else None), about + doing
         if job.problem:
-            return _Side(None, f"{source}: {job.problem}")
+            return None, f"{source}: {job.problem}"
         flat = job.result()
         if source == REFERENCE:
-            return _Side(flat, about)
+            return flat, about
         quality = "PSNR unknown: sizes differ"
         if flat.psnr_db is not None:
             quality = "equal" if math.isinf(flat.psnr_db) else f"PSNR of mip 0 {flat.psnr_db:.2f} dB"
         against = " against the original reduced to this size" if flat.reduced else ""
-        return _Side(flat, f"{about}, {quality}{against}")
+        return flat, f"{about}, {quality}{against}"
 
     def _picture(self, sides: dict[str, _Side], size: tuple[int, int], ui: UiFrame) -> None:
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()
@@ -188,7 +183,7 @@ class FlatWindow:
         self._input(at, room, width + gap if not wipes else 0.0, (size[0] * texel, size[1] * texel))
         draw = imgui.get_window_draw_list()
         split = at.x + self._divider * room.x
-        for number, (side, shown) in enumerate(sides.items()):
+        for number, (side, (flat, _)) in enumerate(sides.items()):
             left = at.x if wipes else at.x + number * (width + gap)
             low, high = ImVec2(left, at.y), ImVec2(left + width, at.y + room.y)
             middle = ImVec2(left + width / 2.0, at.y + room.y / 2.0)
@@ -197,8 +192,8 @@ class FlatWindow:
                 high = high if number else ImVec2(split, high.y)
             draw.push_clip_rect(low, high, True)
             corner = (middle.x - self._centre[0] * size[0] * texel, middle.y - self._centre[1] * size[1] * texel)
-            if shown.flat is not None:
-                self._image(side, shown.flat, (*corner, size[0] * texel, size[1] * texel), (low, high), ui)
+            if flat is not None:
+                self._image(side, flat, (*corner, size[0] * texel, size[1] * texel), (low, high), ui)
             draw.add_text(ImVec2(low.x + 4.0, low.y + 2.0), packed(SLOT_COLORS[side]), side.upper())
             draw.pop_clip_rect()
         if wipes:

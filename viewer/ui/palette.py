@@ -169,7 +169,7 @@ class Palette:
         if self._command is not None and parameter is not None:
             imgui.text(" ".join((self._command.title, *self._arguments)))
             imgui.same_line()
-            imgui.text_disabled(f"{_shown_name(parameter)}: {parameter.help}")
+            imgui.text_disabled(f"{_shown_name(parameter)}: {parameter.arg.help}")
         hint = "find a command" if parameter is None else parameter.default_text or _shown_name(parameter)
         imgui.set_next_item_width(-1.0)
         if self._focus:
@@ -196,7 +196,7 @@ class Palette:
             self._problem = f"no command matches {self._text!r}"
             return None
         if not self._text and parameter.default_text is None:
-            self._problem = f"{_shown_name(parameter)}: {parameter.help}"
+            self._problem = f"{_shown_name(parameter)}: {parameter.arg.help}"
             return None
         return self._text or parameter.default_text or ""
 

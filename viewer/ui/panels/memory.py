@@ -22,12 +22,6 @@ BAR_OPACITY = 0.4
 """Opacity of the bars, which text covers."""
 
 
-def faded(color: InkName) -> imgui.ImVec4:
-    """Return the colour of a bar."""
-    solid = ink(color)
-    return imgui.ImVec4(solid.x, solid.y, solid.z, BAR_OPACITY)
-
-
 def ratio(row: MemoryRow) -> str:
     """Return how much smaller than the original a row is: `1 : 12.3`."""
     return "-" if not row.share else f"1 : {1.0 / row.share:,.1f}"
@@ -107,7 +101,9 @@ class MemoryPanel:
         for title, color, row in (*scene, *totals):
             at = imgui.get_cursor_screen_pos()
             end = ImVec2(at.x + max(width * row.bytes / most, 2.0), at.y + line)
-            draw.add_rect_filled(at, end, imgui.get_color_u32(faded(color)), 2.0)
+            solid = ink(color)
+            faded = imgui.ImVec4(solid.x, solid.y, solid.z, BAR_OPACITY)
+            draw.add_rect_filled(at, end, imgui.get_color_u32(faded), 2.0)
             name = row.name if title == row.name else f"{title.split(':')[0]} {row.name}"
             imgui.text(f"{name}  {megabytes(row.bytes)}")
         ui.rects.note("memory bars")
