@@ -17,7 +17,7 @@ from imgui_bundle import imgui, implot  # isort: skip
 import glfw
 import moderngl
 
-from viewer.app.loss_recovery import LossHistory
+from viewer.app.imgui_window import LossHistory
 from viewer.app.window_app import WindowApp, WindowContent, run_window
 from viewer.commands import run_line
 from viewer.gl.ui_textures import Thumbnails

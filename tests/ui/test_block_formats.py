@@ -12,7 +12,7 @@ from ntc.errors import InputError
 from ntc.metrics.compressed_textures import CompressedTexture, CompressionRequest, compress_texture
 from tests.support.driven_app import DrivenApp
 from viewer.commands import run_line
-from viewer.inspect import format_encoding
+from viewer.inspect import slot_jobs
 from viewer.inspect.memory_table import compressed_memory
 from viewer.inspect.texture_table import compressed_rows
 from viewer.state.event_handlers import apply_event
@@ -49,7 +49,7 @@ def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> HeldProcess:
     """What the application of a test encodes in, with a cache of its own."""
     monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
     made = HeldProcess(compress_texture)
-    monkeypatch.setattr(format_encoding, "FunctionProcess", lambda *_: made)
+    monkeypatch.setattr(slot_jobs, "FunctionProcess", lambda *_: made)
     return made
 
 

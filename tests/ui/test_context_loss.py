@@ -13,7 +13,7 @@ import pytest
 from ntc.errors import InputError
 from ntc.pack.file import write_pack
 from tests.ui.conftest import run_window
-from viewer.app.loss_recovery import RECOVERED, LossHistory, context_lost_error, open_again
+from viewer.app.imgui_window import RECOVERED, LossHistory, context_lost_error, open_again
 from viewer.cli.arguments import parse_arguments
 from viewer.cli.options import ViewOptions
 from viewer.gl.context_loss import LOSE_VARIABLE, ContextLostError

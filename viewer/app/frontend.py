@@ -19,9 +19,8 @@ from viewer.commands.effects import Measure, RaisePanel, ResetLayout
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.inspect.comparison import LiveFigures
-from viewer.inspect.format_encoding import FormatEncoding
 from viewer.inspect.live_comparison import LiveComparison
-from viewer.inspect.precision_search import PrecisionSearch
+from viewer.inspect.slot_jobs import FormatEncoding, PrecisionSearch
 from viewer.locations import blocks_cache
 from viewer.render.frames import FrameTimes
 from viewer.render.path_choice import unsupported_paths

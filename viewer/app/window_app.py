@@ -14,8 +14,16 @@ import glfw
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.app.app import App
-from viewer.app.imgui_window import ImguiWindow, Placement
-from viewer.app.loss_recovery import MOST_LOSSES, RECOVERED, RESET_SECONDS, LossHistory, context_lost_error, open_again
+from viewer.app.imgui_window import (
+    MOST_LOSSES,
+    RECOVERED,
+    RESET_SECONDS,
+    ImguiWindow,
+    LossHistory,
+    Placement,
+    context_lost_error,
+    open_again,
+)
 from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 from viewer.locations import config_folder
 from viewer.scene.model import Scene

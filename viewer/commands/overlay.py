@@ -5,9 +5,8 @@ from typing import Annotated, Any
 
 from viewer.commands.command import Arg, command, following, switch
 from viewer.state.event_handlers import notify
-from viewer.state.palettes import PALETTES, PaletteName
 from viewer.state.session import Session
-from viewer.state.view_state import BLOCKS, BlockName, OverlayKind, ScaleName
+from viewer.state.view_state import BLOCKS, PALETTES, BlockName, OverlayKind, PaletteName, ScaleName
 
 
 def _change(session: Session, **changes: Any) -> None:

@@ -9,9 +9,8 @@ from viewer.commands import bindings
 from viewer.inspect.picture_warnings import PictureWarning, picture_warnings
 from viewer.render.compositor import largest_error
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
-from viewer.state.palettes import PaletteName
 from viewer.state.session import Toast
-from viewer.state.view_state import BLOCKS, Overlay, Slot, ViewState, is_image_source
+from viewer.state.view_state import BLOCKS, Overlay, PaletteName, Slot, ViewState, is_image_source
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tooltip, heat, packed
 

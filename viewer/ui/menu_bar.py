@@ -10,7 +10,7 @@ from viewer.commands.command import Command, Menu
 from viewer.commands.keys import Bindings
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
-from viewer.ui.help.explanations import command_text, value_text
+from viewer.ui.help.texts import command_text, value_text
 
 ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
     "File": (

@@ -10,7 +10,7 @@ from viewer.commands import COMMANDS, bindings, find_command
 from viewer.commands.command import Command, Parameter
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
-from viewer.ui.help.explanations import value_text
+from viewer.ui.help.texts import value_text
 from viewer.ui.theme import ink
 from viewer.ui.widgets import shortened
 

@@ -22,8 +22,8 @@ from viewer.ui.facts import FIRST_PICTURE, UiFrame
 from viewer.ui.file_dialog import FileDialog
 from viewer.ui.first_run_card import FirstRunCard
 from viewer.ui.flat_window import FlatWindow
-from viewer.ui.help.explanations import explanation
 from viewer.ui.help.sheets import make_sheets
+from viewer.ui.help.texts import explanation
 from viewer.ui.menu_bar import draw_menu_bar
 from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels

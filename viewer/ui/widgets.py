@@ -10,7 +10,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from viewer.scene.json_text import counted as counted
-from viewer.state.palettes import PaletteName, palette_colors, share_of_most
+from viewer.state.view_state import PaletteName, palette_colors, share_of_most
 
 WHITE = (1.0, 1.0, 1.0, 0.9)
 SHADE = (0.0, 0.0, 0.0, 0.65)
@@ -179,7 +179,7 @@ class WidgetRects:
     def note(self, label: str, text: str = "", is_open: bool = False) -> None:
         """Record the last widget's rectangle, and show its tooltip.
 
-        The tooltip is `text`; without one, that of the label (viewer/ui/help/explanations.py). A menu that `is_open` has none:
+        The tooltip is `text`; without one, that of the label (viewer/ui/help/texts.py). A menu that `is_open` has none:
         it would hide the items.
         """
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()

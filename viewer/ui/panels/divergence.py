@@ -5,8 +5,7 @@ from imgui_bundle import ImVec2, imgui, implot
 
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
 from viewer.inspect.place_content import BlockContent
-from viewer.state.palettes import PALETTES
-from viewer.state.view_state import BLOCKS, ScaleName, is_image_source
+from viewer.state.view_state import BLOCKS, PALETTES, ScaleName, is_image_source
 from viewer.ui.controls import command_button, command_list, slider
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import side_ink

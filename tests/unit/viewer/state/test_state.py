@@ -16,10 +16,18 @@ from viewer.state.events import PackClosed, PackUpdated, RunStarted
 from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turntable, between, chosen_animation
 from viewer.state.navigation import FASTER_STEP, NEAR_SHARE, fly, fly_speed, kept_in_sight
 from viewer.state.open_files import InitialView, new_session
-from viewer.state.palettes import PALETTES, PaletteName, palette_colors, share_of_most
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import LARGEST_ZOOM, REFERENCE, WHOLE, Zoom
+from viewer.state.view_state import (
+    LARGEST_ZOOM,
+    PALETTES,
+    REFERENCE,
+    WHOLE,
+    PaletteName,
+    Zoom,
+    palette_colors,
+    share_of_most,
+)
 
 ANIMATIONS = (AnimationFacts("walk", 2.0), AnimationFacts("wave", 0.5))
 
