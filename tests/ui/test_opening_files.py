@@ -331,7 +331,7 @@ def test_reading_can_be_ended(app: DrivenApp, tmp_path: Path, monkeypatch: pytes
     reading.may_go_on.set()
     app.settle()
     assert (app.session.scene, app.session.packs, app.session.view) == (before, packs, view)
-    assert app.session.window.log[-1].text == "scene.glb: not opened, as you asked"
+    assert app.session.window.log[-1].text == "scene.glb: opening was cancelled"
     run_or_notify(app.context, "file.open", path)
     app.settle()
     assert app.session.scene.path == path

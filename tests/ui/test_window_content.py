@@ -212,7 +212,7 @@ def test_the_window_says_why_it_draws(app: DrivenApp) -> None:
     assert "a picture is written" in app.frontend.reasons(SIZE)
     app.settle()
     app.session.precision_searches = frozenset[Side](("a",))
-    assert app.frontend.reasons(SIZE) == ("finding the cheapest precision",)
+    assert app.frontend.reasons(SIZE) == ("searching the fastest precision",)
     assert not app.is_settled
     assert not app.frontend.needs_frame(SIZE), "a frame was drawn just now, and none is due before it has been found"
 

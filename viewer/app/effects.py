@@ -89,7 +89,7 @@ class Opening:
                 self._finish(effect, None if job is None else job.result())
             except CancelledError:
                 name = effect.path.name if isinstance(effect, OpenScene) else "the material variant"
-                notify(self._context.session, f"{name}: not opened, as you asked")
+                notify(self._context.session, f"{name}: opening was cancelled")
             except InputError as error:
                 notify(self._context.session, str(error), "error", details_of(error))
 
@@ -182,7 +182,7 @@ class Effects:
     @property
     def reasons(self) -> tuple[str, ...]:
         """Reasons for the next frame, as lines."""
-        opened = ("what was read is opened",) if self.opening.is_due else ()
+        opened = ("a file is opened",) if self.opening.is_due else ()
         return (*dict.fromkeys(REASONS[type(effect)] for effect in self._waiting), *opened)
 
     @property

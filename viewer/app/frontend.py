@@ -192,19 +192,19 @@ class Frontend:
         # A frame clears this, not the first caller.
         self._news = self._news or encoded or computed
         if self._news:
-            yield "work beside the frames has a result"
+            yield "background work has a result"
         # ImGui takes one press or release of a key or button in a frame, however many came at once.
         if not imgui.get_current_context().input_events_queue.empty():
             yield "keys or buttons were pressed"
         if room is None or self.interface.is_settling(session):
-            yield "panels find their places"
+            yield "panels are being arranged"
         if any(toast.until is not None and toast.until <= now for toast in session.window.toasts):
             yield "a message ends"
         pointed, tooltip = session.inspection.pointed_out, self.interface.rects.tooltips.seconds_until_due
         if pointed is not None and pointed.until is not None and pointed.until <= now:
             yield "textures are no longer highlighted"
         if tooltip is not None and tooltip <= 0.0:
-            yield "an explanation appears"
+            yield "a tooltip appears"
         if self._compares and self.live.has_work(self._figures_are_wanted(), now):
             yield "A is compared with B"
         yield from self._effects.reasons
@@ -218,7 +218,7 @@ class Frontend:
         if session.is_moving:
             yield "the camera moves" if session.navigation.motion is not None else "an animation plays"
         if self._first_view.is_due(session):
-            yield "a first view is looked for"
+            yield "a first view is searched"
         if self.reader.is_pending:
             yield "values under the mouse are read"
         if self.picture.is_due(room):
@@ -235,11 +235,11 @@ class Frontend:
         yield from (part.title for part in (*self._effects.opening.work, *work))
         yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
         if session.seeks_first_view and self.picture.is_open:
-            yield "a first view is looked for"
+            yield "a first view is searched"
         if self._compares and last_view is not None and self.live.is_pending(self._figures_are_wanted()):
             yield "A is compared with B"
         if self.interface.background.is_busy:
-            yield "work beside the frames is under way"
+            yield "background work continues"
 
     @property
     def seconds_until_change(self) -> float:

@@ -38,7 +38,7 @@ class WorkUnderWay:
         """
         found = [*self._formats(encoding)]
         if session.precision_searches:
-            found.append(Work("finding the cheapest precision"))
+            found.append(Work("searching the fastest precision"))
         found += [Work(item.line) for item in to_come]
         if comparing:
             found.append(Work("comparing A with B"))

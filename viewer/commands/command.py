@@ -63,7 +63,7 @@ def typed_path(text: str) -> Path:
     """Return a typed path with `~` expanded. Raises InputError for names that no file can have."""
     try:
         if "\0" in text:
-            raise InputError(f"{text!r}: is no name of a file")
+            raise InputError(f"{text!r}: is not a valid file name")
         return Path(text).expanduser()
     except RuntimeError as error:
         raise InputError(f"{text}: there is no such user; write the whole path") from error

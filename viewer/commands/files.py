@@ -133,7 +133,7 @@ def load_view(session: Session, file: Annotated[Path, Arg("a saved view")]) -> N
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text ({error.reason}); give what view.save made") from error
+        raise InputError(f"{path}: is not text ({error.reason}); give a file that view.save wrote") from error
     _restore(session, text, str(path))
 
 

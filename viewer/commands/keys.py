@@ -79,7 +79,7 @@ def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list
     wanted: dict[str, tuple[Chord, ...]] = {}
     for command_id, text in keys.items():
         if command_id not in ids:
-            problems.append(f"keys: {command_id[:60]!r} is no command; remove it from the settings")
+            problems.append(f"keys: {command_id[:60]!r} is not a command; remove it from the settings")
             continue
         try:
             chord = parse_chord(text) if text else None

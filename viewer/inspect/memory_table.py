@@ -45,8 +45,10 @@ def scene_memory(scene: Scene) -> tuple[MemoryRow, MemoryRow]:
     sizes = [_bytes_of(*texture.size, texture.maps) for texture in scene.textures]
     plain, blocks = sum(size[0] for size in sizes), sum(size[1] for size in sizes)
     return (
-        MemoryRow("original RGBA8", plain, 1.0, "the original images of all maps with their mips, 4 bytes a texel"),
-        MemoryRow("as BC7", blocks, blocks / max(plain, 1), "the same in blocks, 1 byte a texel, normals in BC5"),
+        MemoryRow("original RGBA8", plain, 1.0, "original images of all maps with mips, 4 bytes per texel"),
+        MemoryRow(
+            "as BC7", blocks, blocks / max(plain, 1), "original images in blocks, 1 byte per texel, normals in BC5"
+        ),
     )
 
 
@@ -101,7 +103,7 @@ def pack_memory(
     table = psnr_table(pack)
     rows = []
     if any(pair.is_smaller for pair in pairs):
-        about = "the originals as RGBA8 with mips, reduced to the size encoded"
+        about = "originals as RGBA8 with mips, reduced to the encoded size"
         rows.append(MemoryRow("originals, that size", original, 1.0, about, is_total=True))
     rows += [
         MemoryRow("pack: latents", table.latent_bytes, table.latent_bytes / original, "quantised, all mips"),
@@ -121,11 +123,7 @@ def pack_memory(
         total = sum(on_gpu.values())
         rows.append(MemoryRow("GPU in all", total, total / original, is_total=True))
     if idle:
-        rows.append(
-            MemoryRow(
-                "for other paths", idle, None, "kept on the GPU so that other decode paths can be switched to at once"
-            )
-        )
+        rows.append(MemoryRow("for other paths", idle, None, "kept on the GPU for a fast switch to other decode paths"))
     return tuple(rows)
 
 
@@ -134,7 +132,7 @@ def compressed_memory(compressed: CompressedTextures) -> tuple[MemoryRow, ...]:
     pictures = (*compressed.textures, *(picture for pictures in compressed.further for picture in pictures))
     plain = max(1, sum(_bytes_of(own.shape[1], own.shape[0], own.maps)[0] for own in pictures))
     stored = compressed.stored_bytes
-    explanation = f"{compressed.bits_per_texel:.2f} bits a texel, all mips, padding of blocks included"
+    explanation = f"{compressed.bits_per_texel:.2f} bits per texel, all mips, padding of blocks included"
     return (MemoryRow("blocks in all", stored, stored / plain, explanation, is_total=True),)
 
 

@@ -32,12 +32,12 @@ def scene_warnings(scene: Scene) -> tuple[PictureWarning, ...]:
     missing = scene.report.missing
     if missing:
         more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
-        remedy = "Files or parts that could not be read; panel Scene lists all of them under 'missing'."
+        remedy = "These files or parts could not be read. The panel Scene lists all of them under 'missing'."
         found.append(PictureWarning(f"missing: {_short(missing[0])}{more}", remedy))
     white = sum(material.texture_id < 0 and material.factor == WHITE for material in scene.materials)
     if white and 2 * white >= len(scene.materials):
         few = "the material has" if len(scene.materials) == 1 else f"{white} of {len(scene.materials)} materials have"
-        remedy = "Such surfaces are white. If the scene should have textures, look for their files."
+        remedy = "These surfaces are white. If the scene should have textures, look for their files."
         found.append(PictureWarning(f"{few} no base colour", remedy))
     return tuple(found)
 
@@ -48,10 +48,10 @@ def pack_warnings(side: str, scene: Scene, pack: Pack, match: PackMatch) -> tupl
     total = len(match.texture_index)
     if match.changed:
         text = f"{side}: the pack is of another version of this scene ({len(match.changed)} of {total} textures differ)"
-        found.append(PictureWarning(text, "Textures that differ are shown as the originals. Encode the scene anew."))
+        found.append(PictureWarning(text, "Different textures are shown as originals. Encode the scene again."))
     elif match.absent:
         text = f"{side}: {len(match.absent)} of {total} textures are not in the pack"
-        found.append(PictureWarning(text, "They are shown as the originals."))
+        found.append(PictureWarning(text, "These textures are shown as originals."))
     if smaller := smaller_note(size_pairs(scene, pack, match)):
         remedy = "Part of the blur comes from the smaller textures, not from the codec. Encode at full size for a fair comparison."
         found.append(PictureWarning(f"{side}: {smaller}", remedy))

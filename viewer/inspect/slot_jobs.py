@@ -62,7 +62,7 @@ class FormatEncoding:
             found = job.result()
             self._emit(TexturesCompressed(scene, block_format, found))
             quality = f", mean {found.psnr.mean_db:.2f} dB" if found.psnr is not None else ""
-            size = f"{found.bits_per_texel:.2f} bits a texel, {found.stored_bytes / 1e6:.2f} MB with mips"
+            size = f"{found.bits_per_texel:.2f} bits per texel, {found.stored_bytes / 1e6:.2f} MB with mips"
             self._emit(Notification(f"{block_format}: {size}{quality}"))
 
     def _compressed(self, scene: Scene, block_format: BlockFormat, report: JobReport) -> CompressedTextures:

@@ -195,7 +195,7 @@ def _wait_seconds(seconds: float) -> Iterator[Turn]:
 def _trained(stage: Stage) -> Iterator[Turn]:
     training = stage.context.training
     if training.active is None and not training.saving and not training.log.runs:
-        raise InputError("wait trained: nothing is trained; training.encode begins a run")
+        raise InputError("wait trained: no training has begun; training.encode begins a run")
     end = time.monotonic() + LONGEST_WAIT
     yield from rest()
     while training.active is not None or training.saving:
@@ -216,7 +216,7 @@ def _settle(stage: Stage) -> Iterator[Turn]:
                 "wait settled: the camera moves by itself, or an animation plays; camera.stop or animation.play ends that"
             )
         if time.monotonic() > end:
-            raise InputError(f"wait settled: the picture was not whole after {SETTLING_SECONDS:g} s")
+            raise InputError(f"wait settled: the picture was not complete after {SETTLING_SECONDS:g} s")
         yield "rest"
     yield from rest()
 
@@ -324,34 +324,34 @@ MANY = 1000
 DIRECTIONS = {
     "wait": Direction(
         "wait frames N | seconds S | settled | trained",
-        "draw N frames, or wait: for so long, until the picture is whole, until the run has ended and its pack is written",
+        "draw N frames; or wait S seconds, until the picture is complete, or until the run has ended and its pack is written",
         1,
         2,
         _wait,
     ),
     "size": Direction("size WIDTHxHEIGHT", "give the window's content this size in pixels", 1, 1, _size),
-    "screenshot": Direction(
-        "screenshot FILE", "write the window's content as a PNG, without a message", 1, 1, _screenshot
-    ),
+    "screenshot": Direction("screenshot FILE", "save the window as a PNG, without a message", 1, 1, _screenshot),
     "film": Direction(
         "film FILE | end",
-        "write what the window shows from here to the end as an animated WebP, up to 10 pictures a second",
+        "write the window from here to `film end` as an animated WebP, up to 10 pictures per second",
         1,
         1,
         _film,
     ),
     "drop": Direction("drop FILE ...", "drop files on the window", 1, MANY, _drop),
-    "key": Direction("key KEY", "press a key and let it go, e.g. `Ctrl+P`", 1, 1, _key),
+    "key": Direction("key KEY", "press and release a key, e.g. `Ctrl+P`", 1, 1, _key),
     "hold": Direction(
         "hold KEY", "press a key, or a modifier for the mouse, e.g. `Ctrl`", 1, 1, partial(_held, down=True)
     ),
-    "release": Direction("release KEY", "let a key go", 1, 1, partial(_held, down=False)),
+    "release": Direction("release KEY", "release a key", 1, 1, partial(_held, down=False)),
     "click": Direction("click LABEL", "click on the widget of this label", 1, MANY, _click),
     "move": Direction("move X Y", "move the mouse; pixels, or per cent of the window as `50%`", 2, 2, _move),
     "drag": Direction("drag X0 Y0 X1 Y1 [BUTTON]", "drag with the left, right or middle button", 4, 5, _drag),
     "wheel": Direction("wheel N", "turn the mouse wheel", 1, 1, _wheel),
     "type": Direction("type TEXT", "type into the active field", 1, MANY, _type),
-    "expect": Direction("expect PROPERTY VALUE", "stop unless it is so", 2, MANY, _expect),
+    "expect": Direction(
+        "expect PROPERTY VALUE", "stop with an error unless the property has this value", 2, MANY, _expect
+    ),
 }
 """Directions by their first word, which has no dot; the id of every command has one."""
 

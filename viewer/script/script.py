@@ -91,7 +91,7 @@ def read_script(path: Path) -> Script:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: is no text ({error.reason})") from error
+        raise InputError(f"{path}: is not text ({error.reason})") from error
     return parse_script(text, str(path))
 
 

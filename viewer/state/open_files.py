@@ -12,6 +12,7 @@ from ntc.pack.match import PackMatch, require_match
 from viewer.locations import is_builtin
 from viewer.scene.cameras_file import with_cameras_beside
 from viewer.scene.images import ProgressReport
+from viewer.scene.json_text import counted
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.camera import frame_all
@@ -158,7 +159,7 @@ def open_scene(session: Session, read: ReadScene) -> None:
     session.window.file_dialog = False
     _begin(session, read.problems)
     missing = len(scene.report.missing)
-    note = f"; {missing} files or parts could not be read, see panel Scene" if missing else ""
+    note = f"; {counted(missing, 'missing file')}, see panel Scene" if missing else ""
     notify(session, f"opened {scene.path.name if scene.path is not None else scene.name}{note}")
 
 
@@ -173,7 +174,7 @@ def show_variant(session: Session, scene: Scene) -> None:
     """Show the scene as read in another material variant; packs and view stay."""
     if scene is not session.scene:
         session.scene, variant = scene, scene.variant
-        named = f"material variant {variant}" if variant else "the materials that the scene's parts name themselves"
+        named = f"material variant {variant}" if variant else "the scene's own materials"
         notify(session, named)
 
 
