@@ -25,7 +25,7 @@ from viewer.render.frames import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
 from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
 from viewer.state.pack_files import match_scene
-from viewer.ui.dock_layout import Docked, column_width, places_for
+from viewer.ui.dock_layout import Place, column_width, titles_by_place
 from viewer.ui.panels.groups import quality_text
 from viewer.ui.panels.timings import axis_top, beyond_text, frame_ticks
 
@@ -276,13 +276,9 @@ def test_a_tree_of_many_instances_is_filtered_and_folded_quickly(scene: Scene) -
 
 
 def test_places_by_the_size_of_the_window() -> None:
-    panels = [Docked("A", "upper"), Docked("B", "lower"), Docked("C", "upper")]
-
-    def titles(height: float) -> dict[str, list[str]]:
-        return {place: [panel.title for panel in found] for place, found in places_for(panels, height).items()}
-
-    assert titles(720) == {"upper": ["A", "C"], "lower": ["B"]}
-    assert titles(400) == {"upper": ["A", "B", "C"]}
+    places: dict[str, Place] = {"A": "upper", "B": "lower", "C": "upper"}
+    assert titles_by_place(places, 720) == {"upper": ["A", "C"], "lower": ["B"]}
+    assert titles_by_place(places, 400) == {"upper": ["A", "B", "C"]}
     assert column_width(1280) == 350
     assert column_width(640) == 340, "the picture keeps at least as much as it needs"
     assert column_width(320) == 160

@@ -1,6 +1,6 @@
 """The docked layout of panels beside the picture: one column of two stacks of tabs that fits the window, folds, and can be reset."""
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,14 +27,6 @@ LOWER_SHARE = 0.36
 
 
 @dataclass(frozen=True)
-class Docked:
-    """Place of a panel in the layout that a window opens with."""
-
-    title: str
-    place: Place
-
-
-@dataclass(frozen=True)
 class Stack:
     """Panels that are tabs of one another, docked above or below another stack."""
 
@@ -43,12 +35,12 @@ class Stack:
     area: Area
 
 
-def places_for(panels: Sequence[Docked], height: float) -> dict[Place, list[Docked]]:
-    """Return the panels by place, for a window of this height in units of normal scale."""
-    places: dict[Place, list[Docked]] = {}
-    for panel in panels:
-        places.setdefault("upper" if height < LOWEST_FOR_STACKS else panel.place, []).append(panel)
-    return places
+def titles_by_place(places: Mapping[str, Place], height: float) -> dict[Place, list[str]]:
+    """Return the panels of each place, of `places` by title, for a window of this height in units of normal scale."""
+    found: dict[Place, list[str]] = {}
+    for title, place in places.items():
+        found.setdefault("upper" if height < LOWEST_FOR_STACKS else place, []).append(title)
+    return found
 
 
 def column_width(width: float) -> float:
@@ -96,7 +88,7 @@ class DockLayout:
         """True while panels still come to the front after a new layout."""
         return not self._saw_menu_bar or bool(self._front) or self._pause > 0
 
-    def draw(self, panels: Sequence[Docked], scale: float, reset: bool, folded: Collection[str]) -> Area:
+    def draw(self, places: Mapping[str, Place], scale: float, reset: bool, folded: Collection[str]) -> Area:
         """Submit the dock space and return the area of the picture. Docks all panels again with `reset` or without a layout.
 
         Stacks that hold a panel of `folded` are as high as their tabs.
@@ -105,11 +97,11 @@ class DockLayout:
         dock_space = imgui.get_id(DOCK_SPACE)
         known = imgui.internal.dock_builder_get_node(dock_space)
         if self._saw_menu_bar and (reset or known is None or not (known.is_split_node() or known.windows)):
-            self._build(dock_space, panels, viewport, scale)
+            self._build(dock_space, places, viewport, scale)
             self._scale = scale
         elif self._saw_menu_bar:
-            self._follow_scale([panel.title for panel in panels], scale, viewport)
-        self._fold([panel.title for panel in panels], folded)
+            self._follow_scale(places, scale, viewport)
+        self._fold(places, folded)
         self._placed, self._saw_menu_bar = self._saw_menu_bar, True
         imgui.dock_space_over_viewport(dock_space, viewport, imgui.DockNodeFlags_.passthru_central_node)
         central = imgui.internal.dock_builder_get_central_node(dock_space)
@@ -156,7 +148,7 @@ class DockLayout:
         ]
         return sorted(stacks, key=lambda stack: stack.area.top)
 
-    def _fold(self, titles: Sequence[str], folded: Collection[str]) -> None:
+    def _fold(self, titles: Iterable[str], folded: Collection[str]) -> None:
         """Give stacks the height of their tabs, or their height before; the other stack of the column takes the rest."""
         stacks = self.stacks(titles)
         tabs, small = imgui.get_frame_height(), set[str]()
@@ -184,7 +176,7 @@ class DockLayout:
             others[0].node.size_ref = ImVec2(others[0].node.size_ref.x, max(room - height, tabs))
         self._folded = frozenset(small)
 
-    def _follow_scale(self, titles: Sequence[str], scale: float, viewport: imgui.Viewport) -> None:
+    def _follow_scale(self, titles: Iterable[str], scale: float, viewport: imgui.Viewport) -> None:
         """Scale the width of the column with its content; a saved column that is too narrow becomes wide enough."""
         if scale == self._scale:
             return
@@ -211,10 +203,10 @@ class DockLayout:
             node.size_ref = ImVec2(given, node.size_ref.y)
         self._scale = scale
 
-    def _build(self, root: int, panels: Sequence[Docked], viewport: imgui.Viewport, scale: float) -> None:
+    def _build(self, root: int, places: Mapping[str, Place], viewport: imgui.Viewport, scale: float) -> None:
         builder = imgui.internal
         size = ImVec2(max(viewport.work_size.x, 1.0), max(viewport.work_size.y, 1.0))
-        places = places_for(panels, size.y / scale)
+        titles = titles_by_place(places, size.y / scale)
         builder.dock_builder_remove_node(root)
         builder.dock_builder_add_node(root, builder.DockNodeFlagsPrivate_.dock_space)
         builder.dock_builder_set_node_pos(root, viewport.work_pos)
@@ -222,13 +214,13 @@ class DockLayout:
         self._heights.clear()
         column, _ = _split(root, imgui.Dir.left, scale * column_width(size.x / scale) / size.x)
         nodes: dict[Place, int] = {"upper": column}
-        if "lower" in places:
+        if "lower" in titles:
             nodes["lower"], nodes["upper"] = _split(column, imgui.Dir.down, LOWER_SHARE)
-        for place, members in places.items():
-            for panel in members:
-                builder.dock_builder_dock_window(panel.title, nodes[place])
+        for place, members in titles.items():
+            for title in members:
+                builder.dock_builder_dock_window(title, nodes[place])
         builder.dock_builder_finish(root)
-        self._front = [members[0].title for members in places.values()]
+        self._front = [members[0] for members in titles.values()]
         # ImGui gives a tab bar to a node in the frame after its windows have come.
         self._pause = 3
 

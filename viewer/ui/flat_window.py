@@ -18,8 +18,8 @@ from viewer.inspect.flat_texture import (
 from viewer.jobs.job import Background, Job, JobReport
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
-from viewer.ui.theme import side_ink
-from viewer.ui.widgets import SLOT_COLORS, combo, packed
+from viewer.ui.theme import INKS, side_ink
+from viewer.ui.widgets import combo, packed
 
 Arrangement = Literal["side by side", "wipe"]
 ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
@@ -194,7 +194,9 @@ class FlatWindow:
             corner = (middle.x - self._centre[0] * size[0] * texel, middle.y - self._centre[1] * size[1] * texel)
             if flat is not None:
                 self._image(side, flat, (*corner, size[0] * texel, size[1] * texel), (low, high), ui)
-            draw.add_text(ImVec2(low.x + 4.0, low.y + 2.0), packed(SLOT_COLORS[side]), side.upper())
+            draw.add_text(
+                ImVec2(low.x + 4.0, low.y + 2.0), packed(INKS["dark"]["a" if side == "a" else "b"]), side.upper()
+            )
             draw.pop_clip_rect()
         if wipes:
             draw.add_line(ImVec2(split, at.y), ImVec2(split, at.y + room.y), packed(LINE), 1.5)

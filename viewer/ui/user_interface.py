@@ -17,7 +17,7 @@ from viewer.ui.annotations import (
     draw_toasts,
     draw_way_back,
 )
-from viewer.ui.dock_layout import Docked, DockLayout, StackHandles, draw_column_handle, folds_at_first
+from viewer.ui.dock_layout import DockLayout, StackHandles, draw_column_handle, folds_at_first
 from viewer.ui.facts import FIRST_PICTURE, UiFrame
 from viewer.ui.file_dialog import FileDialog
 from viewer.ui.first_run_card import FirstRunCard
@@ -160,7 +160,7 @@ class UserInterface:
     def _layout_panels(self, ui: UiFrame) -> Area:
         """Dock the panels, and return the rectangle of the picture."""
         settings, scale = ui.session.settings, ui_scale()
-        places = [Docked(panel.title, panel.place) for panel in self._all_panels]
+        places = {panel.title: panel.place for panel in self._all_panels}
         if settings.column_folded is None:
             narrow = folds_at_first(imgui.get_main_viewport().size.x / scale)
             if narrow != ui.session.window.column_folded:

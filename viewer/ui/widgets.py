@@ -15,8 +15,6 @@ from viewer.state.view_state import PaletteName, palette_colors, share_of_most
 WHITE = (1.0, 1.0, 1.0, 0.9)
 SHADE = (0.0, 0.0, 0.0, 0.65)
 """Colours of texts and plates over the picture."""
-SLOT_COLORS = {"a": (0.35, 0.65, 1.0, 1.0), "b": (1.0, 0.6, 0.25, 1.0)}
-"""Colours of slots: blue for A and orange for B differ for every kind of colour vision."""
 
 
 @contextmanager

@@ -151,28 +151,19 @@ class GroupsPanel:
         ui.rects.note("group PSNR")
         command_button(ui, f"Train group {row.group}", "training.retrain", str(row.group), label="Train group")
         distances = self._distances(ui, pack, decoders)
-        members = list(row.members)
-        if isinstance(distances, GroupDistances):
-            by_texture = distances.by_texture
-            members.sort(key=lambda texture: -by_texture.get(texture, 0.0))
-            imgui.text_wrapped(distances.caption())
-        elif distances:
-            imgui.text_wrapped(distances)
+        by_texture = distances.by_texture if isinstance(distances, GroupDistances) else {}
+        members = sorted(row.members, key=lambda texture: -by_texture.get(texture, 0.0))
+        imgui.text_wrapped(distances.caption() if isinstance(distances, GroupDistances) else distances)
         side = THUMBNAIL_LINES * imgui.get_font_size()
         if not imgui.begin_child("members"):
             imgui.end_child()
             return
-        far = (
-            max((distances.by_texture.get(t, 0.0) for t in members), default=0.0)
-            if isinstance(distances, GroupDistances)
-            else 0.0
-        )
+        far = max((by_texture.get(texture, 0.0) for texture in members), default=0.0)
         clipper = imgui.ListClipper()
         clipper.begin(len(members), side + imgui.get_style().item_spacing.y)
         while clipper.step():
             for index in range(clipper.display_start, clipper.display_end):
-                distance = distances.by_texture.get(members[index]) if isinstance(distances, GroupDistances) else None
-                self._member(ui, members[index], distance, far, side)
+                self._member(ui, members[index], by_texture.get(members[index]), far, side)
         imgui.end_child()
 
     def _member(self, ui: UiFrame, texture: int, distance: float | None, far: float, side: float) -> None:

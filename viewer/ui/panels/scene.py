@@ -3,7 +3,7 @@
 from imgui_bundle import imgui
 
 from viewer.inspect.scene_tree import SceneTree
-from viewer.scene.model import LoadReport, Material, Scene
+from viewer.scene.model import Material, Scene
 from viewer.scene.report import report_lines
 from viewer.state.motion import chosen_animation
 from viewer.ui.controls import check_box, command_button, command_list, copy_button, select_texture
@@ -152,29 +152,24 @@ class SceneLists:
 
 
 def _report(scene: Scene, ui: UiFrame) -> None:
-    report: LoadReport = scene.report
+    report = scene.report
     opened = imgui.tree_node_ex("load report", imgui.TreeNodeFlags_.default_open)
     ui.rects.note("load report")
     if not opened:
         return
     copy_button(ui, "copy report", "copy report", lambda: "\n".join(report_lines(scene)))
-    _parts(report, ui)
-    imgui.tree_pop()
-
-
-def _parts(report: LoadReport, ui: UiFrame) -> None:
     parts = {"honoured": report.honoured, "ignored": report.ignored, "missing": report.missing, "notes": report.notes}
     for name, lines in parts.items():
         if not lines:
             continue
-        opened = imgui.tree_node_ex(
-            f"{name} ({len(lines)})", imgui.TreeNodeFlags_.default_open if name == "missing" else 0
-        )
+        flags = imgui.TreeNodeFlags_.default_open if name == "missing" else 0
+        opened = imgui.tree_node_ex(f"{name} ({len(lines)})", flags)
         ui.rects.note(name)
         if opened:
             for line in lines:
                 imgui.text_wrapped(line)
             imgui.tree_pop()
+    imgui.tree_pop()
 
 
 def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:

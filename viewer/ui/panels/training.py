@@ -15,9 +15,8 @@ from viewer.training.run_log import ActiveRun, Curves, Run, mean_of_psnr
 from viewer.training.settings import TrainingSettings
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.training_forms import TrainingForms
-from viewer.ui.theme import ink
+from viewer.ui.theme import INKS, ink
 from viewer.ui.widgets import (
-    SLOT_COLORS,
     Area,
     cells,
     combo,
@@ -291,7 +290,7 @@ def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
     """Draw the progress of a run: full at its end, moving while it is unknown."""
     progress = run.progress if run is not None else None
     share = 1.0 if run is None else -0.6 * imgui.get_time() if progress is None else progress.share
-    imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*SLOT_COLORS["a"]))
+    imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*INKS["dark"]["a"]))
     # The text stands below: over the bar it would be hard to read.
     imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
     imgui.pop_style_color()
