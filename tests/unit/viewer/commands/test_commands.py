@@ -205,7 +205,7 @@ def test_a_key_is_changed_taken_away_and_exchanged() -> None:
         ({"camera.frame-all": "Space"}, ("camera.frame-all", "showing the other slot")),
         ({"camera.frame-all": "W"}, ("camera.frame-all", "flying")),
         ({"camera.frame-all": "Nonsense"}, ("camera.frame-all", "no such key")),
-        ({"camera.no-such": "Ctrl+G"}, ("camera.no-such", "no command")),
+        ({"camera.no-such": "Ctrl+G"}, ("camera.no-such", "not a command")),
     ],
 )
 def test_what_is_refused_keeps_its_own_key(keys: dict[str, str], parts: tuple[str, ...]) -> None:

@@ -77,7 +77,7 @@ def test_files(tmp_path: Path) -> None:
     file.write_text("wait frames 1\n")
     assert len(read_script(file)) == 1
     file.write_bytes(b"\xff\xfe\x00")
-    with pytest.raises(InputError, match=r"a\.script: is no text"):
+    with pytest.raises(InputError, match=r"a\.script: is not text"):
         read_script(file)
     file.write_bytes(b"#" * (LARGEST_SCRIPT + 1))
     with pytest.raises(InputError, match="at most"):
