@@ -1,4 +1,4 @@
-"""Commands: the heatmap of decoders per block."""
+"""Commands: maps over the picture."""
 
 from dataclasses import replace
 from typing import Annotated, Any
