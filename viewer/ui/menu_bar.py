@@ -57,7 +57,7 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
         ("training.encode",),
         ("training.retrain", "training.move", "training.regroup"),
         ("training.pause", "training.resume", "training.cancel"),
-        ("training.accept", "training.discard"),
+        ("training.accept", "training.discard", "training.kept-back"),
         ("training.ahead",),
     ),
     "Window": (

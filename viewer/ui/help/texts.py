@@ -294,7 +294,7 @@ FIGURES: Final = {
     "decode ms": "Time of this slot in ms when it was last drawn whole. It is measured while the panel Timings is in front.",
     "shows": "Source of the slot.",
     "divergent blocks": "Number of blocks whose pixels need more than one decoder.",
-    "decoders a block": "Mean number of decoders in a block that shows the scene.",
+    "decoders per block": "Mean number of decoders in a block that shows the scene.",
     "at most": "Largest number of decoders in a block.",
     "wave efficiency": "Share of decoder runs that would remain without divergence: blocks divided by decoders summed over them. "
     "100 % is best.",

@@ -48,7 +48,7 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) ->
         "score": [f"{figures.score:.4f}" for _, figures in sides.values()],
         "excess": [f"{figures.excess:,}" for _, figures in sides.values()],
         "divergent blocks": [f"{figures.divergent_blocks:,}" for _, figures in sides.values()],
-        "decoders a block": [f"{figures.mean:.3f}" for _, figures in sides.values()],
+        "decoders per block": [f"{figures.mean:.3f}" for _, figures in sides.values()],
         "at most": [f"{figures.maximum}" for _, figures in sides.values()],
         "wave efficiency": [f"{figures.wave_efficiency:.1%}" for _, figures in sides.values()],
     }
