@@ -114,7 +114,7 @@ def test_the_wheel_changes_the_speed_and_says_so(app: DrivenApp) -> None:
     app.run("camera.mode", "fly")
     app.run("camera.fly-faster", 2.0)
     app.settle()
-    assert shown_speed(app).endswith("(1.6 x the usual)")
+    assert shown_speed(app).endswith("(1.6 x the usual speed)")
     assert not any("speed" in toast.text for toast in app.session.window.toasts)
 
 

@@ -117,7 +117,7 @@ def test_keys_and_clicks_that_come_at_once_are_all_taken(app: DrivenApp) -> None
 
 
 def test_waiting_for_a_run_that_never_began(app: DrivenApp) -> None:
-    with pytest.raises(InputError, match="test:1: wait trained: nothing is trained"):
+    with pytest.raises(InputError, match="test:1: wait trained: no training has begun"):
         play(app, "wait trained")
 
 

@@ -139,7 +139,7 @@ class Flight:
         rects.note_rectangle(self._text, x, y, x + size.x, y + size.y)
 
     def _say(self, speed: float, notches: float) -> None:
-        factor = "" if not notches else f" ({navigation.FASTER_STEP**notches:.2g}x the usual speed)"
+        factor = "" if not notches else f" ({navigation.FASTER_STEP**notches:.2g} x the usual speed)"
         self._text = f"flying {speed:.2g} units per second{factor}"
         self._until = time.monotonic() + SHOWN_SECONDS
 
