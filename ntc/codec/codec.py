@@ -253,7 +253,9 @@ class Codec(ABC):
         """
         del textures, decoders
         kind = packs[0].config.kind
-        raise InputError(f"{packs[0].name}: codec {kind} encodes with decoders of its own alone; use another codec")
+        raise InputError(
+            f"{packs[0].name}: codec {kind} cannot encode with the decoders of other packs; use another codec"
+        )
 
     # What people read.
 

@@ -292,9 +292,9 @@ class Encoder(ABC):
 
     def state(self) -> dict[str, Any]:
         """Everything that the next piece depends on: tensors of torch by name. Raises InputError where the codec keeps none."""
-        raise InputError(f"codec {self.settings.kind}: an encoding keeps no state")
+        raise InputError(f"codec {self.settings.kind}: cannot save the state of an encoding; leave --state out")
 
     def load(self, state: Mapping[str, Any]) -> None:
         """Continue from `state`. Raises KeyError, ValueError, TypeError or RuntimeError for one of another encoding."""
         del state
-        raise InputError(f"codec {self.settings.kind}: an encoding keeps no state")
+        raise InputError(f"codec {self.settings.kind}: cannot save the state of an encoding; leave --state out")

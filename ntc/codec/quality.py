@@ -48,7 +48,7 @@ def worst_share_db(psnrs_db: Sequence[float], share: float = 0.05) -> float:
     if not 0.0 < share <= 1.0:
         raise InputError(f"worst PSNR: share is {share}; set it above 0 and up to 1")
     if len(psnrs_db) == 0 or any(math.isnan(value) for value in psnrs_db):
-        raise InputError("worst PSNR: needs PSNRs in dB, one at least and all of them numbers")
+        raise InputError("worst PSNR: needs one PSNR in dB at least, and no NaN")
     # 0.07 of 100 is a little more than 7 in floating point, and must not become 8.
     count = max(1, math.ceil(share * len(psnrs_db) - 1e-9))
     return float(np.mean(np.sort(np.asarray(psnrs_db, np.float64))[:count]))

@@ -59,7 +59,7 @@ def _read_weights(path: Path) -> Mapping[str, Any]:
             content = torch.load(path, map_location="cpu", weights_only=True)
     # Both libraries answer a broken file with many kinds of exceptions, pickle's among them.
     except Exception as error:
-        raise InputError(f"{path}: no weights can be read from it; {remedy}") from error
+        raise InputError(f"{path}: cannot be read as weights; {remedy}") from error
     if isinstance(content, Mapping) and isinstance(content.get("state_dict"), Mapping):
         content = content["state_dict"]
     if not isinstance(content, Mapping):

@@ -87,7 +87,9 @@ def _rows(path: Path) -> list[tuple[str, str]]:
             if not name or not category:
                 raise InputError(f"{path}: line {reader.line_num}: needs a texture and a category")
             if len(category) > LONGEST_NAME:
-                raise InputError(f"{path}: line {reader.line_num}: a category of more than {LONGEST_NAME} letters")
+                raise InputError(
+                    f"{path}: line {reader.line_num}: the category has more than {LONGEST_NAME} letters; shorten it"
+                )
             rows.append((name, category))
     except csv.Error as error:
         raise InputError(f"{path}: line {reader.line_num}: {error}") from None
@@ -117,5 +119,5 @@ def read_labels(path: Path, textures: Sequence[SourceTexture]) -> dict[int, str]
     if unknown:
         more = f" and {len(unknown) - UNKNOWN_SHOWN} more" if len(unknown) > UNKNOWN_SHOWN else ""
         shown = ", ".join(repr(name) for name in unknown[:UNKNOWN_SHOWN])
-        raise InputError(f"{path}: names textures that are not there: {shown}{more}; ntc-viewer info lists the names")
+        raise InputError(f"{path}: names unknown textures: {shown}{more}; ntc-viewer info lists the names")
     return labels

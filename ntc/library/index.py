@@ -176,7 +176,7 @@ def read_index(folder: Path) -> LibraryIndex:
     try:
         data = read_file(path)
     except OSError as error:
-        raise InputError(f"{folder}: holds no library that can be read ({error.strerror}); name its folder") from error
+        raise InputError(f"{folder}: holds no library ({error.strerror}); name the folder of a library") from error
     index, end = LibraryIndex(Path(folder)), data.rfind(b"\n") + 1
     index.whole_bytes = end
     lines = data[:end].split(b"\n")[:-1]
@@ -194,5 +194,5 @@ def _require_version(first: list[bytes], path: Path) -> None:
             return
         if isinstance(record, Beginning) and record.version != INDEX_VERSION:
             raise InputError(
-                f"{path}: version {record.version}, this program reads {INDEX_VERSION}; install a newer one"
+                f"{path}: has version {record.version}, this program reads version {INDEX_VERSION}; install a newer ntc-viewer"
             )

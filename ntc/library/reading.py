@@ -51,7 +51,7 @@ def joined_pack(packs: Sequence[Pack]) -> Pack:
     for pack in packs:
         same = (pack.config, pack.grouping.name) == (first.config, first.grouping.name)
         if not same or (ships and pack.grouping.parameters != first.grouping.parameters):
-            raise InputError(f"{pack.name}: is not encoded as {first.name} is; they cannot be one pack")
+            raise InputError(f"{pack.name}: has another codec or grouping than {first.name}; they cannot be joined")
         own = [texture for texture in pack.textures if texture.pixel_hash not in textures]
         base = 0 if ships else len(decoders)
         if not ships:

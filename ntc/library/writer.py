@@ -79,7 +79,7 @@ class LibraryWriter:
         """Keep a shard, unless every texture of it is there so encoded: then False. Raises InputError where it cannot be written, or
         `data` are not what the record says."""
         if hashlib.sha256(data).hexdigest() != shard.digest:
-            raise InputError(f"shard {shard.digest[:12]}: came with other bytes than were sent; they are not kept")
+            raise InputError(f"shard {shard.digest[:12]}: arrived damaged; it is not kept")
         if all(self.index.holds(shard.settings, texture.pixel_hash) for texture in shard.textures):
             return False
         self.add_file(shard, data)
@@ -136,12 +136,12 @@ def _locked(folder: Path) -> int:
         (folder / SHARDS_FOLDER).mkdir(parents=True, exist_ok=True)
         handle = os.open(folder / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o666)
     except OSError as error:
-        raise InputError(f"{folder}: no library can be written there ({error.strerror}); choose a folder") from error
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); choose a writable folder") from error
     try:
         hold_lock(handle)
     except BlockingIOError as error:
         os.close(handle)
-        raise InputError(f"{folder}: another process adds to this library; wait until it has ended") from error
+        raise InputError(f"{folder}: another process is writing to this library; wait until it ends") from error
     except OSError:
         # A file system without locks.
         return handle
@@ -183,12 +183,12 @@ def _problem(index: LibraryIndex, shard: Shard) -> str:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the disk and its permissions") from error
     if hashlib.sha256(data).hexdigest() != shard.digest:
-        return f"{path}: its bytes are not those that were written"
+        return f"{path}: its bytes have changed since it was written"
     try:
         pack = read_pack(path)
     except InputError as error:
         return str(error)
-    return "" if shard_of(pack, data) == shard else f"{path}: the index says something else of it"
+    return "" if shard_of(pack, data) == shard else f"{path}: the index describes other content"
 
 
 def _not_in_index(index: LibraryIndex) -> list[Path]:

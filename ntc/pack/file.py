@@ -227,7 +227,7 @@ def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata
             raise InputError(f"{path}: tensor {name!r} does not fit its shape or its place; {REMEDY}")
         end = place.data_offsets[1]
     if begin + end != size:
-        raise InputError(f"{path}: has {size} bytes where its header names {begin + end}; {REMEDY}")
+        raise InputError(f"{path}: has {size} bytes, its header names {begin + end}; {REMEDY}")
     return tensors, parse_metadata(text), begin
 
 
@@ -259,7 +259,7 @@ def read_textures(path: Path, wanted: Container[str]) -> Pack:
         places, metadata, begin = _header(file, path)
         fewer, numbers = _chosen(metadata, wanted)
         if not fewer.textures:
-            raise InputError(f"{path}: holds none of the textures that are asked for")
+            raise InputError(f"{path}: holds none of the wanted textures")
         tensors: dict[str, Mapping[str, Any]] = {}
         for name, place in places.items():
             parts = _INDEXED.fullmatch(name)

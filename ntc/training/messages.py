@@ -100,7 +100,7 @@ def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
             f"texture {texture} to group {group}: there are {len(grouping.groups)} textures and {grouping.group_count} groups"
         )
     if grouping.name == UNIVERSAL:
-        raise InputError(f"grouping {UNIVERSAL} has one decoder for all textures; group the textures anew instead")
+        raise InputError(f"grouping {UNIVERSAL} has one decoder for all textures; regroup the textures instead")
     groups = list(grouping.groups)
     groups[texture] = group
     numbers = {old: number for number, old in enumerate(sorted(set(groups)))}
@@ -141,12 +141,12 @@ def checked_request(request: TrainingRequest) -> TrainingRequest:
     clean = frozenset() if start is None else frozenset(unchanged_groups(start.grouping, grouping))
     dirty = everything - clean if request.dirty is None else request.dirty
     if not dirty:
-        raise InputError("there is no group to train: all are unchanged; name those that are to be trained again")
+        raise InputError("there is no group to train: none has changed; name the groups to train again")
     if not dirty <= everything:
         raise InputError(f"group {max(dirty - everything)}: there are groups 0 to {grouping.group_count - 1} only")
     missing = everything - clean - dirty
     if missing:
-        raise InputError(f"group {min(missing)}: has other textures than before, or none; it must be trained too")
+        raise InputError(f"group {min(missing)}: has other textures than before, or none; train it too")
     return replace(request, dirty=dirty)
 
 
@@ -204,8 +204,7 @@ class GroupOutcome:
             return f"group {self.group}: {self.after_db:.2f} dB"
         if self.kept_old:
             return (
-                f"group {self.group}: stays at {self.before_db:.2f} dB; training it again gave {self.after_db:.2f} dB, "
-                "so the old one was kept"
+                f"group {self.group}: left unchanged at {self.before_db:.2f} dB; training gave {self.after_db:.2f} dB"
             )
         return f"group {self.group}: {self.before_db:.2f} dB before, {self.after_db:.2f} dB now"
 

@@ -270,7 +270,7 @@ class TrainingWorker:
             snapshots.close()
             self._end_process()
             raise InputError(
-                f"training: no process can be started ({error.strerror or error}); close others"
+                f"training: cannot start a process ({error.strerror or error}); close other programs"
             ) from error
         self._training, self._cancelled_at = _Training(request, snapshots, pack), None
         return request

@@ -163,6 +163,6 @@ def received(parcel: Parcel) -> Any:
 def _no_room(size: int, error: Exception) -> InputError:
     reason = getattr(error, "strerror", None) or error
     return InputError(
-        f"shared memory: {size / 1e6:.0f} MB cannot be had ({reason}); "
-        "make more of it available (in a container: a larger --shm-size), or encode fewer or smaller textures"
+        f"shared memory: {size / 1e6:.0f} MB cannot be allocated ({reason}); "
+        "allow more of it (in a container: a larger --shm-size), or encode fewer or smaller textures"
     )

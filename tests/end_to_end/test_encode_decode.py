@@ -134,7 +134,7 @@ def test_category_takes_the_labels_of_folders(tmp_path: Path, capsys: pytest.Cap
     assert (grouping.parameters["listed"], grouping.parameters["own"]) == (2, 1)
     labels.write_text("texture,category\nbrick/9,stone\n")
     assert cli.main([*arguments, "--labels", str(labels)]) == 2
-    assert "textures that are not there: 'brick/9'" in capsys.readouterr().err
+    assert "unknown textures: 'brick/9'" in capsys.readouterr().err
 
 
 def test_covisible_samples_places_where_there_are_no_cameras(encoded_scene: Path, tmp_path: Path) -> None:

@@ -111,7 +111,7 @@ def test_a_library_keeps_what_can_be_read_and_names_the_rest(
         (("--workers", "0"), "--workers 0: must be at least 1"),
         (("--workers", "2", "--ray", "auto"), "--workers and --ray exclude each other"),
         (("--workers", "2", "--quality", "30"), "--quality: needs all textures at once"),
-        (("--workers", "2", "--grouping", "covisible"), "--grouping covisible: is not encoded by jobs"),
+        (("--workers", "2", "--grouping", "covisible"), "--grouping covisible: cannot be encoded by jobs"),
         (("--ray", "auto"), "--ray: needs the extra `ray`: pip install 'ntc-viewer[ray]'"),
         (("--ray", "auto", "--gpus-per-job", "-1"), "--gpus-per-job -1: must be 0 or more"),
     ],

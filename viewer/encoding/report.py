@@ -120,11 +120,11 @@ def report_lines(result: RunResult) -> list[str]:
     others = [
         f"{count} {what}"
         for count, what in (
-            (len(result.stored) - result.encoded, "were there"),
-            (result.repeated, "are the same as others"),
-            (result.constant, "are of one colour"),
+            (len(result.stored) - result.encoded, "already stored"),
+            (result.repeated, "with the pixels of another"),
+            (result.constant, "of one colour"),
             (len(result.failed), "failed"),
-            (result.tried_again, "jobs tried again"),
+            (result.tried_again, "job retries" if result.tried_again > 1 else "job retry"),
         )
         if count
     ]
@@ -132,10 +132,10 @@ def report_lines(result: RunResult) -> list[str]:
     lines.append(
         f"{counted(result.asked, 'texture')}: {result.encoded} encoded in {result.seconds:.1f} s ({rate:.2f} Mtexel/s){told}"
     )
-    named = list(result.failed.values())
-    lines += [f"failed: {problem}" for problem in named[:NAMED_ON_SCREEN]]
-    if len(named) > NAMED_ON_SCREEN:
-        lines.append(f"failed: {len(named) - NAMED_ON_SCREEN} more, named in the report")
+    problems = list(result.failed.values())
+    lines += [f"failed: {problem}" for problem in problems[:NAMED_ON_SCREEN]]
+    if len(problems) > NAMED_ON_SCREEN:
+        lines.append(f"failed: {len(problems) - NAMED_ON_SCREEN} more; the report names them")
     return lines
 
 

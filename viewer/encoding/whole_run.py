@@ -127,7 +127,7 @@ def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
     """
     if asked.grouping.name not in GROUPINGS_OF_JOBS:
         raise InputError(
-            f"--grouping {asked.grouping.name}: is not encoded by jobs; leave --workers out, or choose another grouping"
+            f"--grouping {asked.grouping.name}: cannot be encoded by jobs; leave --workers out, or choose another grouping"
         )
     if not textures:
         return []

@@ -77,14 +77,16 @@ def _listed(path: Path) -> tuple[TextureRef, ...]:
     try:
         lines = read_file(path, LARGEST_LIST).decode().splitlines()
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: is no list of image paths that can be read ({error}); give a path a line") from error
+        raise InputError(
+            f"{path}: cannot be read as a list of image paths ({error}); write one path per line"
+        ) from error
     named = [line.strip() for line in lines]
     # Relative paths begin at the list, as those of a scene do at its file.
     images = [(path.parent / line).absolute() for line in named if line and not line.startswith("#")]
     wrong = [image for image in images if image.suffix.lower() not in IMAGE_SUFFIXES]
     if wrong or not images:
         raise InputError(
-            f"{path}: {wrong[0] if wrong else 'names nothing'}: give paths of images (PNG, JPEG ...), one a line"
+            f"{path}: {wrong[0] if wrong else 'names nothing'}: write paths of images (PNG, JPEG ...), one per line"
         )
     unique = dict.fromkeys(images)
     return tuple(

@@ -136,7 +136,7 @@ class RayExecutor(Generic[Argument, Result]):
             self._ray.init(address=address, log_to_driver=False, configure_logging=False, logging_level="error")
         except (ConnectionError, RuntimeError, ValueError, OSError) as error:
             raise InputError(
-                f"--ray {address}: no cluster answers ({error}); begin one by: ray start --head"
+                f"--ray {address}: no cluster answers ({error}); start one with: ray start --head"
             ) from error
         self._gpus = gpus
         options = {"num_cpus": 1, "num_gpus": gpus, "max_retries": 0, "scheduling_strategy": "SPREAD"}

@@ -13,6 +13,7 @@ from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingReque
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
 from ntc.worker.process import Failed, Paused, Resumed
 from viewer.jobs.job import Job, JobReport
+from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackUpdated, RunStarted
 from viewer.state.pack_files import unused_name
@@ -143,7 +144,7 @@ class LiveTraining:
     def cancel(self) -> None:
         """End the run; the last pack that it made stays. Raises InputError where there is none."""
         if self.active is None:
-            raise InputError("training: there is none under way")
+            raise InputError("training: no run is under way")
         if self._preparation is not None:
             self._preparation.cancel()
         else:
@@ -152,7 +153,7 @@ class LiveTraining:
 
     def _training_run(self) -> ActiveRun:
         if self.active is None:
-            raise InputError("training: there is none under way")
+            raise InputError("training: no run is under way")
         if self.active.state == "preparing":
             raise InputError("training: the run has not started yet; wait, or cancel it")
         return self.active
@@ -335,11 +336,8 @@ class LiveTraining:
             self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
         worse = sum(outcome.kept_old for outcome in finished.outcomes)
-        kept = (
-            f"; {worse} of {len(finished.outcomes)} groups would have become worse and were left unchanged"
-            if worse
-            else ""
-        )
+        groups = counted(len(finished.outcomes), "group")
+        kept = f"; {worse} of {groups} left unchanged: training gave no better result" if worse else ""
         self._end(run, finished.reason, finished.pack, lines)
         self._emit(Notification(f"{run.name} ({job_title(run.job)}): {finished.reason}{kept}. Accept or discard it"))
 

@@ -108,7 +108,9 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
             _check_clusters(job.settings, textures)
             grouping = process.find(textures, scene.path, report)
         if len(unchanged_groups(base.grouping, grouping)) == grouping.group_count:
-            raise InputError(f"{job.settings.grouping_text}: gives the present groups again; there is nothing to train")
+            raise InputError(
+                f"{job.settings.grouping_text}: finds the groups that the pack has already; there is nothing to train"
+            )
     else:
         textures = _textures_of(base, scene, report)
     dirty = job.groups if isinstance(job, RetrainGroups) else None

@@ -129,7 +129,7 @@ class WaitingRuns:
         if not told:
             return ""
         lines = ", ".join(run.line for run in told[:3]) + (f" and {len(told) - 3} more" if len(told) > 3 else "")
-        return f"kept back from an earlier session: {lines}; see the panel Training"
+        return f"undecided runs of an earlier session: {lines}; accept or discard them in panel Training"
 
     def of(self, scene: Scene) -> tuple[KeptRun, ...]:
         """Return the waiting runs that were made of this scene."""
@@ -148,14 +148,22 @@ class WaitingRuns:
         try:
             pack = kept.read(key)
             if not facts.is_of(scene.path):
-                raise InputError(f"{facts.line}was trained on {facts.scene_path or 'another scene'}; open that first")
+                raise InputError(f"{facts.line}: was trained on {facts.scene_path or 'another scene'}; open that first")
             require_match(pack, match_scene(pack, scene), scene.name)
         except InputError:
             kept.release(key)
             raise
         self.runs = tuple(run for run in self.runs if run.key != key)
         ended = (facts.outcome, facts.seconds, facts.psnr_db)
-        return Run(number, facts.title, facts.settings, facts.groups, *ended, (f"kept back at {facts.clock}",), pack)
+        return Run(
+            number,
+            facts.title,
+            facts.settings,
+            facts.groups,
+            *ended,
+            (f"from an earlier session, {facts.clock}",),
+            pack,
+        )
 
     def write(self, key: str) -> Path:
         """Write a run's pack where those of the scene lie that it was made of; the file's path.

@@ -249,5 +249,5 @@ def test_what_it_cannot_do_is_refused_in_a_line(codec: Codec) -> None:
     impossible = EncodingChoices(target=BitsTarget(2.0), steps=3)
     assert chosen_codec(impossible) == "grid", "it refuses less than the last of the registry"
     assert [line.split(":")[0] for line in codec.refusals(impossible)] == ["--bits 2", "--steps 3"]
-    with pytest.raises(InputError, match=f"codec {NAME} encodes with decoders of its own alone"):
+    with pytest.raises(InputError, match=f"codec {NAME} cannot encode with the decoders of other packs"):
         codec.encode_with_decoders(TEXTURES, [encoded(TEXTURES, GROUPS)], 4)

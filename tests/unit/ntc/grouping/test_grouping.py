@@ -201,12 +201,12 @@ def test_a_csv_names_textures_with_or_without_folder_and_ending(tmp_path: Path, 
 @pytest.mark.parametrize(
     ("text", "complaint"),
     [
-        ("texture,category\nnowhere,wood\n", "names textures that are not there: 'nowhere'"),
+        ("texture,category\nnowhere,wood\n", "names unknown textures: 'nowhere'"),
         ("texture,category\na,w\nb,w\nc,w\nd,w\n", "'a', 'b', 'c' and 1 more"),
         ("texture,kind\noak,wood\n", "the first line must name the columns texture and category"),
         ("", "the first line must name"),
         ("texture,category\noak,\n", "line 2: needs a texture and a category"),
-        (f"texture,category\noak,{'x' * 201}\n", "line 2: a category of more than"),
+        (f"texture,category\noak,{'x' * 201}\n", "line 2: the category has more than"),
         ('texture,category\n"oak,wood\n' + "x" * 200_000, "line"),
     ],
 )

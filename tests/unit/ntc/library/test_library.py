@@ -207,7 +207,7 @@ def test_reading_some_textures_gives_what_reading_all_does(make: Callable[[], Pa
         part = read_textures(path, {texture.pixel_hash})
         assert len(part.textures) == len(part.decoders) == 1
         assert np.array_equal(decode_image(part, 0), decode_image(whole, index))
-    with pytest.raises(InputError, match="none of the textures"):
+    with pytest.raises(InputError, match="none of the wanted textures"):
         read_textures(path, {"0"})
 
 

@@ -220,7 +220,7 @@ def test_values_lie_side_by_side_in_a_block() -> None:
 @pytest.mark.skipif(not hasattr(os, "posix_fallocate"), reason="room is not asked for ahead here")
 def test_no_room_is_said_and_nothing_stays() -> None:
     before = blocks()
-    with pytest.raises(InputError, match=r"shared memory: 1099512 MB cannot be had \(.*\); make more"):
+    with pytest.raises(InputError, match=r"shared memory: 1099512 MB cannot be allocated \(.*\); allow more"):
         SharedBlock.create(1 << 40)
     assert blocks() == before
 

@@ -400,12 +400,12 @@ def test_without_a_process_or_shared_memory_it_says_so(shared: TrainingWorker, m
     with monkeypatch.context() as patch:
         patch.setattr("ntc.worker.shared_arrays.SharedMemory", scarce)
         for _ in range(2):
-            with pytest.raises(InputError, match=r"shared memory: .* cannot be had \(No space left on device\)"):
+            with pytest.raises(InputError, match=r"shared memory: .* cannot be allocated \(No space left on device\)"):
                 shared.start(FROM_NOTHING)
         assert not shared.busy
     monkeypatch.setattr("multiprocessing.context.SpawnProcess.start", refuse)
     with TrainingWorker() as worker:
-        with pytest.raises(InputError, match="no process can be started"):
+        with pytest.raises(InputError, match="cannot start a process"):
             worker.start(FROM_NOTHING)
         assert not worker.busy
         assert worker.process_id is None

@@ -199,8 +199,8 @@ def test_lists_and_groupings_are_refused_in_one_line(folder: Path, tmp_path: Pat
     listed.write_text(f"# pictures\n{folder}/a/0.png\n\n{folder}/a/2.png\n{folder}/a/0.png\n")
     assert [ref.path for ref in texture_refs(listed, "base")] == [f"{folder}/a/0.png", f"{folder}/a/2.png"]
     listed.write_text("notes.doc\n")
-    with pytest.raises(InputError, match=r"notes\.doc: give paths of images"):
+    with pytest.raises(InputError, match=r"notes\.doc: write paths of images"):
         texture_refs(listed, "base")
-    with pytest.raises(InputError, match="--grouping covisible: is not encoded by jobs"):
+    with pytest.raises(InputError, match="--grouping covisible: cannot be encoded by jobs"):
         encoded(folder, tmp_path / "library", asked("covisible"), InOrder(0, 1))
     assert not read_index(tmp_path / "library").shards

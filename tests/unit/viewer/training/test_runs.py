@@ -376,7 +376,7 @@ def test_a_run_of_a_killed_window_is_found_again(path: Path, folder: Path) -> No
     ended = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(path)], check=False)
     assert ended.returncode == -signal.SIGKILL
     context = window(path, folder)
-    assert "kept back from an earlier session: scene run 2" in messages(context)
+    assert "undecided runs of an earlier session: scene run 2" in messages(context)
     run_line(context, "training.kept-back open")
     assert context.session.view.slot_a.source == "run 1"
     assert context.training.log.undecided == 1
