@@ -1,4 +1,4 @@
-// What is no number, by its bits: compilers that take all numbers to be finite drop isnan and isinf.
+// Tests for NaN and infinity by bits: compilers that take all numbers to be finite drop isnan and isinf.
 
 const uint INFINITE_BITS = 0x7F800000u;
 

@@ -20,12 +20,12 @@ vec3 place_on_plane(PlaneRecord plane, Surface surface) {
     return place;
 }
 
-// What multiplies a surface's base colour, linear: the base colour where there is no texture. Black for the background.
+// Factor of a surface's base colour, linear: the base colour itself where there is no texture. Black for the background.
 vec3 base_factor(Surface surface) {
     return surface.material >= 0 ? materials[surface.material].factor.rgb * surface.color : vec3(0.0);
 }
 
-// What the plane's target holds for a texel in linear light. `components` has a bit for each component that the texel tells; the others
+// Content of the plane's target for a texel in linear light. `components` has a bit for each component that the texel tells; the others
 // are neutral.
 vec4 plane_content(Surface surface, int components, vec4 texel) {
 #if PLANE == PLANE_BASE

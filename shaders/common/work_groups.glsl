@@ -2,7 +2,7 @@
 
 #include "generated/layout.glsl"
 
-// Of this invocation; some beyond the last one that was wanted fill up the last row.
+// Number of this invocation's work group; some beyond the last wanted one fill up the last row.
 uint work_group_number() {
     return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
 }

@@ -2,7 +2,7 @@
 #include "generated/decoding.glsl"
 #include "common/numbers.glsl"
 
-// Into [0, 1]; NaN and infinity count as 0.
+// Wraps a coordinate into [0, 1]; NaN and infinity count as 0.
 float wrap_coordinate(float coordinate, int mode) {
     if (!is_finite(coordinate)) coordinate = 0.0;
     float repeated = coordinate - floor(coordinate);

@@ -1,5 +1,5 @@
 #version 430
-// What other programs call of a decoder (docs/guide/export.md).
+// Function of a decoder that other programs call (docs/guide/export.md).
 #include "ntc/decode.glsl"
 
 // Decodes texture `texture_number` of the pack at `uv`, from (0, 0) at the corner of the image's first texel to (1, 1), and at mip

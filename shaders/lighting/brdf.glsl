@@ -9,7 +9,7 @@ struct Reflection {
     float roughness;          // perceptual
 };
 
-// What does not depend on the light: cosine to the viewer, and the specular lobe's directional albedo as f0 * x + f90 * y.
+// Values that do not depend on the light: cosine to the viewer, and the specular lobe's directional albedo as f0 * x + f90 * y.
 struct Seen {
     vec3 normal;
     vec3 view;
@@ -50,7 +50,7 @@ vec3 light_response(Reflection surface, Seen seen, vec3 light) {
     return (surface.diffuse * (passed / PI) + mirrored * lobe) * light_cosine;
 }
 
-// What is scattered more than once between microfacets (Fdez-Aguera 2019).
+// Light that is scattered more than once between microfacets (Fdez-Aguera 2019).
 vec3 multiple_scattering(vec3 f0, float f90, vec3 single, float lost) {
     vec3 average = f0 + (f90 - f0) / 21.0;
     return lost * single * average / (1.0 - average * lost);

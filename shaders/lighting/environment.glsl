@@ -4,7 +4,7 @@
 
 layout(binding = UNIT_ENVIRONMENT) uniform sampler2D environment_maps;
 layout(binding = UNIT_BRDF_TABLE) uniform sampler2D brdf_table;
-// Of the cube map of each roughness, and of irradiance: left, top, width and height of the first face, in shares of the texture.
+// Place of the cube map of each roughness, and of irradiance: left, top, width and height of the first face, as shares of the texture.
 uniform vec4 environment_tiles[ENVIRONMENT_LEVELS + 1];
 // Between faces, two borders.
 uniform float face_gap;
@@ -29,7 +29,7 @@ vec3 specular_radiance(vec3 direction, float roughness) {
     return mix(read_map(lower, place), read_map(lower + 1, place), level - float(lower));
 }
 
-// Over pi.
+// Irradiance over pi.
 vec3 irradiance_around(vec3 normal) {
     return read_map(ENVIRONMENT_LEVELS, cube_place(to_environment(normal)));
 }

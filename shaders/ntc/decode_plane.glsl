@@ -2,7 +2,7 @@
 #include "ntc/plane.glsl"
 #include "ntc/decode.glsl"
 
-// Where a pixel's texture is decoded: as the exact filter does, or at the texel that the stochastic filter takes.
+// Place at which a pixel's texture is decoded: that of the exact filter, or the texel that the stochastic filter takes.
 struct Lookup {
     uvec2 at;      // wrapped, in units of 2^-32
     float lod;
@@ -11,14 +11,14 @@ struct Lookup {
 #if FILTER_STOCHASTIC
 uniform int sample_number;
 
-// Of the samples of a pixel, in [0, 1): interleaved gradient noise (Jimenez 2014), so that neighbouring pixels differ most; from sample
+// Threshold of a sample of a pixel, in [0, 1): interleaved gradient noise (Jimenez 2014), so that neighbouring pixels differ most; from sample
 // to sample it moves by the golden ratio, so that each texel is taken about as often as its weight says.
 float filter_threshold(ivec2 pixel) {
     float noise = fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
     return fract(noise + 0.61803399 * float(sample_number));
 }
 
-// Whether the second of two choices is taken, which has weight `share`; what is left of `threshold` serves the next choice.
+// True where the second of two choices is taken, which has weight `share`; the rest of `threshold` serves the next choice.
 bool second_taken(inout float threshold, float share) {
     bool second = threshold < share;
     threshold = second ? threshold / share : (threshold - share) / (1.0 - share);

@@ -45,7 +45,7 @@ WEIGHT_T decoder_weight(int block) {
 #endif
 #endif
 
-// To be called by all invocations of a work group before they run the decoder.
+// All invocations of a work group call this before they run the decoder.
 void fetch_decoder() {
 #if DECODER_PLACE == 2
     int step = int(gl_WorkGroupSize.x * gl_WorkGroupSize.y);

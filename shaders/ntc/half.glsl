@@ -11,7 +11,7 @@
 #endif
 
 #if HALF_ARITHMETIC && HALF_EMULATED
-// To the nearest half, ties to even. packHalf2x16 may round in another way.
+// Rounds to the nearest half, ties to even. packHalf2x16 may round in another way.
 float to_half(float value) {
     uint bits = floatBitsToUint(abs(value));
     uint kept = (bits + 0xFFFu + ((bits >> 13) & 1u)) & ~0x1FFFu;

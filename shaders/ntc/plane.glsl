@@ -19,7 +19,7 @@ void apply_sampler(inout vec2 uv, inout float lod, int flags, ivec2 size, int la
     if ((flags & SAMPLER_MIPMAP_NONE) != 0) lod = 0.0;
     if ((flags & SAMPLER_MIPMAP_NEAREST) != 0) lod = clamp(ceil(lod + 0.5) - 1.0, 0.0, float(last_level));
     bool nearest = (flags & (magnified ? SAMPLER_MAGNIFY_NEAREST : SAMPLER_MINIFY_NEAREST)) != 0;
-    // By shifts: exp2 of a whole number need not be exact.
+    // Shifts, for exp2 of a whole number need not be exact.
     int level = is_finite(lod) ? int(clamp(floor(lod), 0.0, 31.0)) : 0;
     vec2 texels = vec2(max(size >> level, 1));
     if (nearest) uv = (floor(uv * texels) + 0.5) / texels;
@@ -74,7 +74,7 @@ vec4 linear_texel(int texture_id, vec4 decoded) {
 #endif
 }
 
-// What the plane's target holds where `decoded` was decoded.
+// Content of the plane's target where `decoded` was decoded.
 vec4 shown_plane(Surface surface, WantedTexel wanted, vec4 decoded) {
     return plane_content(surface, wanted.components, linear_texel(max(wanted.texture_id, 0), decoded));
 }

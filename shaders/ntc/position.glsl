@@ -27,7 +27,7 @@ Place place_along(uint coordinate, int parts) {
     return place;
 }
 
-// In [0, 1].
+// A number of steps of 2^-32 as a fraction in [0, 1].
 float as_fraction(uint steps) {
     return float(steps) * (1.0 / 4294967296.0);
 }

@@ -1,4 +1,4 @@
-// What a pack says of its textures and their mips; latents and decoders are not declared here.
+// Records of a pack's textures and their mips; latents and decoders are not declared here.
 #include "generated/decoding.glsl"
 // The plane of maps that is decoded (ntc/codec/maps.py).
 #ifndef PLANE

@@ -40,7 +40,7 @@ class Limits:
 
         storage_limit = "GL_MAX_SHADER_STORAGE_BLOCK_SIZE" if computes else "GL_MAX_TEXTURE_BUFFER_SIZE"
         groups = info.get("GL_MAX_COMPUTE_WORK_GROUP_COUNT", (GROUPS_ACROSS, GROUPS_ACROSS))
-        # As above: a negative count is one beyond 31 bits.
+        # A negative count is one beyond 31 bits, as above.
         across = min(int(groups[0]), GROUPS_ACROSS) if groups[0] > 0 else GROUPS_ACROSS
         return cls(
             most("GL_MAX_TEXTURE_SIZE"),

@@ -209,7 +209,7 @@ def older_source(text: str, dialect: Dialect = GLSL_410) -> OlderSource:
         units[words] = STORAGE_UNITS + number(binding)
         arrays.append(name)
         if re.search(rf"#define {kind}\b", text):
-            # Of a kind that differs from program to program: such buffers are not read where nothing computes.
+            # The kind differs from program to program: such buffers are not read without compute shaders.
             return f"uniform {dialect.words} {words};" + "\n" * match[0].count("\n")
         size = records.words(kind)
         read = records.read(kind, words, 0)

@@ -89,7 +89,7 @@ def make_context(
     gl = moderngl.create_context(require=version, standalone=True, context=made)
 
     def load(name: str) -> int:
-        # By EGL, by wglGetProcAddress and opengl32.dll, or out of macOS's framework.
+        # The address comes from EGL, from wglGetProcAddress and opengl32.dll, or from macOS's framework.
         address = int(made.load(name))
         return 0 if address in NO_ADDRESS else address
 

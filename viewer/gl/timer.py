@@ -219,7 +219,7 @@ class PassTimer:
             self._under_way.append(self._frame)
             self._frame = _Frame()
         if self._under_way and self._under_way[-1].stamps:
-            # What is never sent to the GPU never arrives.
+            # Commands that are never sent to the GPU never arrive.
             self._functions("glFlush")
         found: dict[str, float] = {}
         while self._under_way and self._is_there(self._under_way[0]):

@@ -193,7 +193,7 @@ class FrameTimes:
         self.history.add(self._drawn, self.last_ms)
         self._wall_ms.append(self.last_ms)
         if not self._waits and len(self._wall_ms) > 1:
-            # Of two: the first one compiles.
+            # The shorter of two, because the first one compiles.
             self.whole_frame_ms = min(self._wall_ms)
 
     def medians_ms(self) -> dict[str, float]:

@@ -184,7 +184,7 @@ class SceneDrawer:
         """
         reads, timer = (self.pose,), self._scheduler.timer
         view = CameraView(camera, target.size)
-        # Of which nothing is read by version: other cameras may have been culled for since.
+        # Nothing reads the version of this output: other cameras may have been culled for since.
         self._scheduler.run(self._cull, view, self._culled, reads, timing=timer.measure_cpu)
         culled = replace(self._last, sample=blend_sample)
         version = self._scheduler.run(self._visibility, culled, target, reads).version
@@ -193,7 +193,7 @@ class SceneDrawer:
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
         """Draw the last view into `target`, which may have another size."""
         last = self._last
-        # Of small clusters other ones are seen where pixels are others.
+        # Another size of pixels shows other small clusters.
         is_culled_anew = self._clusters is not None and target.size != last.size
         if is_culled_anew:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, target.size), last.matrix))

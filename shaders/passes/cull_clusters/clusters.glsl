@@ -1,4 +1,4 @@
-// What the steps of culling by clusters share (viewer/render/resources/clusters.py).
+// Buffers and functions that the steps of culling by clusters share (viewer/render/resources/clusters.py).
 #include "generated/clusters.glsl"
 
 layout(std430, binding = BINDING_CLUSTERS) readonly buffer Clusters { ClusterRecord clusters[]; };
@@ -9,7 +9,7 @@ layout(std430, binding = BINDING_BUCKETS) buffer Buckets { BucketRecord buckets[
 
 uniform uint item_count;
 
-// Whether cluster `lane` of an item may be seen.
+// True where cluster `lane` of an item may be seen.
 bool is_seen(ItemRecord item, uint lane) {
     return ((lane < 32u ? item.seen_low : item.seen_high) >> (lane & 31u) & 1u) != 0u;
 }

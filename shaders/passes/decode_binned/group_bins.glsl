@@ -9,7 +9,7 @@ const uint NO_BIN = 0xFFFFFFFFu;
 shared uint group_bin[GROUP_PIXELS];      // decoder of each slot
 shared uint group_count[GROUP_PIXELS];
 
-// Of this invocation's pixel, -1 for none: its slot and its place there. There are as many slots as pixels: one is always found.
+// Adds this invocation's pixel (-1: none); returns its slot and its place there. There are as many slots as pixels: one is always found.
 // Called by all invocations; after it all have been added.
 uint add_to_group(int decoder, out uint slot) {
     uint own = gl_LocalInvocationIndex;

@@ -80,7 +80,7 @@ void main() {
     TextureRecord record = textures[tile.texture_id];
     LevelRecord level = levels[record.first_level + tile.level];
     ivec2 size = ivec2(level.texel_width, level.texel_height);
-    // What lies more than a border beyond the texture is never read.
+    // Texels more than a border beyond the texture are never read.
     ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + quad.first - TILE_BORDER;
     if (any(greaterThanEqual(first, size + TILE_BORDER))) return;
     ivec2 texels[4];

@@ -23,7 +23,7 @@ ivec2 texel_of(TileRecord tile, ivec2 place, ivec2 size) {
     return ivec2(wrapped_texel(texel.x, size.x, tile.wrap_u), wrapped_texel(texel.y, size.y, tile.wrap_v));
 }
 
-// Where the texel at `place` on a tile's page is decoded: its centre, in units of 2^-32.
+// Centre of the texel at `place` on a tile's page, where it is decoded, in units of 2^-32.
 uvec2 decoded_at(TileRecord tile, ivec2 place) {
     LevelRecord level = levels[textures[tile.texture_id].first_level + tile.level];
     ivec2 size = ivec2(level.texel_width, level.texel_height);
@@ -35,7 +35,7 @@ ivec2 page_corner(int page) {
     return ivec2(page % PAGES_ACROSS, (page / PAGES_ACROSS) % PAGES_ACROSS) * PAGE_SIDE;
 }
 
-// What the atlas holds of a decoded value.
+// Content of the atlas for a decoded value.
 vec4 stored_texel(TileRecord tile, vec4 value) {
 #if PLANE == PLANE_BASE
     vec3 rgb = textures[tile.texture_id].channels < 3 ? value.rrr : value.rgb;

@@ -13,7 +13,7 @@ layout(std430, binding = BINDING_RESULTS) buffer Requests {
 uniform uint frame;
 uniform uint most_requests;   // that the list has room for
 
-// Whether the tile is resident; else it is requested.
+// True where the tile is resident; else it is requested.
 bool request_tile(int entry) {
     uint page = tile_entries[entry];
     if (is_resident(page)) {

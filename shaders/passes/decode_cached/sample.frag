@@ -5,7 +5,7 @@
 layout(binding = UNIT_ATLAS) uniform sampler2DArray atlas;
 layout(location = 0) out vec4 target;
 
-// In linear light; shown until the first tile of a texture is decoded.
+// Texel in linear light that is shown until the first tile of a texture is decoded.
 const vec4 MISSING_TEXEL = PLANE == PLANE_BASE ? vec4(0.2) : (PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(vec3(0.0), 1.0));
 
 vec4 sample_page(uint page, vec2 at) {

@@ -33,7 +33,7 @@ struct Probes {
 Probes probes_of(ivec2 pixel, WantedTexel wanted, PlaneRecord plane) {
     Probes probes = Probes(1, vec2(0.0), wanted.lod);
 #if GRADIENTS
-    // Of the other UV set only the footprint is known.
+    // Only the footprint is known of the other UV set.
     if (anisotropy > 1 && plane.sampler_flags == 0 && plane.second_uvs == 0) {
         LevelRecord finest = levels[textures[wanted.texture_id].first_level];
         vec2 size = vec2(finest.texel_width, finest.texel_height);

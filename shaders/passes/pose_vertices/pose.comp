@@ -75,7 +75,7 @@ void main() {
         }
         vec4 point = vec4(position, 1.0);
         position = vec3(dot(x, point), dot(y, point), dot(z, point));
-        // By the cofactors of the matrix: they need no inverse.
+        // The cofactors of the matrix need no inverse.
         normal = vec3(dot(cross(y.xyz, z.xyz), normal), dot(cross(z.xyz, x.xyz), normal), dot(cross(x.xyz, y.xyz), normal));
         tangent = vec3(dot(x.xyz, tangent), dot(y.xyz, tangent), dot(z.xyz, tangent));
     }

@@ -28,7 +28,7 @@ void main() {
     gradients = vec4(plane_uv_step(plane, gradients.xy), plane_uv_step(plane, gradients.zw));
     vec4 texel = textureGrad(images, at, gradients.xy, gradients.zw);
 #if SECOND_UVS
-    // Of the other UV set only the footprint is known.
+    // Only the footprint is known of the other UV set.
     if (plane.second_uvs != 0) texel = textureLod(images, at, footprint_lod(place.z, float(textureSize(images, 0).x)));
 #endif
 #else

@@ -1,7 +1,7 @@
 #version 430
 // The lit picture, tone-mapped (viewer/lighting/shading.py is the same in float64; docs/explanation/lighting.md says it in words).
 // SUN, SHADOWS, LIGHTS 1: the view has such. CLEARCOAT, SPECULAR, EMISSIVE, UNLIT 1: any material has such factors.
-// What is drawn where no surface is means nothing: background.frag replaces it.
+// Pixels without a surface are drawn, too: background.frag replaces them.
 #include "common/frame.glsl"
 #include "common/materials.glsl"
 #include "common/surface.glsl"
@@ -17,7 +17,7 @@
 layout(binding = UNIT_SURFACE) uniform usampler2D surface_words;
 layout(binding = UNIT_SURFACE_FRAME) uniform usampler2D surface_frames;
 layout(binding = UNIT_SURFACE_DEPTH) uniform sampler2D surface_depth;
-// From normalized device coordinates and depth to a place relative to the eye.
+// Matrix from normalized device coordinates and depth to a place relative to the eye.
 uniform mat4 from_clip;
 uniform vec3 sun_irradiance;
 uniform int light_count;
@@ -26,12 +26,12 @@ layout(location = 0) out vec4 picture;
 
 #if SHADOWS
 layout(binding = UNIT_SHADOW) uniform sampler2D shadow_map;
-// From a place relative to the eye to the shadow map: x, y and depth in [0, 1].
+// Matrix from a place relative to the eye to the shadow map: x, y and depth in [0, 1].
 uniform mat4 to_shadow;
 // Width of a texel in the world: places are moved that far off their surface, so that it does not shade itself.
 uniform float shadow_texel;
 
-// How much of the sun a place sees: the shadow map, compared at its four nearest texels and blended.
+// Share of the sun that a place sees: the shadow map, compared at its four nearest texels and blended.
 float sun_seen(vec3 place, vec3 normal) {
     float cosine = dot(normal, sun_direction);
     // Half a texel's diagonal and half a filter's width, more the more the surface leans away.

@@ -1,4 +1,4 @@
-// How the picture is seen, and where the sun stands.
+// Rays of the picture, and the direction of the sun.
 
 // The direction of a pixel's ray is ray_middle + x * ray_right + y * ray_up in normalized device coordinates.
 uniform vec3 ray_middle;

@@ -73,7 +73,7 @@ class LatentStore:
             self.levels[first : first + len(pyramid)] = level_records(pyramid)
         self.finest = np.array(counts, np.int32)
         """[textures] finest mip that is there; the number of mips where none is."""
-        # Of each texture one entry more than mips, so that `finest` may say that none is there.
+        # Each texture has one entry more than mips, so that `finest` may say that none is there.
         self._first_sum = self.first_level + np.arange(len(counts))
         self._cells_from = self._counted_cells()
         self._mips = np.array(counts, np.int64)

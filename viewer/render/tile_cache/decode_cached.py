@@ -143,7 +143,7 @@ class DecodeCachedPass:
         """Ask the GPU which tiles this view reads and which of them are missing (`answer`). One request is under way at a time."""
         if self.is_pending:
             self.answer(waits=True)
-        # What the GPU has listed must be read: else it is never listed again.
+        # The GPU lists a tile once: its list must be read.
         self._back.reserve(self._answer_bytes)
         self._invalidate_entries(self._waiting)
         self._waiting, self._stand_ins, self._unheard = self._waiting[:0], 0, 0
@@ -381,7 +381,7 @@ class DecodeCachedPass:
         """
         held = self._pool.held()
         changed = held[np.isin(self._table.tiles(held)["texture_id"], list(textures))]
-        # Those that wait already come first, or they might wait for ever.
+        # Tiles that wait already come first, or they might wait for ever.
         self._stale = np.concatenate([self._stale, np.setdiff1d(changed, self._stale)])
         self._drop_unseen_stale()
 

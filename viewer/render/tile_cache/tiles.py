@@ -160,7 +160,7 @@ class PagePool:
         self._fresh += fresh
         gone = np.zeros(0, np.int64)
         if len(pages) < len(entries):
-            # What was placed in this frame has not been read yet.
+            # Tiles that were placed in this frame have not been read yet.
             read = np.maximum(last_read()[: self.pages].astype(np.int64), self._placed_in)
             read[pages] = frame
             old = np.nonzero((self._entry_of_page != FREE) & (read < frame))[0]
