@@ -51,10 +51,10 @@ class GraphicsContext:
     waits: bool = True
     """True where frames wait for what they ask of the GPU, and so are always the same. Frames of a window go on, and take it later."""
 
-    def bind_storage(self, buffer: moderngl.Buffer, binding: int, offset: int = 0, size: int = -1) -> None:
-        """Let shaders read a buffer, or a part of it, by this storage binding."""
+    def bind_storage(self, buffer: moderngl.Buffer, binding: int) -> None:
+        """Let shaders read a buffer by this storage binding."""
         if self.features.compute:
-            buffer.bind_to_storage_buffer(binding, offset=offset, size=size)
+            buffer.bind_to_storage_buffer(binding)
         else:
             self.texture_buffers.bind(buffer, binding)
 

@@ -82,20 +82,20 @@ class PackBuffers:
         """Return `pack` as these buffers store it: rescaled where the precision needs that."""
         return codec_of(pack.config).stored_pack(pack, self.precision) if self._rescale else pack
 
-    def _textures(self) -> Iterator[tuple[int, EncodedTexture]]:
-        """Yield slot of the table and texture, for all that the pack holds."""
-        return ((slot, self.pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
+    def _textures(self, pack: Pack) -> Iterator[tuple[int, EncodedTexture]]:
+        """Yield slot of the table and texture, for all that `pack`, a version of this pack, holds."""
+        return ((slot, pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
 
     def _fill_records(self) -> None:
         records = self._records
         records["decoder"] = -1
         adapter = self._tables.first_block + len(self.pack.decoders) * self._tables.decoder_blocks
-        for slot, texture in self._textures():
+        for slot, texture in self._textures(self.pack):
             self._tables.fill_record(records[slot], texture, int(self.latent_store.first_level[slot]), adapter)
             adapter += self._tables.adapter_blocks
 
     def _make_weights(self) -> moderngl.Buffer | moderngl.Texture:
-        weights = self._tables.all_data(self.pack, [texture for _, texture in self._textures()])
+        weights = self._tables.all_data(self.pack, [texture for _, texture in self._textures(self.pack)])
         made: moderngl.Buffer | moderngl.Texture
         if self.variant.weights == "image":
             made = weight_image(self._memory, weights, self._tables)
@@ -112,8 +112,7 @@ class PackBuffers:
 
     def slots_of_groups(self, groups: Collection[int], pack: Pack) -> dict[int, EncodedTexture]:
         """Return the textures of these groups of `pack`, a version of this pack, by slot of the table."""
-        slots = ((slot, pack.textures[index]) for slot, index in enumerate(self._texture_index) if index >= 0)
-        return {slot: texture for slot, texture in slots if texture.group in groups}
+        return {slot: texture for slot, texture in self._textures(pack) if texture.group in groups}
 
     def replace_weights(self, pack: Pack, groups: Collection[int]) -> int:
         """Decode with the decoders, adapters and value ranges of `pack`, which replaces this pack and is stored as `stored` gives it.

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
 
 import moderngl
 import numpy as np
@@ -86,13 +85,6 @@ VERTICES_AT_ONCE = 1 << 20
 """Number of vertices that are prepared for the GPU in one piece."""
 
 AnyDrawList = DrawList | GpuDrawList
-
-
-class MaterialsSource(Protocol):
-    """Owner of the materials of visible surfaces."""
-
-    def bind_materials(self) -> None:
-        """Bind the materials to their storage binding."""
 
 
 class SceneBuffers:

@@ -15,7 +15,7 @@ from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.gl.read_back import PicturePart
 from viewer.render.resources.layout import TextureUnit, materials_of, texture_ids_of
-from viewer.render.resources.scene_buffers import MaterialsSource
+from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.scene.model import Camera
 
 
@@ -157,7 +157,7 @@ class VisibilityInputs:
 
     visibility: VisibilityTarget
     """Visibility buffer of the view, with gradients where `anisotropy` is above 1."""
-    materials: MaterialsSource = field(compare=False)
+    materials: SceneBuffers = field(compare=False)
     camera: Camera | None = None
     """Camera of the view; None for a visibility buffer that no camera drew."""
     version: int = 0
