@@ -10,12 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.lighting.directions import (
-    Array,
-    direction_towards,
-    panorama_directions,
-    panorama_solid_angles,
-)
+from viewer.lighting.directions import Array, direction_towards, panorama_directions, panorama_solid_angles
 from viewer.state.view_state import SKY, Lighting
 
 UNIT_LUMINANCE: Final = 25.0
