@@ -32,8 +32,6 @@ from viewer.render.resources.layout import scene_includes
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.render.tile_cache.decode_cached import DecodeCachedPass
-from viewer.render.tile_cache.tiles import TileTable
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.state.pack_files import match_scene
@@ -65,7 +63,6 @@ class PackInScene:
             "deferred, stochastic": deferred_pass(self._gpu, "stochastic", may_share=False),
             "binned": binned_pass(self._gpu),
         }
-        self._table = TileTable.of(context.scene.materials, pack, match)
 
     def _measured(self, action: Callable[[], object]) -> float:
         """Processor time of `action` in ms."""
@@ -82,16 +79,7 @@ class PackInScene:
 
     def decode_tiles(self) -> tuple[Cost, Cost]:
         """(decoding all tiles of the view into an empty cache, drawing from them)."""
-        context = self._gpu.context
-        cache = DecodeCachedPass(
-            context.graphics,
-            self._gpu.programs,
-            self._gpu.buffers,
-            self._gpu.ranges,
-            self._table,
-            self._gpu.reading(),
-            context.tile_budget,
-        )
+        context, cache = self._gpu.context, self._gpu.tile_cache()
         cache.request(self._inputs)
         # Once before it is timed: memory of the atlas is mapped when it is first written.
         cache.decode(cache.tiles_now(whole=True))

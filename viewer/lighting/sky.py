@@ -42,9 +42,7 @@ _ZENITH_Y = (
     (-0.04214, 0.08970, -0.04153, 0.00516),
     (0.15346, -0.26756, 0.06670, 0.26688),
 )
-_XYZ_TO_SRGB = np.array(
-    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]],
-)
+_XYZ_TO_SRGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 _WAVELENGTHS = np.array([0.615, 0.545, 0.465])
 """Wavelengths in micrometres that stand for linear sRGB's primaries in the sun's light."""
 

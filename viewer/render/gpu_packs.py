@@ -132,7 +132,8 @@ class GpuPack:
         """
         if name == "cached":
             if plane not in self._caches:
-                self._caches[plane] = _cached(self, plane)
+                context = self.context
+                self._caches[plane] = CachedPath(self.tile_cache(plane), context.scheduler.timer, context.tile_budget)
             return self._caches[plane]
         key = (name, texel_filter, plane)
         if key not in self._passes:
@@ -141,6 +142,13 @@ class GpuPack:
             is_exact = texel_filter == "exact"
             self._passes[key] = made if is_exact else DecodeSampledPass(made, AccumulatePass(graphics, self.programs))
         return self._passes[key]
+
+    def tile_cache(self, plane: Plane = "base") -> DecodeCachedPass:
+        """Make a tile cache of path `cached` for a plane, which the caller releases. Raises GpuMemoryError, ShaderError."""
+        context, graphics = self.context, self.context.graphics
+        kind = DecodeCachedPass if graphics.features.compute else DrawnTileCache
+        table, reading = TileTable.of(context.scene.materials, self.pack, self.match, plane), self.reading(plane)
+        return kind(graphics, self.programs, self.buffers, self.ranges, table, reading, context.tile_budget)
 
     def latents(self, plane: Plane = "base") -> VisibleLatentsPass:
         """Return the pass that uploads the mips that the pixels of a view read."""
@@ -268,21 +276,6 @@ def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane
     """Return the pass of path `binned`."""
     graphics, reading = pack.context.graphics, pack.reading(plane)
     return DecodeBinnedPass(graphics, pack.programs, pack.buffers, pack.ranges, reading, texel_filter)
-
-
-def _cached(pack: GpuPack, plane: Plane) -> CachedPath:
-    context = pack.context
-    kind = DecodeCachedPass if context.graphics.features.compute else DrawnTileCache
-    cache = kind(
-        context.graphics,
-        pack.programs,
-        pack.buffers,
-        pack.ranges,
-        TileTable.of(context.scene.materials, pack.pack, pack.match, plane),
-        pack.reading(plane),
-        context.tile_budget,
-    )
-    return CachedPath(cache, context.scheduler.timer, context.tile_budget)
 
 
 DECODE_PASSES: Mapping[PathChoice, Callable[[GpuPack, TexelFilter, Plane], DecodePass]] = {

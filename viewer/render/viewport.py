@@ -48,12 +48,7 @@ class Viewport:
     """Renderer of the session's scene, with what it has drawn. Sizes are (width, height) of the picture in pixels."""
 
     def __init__(
-        self,
-        context: GraphicsContext,
-        session: Session,
-        times: FrameTimes,
-        background: Background,
-        emit: EmitEvent,
+        self, context: GraphicsContext, session: Session, times: FrameTimes, background: Background, emit: EmitEvent
     ) -> None:
         """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn."""
         self._context, self._session, self._emit = context, session, emit

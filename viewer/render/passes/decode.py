@@ -33,11 +33,7 @@ class DecodePass(ABC):
     ) -> None:
         """Take the pack in `buffers`, and the defines of the shaders that decode it with a filter."""
         self._gl, self._buffers = context.gl, buffers
-        self._defines = {
-            **reading.defines(),
-            **buffers.defines,
-            "FILTER_STOCHASTIC": int(texel_filter == "stochastic"),
-        }
+        self._defines = {**reading.defines(), **buffers.defines, "FILTER_STOCHASTIC": int(texel_filter == "stochastic")}
 
     def _bind(self, program: moderngl.Program | moderngl.ComputeShader, inputs: VisibilityInputs) -> None:
         """Bind the view and the pack for `program`, which decodes."""
