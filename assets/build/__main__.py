@@ -62,7 +62,7 @@ def main() -> None:
     made = recipes()
     writer = GlbWriter()
     writer.document["asset"]["copyright"] = "ntc-viewer authors, Apache-2.0"
-    writer.document["extensionsUsed"] = ["KHR_texture_transform", "KHR_materials_emissive_strength"]
+    writer.document["extensionsUsed"] += ["KHR_texture_transform", "KHR_materials_emissive_strength"]
     textures = add_textures(writer, made)
     materials: dict[str, int] = {}
     for model in models([recipe.name for recipe in made]):

@@ -82,7 +82,7 @@ class _Gallery:
         self.writer = GlbWriter()
         self.writer.document["asset"]["copyright"] = "ntc-viewer authors, Apache-2.0"
         used = {"KHR_materials_emissive_strength", *(name for each in SPECIAL.values() for name in each)}
-        self.writer.document["extensionsUsed"] = sorted(used)
+        self.writer.document["extensionsUsed"] += sorted(used)
         self._attributes: dict[int, dict[str, Any]] = {}
 
     def geometry(self, grid: Grid) -> int:

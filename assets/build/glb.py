@@ -27,6 +27,11 @@ class GlbWriter:
         self.document.setdefault(collection, []).append(entry)
         return len(self.document[collection]) - 1
 
+    def require(self, extension: str) -> None:
+        """Name an extension that readers of the file must know."""
+        for key in ("extensionsUsed", "extensionsRequired"):
+            self.document.setdefault(key, []).append(extension)
+
     def view(self, data: bytes, target: int | None = None) -> int:
         """A buffer view with this content."""
         self._binary += bytes(-len(self._binary) % 4)

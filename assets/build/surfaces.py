@@ -319,9 +319,6 @@ def normal_image(height: Plane) -> NDArray[np.uint8]:
     down = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / 2
     normals = np.stack([-right, down, np.ones_like(height)], axis=-1)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
-    # Every third step of 8 bits, one of which is upright: half as much to store.
-    normals[..., :2] = (3 * np.rint(normals[..., :2] * 42.5) + 0.5) / 127.5
-    normals[..., 2] = np.sqrt(np.clip(1 - np.square(normals[..., :2]).sum(axis=-1), 0, 1))
     return np.rint(normals * 127.5 + 127.5).astype(np.uint8)
 
 

@@ -18,6 +18,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """scene.glb, with the pack apart.ntc in a folder of its own."""
     path = materials_scene().write(tmp_path_factory.mktemp("scene") / "scene.glb")
     pack = path.parent / "packs" / "apart.ntc"
+    pack.parent.mkdir()
     assert cli.main(["encode", str(path), "--out", str(pack), "--grouping", "baseline", "--bits", "8"]) == 0
     return path
 
@@ -26,7 +27,7 @@ def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def library(scene: Path, tmp_path: Path) -> Path:
     """That pack, and one of the built-in scene."""
     folder = tmp_path / "library"
-    packs = [scene.parent / "packs" / "apart.ntc", builtin_scene_path().with_suffix(".single.ntc")]
+    packs = [scene.parent / "packs" / "apart.ntc", builtin_scene_path().with_suffix(".clustered.ntc")]
     assert cli.main(["library", "add", str(folder), *map(str, packs)]) == 0
     return folder
 
@@ -50,7 +51,7 @@ def test_it_is_listed_verified_compacted_and_taken_out(
         assert cli.main([*command, "--json"]) == 0
         rows = json.loads(capsys.readouterr().out)
         assert len(rows) == 3 + 55
-        assert {row["grouping"] for row in rows} == {"baseline", "single"}
+        assert {row["grouping"] for row in rows} == {"baseline", "clustered"}
     assert cli.main(["library", "verify", str(library)]) == 0
     shard = sorted((library / "shards").iterdir())[0]
     data = bytearray(shard.read_bytes())

@@ -11,6 +11,8 @@ import pytest
 pytestmark = pytest.mark.process
 
 PROGRAM = "import sys, viewer, viewer.cli; print(viewer.__file__); sys.exit(viewer.cli.main())"
+LARGEST_WHEEL = 25_000_000
+"""In bytes. Another pack or picture that does not fit is encoded or made on request."""
 REPOSITORY = Path(__file__).resolve().parents[2]
 
 
@@ -20,6 +22,7 @@ def test_wheel_draws_the_built_in_scene_from_another_folder(tmp_path: Path) -> N
     pip = [sys.executable, "-m", "pip", "--disable-pip-version-check", "--quiet"]
     subprocess.run([*pip, "wheel", "--no-deps", "--wheel-dir", str(wheels), str(REPOSITORY)], check=True)
     (wheel,) = wheels.glob("*.whl")
+    assert wheel.stat().st_size <= LARGEST_WHEEL
     names = zipfile.ZipFile(wheel).namelist()
     assert any(name.endswith("courtyard.glb") for name in names)
     assert not any("/build/" in name or name.startswith("tests/") for name in names)
