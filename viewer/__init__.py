@@ -1,3 +1,3 @@
 """The viewer: glTF scenes drawn with textures that are decoded from neural latents in GLSL."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
