@@ -1,4 +1,4 @@
-"""Where files lie: the user's settings and caches, and the shaders and assets of the installation."""
+"""Folders of the user's settings and caches, and of the shaders and assets of the installation."""
 
 import os
 from pathlib import Path
@@ -36,12 +36,13 @@ def _data_folder(name: str) -> Path:
 
 
 def kept_runs_folder() -> Path:
-    """Where training runs wait that nobody has decided about: in NTC_VIEWER_DATA_DIR, else the platform's folder for data."""
+    """Return the folder of runs that are neither accepted nor discarded: in NTC_VIEWER_DATA_DIR, else in the platform's data
+    folder."""
     return _data_folder("runs")
 
 
 def packs_folder(scene_path: Path) -> Path:
-    """Where accepted packs of a scene are written: beside it, but those of a built-in scene in NTC_VIEWER_DATA_DIR, likewise.
+    """Return the folder of new packs of a scene: beside it; for a built-in scene in the user's data folder.
 
     An installation may be read-only, and belongs to all users of the machine.
     """
@@ -49,27 +50,27 @@ def packs_folder(scene_path: Path) -> Path:
 
 
 def features_cache() -> Path:
-    """Where features of textures are cached by pixel hash: in NTC_VIEWER_CACHE_DIR, else the platform's cache folder."""
+    """Return the cache folder of texture features, by pixel hash: in NTC_VIEWER_CACHE_DIR, else in the platform's cache folder."""
     return _cache_folder("features")
 
 
 def blocks_cache() -> Path:
-    """Where textures in BC1, BC7 and ASTC are cached, likewise."""
+    """Return the cache folder of textures in BC1, BC7 and ASTC."""
     return _cache_folder("blocks")
 
 
 def images_cache() -> Path:
-    """Where facts of the images of scenes are cached, likewise."""
+    """Return the cache folder of facts about the images of scenes."""
     return _cache_folder("images")
 
 
 def environments_cache() -> Path:
-    """Where prefiltered environments are cached, likewise."""
+    """Return the cache folder of prefiltered environments."""
     return _cache_folder("environments")
 
 
 def variants_cache() -> Path:
-    """Where measured times of decoder variants are kept, likewise."""
+    """Return the cache folder of measured times of decoder variants."""
     return _cache_folder("variants")
 
 
@@ -98,7 +99,7 @@ def builtin_scene_path(name: str = BUILTIN_SCENES[0]) -> Path:
 
 
 def is_builtin(path: Path) -> bool:
-    """Whether `path` is one of the built-in scenes."""
+    """Return whether `path` is one of the built-in scenes."""
     return path.resolve() in {builtin_scene_path(name).resolve() for name in BUILTIN_SCENES}
 
 

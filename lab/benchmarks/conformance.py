@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lab.benchmarks.twins.sheet import write_sheet
 from ntc.io import write_text
-from viewer.cli.info_all import KINDS, files_below
+from viewer.cli.info import KINDS, files_below
 from viewer.cli.table import Column, Table
 from viewer.scene.images import read_image
 from viewer.scene.scene_files import CAMERAS_FILE

@@ -6,6 +6,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
+
+from tests.end_to_end.conftest import two_squares
+from viewer import cli, locations
 
 PROGRAM = """
 import sys
@@ -46,3 +50,30 @@ def test_without_a_display_pictures_are_drawn_and_their_place_is_said(tmp_path: 
     assert f"the pictures are in {tmp_path}" in result.stdout.replace("/private", "")
     assert (tmp_path / "ntc-viewer-pictures" / "decoded" / "color.png").is_file()
     assert (tmp_path / "ntc-viewer-pictures" / "original" / "color.png").is_file()
+
+
+def test_a_grouping_that_does_not_ship_is_encoded_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    installed, data = tmp_path / "installed", tmp_path / "data"
+    installed.mkdir()
+    two_squares().write(installed / "courtyard.glb")
+    monkeypatch.setattr(locations, "assets_folder", lambda: installed)
+    monkeypatch.setenv(locations.DATA_FOLDER_VARIABLE, str(data))
+    arguments = ["render", "--grouping", "random", "--size", "48x32", "--out", str(tmp_path / "picture")]
+    pack = data / "packs" / "courtyard.random.ntc"
+    assert cli.main(arguments) == 0
+    printed = capsys.readouterr()
+    assert f"grouping random of courtyard is encoded once and kept in {pack}" in printed.err
+    assert "100%" in printed.err
+    assert "random" in printed.out
+    made = pack.stat()
+    assert cli.main(arguments) == 0
+    assert "encoded" not in capsys.readouterr().err
+    assert pack.stat() == made
+    assert [path.name for path in installed.iterdir()] == ["courtyard.glb"]
+
+
+def test_a_grouping_of_no_name_is_not_encoded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["render", "--grouping", "nonsense", "--out", str(tmp_path / "picture")]) == 2
+    assert "--grouping nonsense: no such pack" in capsys.readouterr().err

@@ -8,7 +8,7 @@ import meshopt
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.scene.gltf.accessors import COMPONENT_TYPES, COMPONENTS
+from viewer.scene.gltf.buffers import COMPONENT_TYPES, COMPONENTS
 
 FALLBACK = {"fallback": True}
 

@@ -1,4 +1,4 @@
-"""From argument strings to options; bad arguments become one line instead of tyro's box."""
+"""Parsing of the command line into options; bad arguments become one line instead of tyro's box."""
 
 import contextlib
 import difflib
@@ -49,7 +49,7 @@ class SceneAndPacks(Protocol):
 
 
 def _lab_commands() -> tuple[tuple[Subcommand, ...], tuple[Subcommand, ...]]:
-    """(subcommands, studies) of the package lab, none where it is not installed."""
+    """Return (subcommands, studies) of the package lab, none where it is not installed."""
     if importlib.util.find_spec("lab") is None:
         return (), ()
     lab = importlib.import_module(LAB_COMMANDS)
@@ -75,7 +75,7 @@ def _with_packs_merged(arguments: list[str]) -> list[str]:
 
 
 def _one_line(box: str) -> str:
-    """The message of tyro's error box: the lines above its inner rule, on one line."""
+    """Return the message of tyro's error box: the lines above its inner rule, on one line."""
     text = re.sub(r"\x1b\[[0-9;]*m", "", box)
     lines: list[str] = []
     for line in text.splitlines():
@@ -159,7 +159,7 @@ def _require_folder(option: str, path: Path) -> None:
 
 
 def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:
-    """The study that is named. Raises InputError for none and for one that does not exist."""
+    """Return the study that is named. Raises InputError for none and for one that does not exist."""
     name = words[1] if len(words) > 1 else ""
     if name in ("-h", "--help"):
         summaries = (f"  {study.name:15} {(study.options.__doc__ or '').strip()}" for study in studies)
@@ -172,7 +172,7 @@ def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:
 
 
 def _with_scene_found(options: Any) -> Any:
-    """`options` with the scene that was written behind `--pack F ...` and so was read as a pack."""
+    """Return `options` with the scene that was written behind `--pack F ...` and so was read as a pack."""
     if not isinstance(options, SceneAndPacks) or options.scene is not None:
         return options
     scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX and not is_library(path)]

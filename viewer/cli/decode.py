@@ -44,7 +44,7 @@ def _decoder(pack: Pack, options: DecodeOptions) -> ImageDecoder:
 
 
 def map_images(maps: Sequence[MapName], pixels: NDArray[np.uint8]) -> dict[MapName, NDArray[np.uint8]]:
-    """By map its picture [H, W, C], of `pixels` [H, W, channels of all maps]; normals with z as (n + 1) / 2 in blue."""
+    """Return the picture [H, W, C] of each map of `pixels` [H, W, channels of all maps]; normals with z as (n + 1) / 2 in blue."""
     images: dict[MapName, NDArray[np.uint8]] = {}
     for name, place in map_slices(maps, pixels.shape[2]).items():
         images[name] = np.ascontiguousarray(pixels[..., place])

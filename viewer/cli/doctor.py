@@ -37,7 +37,7 @@ OPTIONAL_MODULES = {"etcpak": "comparison with formats of graphics hardware: pip
 
 
 def has_display() -> bool:
-    """Whether a window can be expected to open: elsewhere than on Linux always, there if a display server is named."""
+    """Return whether a window can open: on Linux if a display server is named, elsewhere always."""
     return sys.platform != "linux" or bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
@@ -49,7 +49,7 @@ def _version(package: str) -> str:
 
 
 def _measured(device: ContextInformation) -> list[str]:
-    """What is kept of this device: the fastest variant for each codec shape and precision."""
+    """Return the fastest variant that was measured on this device, for each codec shape and precision."""
     return [
         f"{shape}: {precision} {times.nanoseconds[precision][variant]:.3f} ns a texel with {variant}"
         for shape, times in kept_times(variants_cache(), device).items()

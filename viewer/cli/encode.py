@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.codec.config import UNIVERSAL
+from ntc.codec.codec import Codec
+from ntc.codec.config import UNIVERSAL, GroupingName
 from ntc.codec.encoding import EncodingChoices, SizeTarget
 from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.model import Pack
 from ntc.codec.registry import chosen_codec, codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, TrainingCancelledError
@@ -32,13 +33,15 @@ from viewer.cli.encode_target import encoding_choices, result_lines, worth_on_sc
 from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
 from viewer.cli.sources import load_with_progress
-from viewer.locations import features_cache, named_scene
+from viewer.locations import features_cache, named_scene, packs_folder
 from viewer.scene.images import folder_textures
 from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
 
+BUILTIN_BITS = 2.1
+"""Target of the packs of the built-in scene, in bits per texel of all mips (assets/build/packs.sh)."""
 LINES_PER_RUN = 20
 """Progress lines of a whole run where standard error is no terminal."""
 
@@ -76,14 +79,14 @@ def _check_codec(options: EncodeOptions) -> None:
 
 
 def _maps(options: EncodeOptions) -> MapChoice:
-    """The maps that are asked for, or those that codec and grouping take by themselves."""
+    """Return the maps that the options name, else the default of codec and grouping."""
     if options.maps is not None:
         return options.maps
     return codec_named(_codec_name(options)).default_maps if options.grouping != UNIVERSAL else "base"
 
 
 def _codec_name(options: EncodeOptions) -> str:
-    """The codec that is named, or the first one that has the other options."""
+    """Return the codec that the options name, else the first one that has all other options."""
     return options.codec or chosen_codec(encoding_choices(options))
 
 
@@ -93,7 +96,7 @@ class Source:
 
     textures: tuple[SourceTexture, ...]
     scene: Scene | None
-    """None for a folder of images."""
+    """Scene that holds the textures; None for a folder of images."""
 
 
 def read_source(
@@ -102,8 +105,8 @@ def read_source(
     maps: MapChoice = "base",
     weights: MapWeightsName = EncodeOptions.map_weights,
 ) -> Source:
-    """The textures of a scene file or of a folder of images, reduced to `texture_size` texels: base colours, or whole material sets
-    whose errors are worth `weights`. Raises InputError."""
+    """Return the textures of a scene file or of a folder of images, reduced to `texture_size` texels: base colours, or whole
+    material sets whose errors are worth `weights`. Raises InputError."""
     scene = None
     if source.is_dir():
         textures = folder_textures(source)
@@ -119,7 +122,7 @@ def read_source(
 
 
 def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
-    """What the grouping needs besides the textures. Raises InputError for files that cannot be read."""
+    """Return the inputs of the grouping besides the textures. Raises InputError for files that cannot be read."""
     labels = read_labels(options.labels, source.textures) if options.labels is not None else {}
     features = FeatureOptions(cache=features_cache(), clip_weights=options.clip_weights)
     if options.grouping != "covisible":
@@ -189,16 +192,46 @@ class _ProgressReport:
 def encode(options: EncodeOptions) -> int:
     """Run `ntc-viewer encode`. Raises InputError for bad input."""
     _check(options)
-    name = _codec_name(options)
     if is_by_jobs(options):
-        return encode_by_jobs(options, name, _maps(options))
+        return encode_by_jobs(options, _codec_name(options), _maps(options))
+    codec, choices, pack, seconds = _encode(options)
+    target = choices.target or codec.default_target
+    lines = [
+        *psnr_table(pack).lines(),
+        *codec.settings_lines(pack.config),
+        *([] if target is None else result_lines(target, pack, options.out)),
+        _effort(pack, seconds) if codec.trains else f"encoding: {seconds:.1f} s on cpu",
+        f"wrote {options.out}",
+    ]
+    sys.stdout.write("\n".join(lines) + "\n")
+    return 0
+
+
+def encode_builtin(scene_path: Path, grouping: GroupingName) -> Path:
+    """Encode a built-in scene in a grouping that does not ship, as those that do, and keep the pack in the user's data folder.
+
+    Returns the path of the pack. Raises InputError, and KeyboardInterrupt after Ctrl-C.
+    """
+    out = packs_folder(scene_path) / f"{scene_path.stem}.{grouping}{PACK_SUFFIX}"
+    sys.stderr.write(f"note: grouping {grouping} of {scene_path.stem} is encoded once and kept in {out}\n")
+    _encode(EncodeOptions(scene_path, out, grouping=grouping, codec="block", bits=BUILTIN_BITS))
+    return out
+
+
+def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float]:
+    """Encode as `options` ask, and write the pack. Returns it with its codec, the choices and the seconds that it took.
+
+    Raises InputError for bad input and for a target that cannot be reached, KeyboardInterrupt after Ctrl-C.
+    """
+    name = _codec_name(options)
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size, _maps(options), options.map_weights)
+    textures = source.textures
     inputs = grouping_inputs(source, options)
-    grouping = make_grouping(options.grouping_config(), source.textures, inputs)
+    grouping = make_grouping(options.grouping_config(), textures, inputs)
     choices = encoding_choices(options)
     if isinstance(choices.target, SizeTarget) and options.views is not None:
-        texels = [width * height for width, height in (texture.size for texture in source.textures)]
+        texels = [width * height for width, height in (texture.size for texture in textures)]
         views = inputs.views or _views(source, options)
         choices = replace(choices, target=replace(choices.target, worth=worth_on_screen(views, texels)))
     # Options that no codec but a later one has, with none named: the user may not know that it is another one.
@@ -206,24 +239,10 @@ def encode(options: EncodeOptions) -> int:
     if options.codec is None and name != usual and choices.recipe == EncodingChoices().recipe:
         given = ", ".join(refusal.split()[0] for refusal in codec_named(usual).refusals(choices))
         console.print(f"note: {given}: trains codec {name}; without, codec {usual} encodes in seconds", highlight=False)
-    return _encode(options, name, choices, source.textures, grouping, console)
-
-
-def _encode(
-    options: EncodeOptions,
-    name: str,
-    choices: EncodingChoices,
-    textures: tuple[SourceTexture, ...],
-    grouping: Grouping,
-    console: Console,
-) -> int:
-    """Encode, and write the pack. Raises InputError for what cannot be reached."""
     codec = codec_named(name)
     how = f"recipe {choices.recipe}" if codec.trains else f"codec {name}"
-    console.print(
-        f"{counted(len(textures), 'texture')}, {counted(grouping.group_count, 'decoder')} ({grouping.name}), {how}",
-        highlight=False,
-    )
+    decoders = counted(grouping.group_count, "decoder")
+    console.print(f"{counted(len(textures), 'texture')}, {decoders} ({grouping.name}), {how}", highlight=False)
     # Written where a training diverges to NaN.
     rescued_state = options.out.with_name(f"{options.out.name}.state")
     with _ProgressReport(console) as report:
@@ -239,17 +258,7 @@ def _encode(
     write_or_rescue(options.out, pack)
     if stopped:
         console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)
-    target = choices.target or codec.default_target
-    came = [] if target is None else result_lines(target, pack, options.out)
-    lines = [
-        *psnr_table(pack).lines(),
-        *codec.settings_lines(pack.config),
-        *came,
-        _effort(pack, seconds) if codec.trains else f"encoding: {seconds:.1f} s on cpu",
-        f"wrote {options.out}",
-    ]
-    sys.stdout.write("\n".join(lines) + "\n")
-    return 0
+    return codec, choices, pack, seconds
 
 
 def write_or_rescue(out: Path, pack: Pack) -> None:

@@ -27,14 +27,14 @@ from viewer.scene.source_textures import MapChoice
 LINES_PER_PHASE = 20
 """Progress lines of each phase where standard error is no terminal."""
 KEPT_SUFFIX = ".jobs"
-"""Of the library beside a pack that is not finished: what is done is kept there until it is."""
+"""Suffix of the library that keeps finished jobs beside a pack until the pack is finished."""
 REPORT_SUFFIX = ".report"
 UNFINISHED = 1
 """Exit status where textures are missing."""
 
 
 def is_by_jobs(options: EncodeOptions) -> bool:
-    """Whether the textures are encoded by jobs: asked for, or the only way."""
+    """Return whether jobs encode the textures: the options ask for it, or there is no other way."""
     asked = options.workers is not None or options.ray is not None
     return asked or options.out.suffix != PACK_SUFFIX or options.source.suffix.lower() == LIST_SUFFIX
 

@@ -1,4 +1,4 @@
-"""What `encode` is asked to come to in codec `block`, and what came of it."""
+"""Targets of `encode` in codec `block`, and the lines that tell what was reached."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,18 +18,18 @@ MOST_NAMES = 5
 NEAR_BITS = 0.02
 """Share of the bits asked for by which more are still as asked."""
 LEAST_WORTH = 0.1
-"""What a texture that is not seen is worth at least, as a share of the mean."""
+"""Least weight of a texture that is not seen, as a share of the mean."""
 
 
 def given_targets(options: EncodeOptions) -> dict[str, str]:
-    """The options that say what to come to, by name, as far as they are given."""
+    """Return the target options that are given, by name."""
     numbers = {"bits": options.bits, "quality": options.quality, "size": options.size}
     found = {name: f"{value:g}" for name, value in numbers.items() if value is not None}
     return found if options.preset is None else {**found, "preset": options.preset}
 
 
 def asked_target(options: EncodeOptions) -> Target | None:
-    """The target that is named. Raises InputError for two at once, and for what can never be reached."""
+    """Return the target that the options name. Raises InputError for two at once, and for one that can never be reached."""
     given = list(given_targets(options))
     if len(given) > 1:
         raise InputError(f"{' and '.join(f'--{name}' for name in given)} exclude each other: give one of them")
@@ -43,7 +43,7 @@ def asked_target(options: EncodeOptions) -> Target | None:
 
 
 def encoding_choices(options: EncodeOptions) -> EncodingChoices:
-    """What is asked of the codec. Raises InputError as `asked_target` does."""
+    """Return the choices that the codec gets. Raises InputError as `asked_target` does."""
     return EncodingChoices(
         options.recipe,
         options.steps,
@@ -57,7 +57,7 @@ def encoding_choices(options: EncodeOptions) -> EncodingChoices:
 
 
 def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -> tuple[float, ...]:
-    """What an error in each texture is worth by pixels of `views` (texture ids, -1 for none) that show a texel of it, in
+    """Return the weight of errors in each texture by the pixels of `views` (texture ids, -1 for none) that show a texel of it, in
     proportion to their mean. `texels` by texture."""
     pixels = np.zeros(len(texels))
     for view in views:
@@ -68,7 +68,7 @@ def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -
 
 
 def result_lines(target: Target, pack: Pack, out: Path) -> list[str]:
-    """What was asked, what came and what was not reached, of `pack` written to `out`."""
+    """Return lines that compare the target with `pack`, written to `out`."""
     if isinstance(target, BitsTarget):
         more = bits_with_mips(pack) > target.bits * (1.0 + NEAR_BITS)
         why = "; not reached: so few or so small textures need more" if more else ""

@@ -36,7 +36,7 @@ LOSS_COLUMNS = (
 
 
 def _pack(options: ExportOptions, scene: Path) -> Path:
-    """The pack that is named, else the one that lies beside the scene. Raises InputError for none and for several."""
+    """Return the pack that is named, else the one that lies beside the scene. Raises InputError for none and for several."""
     if len(options.pack) > 1:
         raise InputError(f"--pack {' '.join(map(str, options.pack))}: one pack is exported with a scene; name one")
     beside = packs_beside(scene)
@@ -51,7 +51,7 @@ def _pack(options: ExportOptions, scene: Path) -> Path:
 
 
 def result_lines(exported: ExportedScene) -> list[str]:
-    """What was written, for a person."""
+    """Return lines that tell what was written."""
     lines = [f"note: {line}" for line in exported.missing]
     lines.append(
         f"{exported.textures} of {counted(exported.of_textures, 'texture')} in the pack"
@@ -90,7 +90,7 @@ def export(options: ExportOptions) -> int:
 
 @contextmanager
 def _progress(title: str) -> Iterator[ShownProgress]:
-    """A bar with the time that is left, where there is a terminal."""
+    """Yield a bar with the time that is left, where there is a terminal."""
     console = Console(stderr=True)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
         yield ShownProgress(bar, title)

@@ -1,19 +1,65 @@
 """`ntc-viewer library`: adds packs and textures to a library, lists what it holds, verifies and compacts it, takes packs out."""
 
+import json
 import sys
+from collections.abc import Iterable
+from pathlib import Path
 
 from ntc.errors import InputError
 from ntc.library.index import read_index
 from ntc.library.reading import library_packs
 from ntc.library.writer import LibraryWriter, compact, problems
 from ntc.pack.file import read_pack, write_pack
-from viewer.cli.library_list import library_lines
 from viewer.cli.options import LibraryOptions
 from viewer.cli.sources import load_with_progress
+from viewer.cli.table import Cell, Column, Table
 from viewer.locations import named_scene
-from viewer.scene.json_text import counted
+from viewer.scene.json_text import counted, printable
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.pack_files import wanted_textures
+
+COLUMNS = (
+    Column("name", "texture"),
+    Column("pixel_hash", "pixel hash"),
+    Column("width", "width"),
+    Column("height", "height"),
+    Column("bits_per_texel", "bits/texel"),
+    Column("psnr_db", "PSNR dB"),
+    Column("grouping", "grouping"),
+    Column("settings", "settings"),
+    Column("shard", "shard"),
+)
+
+
+def _rows(folder: Path) -> Iterable[dict[str, Cell]]:
+    index = read_index(folder)
+    for shard in index.shards.values():
+        for texture in shard.textures:
+            if index.places.get((shard.settings, texture.pixel_hash)) == shard.digest:
+                yield {
+                    "name": printable(texture.name),
+                    "pixel_hash": texture.pixel_hash,
+                    "width": texture.width,
+                    "height": texture.height,
+                    "bits_per_texel": texture.bits_per_texel,
+                    "psnr_db": texture.psnr_db,
+                    "grouping": printable(shard.grouping),
+                    "settings": shard.settings,
+                    "shard": index.path(shard).name,
+                }
+
+
+def library_lines(folder: Path, as_json: bool) -> list[str]:
+    """Return the lines of `library list` and of `info` for the library in `folder`. Raises InputError."""
+    rows = list(_rows(folder))
+    if as_json:
+        return [json.dumps(rows, indent=1)]
+    index = read_index(folder)
+    size = sum(shard.bytes for shard in index.shards.values())
+    total = f"{counted(len(index.shards), 'shard')}, {counted(len(rows), 'texture')}, {size / 1e6:.2f} MB"
+    damaged = [f"note: line {number} of the index is damaged; run verify" for number in index.damaged_lines]
+    return [*Table(COLUMNS, rows).text().splitlines(), f"{folder}: {total}", *damaged]
+
 
 PROBLEMS_FOUND = 1
 """Exit status of `verify` where something is not as it was written."""

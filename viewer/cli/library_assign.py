@@ -16,11 +16,11 @@ from viewer.scene.json_text import counted
 from viewer.scene.source_textures import MapChoice
 
 MOST_DECODERS = 64
-"""That a texture is tried with; of more, so many evenly spread ones."""
+"""Most decoders that a texture is tried with; of more, so many evenly spread ones."""
 
 
 def _shards(index: LibraryIndex) -> list[Shard]:
-    """The shards of the settings under which the library holds the most textures with decoders of its own."""
+    """Return the shards of the settings under which the library holds the most textures with decoders of its own."""
     counts: dict[str, int] = {}
     for shard in index.shards.values():
         if shard.grouping != UNIVERSAL:

@@ -82,12 +82,12 @@ Packs = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc ...")]
 Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
 Switch = tyro.conf.FlagCreatePairsOff[bool]
 Gpu = Annotated[str | None, tyro.conf.arg(metavar="N|NAME")]
-"""As `viewer.gl.devices.choose_device` takes it; None: the first one, or the one that NTC_VIEWER_DEVICE names."""
+"""GPU as `viewer.gl.devices.choose_device` takes it; None: the one that NTC_VIEWER_DEVICE names, else the first one."""
 
 
 @dataclass(frozen=True)
 class Subcommand:
-    """One subcommand of `ntc-viewer`, or one study of `ntc-viewer study`."""
+    """Subcommand of `ntc-viewer`, or one study of `ntc-viewer study`."""
 
     name: str
     options: type[Any]
@@ -95,12 +95,12 @@ class Subcommand:
     module: str
     """Imported only when the command runs: most commands need neither torch nor OpenGL."""
     function: str
-    """Of `module`; takes an instance of `options`, returns the exit status and raises InputError."""
+    """Name of the function in `module` that takes an instance of `options`, returns the exit status and raises InputError."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DecoderOptions:
-    """How packs are decoded on this machine, which no picture depends on."""
+    """Options of decoding that change speed and no picture."""
 
     decoder_variant: str = ""
     """How decoders are laid out on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared. Empty:
@@ -281,7 +281,7 @@ class EncodeOptions:
     """Keep the state of the training in this file: after Ctrl-C the same command resumes it. Removed at the end."""
 
     def grouping_config(self) -> GroupingConfig:
-        """The options of the grouping."""
+        """Return the options of the grouping."""
         return GroupingConfig(
             name=self.grouping,
             clusters=self.clusters,

@@ -4,6 +4,7 @@ import io
 import json
 import math
 import sys
+from collections.abc import Sequence
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -18,19 +19,19 @@ from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
 from ntc.metrics.block_compression import named_format
 from ntc.metrics.compressed_textures import CompressedTextures
-from viewer.capture.pictures import error_overlay, material_aovs, with_color_bar, write_aovs
-from viewer.cli.map_errors import map_error_statistics, write_map_errors
+from viewer.capture.pictures import ERROR_AMPLIFICATION, error_overlay, material_aovs, with_color_bar, write_aovs
+from viewer.cli.builtin_packs import packs_with
 from viewer.cli.options import RenderOptions
-from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, packs_for, resolve_precision
+from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, resolve_precision
 from viewer.gl.context import create_headless_context
-from viewer.inspect.measurement import MeasuredPicture, errors_by_map, measure
+from viewer.inspect.measurement import MapError, MeasuredPicture, errors_by_map, measure
 from viewer.jobs.job import Background
 from viewer.lighting.panorama import load_panorama
 from viewer.render.frames import FrameResult, FrameTimes, read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.viewport import Viewport
 from viewer.scene.images import write_png
-from viewer.scene.model import Pose
+from viewer.scene.model import Pose, Scene
 from viewer.state.event_handlers import apply_event
 from viewer.state.events import Event, Notification, TexturesCompressed, ViewChanged
 from viewer.state.open_files import InitialView, new_session
@@ -38,12 +39,37 @@ from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import BLOCKS, SKY, Lighting, Overlay, OverlayKind, Slot, ViewState, is_image_source
 
+
+def map_error_statistics(errors: Sequence[MapError], scene: Scene) -> dict[str, dict[str, Any]]:
+    """Return the figures of stats.json by map: PSNR in dB and mean squared error (squared 8-bit steps) of the picture, and the
+    texture with the largest share of the error. Null where there is none."""
+    found = {}
+    for error in errors:
+        total = float(error.by_texture.sum())
+        worst = int(error.by_texture.argmax()) if total > 0.0 else None
+        found[str(error.maps)] = {
+            "psnr_db": error.psnr_db,
+            "mean_squared_error": error.mean_squared_error,
+            "worst_texture": None if worst is None else scene.textures[worst].name,
+            "share_of_worst_texture": None if worst is None else float(error.by_texture[worst]) / total,
+        }
+    return found
+
+
+def write_map_errors(folder: Path, errors: Sequence[MapError]) -> None:
+    """Write error.MAP.png for each map: the error of every pixel, amplified as in the error overlay, black where there is none."""
+    for error in errors:
+        steps = np.minimum(np.sqrt(error.squared_error) * ERROR_AMPLIFICATION, 255.0)
+        write_png(folder / f"error.{error.maps}.png", np.rint(steps).astype(np.uint8))
+
+
 WARM_UP_DIVISOR = 16
 """A first frame this many times smaller compiles programs and uploads textures: `timings_ms` then holds drawing alone."""
 
 
 def compression_statistics(compressed: CompressedTextures) -> dict[str, Any]:
-    """What stats.json holds of textures in a format of graphics hardware: bytes and bits of all mips, PSNR of mip 0 in dB."""
+    """Return the part of stats.json about textures in a format of graphics hardware: bytes and bits of all mips, PSNR of mip 0 in
+    dB."""
     psnr = compressed.psnr
     summary = {name: finite_or_none(value) for name, value in vars(psnr).items()} if psnr is not None else None
     size = {"bytes": compressed.stored_bytes, "bits_per_texel": compressed.bits_per_texel}
@@ -51,7 +77,7 @@ def compression_statistics(compressed: CompressedTextures) -> dict[str, Any]:
 
 
 def statistics(measured: MeasuredPicture, frame: FrameResult, view: ViewState, renderer_name: str) -> dict[str, Any]:
-    """What else stats.json holds. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself,
+    """Return the other parts of stats.json. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself,
     and where both pictures are equal: JSON has no infinity.
     """
     divergence, is_image = measured.divergence_statistics, is_image_source(measured.source)
@@ -121,7 +147,7 @@ def write_picture(
 
 
 def chosen_lighting(options: RenderOptions) -> Lighting:
-    """The light of --view lit. Raises InputError for values that are out of range, and for a panorama that cannot be used."""
+    """Return the light of --view lit. Raises InputError for values that are out of range, and for a panorama that cannot be used."""
     if options.environment is not None:
         # Whatever is wrong with the file is said before anything is drawn.
         load_panorama(options.environment)
@@ -176,11 +202,11 @@ class _Console:
 
 
 def _opened(options: RenderOptions) -> Session:
-    """What the options name, open: the scene, the pack that is shown, and the view. Raises InputError."""
+    """Return a session with the scene, the pack and the view that the options name. Raises InputError."""
     pose = None if options.time is None else Pose(options.animation, options.time)
     scene = open_scene(options.scene, options.variant, pose)
     needs_packs = options.grouping is None or not is_image_source(options.grouping) or bool(options.pack)
-    packs = packs_for(scene, options.pack) if needs_packs else {}
+    packs = packs_with(scene, options.pack, options.grouping) if needs_packs else {}
     source = choose_source(packs, options.grouping, options.pack)
     camera, lighting = choose_camera(scene, options), chosen_lighting(options)
     block_format = named_format(source)

@@ -1,4 +1,4 @@
-"""What the options name: scene, packs, camera, precision."""
+"""Scene, packs, camera and precision that the options name."""
 
 import math
 import os
@@ -64,12 +64,12 @@ class ShownProgress:
         self._bar, self._task = bar, bar.add_task(title, total=None)
 
     def progress(self, done: int, of: int) -> None:
-        """`done` of `of` steps are done."""
+        """Show that `done` of `of` steps are done."""
         self._bar.update(self._task, completed=done, total=of)
 
 
 def load_with_progress(path: Path, variant: str = "", pose: Pose | None = None) -> Scene:
-    """`load_scene`; where there is a terminal, its images are counted, with the time that is left. Raises InputError."""
+    """Load a scene; a terminal shows how many images are read, and the time left. Raises InputError."""
     console = Console(stderr=True)
     if not console.is_terminal:
         return load_scene(path, variant, pose)
@@ -79,7 +79,7 @@ def load_with_progress(path: Path, variant: str = "", pose: Pose | None = None) 
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
-    """Packs by name: those named first, then those that the scene's file names, then those beside it.
+    """Open the packs of a scene, by name: those named first, then those that the scene's file names, then those beside it.
 
     Raises InputError for one that cannot be read, or that is named and holds no texture of the scene.
     """
@@ -121,7 +121,7 @@ def choose_source(packs: Mapping[str, Pack], grouping: str | None, named: tuple[
 
 
 def compress_scene(scene: Scene, block_format: BlockFormat) -> CompressedTextures:
-    """The scene's textures in a format of graphics hardware, kept in the user's cache; progress where there is a terminal.
+    """Return the scene's textures in a format of graphics hardware, kept in the user's cache; progress where there is a terminal.
 
     Raises InputError where the encoder is not installed.
     """
@@ -143,7 +143,7 @@ def compress_scene(scene: Scene, block_format: BlockFormat) -> CompressedTexture
 
 
 def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
-    """The camera that the options name, else the scene's first, else one that frames all. Raises InputError."""
+    """Return the camera that the options name, else the scene's first, else one that frames all. Raises InputError."""
     if (options.eye is None) != (options.target is None):
         raise InputError("--eye and --target belong together: give both")
     if options.eye is not None and options.target is not None:
@@ -163,7 +163,7 @@ def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
 def resolve_precision(
     choice: PrecisionChoice, pack: Pack | None, fastest_first: Callable[[Pack], Sequence[Precision]] | None
 ) -> Precision:
-    """The precision that `choice` means for `pack`; for `auto` the chosen one and the reason are printed.
+    """Return the precision that `choice` means for `pack`; for `auto` the chosen one and the reason are printed.
 
     `fastest_first` gives those of the driver; without it `auto` chooses among the precisions that every driver supports.
     """

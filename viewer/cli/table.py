@@ -11,17 +11,17 @@ Cell = str | int | float | None
 
 @dataclass(frozen=True)
 class Column:
-    """One column."""
+    """Column of a table."""
 
     key: str
     """Key of the value in a row."""
     heading: str
-    """With the unit."""
+    """Heading with the unit."""
     digits: int = 2
     """Decimal places of floats."""
 
     def text(self, value: Cell) -> str:
-        """A value as it is printed; `-` for none."""
+        """Return a value as it is printed; `-` for none."""
         if value is None:
             return "-"
         if isinstance(value, float):
@@ -43,7 +43,7 @@ class Table:
         return all(not isinstance(row.get(column.key), str) for row in self.rows)
 
     def markdown(self) -> str:
-        """A Markdown table, numbers aligned to the right."""
+        """Return a Markdown table, numbers aligned to the right."""
         lines = ["| " + " | ".join(column.heading for column in self.columns) + " |"]
         lines.append("|" + "|".join("--:" if self._is_number(column) else "---" for column in self.columns) + "|")
         lines += ["| " + " | ".join(text.replace("|", "\\|") for text in texts) + " |" for texts in self._texts()]

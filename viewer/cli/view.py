@@ -6,10 +6,11 @@ from pathlib import Path
 
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
+from viewer.cli.builtin_packs import packs_with
 from viewer.cli.doctor import has_display
 from viewer.cli.options import RenderOptions, ViewOptions
 from viewer.cli.render import render
-from viewer.cli.sources import choose_source, open_scene, packs_for, resolve_precision
+from viewer.cli.sources import choose_source, open_scene, resolve_precision
 from viewer.gl.systems import SYSTEM
 from viewer.render.variants import VariantChoice
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
@@ -40,7 +41,7 @@ def draw_pictures(options: ViewOptions, folder: Path) -> None:
 
 
 def script_of(options: ViewOptions) -> Script:
-    """The script of --script and --exec, empty for none. Raises InputError before anything is opened."""
+    """Return the script of --script and --exec, empty for none. Raises InputError before anything is opened."""
     parts: Sequence[Script] = (
         *((read_script(options.script),) if options.script is not None else ()),
         *(parse_exec(text) for text in options.exec),
@@ -63,7 +64,7 @@ def play_headless(options: ViewOptions, pictures: Path) -> int:
         raise InputError(f"--size: each side must be {SMALLEST_SIDE} to {LARGEST_SIDE} pixels")
     script = script_of(options) or parse_exec(WITHOUT_SCRIPT)
     scene = open_scene(options.scene)
-    packs = packs_for(scene, options.pack)
+    packs = packs_with(scene, options.pack, options.grouping)
     source = choose_source(packs, options.grouping, options.pack)
     precision = resolve_precision(options.precision, packs.get(source), None)
     initial = _initial(options, source, precision)
@@ -86,7 +87,7 @@ def view(options: ViewOptions) -> int:
         from viewer.app.window_app import WindowContent, run_window
 
         scene = open_scene(options.scene)
-        packs = packs_for(scene, options.pack)
+        packs = packs_with(scene, options.pack, options.grouping)
         source = choose_source(packs, options.grouping, options.pack)
         initial = _initial(options, source, options.precision)
         return run_window(WindowContent(scene, packs, initial, script, options.size, options.out))

@@ -1,4 +1,4 @@
-"""What is made of a scene and a pack for other programs. Here the choices alone: the command line needs no more of it."""
+"""Exports of a scene and a pack for other programs. This module holds the choices only, all that the command line needs."""
 
 from typing import Literal
 

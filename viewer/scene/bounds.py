@@ -20,7 +20,7 @@ def _range(primitive: Primitive) -> _Range:
 
 
 def _vertices(geometry: Geometry, primitive: Primitive) -> NDArray[np.float32]:
-    """[P, 3] local points that the primitive may use."""
+    """Return [P, 3] local points that the primitive may use."""
     vertices = geometry.positions[primitive.base_vertex : primitive.base_vertex + primitive.vertex_count]
     if primitive.vertex_count > primitive.index_count:
         used = geometry.indices[primitive.first_index : primitive.first_index + primitive.index_count]
@@ -29,14 +29,14 @@ def _vertices(geometry: Geometry, primitive: Primitive) -> NDArray[np.float32]:
 
 
 def _corners(vertices: NDArray[np.float32]) -> NDArray[np.float64]:
-    """[8, 3] corners of the box around `vertices`."""
+    """Return [8, 3] corners of the box around `vertices`."""
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     corners = np.array([[(low, high)[k >> axis & 1][axis] for axis in range(3)] for k in range(8)])
     return corners.astype(np.float64)
 
 
 def world_bounds(geometry: Geometry, primitives: Sequence[Primitive], instances: Instances) -> NDArray[np.float32]:
-    """[2, 3] float32 lowest and highest corner of all placed primitives (a little wide for very many instances)."""
+    """Return [2, 3] float32 lowest and highest corner of all placed primitives (a little wide for very many instances)."""
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     order = np.argsort(instances.primitive, kind="stable")
     starts = np.searchsorted(instances.primitive[order], np.arange(len(primitives) + 1))

@@ -23,7 +23,7 @@ REMEDY = "give a list of cameras, each with name, eye, target and fov"
 
 
 class Viewpoint(msgspec.Struct):
-    """What every camera in JSON states. Lengths in scene units."""
+    """Fields that every camera in JSON has. Lengths in scene units."""
 
     name: str
     eye: Vector
@@ -60,7 +60,7 @@ def read_cameras(path: Path) -> tuple[Camera, ...]:
 
 
 def find_camera(cameras: Sequence[Camera], name: str) -> Camera:
-    """The camera called `name`. Raises InputError that lists the names there are."""
+    """Return the camera called `name`. Raises InputError that lists the names there are."""
     for camera in cameras:
         if camera.name == name:
             return camera
@@ -71,7 +71,7 @@ def find_camera(cameras: Sequence[Camera], name: str) -> Camera:
 
 
 def cameras_json(cameras: Sequence[Camera]) -> str:
-    """The text of a camera file that `read_cameras` reads back."""
+    """Return the text of a camera file that `read_cameras` reads back."""
     entries = [
         {"name": camera.name, "eye": camera.eye, "target": camera.target, "fov": camera.fov_degrees}
         for camera in cameras
@@ -80,7 +80,7 @@ def cameras_json(cameras: Sequence[Camera]) -> str:
 
 
 def cameras_beside(scene_path: Path) -> Path | None:
-    """The cameras file of a scene: `NAME.cameras.json` beside it, else `cameras.json`; None without one."""
+    """Return the cameras file of a scene: `NAME.cameras.json` beside it, else `cameras.json`; None without one."""
     candidates = (
         scene_path.with_name(f"{scene_path.stem}.{CAMERAS_FILE}"),
         scene_path.with_name(CAMERAS_FILE),
@@ -89,7 +89,7 @@ def cameras_beside(scene_path: Path) -> Path | None:
 
 
 def with_cameras_beside(scene: Scene) -> Scene:
-    """`scene` with the cameras of the file beside it before its own; of two with one name, the file's.
+    """Return `scene` with the cameras of the file beside it before its own; of two with one name, the file's.
 
     Raises InputError where that file cannot be read.
     """

@@ -1,4 +1,5 @@
-"""What of a folder can be opened, and paths that are typed: filtered and completed. Reads folders, never the files in them."""
+"""Lists of what a folder holds that can be opened, and typed paths: filtered and completed.
+This module reads folders, never the files in them."""
 
 import os
 from collections.abc import Sequence
@@ -31,7 +32,7 @@ class FolderEntry:
 
     @property
     def name(self) -> str:
-        """As it is listed: folders end in a slash."""
+        """Name of the entry in the list: folders end in a slash."""
         return f"{self.path.name}/" if self.kind == "folder" else self.path.name
 
 
@@ -67,24 +68,24 @@ def _entry(entry: os.DirEntry[str]) -> list[FolderEntry]:
 
 
 def matching(entries: Sequence[FolderEntry], text: str) -> tuple[FolderEntry, ...]:
-    """The entries that have every word of `text` in their names."""
+    """Return the entries that have every word of `text` in their names."""
     words = text.casefold().split()
     return tuple(entry for entry in entries if all(word in entry.name.casefold() for word in words))
 
 
 def is_path(text: str) -> bool:
-    """Whether typed text is a path, and no part of a name that is looked for."""
+    """Return whether typed text is a path, and no part of a name that is looked for."""
     return "/" in text or os.sep in text or text.startswith("~")
 
 
 def typed_folder(text: str, base: Path) -> tuple[Path, str]:
-    """(folder, beginning of a name in it) of a typed path; relative ones start at `base`."""
+    """Return (folder, beginning of a name in it) of a typed path; relative ones start at `base`."""
     folder, name = os.path.split(os.path.expanduser(text))  # noqa: PTH111 - keeps what is no user, and a slash
     return base / folder, name
 
 
 def completed(text: str, base: Path) -> str:
-    """A typed path with as much added as all entries that begin like it have in common; `text` where there is none."""
+    """Return a typed path with as much added as all entries that begin like it have in common; `text` where there is none."""
     folder, beginning = typed_folder(text, base)
     try:
         fitting = [entry for entry in list_folder(folder) if entry.name.startswith(beginning)]
@@ -95,7 +96,7 @@ def completed(text: str, base: Path) -> str:
 
 
 def _common_beginning(names: Sequence[str]) -> str:
-    """What all names begin with; "" for none."""
+    """Return what all names begin with; "" for none."""
     if not names:
         return ""
     # Between the first and the last by the alphabet lie all others.

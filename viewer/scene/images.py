@@ -62,10 +62,10 @@ _Result = TypeVar("_Result")
 
 
 class ProgressReport(Protocol):
-    """Is told how far long work is. `viewer.jobs.job.JobReport` is one."""
+    """Receiver of the progress of long work, such as `viewer.jobs.job.JobReport`."""
 
     def progress(self, done: int, of: int) -> None:
-        """`done` of `of` steps are done. Whatever it raises ends the work."""
+        """Take the progress: `done` of `of` steps. An exception raised here ends the work."""
         ...
 
 
@@ -89,7 +89,7 @@ def map_in_threads(
 
 
 def image_suffix(data: bytes, name: str) -> str:
-    """The suffix of the image file `data` by how it begins, else that of `name`."""
+    """Return the suffix of the image file `data` by how it begins, else that of `name`."""
     for signature, suffix in _SIGNATURES:
         if data.startswith(signature):
             return suffix
@@ -103,7 +103,7 @@ def values_allowed(byte_count: int) -> int:
 
 
 def library_message(take: Callable[[], str]) -> str:
-    """The first line of an error that OpenImageIO keeps; it quotes bytes of broken files, which may be no text."""
+    """Return the first line of an error that OpenImageIO keeps; it quotes bytes of broken files, which may be no text."""
     try:
         return (take() or "truncated").splitlines()[0]
     except UnicodeDecodeError:
@@ -145,7 +145,7 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
 
 
 def _as_colors(pixels: NDArray[np.uint8], red_green: bool) -> NDArray[np.uint8]:
-    """[H, W, 3 or 4] of `pixels` [H, W, 1 to 4]: two channels are red and green, as in BC5, or grey and alpha."""
+    """Return [H, W, 3 or 4] of `pixels` [H, W, 1 to 4]: two channels are red and green, as in BC5, or grey and alpha."""
     if pixels.shape[2] == 2 and red_green:
         pixels = np.pad(pixels, ((0, 0), (0, 0), (0, 1)))
     elif pixels.shape[2] <= 2:
@@ -195,7 +195,7 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
 
 
 def read_image(path: Path) -> NDArray[np.uint8]:
-    """`decode_image` of the file at `path`. Raises InputError."""
+    """Return `decode_image` of the file at `path`. Raises InputError."""
     try:
         data = read_file(Path(path))
     except OSError as error:
@@ -238,7 +238,7 @@ def write_image(path: Path, pixels: NDArray[Any], spec: OpenImageIO.ImageSpec) -
 
 
 def is_constant(pixels: NDArray[np.uint8]) -> bool:
-    """Whether all texels of `pixels` [H, W, C] are equal."""
+    """Return whether all texels of `pixels` [H, W, C] are equal."""
     # Most images differ within the first row, so the whole one is rarely looked at.
     return bool((pixels[0] == pixels[0, 0]).all()) and bool((pixels == pixels[0, 0]).all())
 
@@ -251,7 +251,7 @@ def split_alpha(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[n
 
 
 def folder_images(folder: Path) -> list[Path]:
-    """The image files in `folder` and its sub-folders, ordered by path. Raises InputError where there are none."""
+    """Return the image files in `folder` and its sub-folders, ordered by path. Raises InputError where there are none."""
     if not folder.is_dir():
         raise InputError(f"{folder}: not a folder; give one that holds images")
     paths = sorted(
@@ -263,7 +263,7 @@ def folder_images(folder: Path) -> list[Path]:
 
 
 def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
-    """All images in `folder` and its sub-folders as sRGB textures, ordered by path; constant images are left out.
+    """Return all images in `folder` and its sub-folders as sRGB textures, ordered by path; constant images are left out.
 
     The category is the name of the sub-folder, None for images that lie in `folder` itself; the name is the path
     inside `folder` without suffix. Alpha is kept as a fourth channel unless all of it is 255. Raises InputError.
@@ -286,7 +286,7 @@ def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
 
 
 def reduced_size(width: int, height: int, size: int) -> tuple[int, int]:
-    """(width, height) scaled down, keeping the aspect, so that neither exceeds `size`; at least 1 x 1."""
+    """Return (width, height) scaled down, keeping the aspect, so that neither exceeds `size`; at least 1 x 1."""
     longest = max(width, height)
     if longest <= size:
         return width, height

@@ -17,7 +17,7 @@ _TYPE_WORDS = {"float": "number", "int": "whole number", "str": "text", "bool": 
 
 
 def printable(text: str) -> str:
-    """`text` in one line of at most 200 characters that every terminal and file takes; empty when nothing is left."""
+    """Return `text` in one line of at most 200 characters that every terminal and file takes; empty when nothing is left."""
     line = " ".join(text.encode("utf-8", "replace").decode().split())
     return "".join(character for character in line if character.isprintable())[:200]
 
@@ -28,7 +28,7 @@ def counted(number: int, noun: str) -> str:
 
 
 def describe(value: Any) -> str:
-    """A JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
+    """Return a JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
     if isinstance(value, list):
         return "an array"
     if isinstance(value, dict):
@@ -38,7 +38,7 @@ def describe(value: Any) -> str:
 
 
 def nonempty_line(text: str) -> str:
-    """`printable(text)`. Raises ValueError where nothing is left."""
+    """Return `printable(text)`. Raises ValueError where nothing is left."""
     line = printable(text)
     if not line:
         raise ValueError("names and sources must not be empty")
@@ -46,7 +46,7 @@ def nonempty_line(text: str) -> str:
 
 
 def parse_json(data: str | bytes, where: str, remedy: str) -> Any:
-    """The JSON value in `data` (UTF-8). Raises InputError that names `where` and ends in `remedy`."""
+    """Return the JSON value in `data` (UTF-8). Raises InputError that names `where` and ends in `remedy`."""
     try:
         text = data.decode("utf-8") if isinstance(data, bytes) else data.encode("utf-8", "replace").decode()
         value = json.loads(text)
@@ -74,7 +74,7 @@ def convert(content: Any, schema: type[_Schema], where: str, remedy: str) -> _Sc
 
 
 def _choices(schema: Any, field: str) -> str:
-    """The values that a field like "slots.a.path" may take; empty inside of lists."""
+    """Return the values that a field like "slots.a.path" may take; empty inside of lists."""
     for name in field.split("."):
         schema = get_type_hints(schema).get(name)
     return f", must be one of {', '.join(map(str, get_args(schema)))}" if get_origin(schema) is Literal else ""

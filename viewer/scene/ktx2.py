@@ -20,7 +20,7 @@ _LEVEL: Final = struct.Struct("<3Q")
 NO_FORMAT: Final = 0
 """VK_FORMAT_UNDEFINED: Basis Universal says in the data format descriptor what its blocks are."""
 CHANNELS: Final = {9: 1, 15: 1, 16: 2, 22: 2, 23: 3, 29: 3, 37: 4, 43: 4}
-"""By VkFormat, the channels of 8-bit formats: R8, R8G8, R8G8B8 and R8G8B8A8, each UNORM and SRGB."""
+"""Number of channels of 8-bit formats, by VkFormat: R8, R8G8, R8G8B8 and R8G8B8A8, each UNORM and SRGB."""
 BLOCKS: Final = {
     131: (8, 71, "BC1"),
     132: (8, 72, "BC1"),
@@ -33,7 +33,7 @@ BLOCKS: Final = {
     145: (16, 98, "BC7"),
     146: (16, 99, "BC7"),
 }
-"""By VkFormat: bytes of a block of 4 x 4 texels, the same format as a DXGI_FORMAT, its name."""
+"""Block formats by VkFormat: bytes of a block of 4 x 4 texels, the DXGI_FORMAT of the same format, its name."""
 OTHERS: Final = (
     (1, 8, "packed bits"),
     (70, 122, "more than 8 bits a channel"),
@@ -71,7 +71,7 @@ class _Container:
 
 
 def is_ktx(data: bytes) -> bool:
-    """Whether `data` starts as a KTX file does, of version 2 or another one."""
+    """Return whether `data` starts as a KTX file does, of version 2 or another one."""
     return data.startswith(SIGNATURE[:4])
 
 
@@ -131,7 +131,7 @@ def _container(data: bytes, name: str) -> _Container:
 
 
 def _level(data: bytes, found: _Container, size: int) -> bytes:
-    """The `size` bytes of mip 0, decompressed. Raises InputError where it has others."""
+    """Return the `size` bytes of mip 0, decompressed. Raises InputError where it has others."""
     packed = data[found.offset : found.offset + found.length]
     if found.scheme == 0:
         level = packed
@@ -147,7 +147,7 @@ def _level(data: bytes, found: _Container, size: int) -> bytes:
 
 
 def _unpacked_zstandard(packed: bytes, size: int) -> bytes:
-    """At most `size` + 1 bytes; none where `packed` is broken."""
+    """Return at most `size` + 1 bytes; none where `packed` is broken."""
     import zstandard
 
     try:
@@ -158,7 +158,7 @@ def _unpacked_zstandard(packed: bytes, size: int) -> bytes:
 
 
 def _unpacked_zlib(packed: bytes, size: int) -> bytes:
-    """At most `size` + 1 bytes; none where `packed` is broken."""
+    """Return at most `size` + 1 bytes; none where `packed` is broken."""
     try:
         return zlib.decompressobj().decompress(packed, size + 1)
     except zlib.error:
@@ -196,7 +196,7 @@ def _astc_pixels(data: bytes, found: _Container) -> NDArray[np.uint8]:
 
 
 def dds_header(width: int, height: int, size: int, format_number: int, mips: int = 1) -> bytes:
-    """Of a DDS file of `mips` mips in blocks of a DXGI_FORMAT, the largest of `size` bytes."""
+    """Return the header of a DDS file of `mips` mips in blocks of a DXGI_FORMAT, the largest of `size` bytes."""
     flags, pixel_format, texture = 0x81007, (32, 4, 0x30315844, 0, 0, 0, 0, 0), 0x1000
     if mips > 1:
         flags, texture = flags | 0x20000, texture | 0x400008

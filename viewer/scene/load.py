@@ -6,27 +6,29 @@ from pathlib import Path
 import numpy as np
 
 from ntc.errors import InputError
-from viewer.scene.archives import unpacked_scene
 from viewer.scene.bounds import world_bounds
-from viewer.scene.gltf.accessors import Accessors
-from viewer.scene.gltf.buffers import Buffers
-from viewer.scene.gltf.cameras import read_cameras
+from viewer.scene.gltf.buffers import Accessors, Buffers
+from viewer.scene.gltf.cameras import read_cameras, read_lights
 from viewer.scene.gltf.container import GltfFile, check_required, ignored_extensions, names_of, parse_gltf, read_gltf
 from viewer.scene.gltf.geometry import GeometryReader
-from viewer.scene.gltf.lights import read_lights
 from viewer.scene.gltf.maps.material_sets import read_textures
-from viewer.scene.gltf.materials import read_materials
+from viewer.scene.gltf.materials import chosen_variant, read_materials, variant_names
 from viewer.scene.gltf.motion.animations import read_animations
 from viewer.scene.gltf.nodes import walk_nodes
 from viewer.scene.gltf.packed_textures import pack_paths, with_packed_images
-from viewer.scene.gltf.scene_motion import SceneMotion, animated_weights, posed_values
-from viewer.scene.gltf.shapes import place_shapes, placed_shapes, read_shapes
-from viewer.scene.gltf.variants import chosen_variant, variant_names
+from viewer.scene.gltf.shapes import (
+    SceneMotion,
+    animated_weights,
+    place_shapes,
+    placed_shapes,
+    posed_values,
+    read_shapes,
+)
 from viewer.scene.images import ProgressReport
 from viewer.scene.mesh_files import convert_mesh
 from viewer.scene.model import Instances, Pose, Scene
 from viewer.scene.report import ReportNotes
-from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scene, scene_file
+from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scene, scene_file, unpacked_scene
 
 MAX_INSTANCES = 1 << 24
 FREE_INSTANCES = 1 << 21
@@ -40,7 +42,8 @@ def load_scene(
     report: ProgressReport | None = None,
     before: Scene | None = None,
 ) -> Scene:
-    """The scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if that holds one.
+    """Return the scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if
+    that holds one.
 
     `variant`: name of the material variant that is drawn (KHR_materials_variants), "" for the materials that primitives name
     themselves; the textures of all variants are read. `pose`: a moment of an animation at which the scene stands. `report` is told
@@ -69,7 +72,7 @@ def _load(path: Path, variant: str, pose: Pose | None, report: ProgressReport | 
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """(bytes, nanoseconds of the last change) of a file. Raises InputError."""
+    """Return (bytes, nanoseconds of the last change) of a file. Raises InputError."""
     try:
         state = path.stat()
     except OSError as error:
@@ -78,7 +81,7 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def open_container(path: Path) -> GltfFile:
-    """The glTF container at `path`, which is what `load_scene` takes; meshes of other formats converted. Raises InputError."""
+    """Return the glTF container at `path`, which is what `load_scene` takes; meshes of other formats converted. Raises InputError."""
     path = scene_file(Path(path))
     require_scene(path)
     return _container(path)
@@ -107,7 +110,7 @@ def build_scene(
     report: ProgressReport | None = None,
     before: Scene | None = None,
 ) -> Scene:
-    """The scene in the glTF container `file`, called `name`, in a material variant and a pose.
+    """Return the scene in the glTF container `file`, called `name`, in a material variant and a pose.
 
     `before`: the scene in the same container, in another variant or pose, as `load_scene` takes it. Raises InputError.
     """

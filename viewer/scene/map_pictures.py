@@ -21,17 +21,17 @@ PICTURES: tuple[tuple[MapName, ...], ...] = (
 """Maps that lie in one picture."""
 Requests = tuple[tuple[CompressionRequest, ...], ...]
 NEUTRAL = 255
-"""Of components that a texture lacks, which nothing reads."""
+"""Value of components that a texture lacks, which nothing reads."""
 
 
 def pictures_of(maps: Sequence[MapName]) -> tuple[tuple[MapName, ...], ...]:
-    """The pictures that a texture of these maps has, each with its maps."""
+    """Return the pictures that a texture of these maps has, each with its maps."""
     own = (tuple(name for name in picture if name in maps) for picture in PICTURES)
     return tuple(picture for picture in own if picture)
 
 
 def map_pictures(texture: SceneTexture) -> dict[tuple[MapName, ...], NDArray[np.uint8]]:
-    """[H, W, 1 to 3] uint8 of each picture that `texture` has, by its maps."""
+    """Return [H, W, 1 to 3] uint8 of each picture that `texture` has, by its maps."""
     found: dict[tuple[MapName, ...], NDArray[np.uint8]] = {}
     for maps in pictures_of(texture.maps):
         if maps == ("base",):
@@ -45,7 +45,8 @@ def map_pictures(texture: SceneTexture) -> dict[tuple[MapName, ...], NDArray[np.
 
 
 def compression_requests(scene: Scene, block_format: BlockFormat, cache: Path | None) -> Requests:
-    """By texture one for each of its pictures, the base colour first; files that the cache has no room for are removed first."""
+    """Return the requests of each texture, one for each of its pictures, the base colour first; files that the cache has no room
+    for are removed first."""
     if cache is not None:
         BlockCache(cache).trim()
     return tuple(
@@ -60,14 +61,14 @@ def compression_requests(scene: Scene, block_format: BlockFormat, cache: Path | 
 def compressed_scene(
     block_format: BlockFormat, requests: Requests, found: Sequence[CompressedTexture]
 ) -> CompressedTextures:
-    """What `requests`, one after the other, have given."""
+    """Return what `requests`, one after the other, have given."""
     rest = iter(found)
     pictures = [tuple(next(rest) for _ in own) for own in requests]
     return CompressedTextures(block_format, tuple(own[0] for own in pictures), tuple(own[1:] for own in pictures))
 
 
 def plane_of_maps(plane: Plane, chains: Mapping[MapName, Sequence[NDArray[np.uint8]]]) -> tuple[NDArray[np.uint8], ...]:
-    """All mips of a plane besides `base`, [h, w, 4] uint8: its four components, from the mips [h, w, channels] of its maps."""
+    """Return all mips of a plane besides `base`, [h, w, 4] uint8: its four components, from the mips [h, w, channels] of its maps."""
     places = PLANE_COMPONENTS[plane]
     chosen = {name: chain for name, chain in chains.items() if name in places}
     mips = []
@@ -80,7 +81,7 @@ def plane_of_maps(plane: Plane, chains: Mapping[MapName, Sequence[NDArray[np.uin
 
 
 def plane_mips(texture: SceneTexture, plane: Plane) -> tuple[NDArray[np.uint8], ...]:
-    """All mips, down to 1x1 texel, of a plane that `texture` has maps of.
+    """Return all mips, down to 1x1 texel, of a plane that `texture` has maps of.
 
     [h, w, 3] uint8 sRGB of the base colour; of the others [h, w, 4] uint8, the plane's four components as they are stored. Filtered as
     each map is (`ntc.codec.mips`), so that normals stay unit vectors.
@@ -99,7 +100,7 @@ def plane_mips(texture: SceneTexture, plane: Plane) -> tuple[NDArray[np.uint8], 
 def compressed_plane_mips(
     compressed: CompressedTextures, texture_id: int, plane: Plane
 ) -> tuple[NDArray[np.uint8], ...]:
-    """As `plane_mips`, of what hardware reads from the blocks of a texture."""
+    """Return `plane_mips` of what hardware reads from the blocks of a texture."""
     pictures = (compressed.textures[texture_id], *compressed.further[texture_id])
     if plane == "base":
         return pictures[0].mips()

@@ -22,7 +22,7 @@ LARGEST_FILE = 1 << 30
 """Bytes of a material library or a picture."""
 PLAIN_PICTURES = (".png", ".jpg", ".jpeg")
 READ = frozenset({"newmtl", "kd", "ka", "ks", "ns", "map_kd", "illum", "ni"})
-"""What of an MTL file is read, or says nothing that a picture would show."""
+"""Statements of an MTL file that are read, or that no picture would show."""
 ARGUMENTS = {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
 """Most numbers that follow an option of a picture; the others take one word."""
 OPAQUE = {"d": 1.0, "tr": 0.0}
@@ -40,13 +40,13 @@ class ConvertedMesh:
 
 
 class MeshFolder:
-    """What lies beside a mesh, as trimesh asks for it: a resolver that never leaves the folder, and keeps what was absent."""
+    """Files beside a mesh, as trimesh asks for them: a resolver that never leaves the folder, and keeps what was absent."""
 
     def __init__(self, path: Path) -> None:
         self.file_name = path.name
         self._folder = path.parent.resolve()
         self.missing: dict[str, str] = {}
-        """By name, why a file could not be read."""
+        """Reason why a file could not be read, by its name."""
         self.ignored: Counter[str] = Counter()
         """Statements of material libraries without effect."""
 
@@ -71,7 +71,7 @@ class MeshFolder:
         return self._picture(data, name)
 
     def _picture(self, data: bytes, name: str) -> bytes:
-        """A picture that trimesh surely reads; it leaves out others without a word. Raises OSError."""
+        """Return a picture that trimesh surely reads; it leaves out others without a word. Raises OSError."""
         from PIL import Image
 
         try:
@@ -102,7 +102,7 @@ class MeshFolder:
 
 
 def as_text(data: bytes) -> str:
-    """`data` as UTF-8, or where it is none, as Latin-1, which old exporters write."""
+    """Return `data` as UTF-8, or where it is none, as Latin-1, which old exporters write."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -117,7 +117,7 @@ def _says_opaque(words: list[str]) -> bool:
 
 
 def _picture(text: str) -> tuple[str, list[str]]:
-    """(file name, options in front of it) of a statement that names a picture."""
+    """Return (file name, options in front of it) of a statement that names a picture."""
     options: list[str] = []
     rest = text.strip()
     while rest.startswith("-"):
@@ -181,7 +181,7 @@ def _recolour(tree: dict[str, Any], accessor: dict[str, Any], colors: NDArray[np
 
 
 def convert_mesh(path: Path) -> ConvertedMesh:
-    """The OBJ, PLY, STL or OFF file at `path` as GLB. Raises InputError where it cannot be read or holds no triangles."""
+    """Return the OBJ, PLY, STL or OFF file at `path` as GLB. Raises InputError where it cannot be read or holds no triangles."""
     import trimesh
 
     kind = path.suffix[1:].lower()

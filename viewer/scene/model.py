@@ -11,14 +11,14 @@ from numpy.typing import NDArray
 from ntc.codec.config import WrapMode
 from ntc.codec.maps import BASE_ALONE, PLANES, MapName, Plane
 from viewer.scene.moving import Deformation, MovingVertices
-from viewer.scene.pixels.texture_pixels import TexturePixels
+from viewer.scene.pixels.image_facts import TexturePixels
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 
 
 @dataclass(frozen=True)
 class Sampler:
-    """How a material samples its texture (glTF sampler)."""
+    """Sampler of a texture (glTF sampler)."""
 
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat")
     """Along u and v."""
@@ -29,25 +29,25 @@ class Sampler:
 
 @dataclass(frozen=True, eq=False)
 class SceneTexture:
-    """One distinct image of the scene, or the maps of materials that share size, UV and sampler: a material set. Its index in
+    """Distinct image of the scene, or the maps of materials that share size, UV and sampler: a material set. Its index in
     `Scene.textures` is its texture id. Never constant."""
 
     name: str
     size: tuple[int, int]
     """(width, height) in texels."""
     has_alpha: bool
-    """Whether the image is not opaque, and a material reads that. Alpha stays a plain texture."""
+    """True if the image is not opaque, and a material reads that. Alpha stays a plain texture."""
     pixel_hash: str
     """`ntc.codec.textures.hash_pixels` of `pixels`, or of pixels and alpha together when there is alpha: identity of the base
     colour. Of a set without one: `set_hash`."""
     origin: str
-    """Where it came from, for reports: a file name, "image 3 (embedded)"."""
+    """Source of the image, for reports: a file name, "image 3 (embedded)"."""
     source: TexturePixels
     """Reads the pixels when they are needed."""
     category: str | None = None
-    """From glTF extras ("category" of the image, texture or material), when given."""
+    """Category from glTF extras ("category" of the image, texture or material), when given."""
     maps: tuple[MapName, ...] = BASE_ALONE
-    """In the order of `ntc.codec.maps.MAPS`."""
+    """Maps of the texture, in the order of `ntc.codec.maps.MAPS`."""
     set_hash: str = ""
     """`hash_pixels` of all channels, [H, W, C] in the order of `maps`, alpha behind the base colour when there is any; of a
     texture that is no set: `pixel_hash`, or empty."""
@@ -56,7 +56,7 @@ class SceneTexture:
 
     @property
     def pixels(self) -> NDArray[np.uint8]:
-        """[H, W, 3] uint8 sRGB: base colour. Of a set without one: a picture of its first map. Row 0 is at v = 0, as glTF stores it.
+        """Base colour [H, W, 3] uint8 sRGB; for a set without one, a picture of its first map. Row 0 is at v = 0, as glTF stores it.
 
         Read from the file where it is not in memory: ask once for what is used several times. Raises InputError, as do the others.
         """
@@ -64,33 +64,33 @@ class SceneTexture:
 
     @property
     def alpha(self) -> NDArray[np.uint8] | None:
-        """[H, W] uint8 coverage; None without alpha."""
+        """Coverage [H, W] uint8; None without alpha."""
         return self.source.alpha() if self.has_alpha else None
 
     @property
     def further_maps(self) -> Mapping[MapName, NDArray[np.uint8]]:
-        """[H, W, channels of the map] uint8: those of `maps` besides `base`."""
+        """Maps besides `base`, each [H, W, channels of the map] uint8."""
         return self.source.further()
 
 
 @dataclass(frozen=True)
 class PlaneTexture:
-    """Where a material finds the maps of one plane (`ntc.codec.maps`)."""
+    """Place where a material finds the maps of one plane (`ntc.codec.maps`)."""
 
     texture_id: int
     """Index into `Scene.textures`."""
     sampler: Sampler = Sampler()
     maps: tuple[MapName, ...] = ()
-    """Those of the texture's maps in the plane that the material reads; the others count as their neutral value."""
+    """Maps of the texture in the plane that the material reads; the others count as their neutral value."""
     second_uvs: bool = False
-    """Whether `uv_transform` takes `Geometry.second_uvs` instead of `Geometry.uvs`."""
+    """True if `uv_transform` takes `Geometry.second_uvs` instead of `Geometry.uvs`."""
     uv_transform: tuple[float, float, float, float, float, float] = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
-    """From the vertex's (u, v) to the map's: rows (a, b, c) and (d, e, f) of u' = a u + b v + c, v' = d u + e v + f."""
+    """Transform from the vertex's (u, v) to the map's: rows (a, b, c) and (d, e, f) of u' = a u + b v + c, v' = d u + e v + f."""
 
 
 @dataclass(frozen=True)
 class SurfaceFactors:
-    """How a material answers light, besides its base colour: what multiplies maps, or stands in their place (glTF 2.0, Sec. 3.9)."""
+    """Factors of a material besides its base colour: they multiply maps, or stand in their place (glTF 2.0, Sec. 3.9)."""
 
     roughness: float = 1.0
     metalness: float = 1.0
@@ -116,7 +116,7 @@ DEFAULT_FACTORS = SurfaceFactors()
 
 @dataclass(frozen=True)
 class Material:
-    """What the renderer needs of a glTF material."""
+    """Material as the renderer needs it."""
 
     name: str
     texture_id: int
@@ -135,7 +135,7 @@ class Material:
     factors: SurfaceFactors = DEFAULT_FACTORS
 
     def plane(self, plane: Plane) -> PlaneTexture | None:
-        """Where the maps of `plane` are found; None where there are none."""
+        """Return where the maps of `plane` are found; None where there are none."""
         if plane == "base":
             return PlaneTexture(self.texture_id, self.sampler, ("base",)) if self.texture_id >= 0 else None
         return self.surface if plane == "surface" else self.emission
@@ -147,7 +147,7 @@ class Material:
 
     @property
     def primary_texture(self) -> int:
-        """The texture that stands for the material where one must do (texture ids of pixels, divergence): that of its first plane."""
+        """Texture that stands for the material where one must do (texture ids of pixels, divergence): that of its first plane."""
         return next((found for plane in PLANES if (found := self.plane_texture(plane)) >= 0), -1)
 
 
@@ -182,18 +182,18 @@ class Pose:
     """A moment of an animation."""
 
     animation: str = ""
-    """Its name; "": the first one of the file."""
+    """Name of the animation; "": the first one of the file."""
     seconds: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """Where all that moves is at a moment."""
+    """Positions of all moving parts at one moment."""
 
     pose: Pose | None
     instances: "Instances"
     deformations: Mapping[int, Deformation]
-    """By node."""
+    """Deformations by node."""
     boxes: Mapping[int, NDArray[np.float64]]
     """[2, 3] around the vertices of primitives that a skin or morph targets move, in local space; by their `base_vertex`."""
     bounds: NDArray[np.float32]
@@ -201,14 +201,14 @@ class Stand:
 
 
 class Motion(Protocol):
-    """What moves in a scene."""
+    """Moving parts of a scene."""
 
     @property
     def moving(self) -> Sequence[MovingVertices]:
         """Vertices that skins and morph targets move."""
 
     def at(self, pose: Pose | None) -> Stand:
-        """How the scene stands in a pose; None: as its nodes say. Raises InputError for one of an animation that it has not."""
+        """Return how the scene stands in a pose; None: as its nodes say. Raises InputError for one of an animation that it has not."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -247,7 +247,7 @@ class Primitive:
 
 @dataclass(frozen=True, eq=False)
 class Instances:
-    """Where primitives stand: one row for each (primitive, placement)."""
+    """Placements of primitives: one row for each (primitive, placement)."""
 
     primitive: NDArray[np.int32]
     """[N] int32 index into `Scene.primitives`."""
@@ -276,7 +276,7 @@ class Camera:
 
 @dataclass(frozen=True)
 class LoadReport:
-    """What a file uses and what became of it: shown by `ntc-viewer info` and in the window."""
+    """Report of what a file uses and what became of it: shown by `ntc-viewer info` and in the window."""
 
     used: dict[str, int] = field(default_factory=dict)
     """Counts: nodes, meshes, primitives, instances, triangles, vertices, materials, images, textures, cameras ..."""
@@ -315,7 +315,7 @@ class Scene:
     pose: Pose | None = None
     """The moment at which it was read; None: as its nodes say, without an animation."""
     motion: Motion | None = None
-    """What its animations move; None without any."""
+    """Parts that animations move; None without any."""
     file_stamp: tuple[int, int] | None = None
     """(bytes, nanoseconds of the last change) of the file when it was read; None where no file was."""
     packs: tuple[Path, ...] = ()

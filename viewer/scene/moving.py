@@ -9,23 +9,23 @@ from numpy.typing import NDArray
 
 _Target = NDArray[np.float32] | None
 BOX_MARGIN = 1e-5
-"""Of a box's size: what single precision may lose."""
+"""Share of a box's size that single precision may lose."""
 
 
 @dataclass(frozen=True, eq=False)
 class Deformation:
-    """How a node's mesh stands at one time."""
+    """Deformation of a node's mesh at one time."""
 
     node: int
     joints: NDArray[np.float64] | None
     """[J, 4, 4] from the mesh's local space to the world, by joint; None without a skin."""
     weights: tuple[float, ...]
-    """Of the morph targets."""
+    """Weights of the morph targets."""
 
 
 @dataclass(frozen=True, eq=False)
 class Influences:
-    """Which joints move each vertex, and how much."""
+    """Joints that move each vertex, with their weights."""
 
     joints: NDArray[np.int64]
     """[V, I]."""
@@ -35,7 +35,7 @@ class Influences:
 
 @dataclass(frozen=True, eq=False)
 class VertexFrames:
-    """What a deformation moves; normals and tangents need not be of unit length."""
+    """Vertex attributes that a deformation moves; normals and tangents need not be of unit length."""
 
     positions: NDArray[np.float32]
     """[V, 3]."""
@@ -47,7 +47,7 @@ class VertexFrames:
 
 @dataclass(frozen=True, eq=False)
 class MorphTarget:
-    """What one morph target adds, [V, 3] each; None where it leaves the attribute alone."""
+    """Offsets of one morph target, [V, 3] each; None where it leaves the attribute alone."""
 
     positions: _Target
     normals: _Target
@@ -60,15 +60,15 @@ class MovingVertices:
 
     node: int
     base_vertex: int
-    """Of the primitive, in the scene's geometry."""
+    """First vertex of the primitive in the scene's geometry."""
     frames: VertexFrames
-    """As the file has them."""
+    """Vertex attributes as the file has them."""
     targets: tuple[MorphTarget, ...]
     influences: Influences | None
-    """Of the joints of the node's skin; None without one."""
+    """Influences of the joints of the node's skin; None without one."""
 
     def at(self, deformation: Deformation) -> VertexFrames:
-        """[V, ...] after the morph targets, then the skin. Values that overflow become infinite."""
+        """Return [V, ...] after the morph targets, then the skin. Values that overflow become infinite."""
         frames, weights = self.frames, deformation.weights
         positions, normals, tangents = frames.positions, frames.normals, frames.tangents
         with np.errstate(over="ignore", invalid="ignore"):
@@ -87,7 +87,7 @@ class MovingVertices:
 
     @cached_property
     def _joint_boxes(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """(joints that move a vertex, [J, 2, 3] boxes around the positions that each one moves); without a skin one box."""
+        """Joints that move a vertex, and [J, 2, 3] boxes around the positions that each one moves; without a skin one box."""
         points = self.frames.positions.astype(np.float64)
         if self.influences is None or not len(points):
             box = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.zeros((2, 3))
@@ -101,7 +101,7 @@ class MovingVertices:
 
     @cached_property
     def _target_extents(self) -> NDArray[np.float64]:
-        """[targets, 2, 3] lowest and highest offsets of positions."""
+        """Lowest and highest offsets of positions, [targets, 2, 3]."""
         found = np.zeros((len(self.targets), 2, 3))
         for number, target in enumerate(self.targets):
             if target.positions is not None and len(target.positions):
@@ -109,7 +109,7 @@ class MovingVertices:
         return found
 
     def box(self, deformation: Deformation) -> NDArray[np.float64]:
-        """[2, 3] a box around all vertices: means of what single joints make of a vertex lie between those."""
+        """Return [2, 3] a box around all vertices: means of what single joints make of a vertex lie between those."""
         joints, boxes = self._joint_boxes
         for extent, weight in zip(self._target_extents, deformation.weights, strict=False):
             boxes = boxes + np.sort(weight * extent, axis=0)
@@ -123,7 +123,7 @@ class MovingVertices:
 def morphed(
     values: NDArray[np.float32], targets: Sequence[NDArray[np.float32] | None], weights: Sequence[float]
 ) -> NDArray[np.float32]:
-    """[V, 3 or more] `values` with the first three components moved by each target [V, 3] times its weight."""
+    """Return [V, 3 or more] `values` with the first three components moved by each target [V, 3] times its weight."""
     moved = values.astype(np.float64)
     for target, weight in zip(targets, weights, strict=False):
         if target is not None and weight:
@@ -132,7 +132,7 @@ def morphed(
 
 
 def blended_matrices(influences: Influences, joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[V, 4, 4] for each vertex the mean of its joints' matrices, by their weights."""
+    """Return [V, 4, 4] for each vertex the mean of its joints' matrices, by their weights."""
     blended = np.zeros((len(influences.joints), 4, 4))
     for column in range(influences.joints.shape[1]):
         share = influences.weights[:, column]
@@ -142,26 +142,26 @@ def blended_matrices(influences: Influences, joints: NDArray[np.float64]) -> NDA
 
 
 def moved_points(points: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[V, 3] `points` moved by `matrices` [V, 4, 4]."""
+    """Return [V, 3] `points` moved by `matrices` [V, 4, 4]."""
     moved = np.einsum("nij,nj->ni", matrices[:, :3, :3], points.astype(np.float64)) + matrices[:, :3, 3]
     return np.asarray(moved, np.float32)
 
 
 def moved_normals(normals: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[V, 3] `normals` turned by `matrices` [V, 4, 4], not of unit length: by their cofactors, which need no inverse."""
+    """Return [V, 3] `normals` turned by `matrices` [V, 4, 4], not of unit length: by their cofactors, which need no inverse."""
     a, b, c = matrices[:, 0, :3], matrices[:, 1, :3], matrices[:, 2, :3]
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     return np.asarray(np.einsum("nij,nj->ni", cofactors, normals.astype(np.float64)), np.float32)
 
 
 def moved_tangents(tangents: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """[V, 4] `tangents` turned by `matrices` [V, 4, 4], not of unit length; the sign stays."""
+    """Return [V, 4] `tangents` turned by `matrices` [V, 4, 4], not of unit length; the sign stays."""
     turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], tangents[:, :3].astype(np.float64))
     return np.concatenate([turned, tangents[:, 3:]], axis=1).astype(np.float32)
 
 
 def moved_boxes(boxes: NDArray[np.float64], matrices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """[N, 2, 3] boxes around `boxes` [N, 2, 3] moved by `matrices` [N, 4, 4]."""
+    """Return [N, 2, 3] boxes around `boxes` [N, 2, 3] moved by `matrices` [N, 4, 4]."""
     centre, half = boxes.mean(axis=1), (boxes[:, 1] - boxes[:, 0]) / 2.0
     centre = np.einsum("nij,nj->ni", matrices[:, :3, :3], centre) + matrices[:, :3, 3]
     half = np.einsum("nij,nj->ni", np.abs(matrices[:, :3, :3]), half)

@@ -18,11 +18,11 @@ class ReportNotes:
         self._lines: dict[str, Counter[str]] = {kind: Counter() for kind in ("honoured", "ignored", "missing", "notes")}
 
     def honoured(self, what: str, count: int = 1) -> None:
-        """A feature that is drawn as specified, `count` times more."""
+        """Count a feature that is drawn as specified, `count` times more."""
         self._add("honoured", what, count)
 
     def ignored(self, what: str, count: int = 1) -> None:
-        """A feature that has no effect here."""
+        """Count a feature that has no effect here."""
         self._add("ignored", what, count)
 
     def missing(self, what: str) -> None:
@@ -44,7 +44,7 @@ class ReportNotes:
         return tuple(lines)
 
     def report(self, used: dict[str, int]) -> LoadReport:
-        """The finished report with the counts `used`."""
+        """Return the finished report with the counts `used`."""
         return LoadReport(
             used=used,
             honoured=self._finished("honoured"),
@@ -69,7 +69,7 @@ def _texture_line(index: int, scene: Scene) -> str:
 
 
 def report_lines(scene: Scene) -> list[str]:
-    """The load report as lines of text: counts, what is honoured, ignored and missing, cameras, textures."""
+    """Return the load report as lines of text: counts, what is honoured, ignored and missing, cameras, textures."""
     report = scene.report
     low, high = (", ".join(f"{value:.3g}" for value in corner) for corner in scene.bounds)
     lines = [
@@ -107,7 +107,7 @@ def _material_json(material: Material) -> dict[str, Any]:
 
 
 def report_json(scene: Scene) -> dict[str, Any]:
-    """The load report as JSON values."""
+    """Return the load report as JSON values."""
     report = scene.report
     return {
         "file": None if scene.path is None else str(scene.path),

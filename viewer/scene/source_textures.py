@@ -20,7 +20,7 @@ MapChoice = Literal["base", "all"]
 
 
 def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
-    """`texture` with at most `size` texels a side, its aspect kept to the nearest texel; the same when it fits.
+    """Return `texture` with at most `size` texels a side, its aspect kept to the nearest texel; the same when it fits.
 
     Box filtered as mips are: colours in linear light, normals as vectors, alpha (the last of two or four channels of a base colour)
     and all else as it is. The pixel hash stays that of the original. Raises InputError for a size below 1.
@@ -36,13 +36,13 @@ def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
 
 
 def _whole(texture: SceneTexture) -> NDArray[np.uint8]:
-    """[H, W, C] the channels of all maps of `texture`."""
+    """Return [H, W, C] the channels of all maps of `texture`."""
     base = [texture.pixels] if "base" in texture.maps else []
     return np.concatenate([*base, *(texture.further_maps[name] for name in texture.maps if name != "base")], axis=2)
 
 
 def _wraps(scene: Scene) -> dict[int, tuple[WrapMode, WrapMode]]:
-    """By texture id, wrap modes of the first material that uses the texture."""
+    """Return the wrap modes of the first material that uses each texture, by texture id."""
     wraps: dict[int, tuple[WrapMode, WrapMode]] = {}
     for material in scene.materials:
         wraps.setdefault(material.texture_id, material.sampler.wrap)
@@ -53,12 +53,12 @@ def _wraps(scene: Scene) -> dict[int, tuple[WrapMode, WrapMode]]:
 
 
 def has_source(texture: SceneTexture, maps: MapChoice) -> bool:
-    """Whether `source_textures` gives the texture."""
+    """Return whether `source_textures` gives the texture."""
     return maps == "all" or "base" in texture.maps
 
 
 def source_texture(scene: Scene, index: int, size: int | None, maps: MapChoice = "base") -> SourceTexture:
-    """The texture of `scene` with the id `index`, as `source_textures` gives it."""
+    """Return the texture of `scene` with the id `index`, as `source_textures` gives it."""
     return _source(scene, index, _wraps(scene), size, maps)
 
 

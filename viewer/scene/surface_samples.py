@@ -31,7 +31,7 @@ class SurfaceSamples:
 
 
 def _points(scene: Scene, random: np.random.Generator) -> NDArray[np.float64]:
-    """[N, 3] points, N at most SAMPLES."""
+    """Return [N, 3] points, N at most SAMPLES."""
     of_instance = scene.instances.primitive.astype(np.int64)
     first, count, base = (
         np.array([getattr(primitive, name) for primitive in scene.primitives], np.int64)

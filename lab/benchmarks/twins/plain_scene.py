@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ntc.errors import InputError
 from tests.support.meshopt_twins import glb_of, glb_parts
-from viewer.scene.gltf.accessors import COMPONENT_TYPES, COMPONENTS
+from viewer.scene.gltf.buffers import COMPONENT_TYPES, COMPONENTS
 
 MIME = {".png": "image/png", ".jpg": "image/jpeg", ".jpeg": "image/jpeg", ".webp": "image/webp", ".ktx2": "image/ktx2"}
 MESHOPT = "EXT_meshopt_compression"

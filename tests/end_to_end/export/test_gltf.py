@@ -26,11 +26,11 @@ from ntc.pack.file import read_pack
 from tests.end_to_end.export.material_scene import materials_scene, waves
 from tests.support.meshopt_twins import meshopt_twin
 from viewer import cli
-from viewer.export.gltf import write as gltf_writing
+from viewer.export.gltf import export as gltf_writing
 from viewer.export.gltf.document import GltfDocument, read_document
+from viewer.export.gltf.export import write_gltf
 from viewer.export.gltf.options import PackedTextureOption
-from viewer.export.gltf.write import write_gltf
-from viewer.export.textures.decoded import DecodedImage, torch_decoder
+from viewer.export.textures.export import DecodedImage, torch_decoder
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene, open_container

@@ -183,12 +183,12 @@ def test_damaged_files_are_told_in_a_line(scene: Path, tmp_path: Path, browser: 
     ("options", "named"),
     [
         (["{scene}", "--pack", "{pack}"], "--web"),
-        (["{scene}", "--pack", "{pack}", "--web", "{folder}/p", "--out", "{folder}/o.glb"], "--web"),
-        (["{scene}", "--pack", "{pack}", "--web", "{folder}/p", "--as", "png"], "--as"),
+        (["{scene}", "--pack", "{pack}", "--web", "{folder}", "--out", "{folder}.glb"], "--web"),
+        (["{scene}", "--pack", "{pack}", "--web", "{folder}", "--as", "png"], "--as"),
         (["{scene}", "--pack", "{pack}", "--web", "{scene}"], "is a file"),
         (["{scene}", "--pack", "{pack}", "--web", "{others}"], "other files"),
-        (["--pack", "{pack}", "--web", "{folder}/p"], "another scene"),
-        (["{scene}", "--pack", "{folder}/none.ntc", "--web", "{folder}/p"], "none.ntc"),
+        (["--pack", "{pack}", "--web", "{folder}"], "another scene"),
+        (["{scene}", "--pack", "none.ntc", "--web", "{folder}"], "none.ntc"),
     ],
 )
 def test_bad_input_is_one_line_and_writes_nothing(

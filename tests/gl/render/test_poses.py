@@ -14,7 +14,7 @@ from viewer.render.renderer import Renderer
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.scene.gltf.container import parse_gltf
-from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
+from viewer.scene.gltf.geometry import unit_normals, unit_tangents
 from viewer.scene.load import build_scene
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.scene.moving import Deformation, Influences, MorphTarget, MovingVertices, VertexFrames

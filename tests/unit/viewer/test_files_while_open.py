@@ -34,7 +34,7 @@ from tests.support.spoilt_files import (
 )
 from viewer import cli
 from viewer.cli import encode as encode_command
-from viewer.cli.info_all import files_below
+from viewer.cli.info import files_below
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.scene.images import folder_textures
@@ -195,7 +195,7 @@ def test_files_vanish_while_all_are_listed(
     monkeypatch.setattr(os, "walk", vanishing)
     found = files_below(folder)
     assert [file.name for file in found] == ["scene.gltf", "scene.single.ntc", "scene.gltf"]
-    monkeypatch.setattr("viewer.cli.info_all.files_below", lambda _: found)
+    monkeypatch.setattr("viewer.cli.info.files_below", lambda _: found)
     (folder / "scene.single.ntc").unlink()
     folder_instead(folder / "sub" / "scene.gltf")
     assert cli.main(["info", "--all", str(folder)]) == 0

@@ -29,7 +29,7 @@ class ImageFile:
     mime_type: str
     """"" where glTF has none for it."""
     read: Callable[[], bytes]
-    """Its bytes, read when they are written. Raises InputError."""
+    """Reader of the bytes, called when they are written. Raises InputError."""
 
 
 @dataclass(eq=False)
@@ -37,18 +37,18 @@ class GltfDocument:
     """A glTF file with its buffers and images."""
 
     name: str
-    """Of the file it was read from, for messages."""
+    """Name of the file it was read from, for messages."""
     json: dict[str, Any]
     """A copy of the whole document."""
     buffers: list[NDArray[np.uint8] | None]
-    """By buffer its bytes [N]; None where it has none: what decompressed views are said to lie in."""
+    """Bytes [N] of each buffer; None where it has none: what decompressed views are said to lie in."""
     images: dict[int, ImageFile]
-    """By image entry: the files that are to be written for it. Images in buffer views are no files."""
+    """Files to write, by image entry. Images in buffer views are no files."""
     missing: list[str]
     """Images that could not be read: their entries stay as they are."""
 
     def entries(self, key: str) -> list[dict[str, Any]]:
-        """A top-level array, made where there is none."""
+        """Return a top-level array, made where there is none."""
         found: list[dict[str, Any]] = self.json.setdefault(key, [])
         return found
 
@@ -101,7 +101,7 @@ class GltfDocument:
         self.buffers[number] = _compacted(data, ranges)
 
     def _ranges(self) -> Iterable[dict[str, Any]]:
-        """What names a range of a buffer: views, and what they are decompressed from."""
+        """Yield what names a range of a buffer: views, and what they are decompressed from."""
         for view in self.entries("bufferViews"):
             yield view
             extensions = view.get("extensions", {})
@@ -133,7 +133,7 @@ class GltfDocument:
 
 
 def _compacted(data: NDArray[np.uint8], owners: list[dict[str, Any]]) -> NDArray[np.uint8]:
-    """What `owners` name of `data`, each byte once; their offsets become those in the result."""
+    """Return what `owners` name of `data`, each byte once; their offsets become those in the result."""
     owners = sorted(owners, key=lambda owner: owner.get("byteOffset", 0))
     parts: list[NDArray[np.uint8]] = []
     length, end, moved = 0, -1, 0
@@ -155,7 +155,7 @@ def _compacted(data: NDArray[np.uint8], owners: list[dict[str, Any]]) -> NDArray
 
 
 def read_document(file: GltfFile, buffers: Buffers) -> GltfDocument:
-    """All that `file` holds and names. Images that cannot be read stay out, and are told. Raises InputError for others."""
+    """Return all that `file` holds and names. Images that cannot be read stay out, and are told. Raises InputError for others."""
     found: list[NDArray[np.uint8] | None] = []
     for number, entry in enumerate(file.entries("buffers")):
         has_data = "uri" in entry or (number == 0 and file.binary is not None)

@@ -1,4 +1,4 @@
-"""Which texture of a pack, and which of its channels, stand for each texture of a glTF file."""
+"""Textures of a pack, and their channels, that stand for the textures of a glTF file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -8,7 +8,7 @@ from ntc.codec.maps import PLANE_OF_MAP, MapName, map_slices
 from ntc.codec.model import EncodedTexture, Pack
 from viewer.export.gltf.document import GltfDocument
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.gltf.maps.map_pixels import CHANNELS
+from viewer.scene.gltf.maps.images import CHANNELS
 from viewer.scene.gltf.materials import MaterialSource, read_materials
 from viewer.scene.gltf.packed_textures import NO_CHANNEL, PACK_MIME_TYPE, PIXEL_HASH, SWIZZLE
 from viewer.scene.gltf.textures import TextureReference
@@ -24,7 +24,7 @@ TEXTURE_PLACES: Mapping[MapName, tuple[tuple[str, ...], ...]] = {
     "emissive": (("emissiveTexture",),),
     "occlusion": (("occlusionTexture",),),
 }
-"""Where a material names the texture of each map (glTF 2.0, Sec. 3.9); of several places the last one that is there."""
+"""Places where a material names the texture of each map (glTF 2.0, Sec. 3.9); of several places the last one that is there."""
 
 
 @dataclass(eq=False)
@@ -35,13 +35,13 @@ class PackedTextureOption:
     """Index of the file's image that it stands for, as the viewer chooses it."""
     layer: int
     channels: list[int] = field(default_factory=lambda: [NO_CHANNEL] * 4)
-    """By component of the glTF texture: the channel of the pack's texture."""
+    """Channel of the pack's texture for each component of the glTF texture."""
     references: list[tuple[int, MapName]] = field(default_factory=list)
     """(material, map) that read it."""
 
 
 def _channels(texture: EncodedTexture, name: MapName) -> dict[int, int]:
-    """By component of the glTF texture that holds map `name`: the channel of `texture`."""
+    """Return the channel of `texture` for each component of the glTF texture that holds map `name`."""
     place = map_slices(texture.maps, texture.channels)[name]
     own = range(place.start, place.stop)
     if name != "base":
@@ -54,7 +54,7 @@ def _channels(texture: EncodedTexture, name: MapName) -> dict[int, int]:
 def _packed_maps(
     scene: Scene, sources: tuple[MaterialSource, ...]
 ) -> Iterator[tuple[int, MapName, TextureReference, int]]:
-    """(material, map, its reference in the file, texture of the scene) of all maps that textures of the scene hold."""
+    """Yield (material, map, its reference in the file, texture of the scene) of all maps that textures of the scene hold."""
     for number, (material, source) in enumerate(zip(scene.materials, sources, strict=False)):
         for name, reference in source.maps.items():
             plane = material.plane(PLANE_OF_MAP[name])
@@ -65,7 +65,7 @@ def _packed_maps(
 def packed_options(
     file: GltfFile, scene: Scene, pack: Pack, layers: tuple[int, ...]
 ) -> dict[int, list[PackedTextureOption]]:
-    """By texture entry of `file`: the textures of `pack` that stand for it. `layers`: by texture of `scene`, or -1."""
+    """Return the textures of `pack` that stand for each texture entry of `file`. `layers`: by texture of `scene`, or -1."""
     found: dict[int, list[PackedTextureOption]] = {}
     for material, name, reference, texture_id in _packed_maps(scene, read_materials(file, ReportNotes())):
         layer = layers[texture_id]
@@ -121,7 +121,7 @@ def add_options(
 def separate_entries(
     document: GltfDocument, options: Mapping[int, list[PackedTextureOption]]
 ) -> list[tuple[int, PackedTextureOption]]:
-    """(texture entry, the option that it has): an entry with several, in different materials, becomes several."""
+    """Return (texture entry, the option that it has): an entry with several, in different materials, becomes several."""
     textures = document.entries("textures")
     found: list[tuple[int, PackedTextureOption]] = []
     for number, alternatives in options.items():
@@ -151,7 +151,7 @@ def remove_packs(document: GltfDocument) -> None:
 
 
 def _texture_info(material: dict[str, Any], name: MapName) -> dict[str, Any]:
-    """The place where `material` names the texture of a map."""
+    """Return the place where `material` names the texture of a map."""
     found: dict[str, Any] = {}
     for place in TEXTURE_PLACES[name]:
         owner: Any = material

@@ -73,23 +73,23 @@ class CLikeWriter:
                 return f"({self.expression(value.inner)})"
 
     def number(self, value: Number) -> str:
-        """A number."""
+        """Return a number."""
         return value.text
 
     def name(self, value: Name) -> str:
-        """A variable."""
+        """Return a variable."""
         return value.name
 
     def member(self, value: Member) -> str:
-        """A field, or components."""
+        """Return a field, or components."""
         return f"{self.expression(value.base)}.{value.name}"
 
     def call(self, value: Call) -> str:
-        """A call of a function of the source."""
+        """Return a call of a function of the source."""
         return f"{value.function}({', '.join(self.expression(argument) for argument in value.arguments)})"
 
     def builtin(self, value: Builtin, arguments: Sequence[str]) -> str:
-        """A call of a function of GLSL."""
+        """Return a call of a function of GLSL."""
         return f"{value.function}({', '.join(arguments)})"
 
     def relation(self, value: Builtin, operator: str) -> str:
@@ -101,7 +101,7 @@ class CLikeWriter:
         return f"({parts[0]} {operator} {parts[1]})"
 
     def construct(self, value: Construct, arguments: Sequence[str]) -> str:
-        """A value made of parts."""
+        """Return a value made of parts."""
         return f"{self.type_name(value.type)}({', '.join(arguments)})"
 
     def binary(self, value: Binary) -> str:
@@ -109,7 +109,7 @@ class CLikeWriter:
         return f"{self.expression(value.left)} {value.operator} {self.expression(value.right)}"
 
     def choice(self, value: Choice) -> str:
-        """One of two values."""
+        """Return a choice between two values."""
         parts = (self.expression(part) for part in (value.condition, value.chosen, value.other))
         return "{} ? {} : {}".format(*parts)
 
@@ -137,17 +137,17 @@ class CLikeWriter:
                 return [head, *self.body(statement.body), "}"]
 
     def variable(self, declaration: Declare) -> str:
-        """A variable of a function."""
+        """Return a variable of a function."""
         first = f" = {self.expression(declaration.value)}" if declaration.value is not None else ""
         prefix = "const " if declaration.is_constant else ""
         return f"{prefix}{self.declared(declaration.type, declaration.name)}{first}"
 
     def counter(self, declaration: Declare) -> str:
-        """The variable of a loop."""
+        """Return the variable of a loop."""
         return self.variable(declaration)
 
     def assignment(self, statement: Assign) -> str:
-        """A change of a variable."""
+        """Return a change of a variable."""
         if statement.operator == "+=" and statement.value == Number(statement.target.type, "1"):
             return f"++{self.expression(statement.target)}"
         return f"{self.expression(statement.target)} {statement.operator} {self.expression(statement.value)}"
@@ -161,12 +161,12 @@ class CLikeWriter:
         return lines
 
     def parameter(self, parameter: Parameter) -> str:
-        """A parameter of a function."""
+        """Return a parameter of a function."""
         prefix = f"{parameter.passing} " if parameter.is_reference else ""
         return f"{prefix}{self.declared(parameter.type, parameter.name)}"
 
     def heading(self, function: Function) -> str:
-        """The first line of a function, without its brace."""
+        """Return the first line of a function, without its brace."""
         parameters = ", ".join(self.parameter(parameter) for parameter in function.parameters)
         return f"{self.type_name(function.type)} {function.name}({parameters})"
 
@@ -175,7 +175,7 @@ class CLikeWriter:
         return [f"{self.heading(function)} {{", *self.body(function.body), "}"]
 
     def field(self, kind: Type, name: str) -> str:
-        """A field of a struct."""
+        """Return a field of a struct."""
         return f"{self.declared(kind, name)};"
 
     def struct(self, struct: Struct) -> list[str]:
@@ -201,7 +201,7 @@ class CLikeWriter:
                 return self.function(item)
 
     def items(self, items: Iterable[Item]) -> str:
-        """All items, with their comments; a line is left free between those that take several."""
+        """Return all items, with their comments; a line is left free between those that take several."""
         lines: list[str] = []
         before: Item | None = None
         for item in items:
@@ -214,7 +214,7 @@ class CLikeWriter:
 
 
 def with_comments(lines: list[str], comments: Comments) -> list[str]:
-    """`lines` of source with what is said of them."""
+    """Return `lines` of source with what is said of them."""
     above = [f"// {comment}".rstrip() for comment in comments.above]
     if comments.behind:
         lines = [*lines[:-1], f"{lines[-1]}  // {comments.behind}"]

@@ -27,11 +27,11 @@ class CppWriter(CLikeWriter):
     """Members of a struct that holds the words of the pack's data."""
 
     def number(self, value: Number) -> str:
-        """A number."""
+        """Return a number."""
         return f"{value.text}f" if value.type.name == "float" else value.text
 
     def member(self, value: Member) -> str:
-        """A field, or components."""
+        """Return a field, or components."""
         if len(value.name) == 1 or not value.base.type.is_vector:
             return super().member(value)
         base = self.expression(value.base)
@@ -42,19 +42,19 @@ class CppWriter(CLikeWriter):
         return f"{kind}{base}"
 
     def builtin(self, value: Builtin, arguments: Sequence[str]) -> str:
-        """A call of a function."""
+        """Return a call of a function."""
         name = "chosen" if value.function == "mix" and value.arguments[2].type.scalar == "bool" else value.function
         name = _BITS.get(name, _FUNCTIONS.get(name, name))
         return f"{name}({', '.join(arguments)})"
 
     def construct(self, value: Construct, arguments: Sequence[str]) -> str:
-        """A value made of parts."""
+        """Return a value made of parts."""
         if not value.type.is_vector and len(arguments) > 1 and value.type.name != "mat4":
             return f"{value.type.name}{{{', '.join(arguments)}}}"
         return super().construct(value, arguments)
 
     def parameter(self, parameter: Parameter) -> str:
-        """A parameter. Arrays are given by their address."""
+        """Return a parameter. Arrays are given by their address."""
         if parameter.type.count is not None:
             return f"{'' if parameter.is_reference else 'const '}{self.declared(parameter.type, parameter.name)}"
         if parameter.is_reference:
@@ -62,7 +62,8 @@ class CppWriter(CLikeWriter):
         return super().parameter(parameter)
 
     def heading(self, function: Function) -> str:
-        """The first line of a function. Parameters that it does not read have no name, so that compilers do not warn of them."""
+        """Return the first line of a function. Parameters that it does not read have no name, so that compilers do not warn of
+        them."""
         read = {node.name for node in walk(function.body) if isinstance(node, Name)}
         parameters = [
             self.parameter(own) if own.name in read else f"{self.type_name(own.type)} /* {own.name} */"
@@ -71,7 +72,7 @@ class CppWriter(CLikeWriter):
         return f"NTC_FUNCTION {self.type_name(function.type)} {function.name}({', '.join(parameters)}) const"
 
     def constant(self, declaration: Declare) -> list[str]:
-        """A constant."""
+        """Return a constant."""
         return [f"static {line.replace('const', 'constexpr', 1)}" for line in super().constant(declaration)]
 
     def item(self, item: Item) -> list[str]:

@@ -14,17 +14,17 @@ PREFIX: Final = "ntc"
 
 
 def planes_of(pack: Pack) -> tuple[Plane, ...]:
-    """The planes that the codec of `pack` has."""
+    """Return the planes that the codec of `pack` has."""
     return tuple(plane_channels(pack.config.maps, pack.config.output_channels))
 
 
 def codec_number(pack: Pack) -> int:
-    """A number that decoders for other codecs, sizes and packings do not have: their sum (CRC-32)."""
+    """Return a number that decoders for other codecs, sizes and packings do not have: their sum (CRC-32)."""
     return zlib.crc32("\n".join(decoding_source(pack, plane) for plane in planes_of(pack)).encode())
 
 
 def prefixed(name: str) -> str:
-    """A name of something outside functions, told apart from those of the program that it goes into."""
+    """Return a name of something outside functions, told apart from those of the program that it goes into."""
     if name.isupper():
         return f"{PREFIX.upper()}_{name}"
     return f"{PREFIX.title()}{name}" if name[0].isupper() else f"{PREFIX}_{name}"
@@ -37,7 +37,7 @@ def _of_plane(name: str, plane: Plane) -> str:
 
 
 def _differing(versions: list[dict[str, Item]]) -> set[str]:
-    """Names of what is not the same in all versions, or takes what is not; the entry is each version's own."""
+    """Return the names of what is not the same in all versions, or takes what is not; the entry is each version's own."""
     names = {name for version in versions for name in version}
     found = {ENTRY}
     found |= {name for name in names if len({version[name] for version in versions if name in version}) > 1}

@@ -5,16 +5,72 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
+from ntc.codec.gpu import LEVEL_RECORD
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import map_slices
 from ntc.codec.model import EncodedTexture, Pack
+from ntc.codec.registry import codec_of
 from ntc.io import atomic_folder
 from viewer.export import ShaderLanguage
 from viewer.export.shader.decoder import codec_number, planes_of
 from viewer.export.shader.languages import CPP_FILE, FILES, TEMPLATES, Heading, cpp_source, shader_source
-from viewer.export.shader.layout_header import layout_header
-from viewer.export.shader.words import pack_words
+from viewer.export.shader.syntax import HEADER_FIELDS, HEADER_WORDS, MAGIC, VERSION, pack_words
 from viewer.scene.json_text import printable
+
+_SCALARS = {np.dtype("<i4"): "int32_t", np.dtype("<f4"): "float"}
+
+
+def _struct(name: str, record: np.dtype) -> list[str]:
+    lines = [f"struct {name} {{"]
+    for field in record.names or ():
+        kind = record[field]
+        lengths = "".join(f"[{length}]" for length in kind.shape)
+        lines.append(f"    {_SCALARS[kind.base]} {field}{lengths};")
+    return [*lines, "};", f"typedef char {name}_size[sizeof(struct {name}) == {record.itemsize} ? 1 : -1];"]
+
+
+def layout_header(pack: Pack, heading: Heading) -> str:
+    """Return a C header: the words of the header, the records, and how many numbers a decoder and an adapter have."""
+    tables = codec_of(pack.config).gpu_tables(pack.config)
+    lines = [
+        f"/* Layout of ntc_pack.bin, the data of {heading.pack}: made by ntc-viewer export --shader; do not edit.",
+        "",
+        "   An array of 32-bit words, little-endian: NTC_HEADER_WORDS words of header, then the sections that it names.",
+        "   textures: struct ntc_texture_record for each texture.",
+        "   levels:   struct ntc_level_record for each mip, finest first, those of one texture together.",
+        "   decoders: blocks of four words: NTC_SHARED_BLOCKS that all decoders share, NTC_DECODER_BLOCKS for each decoder, then",
+        "             NTC_ADAPTER_BLOCKS for each texture.",
+        "   latents:  NTC_CELL_WORDS words for each cell; ntc_level_record.first_cell counts in cells. */",
+        "#ifndef NTC_LAYOUT_H",
+        "#define NTC_LAYOUT_H",
+        "",
+        "#include <stdint.h>",
+        "",
+        f"#define NTC_MAGIC 0x{MAGIC:08X}u",
+        f"#define NTC_VERSION {VERSION}u",
+        "/* Decoders and data belong together where this is the same. */",
+        f"#define NTC_CODEC 0x{heading.codec:08X}u",
+        f"#define NTC_HEADER_WORDS {HEADER_WORDS}",
+        *(f"#define NTC_WORD_{name.upper()} {place}" for place, name in enumerate(HEADER_FIELDS)),
+        f"#define NTC_SHARED_BLOCKS {tables.first_block}",
+        f"#define NTC_DECODER_BLOCKS {tables.decoder_blocks}",
+        f"#define NTC_ADAPTER_BLOCKS {tables.adapter_blocks}",
+        f"#define NTC_CELL_WORDS {tables.row_words}",
+        "",
+        "/* srgb: whether base colours are sRGB values. components: a bit for each component that the texture has, four for each of",
+        "   the planes base, surface, emission. levels: its mips; finest_level is 0. What follows belongs to the codec. */",
+        *_struct("ntc_texture_record", tables.texture_record),
+        "",
+        "/* width, height: of the mip in cells or blocks. */",
+        *_struct("ntc_level_record", LEVEL_RECORD),
+        "",
+        "#endif",
+        "",
+    ]
+    return "\n".join(lines)
+
 
 DATA_FILE: Final = "ntc_pack.bin"
 LAYOUT_FILE: Final = "ntc_layout.h"
@@ -24,7 +80,7 @@ TEXTURES_FILE: Final = "textures.json"
 
 @dataclass(frozen=True)
 class ExportedDecoder:
-    """What has been written."""
+    """Summary of an exported decoder."""
 
     files: dict[str, int]
     """Bytes by name."""
@@ -45,7 +101,7 @@ def _texture(number: int, texture: EncodedTexture, pack: Pack) -> dict[str, Any]
 
 
 def _program(pack: Pack, cpp: str) -> str:
-    """The reference program for the planes that the codec has."""
+    """Return the reference program for the planes that the codec has."""
     calls = "\n".join(
         f'    if (plane == "{plane}") {{\n'
         f"        found = decoder.decode_{plane}(texture, uv, lod, wrap);\n"

@@ -53,7 +53,7 @@ class HlslWriter(CLikeWriter):
         return f"{kind.scalar}{kind.components}" if kind.is_vector else kind.name
 
     def builtin(self, value: Builtin, arguments: Sequence[str]) -> str:
-        """A call of a function."""
+        """Return a call of a function."""
         if value.function in _RELATIONS:
             return self.relation(value, _RELATIONS[value.function])
         if value.function == "mix" and value.arguments[2].type.scalar == "bool":
@@ -61,7 +61,7 @@ class HlslWriter(CLikeWriter):
         return f"{_FUNCTIONS.get(value.function, value.function)}({', '.join(arguments)})"
 
     def construct(self, value: Construct, arguments: Sequence[str]) -> str:
-        """A value made of parts."""
+        """Return a value made of parts."""
         name = self.type_name(value.type)
         if value.type.name in self._structs:
             return f"new_{name}({', '.join(arguments)})"
@@ -76,11 +76,11 @@ class HlslWriter(CLikeWriter):
         return super().binary(value)
 
     def constant(self, declaration: Declare) -> list[str]:
-        """A constant."""
+        """Return a constant."""
         return [f"static {line}" for line in super().constant(declaration)]
 
     def struct(self, struct: Struct) -> list[str]:
-        """A struct, and the function that makes one where all its fields are given."""
+        """Return a struct, and the function that makes one where all its fields are given."""
         self._structs.add(struct.name)
         lines = super().struct(struct)
         if any(own.type.count is not None for own in struct.fields):

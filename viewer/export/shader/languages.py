@@ -58,7 +58,7 @@ fn ntc_word(place: i32) -> u32 {{
 
 @dataclass(frozen=True)
 class Heading:
-    """What a file tells of itself first."""
+    """First lines of a file, about itself."""
 
     pack: str
     """Name of the pack's file, in one line and without folders: comments hold it."""
@@ -91,7 +91,7 @@ def _opening(pack: Pack, heading: Heading, calls: str) -> str:
 
 
 def shader_source(pack: Pack, language: ShaderLanguage, heading: Heading) -> str:
-    """The file of `language`. Raises UnsupportedSourceError."""
+    """Return the file of `language`. Raises UnsupportedSourceError."""
     if language == "cuda":
         return cpp_source(pack, heading)
     items = decoder_items(pack, prefixed)
@@ -106,7 +106,7 @@ def shader_source(pack: Pack, language: ShaderLanguage, heading: Heading) -> str
 
 
 def cpp_source(pack: Pack, heading: Heading) -> str:
-    """The decoder as a header of C++ 17, which CUDA takes as well. Raises UnsupportedSourceError."""
+    """Return the decoder as a header of C++ 17, which CUDA takes as well. Raises UnsupportedSourceError."""
     call = "vec4 ntc::decoder::decode_{plane}(int texture_number, vec2 uv, float lod, ivec2 wrap)"
     members = CppWriter().items(decoder_items(pack, lambda name: name))
     template = (TEMPLATES / "decode.hpp").read_text(encoding="utf-8")

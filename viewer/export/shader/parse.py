@@ -70,7 +70,7 @@ def _child(node: Node, name: str) -> Node:
 
 
 def _parts(node: Node) -> list[Node]:
-    """Its named children that are no comments."""
+    """Return the named children that are no comments."""
     return [child for child in node.named_children if child.type != "comment"]
 
 
@@ -81,7 +81,7 @@ class _Comments:
         self._siblings = siblings
 
     def of(self, node: Node) -> Comments:
-        """What stands directly above `node`, and behind it in its last line."""
+        """Return what stands directly above `node`, and behind it in its last line."""
         place = next(i for i, other in enumerate(self._siblings) if other.id == node.id)
         above: list[str] = []
         row, before = node.start_point[0], place - 1
@@ -118,7 +118,7 @@ class _Reader:
         self._result = VOID
 
     def items(self, root: Node) -> Iterator[Item]:
-        """All that stands outside functions."""
+        """Yield all that stands outside functions."""
         comments = _Comments(root.children)
         for node in root.children:
             if node.type in ("comment", ";") or self._needed.isdisjoint(_names_of(node)):
@@ -182,7 +182,7 @@ class _Reader:
         return Function(self._result, name, tuple(parameters), statements, comments)
 
     def _declare(self, node: Node, comments: Comments) -> list[Declare]:
-        """The variables of a declaration."""
+        """Return the variables of a declaration."""
         found = list[Declare]()
         is_constant = any(child.type == "type_qualifier" and _text(child) == "const" for child in node.children)
         outside = node.parent is not None and node.parent.type == "translation_unit"
@@ -203,7 +203,7 @@ class _Reader:
         return found
 
     def _block(self, node: Node) -> tuple[Statement, ...]:
-        """What stands in braces, or the one statement that stands without."""
+        """Return what stands in braces, or the one statement that stands without."""
         if node.type != "compound_statement":
             return tuple(self._statement(node, Comments()))
         comments = _Comments(node.children)
@@ -356,14 +356,14 @@ def _names_in(node: Node) -> Iterator[str]:
 
 
 def _names_of(node: Node) -> list[str]:
-    """What a node outside functions declares."""
+    """Return what a node outside functions declares."""
     if node.type == "struct_specifier":
         return [_text(_child(node, "name"))]
     return [next(_names_in(declarator)) for declarator in node.children_by_field_name("declarator")]
 
 
 def _needed(root: Node, stored: Mapping[str, str], entry: str) -> set[str]:
-    """Names of all that `entry` takes."""
+    """Return the names of all that `entry` takes."""
     uses: dict[str, set[str]] = {}
     for node in root.children:
         for name in _names_of(node) if node.type not in ("comment", ";") else ():
@@ -378,8 +378,8 @@ def _needed(root: Node, stored: Mapping[str, str], entry: str) -> set[str]:
 
 
 def parse(text: str, stored: Mapping[str, str], entry: str) -> tuple[Item, ...]:
-    """The function `entry` of `text`, last, and all that it takes. An element of an array that `stored` names is what the function
-    of its name gives.
+    """Return the function `entry` of `text`, last, and all that it takes.
+    An element of an array that `stored` names is what the function of its name gives.
 
     Raises UnsupportedSourceError.
     """

@@ -11,7 +11,7 @@ from ntc.codec.gpu import LEVEL_RECORD, SOFTWARE
 from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
-from viewer.export.shader.words import HEADER_FIELDS
+from viewer.export.shader.syntax import HEADER_FIELDS
 from viewer.gl.program import ShaderLibrary
 from viewer.locations import shaders_folder
 
@@ -27,7 +27,7 @@ STORED: Final = {
     "weights": "weights_at",
     "table_blocks": "table_at",
 }
-"""By buffer of the viewer's shaders: the function that reads an element of it."""
+"""Function that reads an element of each buffer of the viewer's shaders."""
 _CONSTANT = re.compile(r"^\s*#define (\w+) (-?(?:0x)?[\dA-Fa-f.]+u?)\s*$", re.MULTILINE)
 _BUFFER = re.compile(r"layout\(std430[^{]*\{[^}]*\};")
 _UNIFORM = re.compile(r"uniform int network_blocks;")
@@ -47,7 +47,7 @@ class _Conditions(pcpp.Preprocessor):  # type: ignore[misc]
 
 
 def _place(section: str) -> str:
-    """The constant that tells where a section of the data begins: its word of the header."""
+    """Return the constant that tells where a section of the data begins: its word of the header."""
     return f"HEADER_{section.upper()}"
 
 

@@ -1,8 +1,16 @@
-"""What the decoding shaders consist of: expressions that know their types, statements, functions. All comments are kept."""
+"""Syntax of the decoding shaders: expressions that know their types, statements, functions. All comments are kept."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
-from typing import Any, Literal
+from typing import Any, Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.gpu import LEVEL_RECORD, level_records
+from ntc.codec.latents import latent_levels
+from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 
 SCALARS = ("float", "int", "uint", "bool")
 _VECTORS = {"float": "vec", "int": "ivec", "uint": "uvec", "bool": "bvec"}
@@ -30,12 +38,12 @@ class Type:
 
     @property
     def is_vector(self) -> bool:
-        """Whether it has components."""
+        """True if it has components."""
         return self.name != self.scalar
 
 
 def vector(scalar: str, components: int) -> Type:
-    """The type of so many components."""
+    """Return the type of so many components."""
     return Type(scalar if components == 1 else f"{_VECTORS[scalar]}{components}")
 
 
@@ -84,7 +92,7 @@ class Call:
     function: str
     arguments: "tuple[Expression, ...]"
     references: tuple[bool, ...]
-    """By argument: whether the function writes into it."""
+    """True for each argument that the function writes into."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +143,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Group:
-    """What stands in parentheses."""
+    """Expression in parentheses."""
 
     type: Type
     inner: "Expression"
@@ -146,7 +154,7 @@ Expression = Number | Name | Member | Index | Call | Builtin | Construct | Unary
 
 @dataclass(frozen=True)
 class Comments:
-    """What is said of a line: above it, and behind it."""
+    """Comments of a line: above it, and behind it."""
 
     above: tuple[str, ...] = ()
     behind: str = ""
@@ -224,7 +232,7 @@ Statement = Declare | Assign | If | For | Return | Block | Run
 
 @dataclass(frozen=True)
 class Parameter:
-    """Of a function."""
+    """Parameter of a function."""
 
     type: Type
     name: str
@@ -232,7 +240,7 @@ class Parameter:
 
     @property
     def is_reference(self) -> bool:
-        """Whether the function writes into what is given."""
+        """True if the function writes into what is given."""
         return self.passing != "in"
 
 
@@ -249,7 +257,7 @@ class Function:
 
 @dataclass(frozen=True)
 class Field:
-    """Of a struct."""
+    """Field of a struct."""
 
     type: Type
     name: str
@@ -266,11 +274,11 @@ class Struct:
 
 
 Item = Declare | Function | Struct
-"""What stands outside functions: constants, functions, structs."""
+"""Item outside functions: constant, function or struct."""
 
 
 def walk(node: object) -> Iterator[Any]:
-    """`node` and all that it is made of."""
+    """Yield `node` and all that it is made of."""
     if is_dataclass(node):
         yield node
         for own in fields(node):
@@ -281,7 +289,7 @@ def walk(node: object) -> Iterator[Any]:
 
 
 def names_used(item: Item) -> set[str]:
-    """Names of the constants, functions and types that `item` reads, and of its own variables."""
+    """Return the names of the constants, functions and types that `item` reads, and of its own variables."""
     found: set[str] = set()
     for node in walk(item):
         if isinstance(node, Name):
@@ -294,7 +302,7 @@ def names_used(item: Item) -> set[str]:
 
 
 def renamed(node: Any, names: Mapping[str, str], own: frozenset[str] = frozenset()) -> Any:
-    """`node` with functions, types and constants called as `names` says. Variables of a function, `own`, keep their names."""
+    """Return `node` with functions, types and constants called as `names` says. Variables of a function, `own`, keep their names."""
     if isinstance(node, tuple):
         return tuple(renamed(part, names, own) for part in node)
     if not is_dataclass(node) or isinstance(node, type):
@@ -312,3 +320,66 @@ def renamed(node: Any, names: Mapping[str, str], own: frozenset[str] = frozenset
         case _:
             pass
     return replace(node, **changed)
+
+
+MAGIC: Final = 0x5743544E
+"""The first word: the letters NTCW."""
+VERSION: Final = 1
+HEADER_FIELDS: Final = (
+    "magic",
+    "version",
+    "total_words",
+    "texture_count",
+    "level_count",
+    "textures",
+    "levels",
+    "decoders",
+    "latents",
+    "codec",
+)
+"""Words of the header. `textures` to `latents`: the word where each of them begins. `codec`: what a decoder is made for."""
+HEADER_WORDS: Final = 16
+
+
+def pack_words(pack: Pack, codec: int) -> NDArray[np.uint32]:
+    """Return [words] uint32, to be stored little-endian: header, texture records, level records, decoders with adapters, latents.
+
+    `codec` is the number that tells decoders for other settings apart.
+    """
+    tables = codec_of(pack.config).gpu_tables(pack.config)
+    records = np.zeros(len(pack.textures), tables.texture_record)
+    levels: list[NDArray[np.void]] = []
+    latents: list[NDArray[np.uint32]] = []
+    first_level, first_cell = 0, 0
+    adapter = tables.first_block + len(pack.decoders) * tables.decoder_blocks
+    for record, texture in zip(records, pack.textures, strict=True):
+        pyramid = latent_levels(texture.width, texture.height, pack.config)
+        tables.fill_record(record, texture, first_level, adapter)
+        own = level_records(pyramid)
+        own["first_cell"] = [first_cell + row.first for row in tables.level_rows(texture)]
+        levels.append(own)
+        stored = tables.latent_words(texture, slice(None))
+        latents.append(stored.reshape(-1))
+        first_level += len(pyramid)
+        first_cell += len(stored)
+        adapter += tables.adapter_blocks
+    all_levels = np.concatenate(levels) if levels else np.zeros(0, LEVEL_RECORD)
+    sections = {
+        "textures": np.frombuffer(records.tobytes(), "<u4"),
+        "levels": np.frombuffer(all_levels.tobytes(), "<u4"),
+        "decoders": np.frombuffer(tables.all_data(pack, pack.textures), "<u4"),
+        "latents": np.concatenate(latents) if latents else np.zeros(0, np.uint32),
+    }
+    header = np.zeros(HEADER_WORDS, np.uint32)
+    place = HEADER_WORDS
+    values = {"magic": MAGIC, "version": VERSION, "texture_count": len(records), "level_count": len(all_levels)}
+    parts = [header]
+    for name, words in sections.items():
+        values[name] = place
+        # Sections begin at whole blocks of four words.
+        parts.append(np.pad(words, (0, -len(words) % 4)))
+        place += len(parts[-1])
+    values |= {"total_words": place, "codec": codec}
+    for name, value in values.items():
+        header[HEADER_FIELDS.index(name)] = value
+    return np.concatenate(parts).astype("<u4")

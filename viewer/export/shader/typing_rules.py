@@ -40,7 +40,7 @@ class UnsupportedSourceError(Exception):
 
 
 def converted(value: Expression, scalar: str) -> Expression:
-    """`value` with components of type `scalar`."""
+    """Return `value` with components of type `scalar`."""
     if value.type.scalar == scalar or value.type.scalar not in SCALARS:
         return value
     if isinstance(value, Number) and value.type == INT and scalar in ("uint", "float"):
@@ -49,7 +49,7 @@ def converted(value: Expression, scalar: str) -> Expression:
 
 
 def promoted(value: Expression, scalar: str) -> Expression:
-    """`value` converted to components of type `scalar` as GLSL does it without being asked: int to uint, both to float.
+    """Return `value` converted to components of type `scalar` as GLSL does it without being asked: int to uint, both to float.
 
     Raises UnsupportedSourceError for others, which GLSL does not do: another function of that name was meant.
     """
@@ -60,7 +60,7 @@ def promoted(value: Expression, scalar: str) -> Expression:
 
 
 def choice(condition: Expression, chosen: Expression, other: Expression) -> Choice:
-    """`condition ? chosen : other`, both of the wider type."""
+    """Return `condition ? chosen : other`, both of the wider type."""
     scalars = {chosen.type.scalar, other.type.scalar}
     if len(scalars) > 1:
         wider = "float" if "float" in scalars else "uint"
@@ -69,14 +69,14 @@ def choice(condition: Expression, chosen: Expression, other: Expression) -> Choi
 
 
 def spread(value: Expression, components: int) -> Expression:
-    """`value` with that many components, all the same where it is a scalar."""
+    """Return `value` with that many components, all the same where it is a scalar."""
     if components == 1 or value.type.is_vector:
         return value
     return Construct(vector(value.type.scalar, components), (value,))
 
 
 def construct(kind: Type, arguments: Sequence[Expression]) -> Expression:
-    """`kind(arguments)`. What has that type already stays as it is."""
+    """Return `kind(arguments)`. What has that type already stays as it is."""
     if len(arguments) == 1 and arguments[0].type == kind:
         # In parentheses: what stands around it may bind closer.
         return Group(kind, arguments[0]) if isinstance(arguments[0], Binary | Choice | Unary) else arguments[0]
@@ -113,7 +113,7 @@ def binary(operator: str, left: Expression, right: Expression) -> Binary:
 
 
 def builtin(function: str, arguments: Sequence[Expression]) -> Builtin:
-    """A call of a function of GLSL."""
+    """Return a call of a function of GLSL."""
     if function not in BUILTINS:
         raise UnsupportedSourceError(f"{function}: no such function is known to all languages")
     given = list(arguments)

@@ -41,7 +41,7 @@ fn ntc_product_high(a: u32, b: u32) -> u32 {{
 
 
 def _root(target: Expression) -> str:
-    """The variable of which `target` is a part."""
+    """Return the variable of which `target` is a part."""
     while isinstance(target, Member | Index | Group):
         target = target.inner if isinstance(target, Group) else target.base
     assert isinstance(target, Name)
@@ -80,15 +80,15 @@ class WgslWriter(CLikeWriter):
         return f"{name}: {self.type_name(kind)}"
 
     def field(self, kind: Type, name: str) -> str:
-        """A field of a struct."""
+        """Return a field of a struct."""
         return f"{self.declared(kind, name)},"
 
     def name(self, value: Name) -> str:
-        """A variable."""
+        """Return a variable."""
         return f"(*{value.name})" if value.name in self._pointers else value.name
 
     def call(self, value: Call) -> str:
-        """A call of a function of the source."""
+        """Return a call of a function of the source."""
         given = []
         for argument, is_reference in zip(value.arguments, value.references, strict=True):
             if is_reference and isinstance(argument, Name) and argument.name in self._pointers:
@@ -98,7 +98,7 @@ class WgslWriter(CLikeWriter):
         return f"{value.function}({', '.join(given)})"
 
     def builtin(self, value: Builtin, arguments: Sequence[str]) -> str:
-        """A call of a function."""
+        """Return a call of a function."""
         if value.function in _RELATIONS:
             return self.relation(value, _RELATIONS[value.function])
         if value.function == "mix" and value.arguments[2].type.scalar == "bool":
@@ -129,7 +129,7 @@ class WgslWriter(CLikeWriter):
         return f"{left} {value.operator} {right}"
 
     def bracketed(self, part: Expression) -> str:
-        """A part of what operators on bits take."""
+        """Return a part of what operators on bits take."""
         text = self.expression(part)
         return f"({text})" if isinstance(part, Binary) else text
 
@@ -138,45 +138,45 @@ class WgslWriter(CLikeWriter):
         return f"({text})" if isinstance(part, Binary) and part.operator in _BITWISE else text
 
     def choice(self, value: Choice) -> str:
-        """One of two values, both of which are computed."""
+        """Return a choice between two values, both of which are computed."""
         parts = (self.expression(part) for part in (value.other, value.chosen, value.condition))
         return f"select({', '.join(parts)})"
 
     def construct(self, value: Construct, arguments: Sequence[str]) -> str:
-        """A value made of parts."""
+        """Return a value made of parts."""
         return f"{self.type_name(value.type)}({', '.join(arguments)})"
 
     def variable(self, declaration: Declare) -> str:
-        """A variable, or a value that does not change."""
+        """Return a variable, or a value that does not change."""
         if declaration.value is None:
             return f"var {self.declared(declaration.type, declaration.name)}"
         kind = "var" if declaration.name in self._changed else "let"
         return f"{kind} {self.declared(declaration.type, declaration.name)} = {self.expression(declaration.value)}"
 
     def counter(self, declaration: Declare) -> str:
-        """The variable of a loop."""
+        """Return the variable of a loop."""
         assert declaration.value is not None
         return f"var {self.declared(declaration.type, declaration.name)} = {self.expression(declaration.value)}"
 
     def assignment(self, statement: Assign) -> str:
-        """A change of a variable."""
+        """Return a change of a variable."""
         written = super().assignment(statement)
         return f"{written[2:]}++" if written.startswith("++") else written
 
     def constant(self, declaration: Declare) -> list[str]:
-        """A constant."""
+        """Return a constant."""
         assert declaration.value is not None
         return [f"const {self.declared(declaration.type, declaration.name)} = {self.expression(declaration.value)};"]
 
     def parameter(self, parameter: Parameter) -> str:
-        """A parameter: those that the function writes into are pointers; others are values that it cannot change."""
+        """Return a parameter: those that the function writes into are pointers; others are values that it cannot change."""
         if parameter.is_reference:
             return f"{parameter.name}: ptr<function, {self.type_name(parameter.type)}>"
         name = f"given_{parameter.name}" if parameter.name in self._changed else parameter.name
         return self.declared(parameter.type, name)
 
     def heading(self, function: Function) -> str:
-        """The first line of a function."""
+        """Return the first line of a function."""
         parameters = ", ".join(self.parameter(parameter) for parameter in function.parameters)
         result = f" -> {self.type_name(function.type)}" if function.type.name != "void" else ""
         return f"fn {function.name}({parameters}){result}"

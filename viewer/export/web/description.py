@@ -1,4 +1,4 @@
-"""What the page is told of scene and pack: `page.json`."""
+"""Description of scene and pack for the page: `page.json`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene
 from viewer.state.camera import clip_distances, frame_all
 
 FORMAT = 1
-"""Of `page.json`: raised with each change that an older page would misread."""
+"""Version of `page.json`: raised with each change that an older page would misread."""
 
 
 @dataclass(frozen=True)
@@ -22,14 +22,14 @@ class PageFile:
     """A file of the folder."""
 
     name: str
-    """Its place, with `/`."""
+    """Path of the file, with `/`."""
     size: int
     """Bytes."""
     crc: int
     """CRC-32: browsers have no digests where a page is not served by HTTPS."""
 
     def json(self) -> dict[str, Any]:
-        """As the page reads it."""
+        """Return the entry as the page reads it."""
         return {"file": self.name, "bytes": self.size, "crc32": self.crc}
 
 
@@ -48,12 +48,12 @@ class TextureFiles:
 
 
 def texture_planes(texture: EncodedTexture) -> tuple[Plane, ...]:
-    """The planes that a texture of a pack has maps of."""
+    """Return the planes that a texture of a pack has maps of."""
     return tuple(plane_channels(texture.maps, texture.channels))
 
 
 def describe_texture(pack: Pack, texture: EncodedTexture, files: TextureFiles) -> dict[str, Any]:
-    """One entry of `textures`."""
+    """Return an entry of `textures`."""
     levels = latent_levels(texture.width, texture.height, pack.config)
     return {
         "name": texture.name,
@@ -68,8 +68,8 @@ def describe_texture(pack: Pack, texture: EncodedTexture, files: TextureFiles) -
 
 
 def describe_material(material: Material, pack: Pack, texture_index: Sequence[int], page: Mapping[int, int]) -> Any:
-    """One entry of `materials`. `texture_index`: by texture of the scene that of the pack, or -1; `page`: by texture of the scene that
-    of the page."""
+    """Return an entry of `materials`. `texture_index`: by texture of the scene that of the pack, or -1; `page`: by texture of the
+    scene that of the page."""
 
     def place(plane: Plane, found: PlaneTexture) -> dict[str, Any] | None:
         index = texture_index[found.texture_id]
@@ -129,7 +129,7 @@ def _light(light: Light) -> dict[str, Any]:
 
 
 def describe_figures(pack: Pack, scene: Scene, chosen: Sequence[int], original_bytes: int) -> dict[str, Any]:
-    """The figures that the page shows; `original_bytes` of pixels that the textures `chosen` of the pack stand for."""
+    """Return the figures that the page shows; `original_bytes` of pixels that the textures `chosen` of the pack stand for."""
     table = psnr_table(pack)
     summary = table.summary
     size = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
@@ -151,7 +151,7 @@ def describe_figures(pack: Pack, scene: Scene, chosen: Sequence[int], original_b
 
 
 def describe_view(scene: Scene) -> dict[str, Any]:
-    """Where the page looks from, and what lights the scene."""
+    """Return where the page looks from, and what lights the scene."""
     cameras = scene.cameras or (frame_all(scene.bounds),)
     return {
         "bounds": scene.bounds.tolist(),

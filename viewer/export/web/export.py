@@ -23,8 +23,14 @@ from viewer.export.web.description import (
     texture_planes,
 )
 from viewer.export.web.geometry import scene_glb
-from viewer.export.web.packed import PackedTexture, decoding_shaders, packed_decoders, packed_textures
-from viewer.export.web.pictures import plane_picture, webp
+from viewer.export.web.packed import (
+    PackedTexture,
+    decoding_shaders,
+    packed_decoders,
+    packed_textures,
+    plane_picture,
+    webp,
+)
 from viewer.scene.images import ProgressReport, map_in_threads
 from viewer.scene.model import Scene
 from viewer.state.pack_files import match_scene
@@ -37,14 +43,14 @@ Originals = Literal["lossless", "none"]
 
 @dataclass(frozen=True)
 class PageSummary:
-    """What has been written."""
+    """Summary of an exported page."""
 
     files: int
     total_bytes: int
     pack_bytes: int
-    """Of latents, decoders and what the page reads besides to decode."""
+    """Bytes of latents, decoders and whatever else the page reads to decode."""
     original_bytes: int
-    """Of pictures that are read only where the page compares."""
+    """Bytes of pictures that are read only when the page compares."""
 
 
 class _Writer:
@@ -55,7 +61,7 @@ class _Writer:
         self.sizes: dict[str, int] = {}
 
     def write(self, name: str, data: bytes) -> PageFile:
-        """A file, and how the page finds it."""
+        """Return a file, and how the page finds it."""
         path = self._folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
@@ -63,12 +69,12 @@ class _Writer:
         return PageFile(name, len(data), zlib.crc32(data))
 
     def total(self, prefix: str = "") -> int:
-        """Bytes of the files whose names begin so."""
+        """Return the bytes of the files whose names begin so."""
         return sum(size for name, size in self.sizes.items() if name.startswith(prefix))
 
 
 def _chosen(pack: Pack, scene: Scene) -> dict[int, int]:
-    """By texture of the scene that the pack holds and a material reads: its index in the pack."""
+    """Return the index in the pack of each texture of the scene that the pack holds and a material reads."""
     match = match_scene(pack, scene)
     read = {texture for material in scene.materials for texture in map(material.plane_texture, PLANE_COMPONENTS)}
     found = {own: index for own, index in enumerate(match.texture_index) if index >= 0 and own in read}

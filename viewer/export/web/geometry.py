@@ -25,7 +25,7 @@ class _Binary:
         self._known: dict[object, int] = {}
 
     def accessor(self, key: object, values: NDArray[Any], target: int, bounds: bool = False) -> int:
-        """The accessor of `values` [N] or [N, k]; equal keys stand for equal values."""
+        """Return the accessor of `values` [N] or [N, k]; equal keys stand for equal values."""
         if key in self._known:
             return self._known[key]
         data = values.tobytes()
@@ -48,7 +48,7 @@ class _Binary:
 
 
 def _texture_coordinates(binary: _Binary, scene: Scene, material: Material, rows: slice) -> dict[str, int]:
-    """By attribute name: the coordinates of the planes base, surface and emission, equal ones stored once."""
+    """Return the coordinates of the planes base, surface and emission by attribute name, equal ones stored once."""
     geometry, found = scene.geometry, {}
     for number, plane in enumerate((material.plane("base"), material.surface, material.emission)):
         second = plane is not None and plane.second_uvs and geometry.second_uvs is not None
@@ -102,7 +102,7 @@ def _material(number: int, material: Material) -> dict[str, Any]:
 
 
 def scene_glb(scene: Scene) -> bytes:
-    """`scene` as it stands, as a GLB. Materials have their factors, and in `extras.material` their number."""
+    """Return `scene` as it stands, as a GLB. Materials have their factors, and in `extras.material` their number."""
     binary = _Binary()
     meshes = [_mesh(binary, scene, primitive) for primitive in scene.primitives]
     identity = np.eye(4, dtype=np.float32)

@@ -1,25 +1,31 @@
 """A pack as the page reads it: for each texture its records and latents, the decoders as rows of a picture, and shaders."""
 
+import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
 
 from ntc.codec.gpu import SOFTWARE, WEIGHT_COLUMN_BITS, level_records
 from ntc.codec.latents import latent_levels
-from ntc.codec.maps import PLANES, Plane, plane_channels
+from ntc.codec.maps import PLANE_COMPONENTS, PLANES, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
+from ntc.errors import InputError
 from viewer.gl.older_glsl import GLSL_ES_300, older_source
 from viewer.gl.program import ShaderLibrary
 from viewer.locations import shaders_folder
+from viewer.scene.map_pictures import NEUTRAL
+from viewer.scene.model import SceneTexture
 
 SHADER = "web/decode_mip.frag"
 
 
 @dataclass(frozen=True)
 class PackedTexture:
-    """One texture: what its three samplers of words hold, little-endian."""
+    """Texture as its three samplers of words hold it, little-endian."""
 
     record: bytes
     """`GpuTables.texture_record`; its finest mip has row 0 of `levels`."""
@@ -30,12 +36,12 @@ class PackedTexture:
 
 @dataclass(frozen=True)
 class PackedDecoders:
-    """What all textures share."""
+    """Decoders that all textures share."""
 
     data: bytes
     """Rows of 2^WEIGHT_COLUMN_BITS blocks of four numbers, the last one padded with zeros."""
     is_integer: bool
-    """Whether the numbers are uint32 not float32."""
+    """True if the numbers are uint32 not float32."""
     loop_length: int
     """The shaders' uniform `network_blocks`."""
 
@@ -46,7 +52,7 @@ class PackedDecoders:
 
 
 def packed_decoders(pack: Pack, chosen: Sequence[int]) -> PackedDecoders:
-    """All decoders of `pack`, then the adapters of its textures `chosen`, in single precision."""
+    """Return all decoders of `pack`, then the adapters of its textures `chosen`, in single precision."""
     tables = codec_of(pack.config).gpu_tables(pack.config)
     data = tables.all_data(pack, [pack.textures[index] for index in chosen])
     row = tables.block_bytes << WEIGHT_COLUMN_BITS
@@ -54,7 +60,7 @@ def packed_decoders(pack: Pack, chosen: Sequence[int]) -> PackedDecoders:
 
 
 def packed_textures(pack: Pack, chosen: Sequence[int]) -> Iterator[PackedTexture]:
-    """The textures `chosen` of `pack`, whose adapters lie as `packed_decoders` puts them."""
+    """Yield the textures `chosen` of `pack`, whose adapters lie as `packed_decoders` puts them."""
     tables = codec_of(pack.config).gpu_tables(pack.config)
     adapter = tables.first_block + len(pack.decoders) * tables.decoder_blocks
     for index in chosen:
@@ -82,3 +88,35 @@ def decoding_shaders(pack: Pack) -> dict[Plane, str]:
             defines["FILTER_STOCHASTIC"] = 1
         found[plane] = older_source(library.assemble(SHADER, defines).text, GLSL_ES_300).text
     return found
+
+
+LARGEST_SIDE = 16383
+"""Texels a side that WebP has at most."""
+
+
+def plane_picture(texture: SceneTexture, plane: Plane) -> NDArray[np.uint8]:
+    """Return [H, W, 3] uint8 of the plane `base`; of the others [2 H, W, 3]: the first three of its components, below them the
+    fourth one.
+
+    In one picture without alpha: browsers multiply by alpha what has one.
+    """
+    if plane == "base":
+        return texture.pixels
+    further, places = texture.further_maps, PLANE_COMPONENTS[plane]
+    width, height = texture.size
+    whole = np.full((height, width, 4), NEUTRAL, np.uint8)
+    for name, first in places.items():
+        if name in further:
+            whole[..., first : first + further[name].shape[2]] = further[name]
+    return np.concatenate([whole[..., :3], np.repeat(whole[..., 3:], 3, axis=2)])
+
+
+def webp(pixels: NDArray[np.uint8], name: str) -> bytes:
+    """Return `pixels` [H, W, 3] or [H, W] as a lossless WebP. Raises InputError for one that is too large, by `name`."""
+    if max(pixels.shape[:2]) > LARGEST_SIDE:
+        raise InputError(
+            f"{name}: {pixels.shape[1]} x {pixels.shape[0]} texels are more than WebP has; leave originals out"
+        )
+    file = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels)).convert("RGB").save(file, "WEBP", lossless=True, quality=30, method=2)
+    return file.getvalue()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
+from viewer.scene.gltf.geometry import unit_normals, unit_tangents
 from viewer.scene.moving import Deformation, MovingVertices
 
 FOLDER = "passes/pose_vertices"

@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.nodes import NodePlacements
-from viewer.scene.model import Camera
+from viewer.scene.model import Camera, Light
 from viewer.scene.report import ReportNotes
 
 
@@ -29,7 +30,7 @@ def _positive(file: GltfFile, owner: dict[str, object], key: str, where: str) ->
 def _camera(
     file: GltfFile, placement: NodePlacements, index: int, name: str, center: NDArray[np.float64]
 ) -> Camera | None:
-    """The camera on the node `placement`; None when the node's transform leaves it no direction."""
+    """Return the camera on the node `placement`; None when the node's transform leaves it no direction."""
     entry = file.entries("cameras")[index]
     where = f"cameras[{index}]"
     eye = placement.world[:3, 3]
@@ -68,7 +69,7 @@ def _camera(
 def read_cameras(
     file: GltfFile, placements: Sequence[NodePlacements], center: NDArray[np.float64], notes: ReportNotes
 ) -> tuple[Camera, ...]:
-    """All cameras that stand in the scene, with distinct names: the node's, else the camera's.
+    """Return all cameras that stand in the scene, with distinct names: the node's, else the camera's.
 
     `center` [3] is the middle of the scene; targets are put at its depth. Raises InputError.
     """
@@ -90,3 +91,72 @@ def read_cameras(
             notes.ignored("aspect ratios of cameras (the picture's is used)")
         cameras.append(camera)
     return tuple(cameras)
+
+
+EXTENSION = "KHR_lights_punctual"
+BRIGHTEST = 1e30
+"""Products of intensity and colour are held below it, so that they stay finite in single precision."""
+WIDEST = math.pi / 2
+
+
+def _entries(file: GltfFile) -> list[Any]:
+    extension = file.extension(file.json, EXTENSION, "file")
+    return [] if extension is None else file.array(extension, "lights", f"extensions.{EXTENSION}")
+
+
+def _light(
+    file: GltfFile, entry: dict[str, Any], where: str, placement: NodePlacements, notes: ReportNotes
+) -> Light | None:
+    """Return the light `entry` at its node; None where it shines nowhere. Raises InputError."""
+    kind = file.text(entry, "type", where)
+    if kind not in ("directional", "point", "spot"):
+        raise file.fail(f"{where}.type", f"{kind!r:.20} is none of directional, point and spot")
+    intensity = max(0.0, file.number(entry, "intensity", where, 1.0))
+    color = file.numbers(entry, "color", where, (1.0, 1.0, 1.0))
+    red, green, blue = (min(max(0.0, share) * intensity, BRIGHTEST) for share in color)
+    axis = -placement.world[:3, 2]
+    length = float(np.linalg.norm(axis))
+    if kind != "point" and length < 1e-20:
+        notes.ignored("lights whose node has no direction to shine in")
+        return None
+    down = axis / length if length >= 1e-20 else np.array([0.0, 0.0, -1.0])
+    inner, outer = 0.0, math.pi / 4
+    if kind == "spot":
+        spot = file.object(entry, "spot", where)
+        outer = min(max(1e-3, file.number(spot, "outerConeAngle", f"{where}.spot", math.pi / 4)), WIDEST)
+        inner = min(max(0.0, file.number(spot, "innerConeAngle", f"{where}.spot", 0.0)), outer)
+    x, y, z = placement.world[:3, 3].tolist()
+    across, up, along = down.tolist()
+    return Light(
+        kind="directional" if kind == "directional" else "point" if kind == "point" else "spot",
+        color=(red, green, blue),
+        position=(x, y, z),
+        direction=(across, up, along),
+        reach=max(0.0, file.number(entry, "range", where, 0.0)),
+        inner_cone=inner,
+        outer_cone=outer,
+    )
+
+
+def read_lights(file: GltfFile, placements: Sequence[NodePlacements], notes: ReportNotes) -> tuple[Light, ...]:
+    """Return all lights that stand in the scene and are not hidden, in the order of their nodes. Raises InputError.
+
+    Scale does not change their range.
+    """
+    entries = _entries(file)
+    nodes = file.entries("nodes")
+    lights: list[Light] = []
+    for placement in placements if entries else ():
+        node, field = nodes[placement.node], f"nodes[{placement.node}]"
+        extension = file.extension(node, EXTENSION, field) if "extensions" in node and placement.visible else None
+        if extension is None:
+            continue
+        number = file.index(extension.get("light"), len(entries), f"{field}.{EXTENSION}.light")
+        where = f"extensions.{EXTENSION}.lights[{number}]"
+        if not isinstance(entries[number], dict):
+            raise file.fail(where, "must be an object")
+        light = _light(file, entries[number], where, placement, notes)
+        if light is not None:
+            lights.append(light)
+            notes.honoured(f"{EXTENSION}: {light.kind} lights")
+    return tuple(lights)

@@ -90,7 +90,7 @@ class GltfFile:
     name: str
     """File name as the user gave it, for messages."""
     folder: Path | None
-    """Where relative URIs start; None when there is no file, and external URIs are missing."""
+    """Folder where relative URIs start; None when there is no file, and external URIs are missing."""
     json: Mapping[str, Any]
     """The whole document."""
     binary: memoryview | None
@@ -98,16 +98,16 @@ class GltfFile:
     roots: tuple[Path, ...] = ()
     """Folders, resolved, from which the scene may read files beside its own."""
     converted: ConvertedMesh | None = None
-    """What it was made of, where that was no glTF."""
+    """Format that the file was converted from, where that was not glTF."""
     keeps: object = None
-    """What must not go while images may still be read from `folder`: an unpacked archive."""
+    """Object that keeps `folder` on disk while images may still be read from it: an unpacked archive."""
 
     def fail(self, where: str, problem: str) -> InputError:
-        """The error to raise for the field `where`."""
+        """Return the error to raise for the field `where`."""
         return InputError(f"{self.name}: {where}: {problem}")
 
     def array(self, owner: Mapping[str, Any], key: str, where: str) -> list[Any]:
-        """The list `owner[key]`, empty when absent."""
+        """Return the list `owner[key]`, empty when absent."""
         value = owner.get(key, [])
         if not isinstance(value, list):
             raise self.fail(f"{where}.{key}", "must be an array")
@@ -123,7 +123,7 @@ class GltfFile:
                 raise self.fail(f"{key}[{index}]", "must be an object")
 
     def entries(self, key: str) -> list[dict[str, Any]]:
-        """A top-level array of objects, e.g. "meshes", checked when the file was parsed; empty when absent."""
+        """Return a top-level array of objects, e.g. "meshes", checked when the file was parsed; empty when absent."""
         value: list[dict[str, Any]] = self.json.get(key, [])
         return value
 
@@ -133,7 +133,7 @@ class GltfFile:
         return entries[self.index(index, len(entries), where)]
 
     def index(self, value: Any, count: int, where: str) -> int:
-        """`value` as an index below `count`."""
+        """Return `value` as an index below `count`."""
         if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < count:
             raise self.fail(where, f"{describe(value)} is not an index below {count}")
         return value
@@ -141,7 +141,7 @@ class GltfFile:
     def integer(
         self, owner: Mapping[str, Any], key: str, where: str, default: int | None = None, *, high: int = 2**53
     ) -> int:
-        """The integer `owner[key]`, from 0 to `high`; without a default it is required."""
+        """Return the integer `owner[key]`, from 0 to `high`; without a default it is required."""
         value = owner.get(key, default)
         if isinstance(value, float) and value.is_integer():
             value = int(value)
@@ -150,24 +150,24 @@ class GltfFile:
         return value
 
     def number(self, owner: Mapping[str, Any], key: str, where: str, default: float) -> float:
-        """The finite number `owner[key]`."""
+        """Return the finite number `owner[key]`."""
         return self.finite(owner.get(key, default), f"{where}.{key}")
 
     def numbers(self, owner: Mapping[str, Any], key: str, where: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """As many finite numbers as `default` has."""
+        """Return the list `owner[key]` of as many finite numbers as `default` has."""
         value = owner.get(key, default)
         if not isinstance(value, list | tuple) or len(value) != len(default):
             raise self.fail(f"{where}.{key}", f"must be {len(default)} numbers")
         return tuple(self.finite(component, f"{where}.{key}") for component in value)
 
     def finite(self, value: Any, where: str) -> float:
-        """`value` as a finite number."""
+        """Return `value` as a finite number."""
         if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e38:
             raise self.fail(where, f"{describe(value)} is not a finite number")
         return float(value)
 
     def text(self, owner: Mapping[str, Any], key: str, where: str, default: str = "") -> str:
-        """The string `owner[key]`."""
+        """Return the string `owner[key]`."""
         value = owner.get(key, default)
         if not isinstance(value, str):
             raise self.fail(f"{where}.{key}", f"{describe(value)} is not a text")
@@ -175,21 +175,21 @@ class GltfFile:
         return value.encode("utf-8", "replace").decode()
 
     def label(self, owner: Mapping[str, Any], default: str) -> str:
-        """The name of `owner` in one printable line of at most 200 characters, `default` without one."""
+        """Return the name of `owner` in one printable line of at most 200 characters, `default` without one."""
         value = owner.get("name")
         if not isinstance(value, str):
             return default
         return printable(value) or default
 
     def object(self, owner: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
-        """The object `owner[key]`, empty when absent."""
+        """Return the object `owner[key]`, empty when absent."""
         value = owner.get(key, {})
         if not isinstance(value, dict):
             raise self.fail(f"{where}.{key}", "must be an object")
         return value
 
     def extension(self, owner: Mapping[str, Any], name: str, where: str) -> dict[str, Any] | None:
-        """The extension object `name` of `owner`, None when absent."""
+        """Return the extension object `name` of `owner`, None when absent."""
         extensions = self.object(owner, "extensions", where)
         if name not in extensions:
             return None
@@ -253,7 +253,7 @@ def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, .
 
 
 def read_gltf(path: Path, name: str | None = None) -> GltfFile:
-    """The glTF container at `path`, called `name` in messages, by its path unless given. Raises InputError."""
+    """Return the glTF container at `path`, called `name` in messages, by its path unless given. Raises InputError."""
     name = name or str(path)
     try:
         data = read_file(Path(path))
@@ -265,7 +265,7 @@ def read_gltf(path: Path, name: str | None = None) -> GltfFile:
 
 
 def names_of(file: GltfFile, key: str) -> tuple[str, ...]:
-    """The distinct names in "extensionsUsed" or "extensionsRequired", sorted. Raises InputError."""
+    """Return the distinct names in "extensionsUsed" or "extensionsRequired", sorted. Raises InputError."""
     names = file.array(file.json, key, "file")
     for name in names:
         if not isinstance(name, str):

@@ -32,7 +32,7 @@ class DracoMesh:
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """(number, offset after it). Raises IndexError at the end of the data."""
+    """Return (number, offset after it). Raises IndexError at the end of the data."""
     value = shift = 0
     while True:
         byte = data[at]

@@ -9,20 +9,93 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from viewer.scene.gltf.accessors import Accessors, normalize
-from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.buffers import Accessors, Buffers, normalize
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco
-from viewer.scene.gltf.joined_arrays import joined, joined_indices
-from viewer.scene.gltf.materials import MaterialSource
-from viewer.scene.gltf.motion.moving_vertices import read_moving
+from viewer.scene.gltf.materials import MaterialSource, variant_materials, variant_names
+from viewer.scene.gltf.motion.deformation import read_moving
 from viewer.scene.gltf.textures import UvTransform
-from viewer.scene.gltf.variants import variant_materials, variant_names
-from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
 from viewer.scene.model import Geometry, Primitive
 from viewer.scene.moving import Deformation, MovingVertices, VertexFrames
 from viewer.scene.report import ReportNotes
+
+SHORTEST = 1e-6
+"""Vectors below this length have no direction."""
+
+UNIT = 1e-5
+"""Squared lengths that are this near to 1 are taken to be it."""
+
+
+def _unit(vectors: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Return (unit vectors of `vectors` [N, 3], zero where there is no direction; which have one [N])."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        squares = np.einsum("nc,nc->n", vectors, vectors)
+        if bool((np.abs(squares - 1) < UNIT).all()):
+            return vectors, np.ones(len(vectors), np.bool_)
+    # Squares of numbers that float32 holds overflow it.
+    wide = vectors.astype(np.float64)
+    lengths = np.sqrt(np.einsum("nc,nc->n", wide, wide))
+    with np.errstate(invalid="ignore"):
+        directed = (lengths >= SHORTEST) & np.isfinite(lengths)
+    if directed.all():
+        return (wide / lengths[:, None]).astype(np.float32), directed
+    unit = np.zeros_like(vectors)
+    unit[directed] = wide[directed] / lengths[directed, None]
+    return unit, directed
+
+
+def unit_normals(normals: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
+    """Return ([N, 3] unit vectors of `normals` [N, 3], zero for those that are not finite or of zero length; how many those are)."""
+    unit, directed = _unit(normals)
+    return unit, int((~directed).sum())
+
+
+def unit_tangents(tangents: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
+    """Return ([N, 4] `tangents` with unit xyz and a w of 1 or -1, all zero where xyz or w give no direction; how many those are).
+
+    A w between the two counts by its sign: quantised files store it so (glTF 2.0, Sec. 3.7.2.1).
+    """
+    unit, directed = _unit(tangents[:, :3])
+    directed &= np.isfinite(tangents[:, 3]) & (tangents[:, 3] != 0.0)
+    signs = np.where(tangents[:, 3] < 0.0, np.float32(-1.0), np.float32(1.0))
+    whole = np.concatenate([unit, signs[:, None]], axis=1)
+    whole[~directed] = 0.0
+    return whole, int((~directed).sum())
+
+
+SHORT_INDICES = 1 << 16
+"""Indices below it take two bytes each, and a scene whose primitives all have at most so many vertices has no others."""
+
+
+def joined(
+    parts: list[NDArray[np.float32] | None], counts: Sequence[int], components: int, absent: float = 0.0
+) -> NDArray[np.float32] | None:
+    """Return [sum of counts, components] float32, `absent` for parts that are None; None when all are. Sets all `parts` to None."""
+    if all(part is None for part in parts):
+        return None
+    whole = np.empty((sum(counts), components), np.float32)
+    start = 0
+    for number, count in enumerate(counts):
+        part, parts[number] = parts[number], None
+        whole[start : start + count] = absent if part is None else part
+        start += count
+    return whole
+
+
+def joined_indices(
+    parts: list[NDArray[Any] | None], total: int, highest: int
+) -> NDArray[np.uint16] | NDArray[np.uint32]:
+    """Return [total] all unsigned integers of `parts`, as uint16 where `highest` fits, else uint32. Sets all `parts` to None."""
+    whole: NDArray[Any] = np.empty(total, np.uint16 if highest < SHORT_INDICES else np.uint32)
+    start = 0
+    for number, part in enumerate(parts):
+        if part is not None:
+            parts[number] = None
+            whole[start : start + len(part)] = part
+            start += len(part)
+    return whole
+
 
 TRIANGLES, TRIANGLE_STRIP, TRIANGLE_FAN = 4, 5, 6
 """glTF primitive modes."""
@@ -38,7 +111,7 @@ _VertexKey = tuple[Any, ...]
 
 
 def triangle_list(indices: NDArray[Any], mode: int) -> NDArray[Any]:
-    """[3 T] indices of the triangles that `indices` [N] stand for in `mode`, wound as glTF says.
+    """Return [3 T] indices of the triangles that `indices` [N] stand for in `mode`, wound as glTF says.
 
     Left-over vertices are dropped, and so are strip triangles that join strips (two equal corners).
     """
@@ -76,12 +149,12 @@ class GeometryReader:
         notes: ReportNotes,
         variant: int | None = None,
     ) -> None:
-        """`variant`: number of the material variant that is drawn; None: what primitives name themselves."""
+        """Read for the material `variant`, by its number; None: the materials that primitives name themselves."""
         self._file = file
         self._variant = variant
         self._variants = len(variant_names(file))
         self.all_materials: set[int] = set()
-        """Of the primitives read so far, under all variants."""
+        """Materials of the primitives read so far, under all variants."""
         self._buffers = buffers
         self._accessors = accessors
         self._materials = materials
@@ -103,7 +176,7 @@ class GeometryReader:
         self._index_ranges: dict[_VertexKey, tuple[int, int, int]] = {}
 
     def read_mesh(self, index: int, deformation: Deformation | None = None) -> tuple[Primitive, ...]:
-        """The triangle primitives of mesh `index`, moved as a node's `deformation` says. Raises InputError."""
+        """Return the triangle primitives of mesh `index`, moved as a node's `deformation` says. Raises InputError."""
         mesh = self._file.entries("meshes")[index]
         where = f"meshes[{index}]"
         name = self._file.label(mesh, f"mesh {index}")
@@ -118,7 +191,7 @@ class GeometryReader:
         return tuple(primitives)
 
     def finish(self) -> Geometry:
-        """All vertices and indices read so far. Lets go of what it was read from: nothing can be read afterwards."""
+        """Return all vertices and indices read so far. Lets go of what it was read from: nothing can be read afterwards."""
         counts = [0 if part is None else len(part) for part in self._positions]
         colors, normals = joined(self._colors, counts, 4, 1.0), joined(self._normals, counts, 3)
         tangents, second_uvs = joined(self._tangents, counts, 4), joined(self._second_uvs, counts, 2)
@@ -187,7 +260,8 @@ class GeometryReader:
         where: str,
         moved: tuple[Deformation, list[Any]] | None,
     ) -> tuple[int, int]:
-        """(base vertex, count) of the primitive's vertices, read once for equal attributes; `moved`: how, and its morph targets."""
+        """Return (base vertex, count) of the primitive's vertices, read once for equal attributes; `moved`: how, and its morph
+        targets."""
         transform = source.uvs.transform
         uv_name = f"TEXCOORD_{source.uvs.uv_set}"
         second_name = None if source.second_uv_set is None else f"TEXCOORD_{source.second_uv_set}"
@@ -264,7 +338,7 @@ class GeometryReader:
     def _stored(
         self, attributes: dict[str, Any], draco: DracoMesh | None, where: str, name: str
     ) -> NDArray[Any] | None:
-        """[count, 4] of an attribute as it is stored; None when the primitive has no such attribute."""
+        """Return [count, 4] of an attribute as it is stored; None when the primitive has no such attribute."""
         if name not in attributes:
             return None
         if draco is not None and name in draco.attributes:
@@ -272,7 +346,7 @@ class GeometryReader:
         return self._accessors.raw(attributes[name], f"{where}.attributes.{name}", ("VEC4",))
 
     def _normal(self, normals: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
-        """[count, 3] unit normals, zero where the file's is none."""
+        """Return [count, 3] unit normals, zero where the file's is none."""
         if normals is None:
             return None
         self._notes.honoured("vertex normals: primitives")
@@ -282,7 +356,7 @@ class GeometryReader:
         return unit
 
     def _tangent(self, tangents: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
-        """[count, 4] unit tangents and signs, zero where the file's is none."""
+        """Return [count, 4] unit tangents and signs, zero where the file's is none."""
         if tangents is None:
             return None
         self._notes.honoured("vertex tangents: primitives")
@@ -294,7 +368,7 @@ class GeometryReader:
     def _optional(
         self, name: str, attributes: dict[str, Any], draco: DracoMesh | None, count: int, where: str, instead: str
     ) -> NDArray[np.float32] | None:
-        """`_attribute` of normals or tangents: a picture can do without, so what is wrong with them is only reported."""
+        """Return `_attribute` of normals or tangents: a picture can do without, so what is wrong with them is only reported."""
         kind, components = ("VEC3", 3) if name == "NORMAL" else ("VEC4", 4)
         try:
             values = self._attribute(name, attributes, draco, where, (kind,), components)
@@ -314,7 +388,7 @@ class GeometryReader:
         kinds: tuple[str, ...],
         components: int | None,
     ) -> NDArray[np.float32] | None:
-        """[count, components] float32; None when the primitive has no such attribute."""
+        """Return [count, components] float32; None when the primitive has no such attribute."""
         if name not in attributes:
             return None
         field = f"{where}.attributes.{name}"
@@ -336,7 +410,7 @@ class GeometryReader:
     def _triangles(
         self, entry: dict[str, Any], draco: DracoMesh | None, mode: int, vertex_count: int, where: str
     ) -> tuple[int, int]:
-        """(first index, count) of the primitive's triangles, read once for equal index accessors."""
+        """Return (first index, count) of the primitive's triangles, read once for equal index accessors."""
         file = self._file
         key = (_index_or_none(entry.get("indices")), mode, None if "indices" in entry else vertex_count)
         if draco is None and key in self._index_ranges:

@@ -10,13 +10,13 @@ from viewer.scene.gltf.container import GltfFile
 from viewer.scene.json_text import describe
 
 EXTENSIONS = ("KHR_meshopt_compression", "EXT_meshopt_compression")
-"""They differ in name alone: the second is the older one."""
+"""Names of the extension: the second is the older one, with the same content."""
 BYTES_PER_BYTE = 1100
 """Attributes may decode to this many bytes for each one: a block of 256 elements takes a byte for four bytes of each (1024)."""
 INDICES_PER_BYTE = {"TRIANGLES": 3, "INDICES": 1}
 """Indices that one byte can stand for at most: triangles take a byte each, other indices too."""
 FREE_BYTES = 1 << 12
-"""What any view may decode to, however small it is."""
+"""Bytes that any view may decode to, however small it is."""
 
 Mode = Literal["ATTRIBUTES", "TRIANGLES", "INDICES"]
 Filter = Literal["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR"]
@@ -41,7 +41,7 @@ class MeshoptView:
 
 
 def meshopt_extension(file: GltfFile, view: dict[str, Any], where: str) -> MeshoptView | None:
-    """What the buffer view `view`, named by the field `where`, says of its compression; None where it is not compressed.
+    """Return what the buffer view `view`, named by the field `where`, says of its compression; None where it is not compressed.
 
     Raises InputError for values that the extension does not allow, and for more elements than its bytes can stand for.
     """
@@ -89,7 +89,7 @@ def _one_of(
 
 
 def decode_meshopt(file: GltfFile, view: MeshoptView, compressed: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """[count * stride] uint8: what `compressed` [length] uint8 stands for, its filter undone. Raises InputError."""
+    """Return [count * stride] uint8: what `compressed` [length] uint8 stands for, its filter undone. Raises InputError."""
     if view.count == 0:
         return np.zeros(0, np.uint8)
     import meshopt

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.scene.gltf.accessors import Accessors, normalize
+from viewer.scene.gltf.buffers import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.motion.animations import AnimatedPath, NodeValues
 from viewer.scene.report import ReportNotes
@@ -22,7 +22,7 @@ IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0
 
 @dataclass(frozen=True, eq=False)
 class NodePlacements:
-    """One node of the drawn scene with the placements of its mesh."""
+    """Node of the drawn scene with the placements of its mesh."""
 
     node: int
     world: NDArray[np.float64]
@@ -32,15 +32,15 @@ class NodePlacements:
     """[N, 4, 4] placements of the mesh: `world`, or one for each instance of EXT_mesh_gpu_instancing."""
     camera: int | None
     visible: bool = True
-    """Whether its mesh and lights are there (KHR_node_visibility)."""
+    """True if its mesh and lights are there (KHR_node_visibility)."""
     weights: tuple[float, ...] = ()
-    """Of the morph targets of its mesh."""
+    """Weights of the morph targets of its mesh."""
 
 
 def compose(
     translations: NDArray[np.float64], rotations: NDArray[np.float64], scales: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """[N, 4, 4] matrices T R S from [N, 3], unit-length or not xyzw quaternions [N, 4], and [N, 3].
+    """Return [N, 4, 4] matrices T R S from [N, 3], unit-length or not xyzw quaternions [N, 4], and [N, 3].
 
     A zero quaternion counts as no rotation.
     """
@@ -64,7 +64,8 @@ def compose(
 
 
 def local_matrices(file: GltfFile, indices: Sequence[int], animated: NodeValues = NOTHING) -> NDArray[np.float64]:
-    """[N, 4, 4] node-to-parent matrices of the nodes `indices`; `animated` values stand for the nodes' own. Raises InputError."""
+    """Return [N, 4, 4] node-to-parent matrices of the nodes `indices`; `animated` values stand for the nodes' own.
+    Raises InputError."""
     nodes = file.entries("nodes")
     count = len(indices)
     translations, scales = np.zeros((count, 3)), np.ones((count, 3))
@@ -96,7 +97,7 @@ def local_matrices(file: GltfFile, indices: Sequence[int], animated: NodeValues 
 
 
 def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
-    """The root nodes of the default scene; without scenes, all nodes that are nobody's child. Raises InputError."""
+    """Return the root nodes of the default scene; without scenes, all nodes that are nobody's child. Raises InputError."""
     nodes = file.entries("nodes")
     scenes = file.entries("scenes")
     if not scenes:
@@ -142,7 +143,7 @@ def _instance_matrices(
 
 
 def _visible(file: GltfFile, order: Sequence[int], parents: Sequence[int], notes: ReportNotes) -> list[bool]:
-    """By place in depth-first order, whether neither a node nor one above it is hidden (KHR_node_visibility)."""
+    """Return whether each node is visible: neither it nor a node above it is hidden (KHR_node_visibility). In depth-first order."""
     nodes = file.entries("nodes")
     visible: list[bool] = []
     for index, parent in zip(order, parents, strict=True):
@@ -155,7 +156,7 @@ def _visible(file: GltfFile, order: Sequence[int], parents: Sequence[int], notes
 
 
 def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], list[int]]:
-    """(nodes of the default scene in depth-first order, place of each one's parent there or -1, depth of each).
+    """Return (nodes of the default scene in depth-first order, place of each one's parent there or -1, depth of each).
 
     Raises InputError where a node has two parents or is its own ancestor (that would never end).
     """
@@ -191,7 +192,7 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
 def _world_matrices(
     file: GltfFile, order: Sequence[int], parents: Sequence[int], depths: Sequence[int], animated: NodeValues
 ) -> NDArray[np.float64]:
-    """[N, 4, 4] local-to-world, level by level. Raises InputError where one overflows."""
+    """Return [N, 4, 4] local-to-world, level by level. Raises InputError where one overflows."""
     worlds = local_matrices(file, order, animated)
     parent_rows, levels = np.array(parents, np.int64), np.array(depths, np.int64)
     by_level = np.argsort(levels, kind="stable")
@@ -208,7 +209,8 @@ def _world_matrices(
 
 
 def _weights(file: GltfFile, index: int, mesh: int | None, animated: NodeValues) -> tuple[float, ...]:
-    """Of the morph targets at a node: those that are animated, else the node's, else the mesh's. Raises InputError."""
+    """Return the weights of the morph targets at a node: those that are animated, else the node's, else the mesh's.
+    Raises InputError."""
     if mesh is None:
         return ()
     if (index, "weights") in animated:
@@ -225,7 +227,7 @@ def _weights(file: GltfFile, index: int, mesh: int | None, animated: NodeValues)
 def walk_nodes(
     file: GltfFile, accessors: Accessors, notes: ReportNotes, animated: NodeValues = NOTHING
 ) -> tuple[NodePlacements, ...]:
-    """All nodes of the default scene in depth-first order; `animated` values stand for the nodes' own.
+    """Return all nodes of the default scene in depth-first order; `animated` values stand for the nodes' own.
 
     Raises InputError where a node has two parents or is its own ancestor, and where a transform overflows.
     """

@@ -38,9 +38,9 @@ class PackOption:
     image: int
     """Index of the image entry that names the pack."""
     layer: int
-    """Which of the pack's textures it is."""
+    """Index of the texture in the pack."""
     channels: tuple[int, int, int, int]
-    """Which of that texture's channels stand for red, green, blue and alpha, NO_CHANNEL for none."""
+    """Channels of that texture that stand for red, green, blue and alpha, NO_CHANNEL for none."""
     pixel_hash: str
     """Identity of the texture in the pack; "" where the file does not tell."""
 
@@ -55,7 +55,7 @@ def _channels(file: GltfFile, option: Mapping[str, Any], where: str) -> tuple[in
 
 
 def pack_option(file: GltfFile, texture: Mapping[str, Any], where: str, notes: ReportNotes) -> PackOption | None:
-    """The first option of the glTF texture `texture` that names a pack of ours; others are reported. Raises InputError."""
+    """Return the first option of the glTF texture `texture` that names a pack of ours; others are reported. Raises InputError."""
     extension = file.extension(texture, SWIZZLE, where)
     if extension is None:
         return None
@@ -84,7 +84,7 @@ def pack_option(file: GltfFile, texture: Mapping[str, Any], where: str, notes: R
 
 
 def pack_path(file: GltfFile, image: int) -> Path:
-    """The file of the pack that the image entry `image` names. Raises InputError for one inside the glTF file."""
+    """Return the file of the pack that the image entry `image` names. Raises InputError for one inside the glTF file."""
     entry = file.entries("images")[image]
     where = f"images[{image}]"
     uri = file.text(entry, "uri", where)
@@ -97,7 +97,7 @@ def pack_path(file: GltfFile, image: int) -> Path:
 
 
 def pack_paths(file: GltfFile, notes: ReportNotes) -> tuple[Path, ...]:
-    """The packs that the file's images name, each once, as far as they are there; the others are reported."""
+    """Return the packs that the file's images name, each once, as far as they are there; the others are reported."""
     found: dict[Path, None] = {}
     for index, entry in enumerate(file.entries("images")):
         if entry.get("mimeType") != PACK_MIME_TYPE:
@@ -114,7 +114,7 @@ def pack_paths(file: GltfFile, notes: ReportNotes) -> tuple[Path, ...]:
 
 
 def with_packed_images(file: GltfFile) -> GltfFile:
-    """`file` with an image for each texture that has no other than one in a pack. Raises InputError."""
+    """Return `file` with an image for each texture that has no other than one in a pack. Raises InputError."""
     textures, images = list(file.entries("textures")), list(file.entries("images"))
     quiet = ReportNotes()
     for number, texture in enumerate(textures):
@@ -131,6 +131,6 @@ def with_packed_images(file: GltfFile) -> GltfFile:
 
 
 def packed_image(file: GltfFile, index: int) -> PackOption | None:
-    """What image `index` is read from, where `with_packed_images` made it; None for images of the file."""
+    """Return what image `index` is read from, where `with_packed_images` made it; None for images of the file."""
     option = file.entries("images")[index].get(_MARK)
     return option if isinstance(option, PackOption) else None

@@ -2,17 +2,21 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.scene.gltf.accessors import Accessors
+from ntc.errors import InputError
+from viewer.scene.gltf.buffers import Accessors
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.geometry import GeometryReader
+from viewer.scene.gltf.motion.animations import Animation, NodeValues
 from viewer.scene.gltf.motion.deformation import read_deformation
-from viewer.scene.gltf.nodes import NodePlacements
-from viewer.scene.model import Instances, Primitive
-from viewer.scene.moving import Deformation
+from viewer.scene.gltf.nodes import NodePlacements, walk_nodes
+from viewer.scene.model import Geometry, Instances, Pose, Primitive, Stand
+from viewer.scene.moving import Deformation, MovingVertices, moved_boxes
+from viewer.scene.report import ReportNotes
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,14 +31,14 @@ class Shape:
 
     @property
     def key(self) -> tuple[int, int]:
-        """The same for shapes of the same vertices."""
+        """Key that shapes of the same vertices share."""
         return self.mesh, -1 if self.deformation is None else self.node
 
 
 def placed_shapes(
     file: GltfFile, accessors: Accessors, placements: Sequence[NodePlacements], animated: Collection[int]
 ) -> list[Shape]:
-    """The meshes of all placements; `animated`: nodes whose morph weights some animation changes. Raises InputError."""
+    """Return the meshes of all placements; `animated`: nodes whose morph weights some animation changes. Raises InputError."""
     worlds = {placement.node: placement.world for placement in placements}
     shapes: list[Shape] = []
     for placement in placements:
@@ -50,7 +54,7 @@ def placed_shapes(
 def read_shapes(
     shapes: Sequence[Shape], reader: GeometryReader
 ) -> tuple[list[Primitive], dict[tuple[int, int], tuple[int, int]]]:
-    """(all primitives, (first, count) of those of each shape by its key). Raises InputError."""
+    """Return (all primitives, (first, count) of those of each shape by its key). Raises InputError."""
     primitives: list[Primitive] = []
     ranges: dict[tuple[int, int], tuple[int, int]] = {}
     for shape in shapes:
@@ -64,7 +68,7 @@ def read_shapes(
 def place_shapes(
     file: GltfFile, shapes: Sequence[Shape], ranges: Mapping[tuple[int, int], tuple[int, int]], most: int
 ) -> Instances:
-    """Every primitive of every shape, placement by placement; `most` in all, else InputError."""
+    """Return every primitive of every shape, placement by placement; `most` in all, else InputError."""
     of_mesh = np.array([ranges[shape.key] for shape in shapes], np.int64).reshape(-1, 2)
     copies = np.array([len(shape.worlds) for shape in shapes], np.int64)
     rows = np.cumsum(of_mesh[:, 1] * copies)
@@ -80,3 +84,76 @@ def place_shapes(
         transform=np.repeat(worlds, counts, axis=0),
         node=np.repeat(np.repeat(np.array([shape.node for shape in shapes], np.int32), copies), counts),
     )
+
+
+MOST_NAMED = 6
+"""Animations that one message names."""
+
+
+def posed_values(animations: Sequence[Animation], pose: Pose | None, scene: str) -> NodeValues:
+    """Return what the animation that `pose` names gives at its time; nothing for None.
+    Raises InputError where there is none of that name."""
+    if pose is None:
+        return {}
+    if not animations:
+        raise InputError(f"{scene}: has no animations")
+    found = next((animation for animation in animations if pose.animation in ("", animation.name)), None)
+    if found is None:
+        known = ", ".join(animation.name for animation in animations[:MOST_NAMED])
+        raise InputError(f"{scene}: no animation {pose.animation!r}; there are {known}")
+    return found.at(pose.seconds)
+
+
+def animated_weights(animations: Sequence[Animation]) -> frozenset[int]:
+    """Nodes whose morph weights some animation changes."""
+    return frozenset(
+        channel.node for animation in animations for channel in animation.channels if channel.path == "weights"
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SceneMotion:
+    """The animations of a file, and what they move. Keeps the file in memory."""
+
+    name: str
+    file: GltfFile
+    accessors: Accessors
+    animations: tuple[Animation, ...]
+    moving: tuple[MovingVertices, ...]
+    ranges: Mapping[tuple[int, int], tuple[int, int]]
+    """(first, count) of the primitives of each shape by its key."""
+    primitives: tuple[Primitive, ...]
+    geometry: Geometry
+    most_instances: int
+
+    @cached_property
+    def _animated(self) -> frozenset[int]:
+        """Nodes whose morph weights some animation changes: the same in all poses."""
+        return animated_weights(self.animations)
+
+    @cached_property
+    def _boxes(self) -> NDArray[np.float64]:
+        """Return [primitives, 2, 3] boxes around the vertices of each primitive, as they were read."""
+        boxes = np.zeros((len(self.primitives), 2, 3))
+        for box, primitive in zip(boxes, self.primitives, strict=True):
+            own = self.geometry.positions[primitive.base_vertex : primitive.base_vertex + primitive.vertex_count]
+            if len(own):
+                box[:] = own.min(axis=0), own.max(axis=0)
+        return boxes
+
+    def at(self, pose: Pose | None) -> Stand:
+        """Return how the scene stands in a pose; None: as its nodes say. Raises InputError for a pose of no animation of the file."""
+        values = posed_values(self.animations, pose, self.name)
+        placements = walk_nodes(self.file, self.accessors, ReportNotes(), values)
+        shapes = placed_shapes(self.file, self.accessors, placements, self._animated)
+        instances = place_shapes(self.file, shapes, self.ranges, self.most_instances)
+        deformations = {shape.node: shape.deformation for shape in shapes if shape.deformation is not None}
+        moved = {part.base_vertex: part.box(deformations[part.node]) for part in self.moving}
+        boxes = self._boxes.copy()
+        for box, primitive in zip(boxes, self.primitives, strict=True):
+            if primitive.base_vertex in moved:
+                box[:] = moved[primitive.base_vertex]
+        placed = moved_boxes(boxes[instances.primitive], instances.transform.astype(np.float64))
+        largest = float(np.finfo(np.float32).max)
+        bounds = np.clip(np.stack([placed[:, 0].min(axis=0), placed[:, 1].max(axis=0)]), -largest, largest)
+        return Stand(pose, instances, deformations, moved, bounds.astype(np.float32))

@@ -30,9 +30,9 @@ IMAGE_EXTENSIONS = (
     "EXT_texture_astc",
     "EXT_texture_avif",
 )
-"""They name another image of a texture, in order of preference."""
+"""Extensions that name another image of a texture, in order of preference."""
 COPIES = frozenset({"KHR_texture_basisu", "EXT_texture_astc", "EXT_texture_avif"})
-"""Those of IMAGE_EXTENSIONS that are used where there is no plain image."""
+"""Extensions among IMAGE_EXTENSIONS that are used where there is no plain image."""
 LEAST_DETERMINANT = 1e-12
 """A transform that shrinks areas more than this is taken to be without an inverse."""
 LARGEST_TERM = 1e30
@@ -54,7 +54,7 @@ class UvTransform:
 
     @property
     def affine(self) -> Affine:
-        """The same as the rows of a matrix."""
+        """Transform as the rows of a matrix."""
         cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
         across, along = self.scale
         return cosine * across, sine * along, self.offset[0], -sine * across, cosine * along, self.offset[1]
@@ -68,7 +68,7 @@ class UvTransform:
 
 
 def after_inverse(first: UvTransform | None, second: UvTransform | None) -> Affine | None:
-    """What takes UVs that `first` was applied to to those that `second` gives; None without an inverse, and on overflow."""
+    """Return what takes UVs that `first` was applied to to those that `second` gives; None without an inverse, and on overflow."""
     if first == second:
         return IDENTITY
     a, b, c, d, e, f = IDENTITY if first is None else first.affine
@@ -95,7 +95,7 @@ class TextureReference:
     uv_set: int = 0
     uv_transform: UvTransform | None = None
     category: str | None = None
-    """From extras of the image or the texture."""
+    """Category from extras of the image or the texture."""
     texture: int = -1
     """Index of the texture entry of the file."""
     packed_hash: str = ""
@@ -103,7 +103,7 @@ class TextureReference:
 
 
 def category_of(file: GltfFile, owner: dict[str, Any]) -> str | None:
-    """The text "category" in the extras of `owner`, if it has one."""
+    """Return the text "category" in the extras of `owner`, if it has one."""
     extras = owner.get("extras")
     value = extras.get("category") if isinstance(extras, dict) else None
     return file.label({"name": value}, "") or None if isinstance(value, str) else None
@@ -152,7 +152,7 @@ def _image_index(file: GltfFile, texture: dict[str, Any], where: str, notes: Rep
 def _uv_transform(
     file: GltfFile, info: dict[str, Any], where: str, notes: ReportNotes
 ) -> tuple[int | None, UvTransform | None]:
-    """(texCoord that overrides, transform) of a textureInfo."""
+    """Return (texCoord that overrides, transform) of a textureInfo."""
     extension = file.extension(info, "KHR_texture_transform", where)
     if extension is None:
         return None, None
@@ -168,7 +168,7 @@ def _uv_transform(
 def read_reference(
     file: GltfFile, owner: dict[str, Any], key: str, where: str, notes: ReportNotes
 ) -> TextureReference | None:
-    """The textureInfo `owner[key]`; None when there is none, or none with an image that is read. Raises InputError."""
+    """Return the textureInfo `owner[key]`; None when there is none, or none with an image that is read. Raises InputError."""
     if key not in owner:
         return None
     info = file.object(owner, key, where)

@@ -1,12 +1,18 @@
-"""What is known of images without their pixels, kept on disk by the bytes of their files: a scene opens without decoding again."""
+"""Facts of images without their pixels, kept on disk by the bytes of their files: a scene opens without decoding again."""
 
 import hashlib
+import threading
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Mapping
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Final, Protocol, TypeVar, cast
 
 import msgspec
+import numpy as np
 import OpenImageIO
+from numpy.typing import NDArray
 
 from ntc.codec.maps import MapName
 from ntc.errors import InputError
@@ -21,24 +27,24 @@ SUFFIX: Final = ".facts"
 
 
 class MapFacts(msgspec.Struct, frozen=True):
-    """One map as one image holds it."""
+    """Facts of a map as one image holds it."""
 
     key: str = ""
     """Identity of its pixels (`hash_pixels`); "" when there is nothing to sample: it is constant, or not usable."""
     constant: tuple[int, ...] | None = None
     """The only value, 0 to 255, where there is but one."""
     remark: str = ""
-    """What was wrong with it."""
+    """Fault of the map that the load report names."""
 
 
 class ImageFacts(msgspec.Struct, frozen=True):
-    """One image, for what materials read of it."""
+    """Facts of an image, for the parts that materials read."""
 
     size: tuple[int, int]
     """(width, height) in texels."""
     decoded_bytes: int
     kept_bytes: int
-    """Of the pixels that materials read."""
+    """Bytes of the pixels that materials read."""
     pixel_hash: str = ""
     """Identity of the base colour, with alpha where that is read; "" where it is constant or not read."""
     has_alpha: bool = False
@@ -57,7 +63,7 @@ class FactsFile:
     """Facts of a scene's images, and hashes of its material sets. Threads may add to it."""
 
     def __init__(self, folder: Path | None, scene: Path | None) -> None:
-        """`folder` is the cache's; without it, or a scene's file, nothing is kept."""
+        """Keep facts in the cache `folder`; without it, or a scene's file, nothing is kept."""
         self._path: Path | None = None
         if folder is not None and scene is not None:
             name = hashlib.sha256(str(scene.resolve()).encode(errors="surrogateescape")).hexdigest()[:32]
@@ -77,11 +83,11 @@ class FactsFile:
 
     @staticmethod
     def image_key(data: bytes, use: str) -> str:
-        """Under which facts of an image file are kept; `use` says what is read of it."""
+        """Return the key of the facts of an image file; `use` says what is read of it."""
         return f"{hashlib.sha256(data).hexdigest()[:32]} {use}"
 
     def image(self, key: str) -> ImageFacts | None:
-        """What is known under `key`."""
+        """Return what is known under `key`."""
         found = self._known.images.get(key)
         if found is not None:
             self._used.images[key] = found
@@ -93,7 +99,7 @@ class FactsFile:
         self._new_bytes += facts.decoded_bytes
 
     def set_hash(self, key: str) -> str | None:
-        """The hash of the set whose parts `key` identifies."""
+        """Return the hash of the set whose parts `key` identifies."""
         found = self._known.sets.get(key)
         if found is not None:
             self._used.sets[key] = found
@@ -116,3 +122,113 @@ def _trim(folder: Path) -> None:
     files = [path for path in folder.glob(f"*{SUFFIX}") if path.is_file() and not is_partial(path)]
     for path in sorted(files, key=lambda path: path.stat().st_mtime_ns)[:-MOST_SCENES]:
         path.unlink()
+
+
+LARGEST_CACHE = 1 << 29
+"""Bytes of one scene."""
+
+
+class Sized(Protocol):
+    """Object that takes memory."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of memory."""
+        ...
+
+
+Content = TypeVar("Content", bound=Sized)
+
+
+class PixelCache:
+    """Content by key. Any thread may ask; what several ask for at once is made once."""
+
+    def __init__(self, most_bytes: int = LARGEST_CACHE) -> None:
+        self._lock = threading.Lock()
+        self._most_bytes = most_bytes
+        self._kept: OrderedDict[Hashable, Sized] = OrderedDict()
+        self._being_made: dict[Hashable, threading.Event] = {}
+        self._bytes = 0
+        self.made = 0
+        """Number of times that something was made because it was not there."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of what is kept: never more than allowed."""
+        return self._bytes
+
+    def offer(self, key: Hashable, content: Sized) -> None:
+        """Keep `content` if there is room for it without removing anything."""
+        with self._lock:
+            if key not in self._kept and self._bytes + content.nbytes <= self._most_bytes:
+                self._keep(key, content)
+
+    def get(self, key: Hashable, make: Callable[[], Content]) -> Content:
+        """Return what is kept under `key`, which always means the same, else what `make` returns. What it raises is not kept."""
+        while True:
+            with self._lock:
+                if key in self._kept:
+                    self._kept.move_to_end(key)
+                    return cast(Content, self._kept[key])
+                waits_for = self._being_made.get(key)
+                if waits_for is None:
+                    mine = self._being_made[key] = threading.Event()
+                    break
+            waits_for.wait()
+        try:
+            content = make()
+            with self._lock:
+                self.made += 1
+                if content.nbytes <= self._most_bytes:
+                    self._keep(key, content)
+            return content
+        finally:
+            with self._lock:
+                del self._being_made[key]
+            mine.set()
+
+    def _keep(self, key: Hashable, content: Sized) -> None:
+        self._kept[key] = content
+        self._bytes += content.nbytes
+        while self._bytes > self._most_bytes:
+            _, oldest = self._kept.popitem(last=False)
+            self._bytes -= oldest.nbytes
+
+
+class TexturePixels(Protocol):
+    """Pixels of one texture, that may have to be read from a file: any thread may ask. All raise InputError where that fails."""
+
+    def picture(self) -> NDArray[np.uint8]:
+        """Return [H, W, 3] uint8 sRGB: base colour; of a set without one a picture of its first map."""
+        ...
+
+    def alpha(self) -> NDArray[np.uint8] | None:
+        """Return [H, W] uint8 coverage; None where there is none."""
+        ...
+
+    def further(self) -> Mapping[MapName, NDArray[np.uint8]]:
+        """Return [H, W, channels of the map] uint8 of each map besides the base colour."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class PixelsInMemory:
+    """Pixels that are there as long as the texture."""
+
+    color: NDArray[np.uint8]
+    """[H, W, 3]."""
+    coverage: NDArray[np.uint8] | None = None
+    """[H, W]."""
+    maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
+
+    def picture(self) -> NDArray[np.uint8]:
+        """Return [H, W, 3] uint8."""
+        return self.color
+
+    def alpha(self) -> NDArray[np.uint8] | None:
+        """Return [H, W] uint8."""
+        return self.coverage
+
+    def further(self) -> Mapping[MapName, NDArray[np.uint8]]:
+        """Maps besides the base colour, each [H, W, C] uint8."""
+        return self.maps

@@ -12,7 +12,6 @@ from ntc.codec.grid.model import GridConfig
 from ntc.pack.file import read_pack, write_pack
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from viewer import cli
-from viewer.cli import info_all
 from viewer.cli.info import pack_json, pack_lines
 from viewer.cli.sources import resolve_precision
 from viewer.cli.table import Column, Table
@@ -69,7 +68,7 @@ def test_a_fault_of_the_reader_does_not_end_the_table(
     def broken(_path: Path) -> None:
         raise ZeroDivisionError("a\x1b[2J")
 
-    monkeypatch.setattr(info_all, "load_scene", broken)
+    monkeypatch.setattr("viewer.cli.info.load_scene", broken)
     assert cli.main(["info", "--all", str(folder)]) == 0
     printed = capsys.readouterr().out
     assert "crashed: ZeroDivisionError: a[2J" in printed

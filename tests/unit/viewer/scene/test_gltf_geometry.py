@@ -15,12 +15,19 @@ from lab.benchmarks.geometry.scenes import MESH_TRIANGLES, write_geometry
 from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, TRIANGLE_UVS, GltfBuilder, noise, png
 from tests.support.scenes import built, sorted_triangles, world_triangles
-from viewer.scene.gltf.accessors import Accessors
-from viewer.scene.gltf.buffers import Buffers
+from viewer.scene.gltf.buffers import Accessors, Buffers
 from viewer.scene.gltf.container import parse_gltf
-from viewer.scene.gltf.geometry import TRIANGLE_FAN, TRIANGLE_STRIP, TRIANGLES, triangle_list
-from viewer.scene.gltf.joined_arrays import SHORT_INDICES, joined, joined_indices
-from viewer.scene.gltf.vertex_frames import unit_normals, unit_tangents
+from viewer.scene.gltf.geometry import (
+    SHORT_INDICES,
+    TRIANGLE_FAN,
+    TRIANGLE_STRIP,
+    TRIANGLES,
+    joined,
+    joined_indices,
+    triangle_list,
+    unit_normals,
+    unit_tangents,
+)
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 

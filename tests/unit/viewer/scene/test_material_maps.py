@@ -15,7 +15,7 @@ from ntc.metrics.compressed_textures import compress_texture
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.picture_scenes import as_set, scene_of, texture_of
 from tests.support.scenes import built
-from viewer.scene.gltf.maps.map_pixels import resampled
+from viewer.scene.gltf.maps.images import resampled
 from viewer.scene.map_pictures import (
     compressed_plane_mips,
     compressed_scene,

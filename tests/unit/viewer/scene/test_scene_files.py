@@ -19,12 +19,11 @@ from ntc.errors import InputError
 from tests.end_to_end.conftest import two_squares
 from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.scenes import sorted_triangles, world_triangles
-from viewer.scene.archives import FREE_BYTES
 from viewer.scene.cameras_file import cameras_beside, with_cameras_beside
 from viewer.scene.folder_listing import completed, list_folder, matching
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.scene.scene_files import SCENES_NAMED, scene_file
+from viewer.scene.scene_files import FREE_BYTES, SCENES_NAMED, scene_file
 
 
 def simple() -> GltfBuilder:

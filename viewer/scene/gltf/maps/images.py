@@ -18,7 +18,6 @@ from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.scene.gltf.buffers import Buffers, is_data_uri, read_uri, resolve_uri
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.gltf.maps.map_pixels import map_channels, map_facts
 from viewer.scene.gltf.maps.packed_pixels import PackedTextures
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.packed_textures import PACK_MIME_TYPE, PackOption, packed_image
@@ -30,9 +29,92 @@ from viewer.scene.images import (
     map_in_threads,
     split_alpha,
 )
-from viewer.scene.pixels.image_facts import FactsFile, ImageFacts, MapFacts
-from viewer.scene.pixels.pixel_cache import PixelCache
+from viewer.scene.pixels.image_facts import FactsFile, ImageFacts, MapFacts, PixelCache
 from viewer.scene.report import ReportNotes
+
+CHANNELS: dict[MapName, tuple[int, ...]] = {
+    "normal": (0, 1),
+    "roughness": (1,),
+    "metalness": (2,),
+    "emissive": (0, 1, 2),
+    "occlusion": (0,),
+}
+"""Channels of the image that hold each map (glTF 2.0, Sec. 3.9)."""
+FLAT = ((127, 127), (127, 128), (128, 127), (128, 128))
+"""Normal xy that stand for an even surface: 0 lies between two of 256 steps."""
+MIDDLE = 127.5
+SHORTEST, LONGEST = 0.9, 1.1
+"""Lengths of stored normals beyond rounding: others are brought to 1 before z is dropped."""
+ROWS = 256
+"""Rows of an image that are looked at together."""
+
+
+def _unit_normals(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
+    """Return (xy [H, W, 2] of the normals in `image` [H, W, 3 or 4], texels whose normal was far from unit length; those that
+    also point into the surface become even).
+
+    Renderers normalise what they sample (glTF 2.0, Sec. 3.9); z is rebuilt from xy here, so xy must be those of the unit
+    normal. Where blue is the same everywhere the image holds xy alone.
+    """
+    normal = np.ascontiguousarray(image[..., :2])
+    blue = image[..., 2]
+    if bool((blue == blue[0, 0]).all()):
+        return normal, 0
+    changed = 0
+    for start in range(0, len(image), ROWS):
+        vectors = (image[start : start + ROWS, :, :3].astype(np.float32) - np.float32(MIDDLE)) / np.float32(MIDDLE)
+        lengths = np.sqrt(np.einsum("hwc,hwc->hw", vectors, vectors))
+        far = ((lengths < SHORTEST) | (lengths > LONGEST)) & (lengths > 0.05)
+        count = int(far.sum())
+        if count:
+            changed += count
+            unit = vectors[far][:, :2] / lengths[far][:, None]
+            # Black texels, which no triangle shows, are common.
+            unit[vectors[far][:, 2] < 0] = 0.0
+            normal[start : start + ROWS][far] = np.floor(unit * MIDDLE + MIDDLE + 0.5).astype(np.uint8)
+    return normal, changed
+
+
+def map_channels(name: MapName, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8] | None, str]:
+    """Return ([H, W, channels] of map `name` of `image` [H, W, 3 or 4] uint8, or None where that is not usable; what was wrong
+    with it)."""
+    if name != "normal":
+        channels = CHANNELS[name]
+        return np.ascontiguousarray(image[..., channels[0] : channels[-1] + 1]), ""
+    if not is_constant(image[..., :3]) and all(bool((image[..., k] == image[..., 0]).all()) for k in (1, 2)):
+        return None, "is grey, no normals are in it; left out"
+    pixels, changed = _unit_normals(image)
+    if not changed:
+        return pixels, ""
+    share = 100.0 * changed / (pixels.shape[0] * pixels.shape[1])
+    return pixels, f"has normals far from unit length, which were normalised: {share:.3g} % of its texels"
+
+
+def map_facts(name: MapName, pixels: NDArray[np.uint8] | None, remark: str) -> MapFacts:
+    """Return what there is to know of what `map_channels` gives."""
+    if pixels is None:
+        return MapFacts(remark=remark)
+    if not is_constant(pixels):
+        return MapFacts(hash_pixels(pixels), None, remark)
+    constant = tuple(int(value) for value in pixels[0, 0])
+    if name == "normal" and constant not in FLAT:
+        return MapFacts(remark="has one normal that is not upright; left out")
+    return MapFacts(constant=constant, remark=remark)
+
+
+def resampled(pixels: NDArray[np.uint8], width: int, height: int) -> NDArray[np.uint8]:
+    """Return [height, width, C] uint8: `pixels` [H, W, C] sampled bilinearly at texel centres, clamped at the borders."""
+    for axis, size in ((0, height), (1, width)):
+        count = pixels.shape[axis]
+        if count == size:
+            continue
+        at = np.clip((np.arange(size) + 0.5) * (count / size) - 0.5, 0.0, count - 1.0)
+        low = np.floor(at).astype(np.int64)
+        share = (at - low).astype(np.float32).reshape((-1, 1, 1) if axis == 0 else (1, -1, 1))
+        lower, upper = pixels.take(low, axis), pixels.take(np.minimum(low + 1, count - 1), axis)
+        pixels = np.floor(lower + share * (upper.astype(np.float32) - lower) + np.float32(0.5)).astype(np.uint8)
+    return pixels
+
 
 FREE_PIXEL_BYTES = 1 << 29
 """Bytes of pixels that any scene may keep, however small its images are as files; beyond, LARGE_EXPANSION holds."""
@@ -59,21 +141,21 @@ class ImageContent:
 
 @dataclass(frozen=True, eq=False)
 class SceneImage:
-    """One image of the file; `failure` says why there are no pixels."""
+    """Image of the file; `failure` says why there are no pixels."""
 
     name: str
     origin: str
     facts: ImageFacts = NO_FACTS
     failure: str = ""
     read: Callable[[], ImageContent] = ImageContent
-    """Its pixels, from memory or from the file. Raises InputError."""
+    """Reader of the pixels, from memory or from the file. Raises InputError."""
     packed_hash: str = ""
     """Identity of the texture of a pack that it is decoded from; "" for an image file."""
 
 
 @dataclass
 class ImageUse:
-    """What materials read of an image."""
+    """Parts of an image that materials read."""
 
     maps: set[MapName] = field(default_factory=set)
     alpha: bool = False
@@ -108,16 +190,16 @@ class TooManyPixelsError(Exception):
 
 @dataclass(frozen=True, eq=False)
 class _ImageFile:
-    """Where the bytes of an image lie."""
+    """Place where the bytes of an image lie."""
 
     data: bytes | memoryview | None = None
-    """Those of embedded images."""
+    """Bytes of an embedded image."""
     path: Path | None = None
     keeps: object = None
-    """What must not go before `path` is read."""
+    """Object that keeps `path` on disk until it is read."""
 
     def read(self, label: str) -> bytes:
-        """The bytes. Raises InputError."""
+        """Return the bytes. Raises InputError."""
         if self.data is not None:
             return bytes(self.data)
         assert self.path is not None
@@ -128,7 +210,7 @@ class _ImageFile:
 
 
 def _found(file: GltfFile, buffers: Buffers, index: int) -> tuple[_ImageFile, bytes]:
-    """(where image `index` lies, its bytes). Raises InputError."""
+    """Return (where image `index` lies, its bytes). Raises InputError."""
     entry = file.entries("images")[index]
     where = f"images[{index}]"
     if "uri" in entry:
@@ -144,12 +226,12 @@ def _found(file: GltfFile, buffers: Buffers, index: int) -> tuple[_ImageFile, by
 
 
 def image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
-    """The file of image `index`, wherever it lies. Raises InputError."""
+    """Return the file of image `index`, wherever it lies. Raises InputError."""
     return _found(file, buffers, index)[1]
 
 
 def _source(file: GltfFile, index: int) -> tuple[str, Any]:
-    """What image `index` is read from: images with the same source are decoded once."""
+    """Return what image `index` is read from: images with the same source are decoded once."""
     entry = file.entries("images")[index]
     for key in ("uri", "bufferView"):
         if key in entry:
@@ -158,7 +240,7 @@ def _source(file: GltfFile, index: int) -> tuple[str, Any]:
 
 
 def _names(file: GltfFile, index: int) -> tuple[str, str]:
-    """(name, origin) of image `index`."""
+    """Return (name, origin) of image `index`."""
     entry = file.entries("images")[index]
     uri = entry.get("uri")
     external = isinstance(uri, str) and uri[:5].lower() != "data:"
@@ -169,7 +251,7 @@ def _names(file: GltfFile, index: int) -> tuple[str, str]:
 
 
 def image_uses(sources: Sequence[MaterialSource]) -> dict[int, ImageUse]:
-    """By image, what `sources` read of it: base colours first, in the order of their materials."""
+    """Return the parts of each image that `sources` read, by image: base colours first, in the order of their materials."""
     uses: dict[int, ImageUse] = {}
     for source in sources:
         if "base" in source.maps:
@@ -187,7 +269,7 @@ def image_uses(sources: Sequence[MaterialSource]) -> dict[int, ImageUse]:
 
 
 def _taken_apart(decoded: NDArray[np.uint8], use: ImageUse) -> tuple[ImageContent, ImageFacts]:
-    """What `use` reads of the image `decoded` [H, W, 3 or 4]."""
+    """Return what `use` reads of the image `decoded` [H, W, 3 or 4]."""
     found: dict[MapName, NDArray[np.uint8]] = {}
     facts: dict[MapName, MapFacts] = {}
     for name in sorted(use.maps - {"base"}):
@@ -215,7 +297,7 @@ def _taken_apart(decoded: NDArray[np.uint8], use: ImageUse) -> tuple[ImageConten
 
 
 def _read_again(data: bytes, label: str, facts: ImageFacts) -> ImageContent:
-    """The pixels of an image whose facts are known. Raises InputError where it is not there any more, or another."""
+    """Return the pixels of an image whose facts are known. Raises InputError where it is not there any more, or another."""
     decoded = decode_image(data, label)
     if (decoded.shape[1], decoded.shape[0]) != facts.size:
         raise InputError(f"{label}: has changed since the scene was opened; open it again")
@@ -277,7 +359,7 @@ class ImageReader:
         )
 
     def _in_pack(self, option: PackOption, use: ImageUse, name: str) -> SceneImage:
-        """An image that only a pack holds."""
+        """Return an image that only a pack holds."""
         packed = self._packed
         try:
             texture = packed.find(option)
@@ -301,7 +383,7 @@ def find_images(
     notes: ReportNotes,
     report: ProgressReport | None = None,
 ) -> dict[int, SceneImage]:
-    """The images that are the keys of `uses`, in their order; those that fail are reported.
+    """Return the images that are the keys of `uses`, in their order; those that fail are reported.
 
     Each source is read once (twice where one material reads its alpha and another does not). Raises TooManyPixelsError, and what
     `report` raises.

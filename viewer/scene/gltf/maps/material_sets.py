@@ -4,14 +4,17 @@ Planes of a material that share size, UVs and sampler lie in one texture, a mate
 another already: every image is in one texture only, however many materials read it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.maps import BASE_ALONE, MAP_CHANNELS, MAPS, PLANE_COMPONENTS, PLANE_OF_MAP, MapName, Plane
 from ntc.codec.mips import srgb_to_linear
+from ntc.codec.textures import hash_channels
+from ntc.errors import InputError
 from viewer.locations import images_cache
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile
@@ -22,21 +25,109 @@ from viewer.scene.gltf.maps.images import (
     find_images,
     image_uses,
     note_absent,
+    resampled,
 )
-from viewer.scene.gltf.maps.texture_content import ImageMap, ImagesOfTexture
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.textures import IDENTITY, Affine, TextureReference
 from viewer.scene.images import ProgressReport, map_in_threads
 from viewer.scene.model import Material, PlaneTexture, Sampler, SceneTexture, SurfaceFactors
-from viewer.scene.pixels.image_facts import FactsFile, MapFacts
-from viewer.scene.pixels.pixel_cache import PixelCache
+from viewer.scene.pixels.image_facts import FactsFile, MapFacts, PixelCache
 from viewer.scene.report import ReportNotes
+
+
+@dataclass(frozen=True)
+class ImageMap:
+    """Map of an image, at the size of the texture that it lies in. Equal ones are the same."""
+
+    image: SceneImage
+    name: MapName
+    key: str
+    """Identity of its pixels at their own size."""
+    size: tuple[int, int]
+    """(width, height) in texels of the texture."""
+    cache: PixelCache
+
+    def pixels(self) -> NDArray[np.uint8]:
+        """Return [H, W, channels of the map]. Raises InputError."""
+        found = self.image.read().maps.get(self.name)
+        if found is None:
+            raise InputError(f"{self.image.origin}: has changed since the scene was opened; open it again")
+        if self.image.facts.size == self.size:
+            return found
+        own = found
+        return self.cache.get(self, lambda: resampled(own, *self.size))
+
+
+@dataclass(frozen=True, eq=False)
+class ImagesOfTexture:
+    """The pixels of one texture (`viewer.scene.pixels.image_facts.TexturePixels`)."""
+
+    base: SceneImage | None
+    maps: Mapping[MapName, ImageMap]
+    cache: PixelCache
+
+    def picture(self) -> NDArray[np.uint8]:
+        """Return [H, W, 3] uint8 sRGB."""
+        if self.base is None:
+            first = next(iter(self.maps))
+            return self.cache.get(self, lambda: _picture(first, self.maps[first].pixels()))
+        pixels = self.base.read().pixels
+        if pixels is None:
+            raise InputError(f"{self.base.origin}: has changed since the scene was opened; open it again")
+        return pixels
+
+    def alpha(self) -> NDArray[np.uint8] | None:
+        """Return [H, W] uint8."""
+        return None if self.base is None else self.base.read().alpha
+
+    def further(self) -> Mapping[MapName, NDArray[np.uint8]]:
+        """Return the maps besides the base colour, each [H, W, C] uint8."""
+        return _MapsWhenNeeded(self.maps)
+
+    def set_hash(self) -> str:
+        """Return the hash of all maps together."""
+        further = list(self.further().values())
+        if self.base is None:
+            return hash_channels(further)
+        color, alpha = self.picture(), self.alpha()
+        return hash_channels([color if alpha is None else np.dstack([color, alpha]), *further])
+
+
+class _MapsWhenNeeded(Mapping[MapName, NDArray[np.uint8]]):
+    """Reads the image of a map when that map is asked for."""
+
+    def __init__(self, maps: Mapping[MapName, ImageMap]) -> None:
+        self._maps = maps
+
+    def __getitem__(self, name: MapName) -> NDArray[np.uint8]:
+        return self._maps[name].pixels()
+
+    def __iter__(self) -> Iterator[MapName]:
+        return iter(self._maps)
+
+    def __len__(self) -> int:
+        return len(self._maps)
+
+
+def _picture(name: MapName, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return [H, W, 3] uint8 that shows a map [H, W, C]: normals with the z of a unit vector, single channels as grey."""
+    if pixels.shape[2] == 1:
+        return np.repeat(pixels, 3, axis=2)
+    if name != "normal":
+        return pixels
+    blue = np.empty(pixels.shape[:2], np.uint8)
+    for source, target in zip(pixels, blue, strict=True):
+        xy = source.astype(np.float32) / np.float32(127.5) - 1
+        z = np.sqrt(np.clip(1 - xy[:, 0] ** 2 - xy[:, 1] ** 2, 0, 1))
+        target[:] = (z * 127.5 + 128.0).astype(np.uint8)
+    return np.dstack([pixels, blue])
+
 
 KEPT_FROM_BYTES = 1 << 26
 """Scenes whose images decode to less are decoded again each time they are opened."""
 _Size = tuple[int, int]
 _Layout = tuple[Sampler, tuple[bool, Affine]]
-"""How a plane is sampled: sampler, whether by the second UVs, and what takes the vertex's UVs to the map's."""
+"""Sampling of a plane: sampler, whether by the second UVs, and the transform from the vertex's UVs to the map's."""
 _MapKey = tuple[MapName, str, _Size]
 
 
@@ -58,19 +149,19 @@ class _Draft:
 
 @dataclass(frozen=True, eq=False)
 class _PlaneMaps:
-    """What a material reads in one plane."""
+    """Maps that a material reads in one plane."""
 
     size: _Size
     layout: _Layout
     maps: dict[MapName, ImageMap]
     image: SceneImage
-    """Of the first map."""
+    """Image of the first map."""
     category: str | None
     packed_hash: str
 
 
 def _unique(name: str, taken: dict[str, int]) -> str:
-    """`name`, or with the first number behind it that is free; `taken` holds names and the number to try next."""
+    """Return `name`, or with the first number behind it that is free; `taken` holds names and the number to try next."""
     candidate, number = name, taken.get(name, 1)
     while candidate in taken:
         number += 1
@@ -81,7 +172,7 @@ def _unique(name: str, taken: dict[str, int]) -> str:
 
 
 def _folded(factors: SurfaceFactors, name: MapName, value: tuple[int, ...], notes: ReportNotes) -> SurfaceFactors:
-    """`factors` times the map `name` that has only one `value`, 0 to 255."""
+    """Return `factors` times the map `name` that has only one `value`, 0 to 255."""
     if name == "roughness":
         return replace(factors, roughness=factors.roughness * value[0] / 255.0)
     if name == "metalness":
@@ -108,7 +199,8 @@ class _Gathering:
         self._resampled: dict[tuple[str, _Size], ImageMap] = {}
 
     def add_bases(self, categories: Mapping[int, str | None], packed: Mapping[int, str]) -> None:
-        """A texture for each distinct base colour, in the order of the images `categories`. `packed`: their identities in a pack."""
+        """Add a texture for each distinct base colour, in the order of the images `categories`.
+        `packed`: their identities in a pack."""
         by_hash: dict[str, _Draft] = {}
         for index, category in categories.items():
             image = self._images[index]
@@ -124,12 +216,13 @@ class _Gathering:
             self._of_base[index] = by_hash[digest]
 
     def base_of(self, source: MaterialSource) -> _Draft | None:
-        """The texture of the material's base colour."""
+        """Return the texture of the material's base colour."""
         reference = source.maps.get("base")
         return None if reference is None else self._of_base.get(reference.image)
 
     def planes(self, source: MaterialSource) -> tuple[dict[Plane, tuple[_Draft, _PlaneMaps]], SurfaceFactors]:
-        """(by plane besides the base colour: its texture, and what the material reads of it; factors with constants in them)."""
+        """Return (by plane besides the base colour: its texture, and what the material reads of it; factors with constants in
+        them)."""
         factors = source.material.factors
         read: dict[Plane, list[tuple[MapName, TextureReference, MapFacts]]] = {}
         for name, reference in source.maps.items():
@@ -161,7 +254,7 @@ class _Gathering:
     def _agreed(
         self, source: MaterialSource, maps: Sequence[tuple[MapName, TextureReference, MapFacts]]
     ) -> _PlaneMaps | None:
-        """The maps of one plane that can be sampled together, at one size; None when none can."""
+        """Return the maps of one plane that can be sampled together, at one size; None when none can."""
         layout: _Layout | None = None
         kept: list[tuple[MapName, TextureReference, MapFacts]] = []
         for name, reference, found in maps:
@@ -203,7 +296,8 @@ class _Gathering:
         return self._resampled[key]
 
     def _draft(self, plane: Plane, wanted: _PlaneMaps, near: Sequence[tuple[_Draft, _Layout]]) -> _Draft:
-        """The texture that `wanted` lies in: one that has its maps, else one of the material's that it fits into, else a new one."""
+        """Return the texture that `wanted` lies in: one that has its maps, else one of the material's that it fits into, else a
+        new one."""
         keys: list[_MapKey] = [(name, found.key, wanted.size) for name, found in wanted.maps.items()]
         for draft in self._holding.get(keys[0], ()):
             if all(draft in self._holding.get(key, ()) for key in keys):
@@ -253,7 +347,7 @@ def _finished_texture(draft: _Draft, name: str, facts: FactsFile, cache: PixelCa
 def _set_hash(
     base_hash: str, draft: _Draft, further: Mapping[MapName, ImageMap], source: ImagesOfTexture, facts: FactsFile
 ) -> str:
-    """The hash of all maps of a set, as it is known, else of its pixels."""
+    """Return the hash of all maps of a set, as it is known, else of its pixels."""
     key = " ".join([base_hash, *(f"{own} {found.key}" for own, found in further.items()), f"{draft.size}"])
     found = facts.set_hash(key)
     if found is None:
@@ -279,8 +373,8 @@ def read_textures(
     scene: Path | None = None,
     report: ProgressReport | None = None,
 ) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
-    """The finished materials, in the order of `sources`, and the textures: those with a base colour in the order in which materials
-    use them, then the others.
+    """Return the finished materials, in the order of `sources`, and the textures: those with a base colour in the order in which
+    materials use them, then the others.
 
     Only images of the materials `drawn` are read. An image that is missing or broken is reported, and factors stand for it; a
     map of one value is multiplied into the factor. What is found out about images is kept in the cache folder for `scene`, where

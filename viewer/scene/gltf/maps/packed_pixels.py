@@ -14,8 +14,7 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.packed_textures import PackOption, pack_path
-from viewer.scene.pixels.image_facts import ImageFacts, MapFacts
-from viewer.scene.pixels.pixel_cache import PixelCache
+from viewer.scene.pixels.image_facts import ImageFacts, MapFacts, PixelCache
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +24,7 @@ class DecodedTexture:
     pixels: NDArray[np.uint8]
     """[H, W, channels]."""
     slices: Mapping[MapName, slice]
-    """Where each map lies among the channels."""
+    """Slice of the channels that each map has."""
 
     @property
     def nbytes(self) -> int:
@@ -33,7 +32,7 @@ class DecodedTexture:
         return self.pixels.nbytes
 
     def channels(self, name: MapName) -> NDArray[np.uint8] | None:
-        """[H, W, channels of the map], None where the texture has no such map; base colours always have 3."""
+        """Return [H, W, channels of the map], None where the texture has no such map; base colours always have 3."""
         place = self.slices.get(name)
         if place is None:
             return None
@@ -52,11 +51,11 @@ class PackedTexture:
 
     @property
     def encoded(self) -> EncodedTexture:
-        """As the pack holds it."""
+        """Texture as the pack holds it."""
         return self.pack.textures[self.layer]
 
     def facts(self, maps: set[MapName]) -> ImageFacts:
-        """What is known of `maps` of it, as of an image."""
+        """Return what is known of `maps` of it, as of an image."""
         encoded = self.encoded
         size = encoded.width, encoded.height
         own = maps.intersection(encoded.maps)
@@ -66,7 +65,7 @@ class PackedTexture:
         return ImageFacts(size, kept, kept, identity if "base" in own else "", maps=further)
 
     def decode(self) -> DecodedTexture:
-        """Its largest level."""
+        """Return the largest level, decoded."""
         encoded = self.encoded
         return DecodedTexture(decode_image(self.pack, self.layer, 0), map_slices(encoded.maps, encoded.channels))
 
@@ -79,7 +78,7 @@ class PackedTextures:
         self._packs: dict[Path, Pack] = {}
 
     def find(self, option: PackOption) -> PackedTexture:
-        """The texture that `option` names, by its identity where it tells that. Raises InputError."""
+        """Return the texture that `option` names, by its identity where it tells that. Raises InputError."""
         path = pack_path(self._file, option.image)
         if path not in self._packs:
             self._packs[path] = read_pack(path)
@@ -94,5 +93,5 @@ class PackedTextures:
         return PackedTexture(pack, layer)
 
     def decoded(self, texture: PackedTexture) -> DecodedTexture:
-        """All channels of `texture`, from memory or decoded."""
+        """Return all channels of `texture`, from memory or decoded."""
         return self._cache.get((texture.encoded.pixel_hash, "decoded"), texture.decode)

@@ -1,1 +1,1 @@
-"""What moves nodes and vertices: animations, morph targets, skins."""
+"""Animations, morph targets and skins of a glTF file."""

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.scene.gltf.accessors import Accessors, normalize
+from viewer.scene.gltf.buffers import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.json_text import describe
 from viewer.scene.model import AnimationFacts
@@ -16,7 +16,7 @@ from viewer.scene.report import ReportNotes
 AnimatedPath = Literal["translation", "rotation", "scale", "weights"]
 Interpolation = Literal["LINEAR", "STEP", "CUBICSPLINE"]
 NodeValues = Mapping[tuple[int, AnimatedPath], NDArray[np.float64]]
-"""By node and property, the values that animations give it: translations [3], rotations [4] as xyzw, scales [3], weights [targets]."""
+"""Values that animations give, by node and property: translations [3], rotations [4] as xyzw, scales [3], weights [targets]."""
 COMPONENTS: dict[AnimatedPath, tuple[str, int]] = {
     "translation": ("VEC3", 3),
     "rotation": ("VEC4", 4),
@@ -40,7 +40,7 @@ class Channel:
     """[K, C], for CUBICSPLINE [K, 3, C]: tangent towards the key, value, tangent from it."""
 
     def at(self, seconds: float) -> NDArray[np.float64]:
-        """[C] the value at a time; before the first key its value, after the last that one's. Rotations are of unit length."""
+        """Return [C] the value at a time; before the first key its value, after the last that one's. Rotations are of unit length."""
         times = self.times
         after = int(np.searchsorted(times, seconds, side="right"))
         keys = self.values[:, 1] if self.interpolation == "CUBICSPLINE" else self.values
@@ -91,12 +91,12 @@ class Animation:
         return AnimationFacts(self.name, max((float(channel.times[-1]) for channel in self.channels), default=0.0))
 
     def at(self, seconds: float) -> NodeValues:
-        """What the animation gives at a time."""
+        """Return what the animation gives at a time."""
         return {(channel.node, channel.path): channel.at(seconds) for channel in self.channels}
 
 
 def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[Animation, ...]:
-    """All animations of the file; channels without a node, or that move what is no property of a node, are left out.
+    """Return all animations of the file; channels without a node, or that move what is no property of a node, are left out.
 
     Raises InputError for key frames that are out of range, not ascending, or too few.
     """

@@ -1,14 +1,14 @@
 """Reading what moves a mesh's vertices at a node: the matrices of a skin's joints, and which of them move a vertex."""
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.scene.gltf.accessors import Accessors, normalize
+from viewer.scene.gltf.buffers import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.moving import Deformation, Influences
+from viewer.scene.moving import Deformation, Influences, MorphTarget, MovingVertices, VertexFrames
 
 LARGEST_TERM = 1e30
 """Terms of a joint's matrix above it do not fit into single precision with positions."""
@@ -24,7 +24,7 @@ def read_deformation(
     worlds: Mapping[int, NDArray[np.float64]],
     animated: Collection[int] = (),
 ) -> Deformation | None:
-    """How the mesh at a node is deformed; None where it never is. `weights`: of its morph targets; `worlds`: the local-to-world
+    """Return how the mesh at a node is deformed; None where it never is. `weights`: of its morph targets; `worlds`: the local-to-world
     matrices of all nodes of the scene; `animated`: nodes whose weights some animation changes.
 
     Raises InputError for a skin whose joints are not in the scene, or whose matrices are not as many, or overflow.
@@ -90,3 +90,52 @@ def read_influences(file: GltfFile, read: ReadAttribute, joints: int, vertices: 
     # Vertices without weights follow the first joint.
     share_of[:, :1] += total <= 0.0
     return Influences(np.minimum(used, joints - 1), share_of / np.where(total > 0.0, total, 1.0))
+
+
+_Target = NDArray[np.float32] | None
+
+
+def read_moving(
+    file: GltfFile,
+    accessors: Accessors,
+    targets: Sequence[Any],
+    read: ReadAttribute,
+    deformation: Deformation,
+    where: str,
+    frames: VertexFrames,
+    base_vertex: int,
+) -> MovingVertices:
+    """Return what moves the vertices `frames` of a primitive: its morph `targets`, and the joints of its node's skin.
+    Raises InputError."""
+    count = len(frames.positions)
+
+    def values(entry: Any, number: int, name: str) -> _Target:
+        return _target(file, accessors, entry, name, count, f"{where}.targets[{number}]")
+
+    found = tuple(
+        MorphTarget(
+            values(entry, number, "POSITION"),
+            None if frames.normals is None else values(entry, number, "NORMAL"),
+            None if frames.tangents is None else values(entry, number, "TANGENT"),
+        )
+        for number, entry in enumerate(targets)
+    )
+    influences = None
+    if deformation.joints is not None:
+        influences = read_influences(file, read, len(deformation.joints), count, where)
+        if influences is None:
+            raise file.fail(f"{where}.attributes", "has a skin and no JOINTS_0; export the scene again")
+    return MovingVertices(deformation.node, base_vertex, frames, found, influences)
+
+
+def _target(file: GltfFile, accessors: Accessors, target: Any, name: str, count: int, where: str) -> _Target:
+    """Return [V, 3] what one morph target adds; None where it leaves the attribute alone."""
+    if not isinstance(target, dict):
+        raise file.fail(where, "must be an object")
+    if name not in target:
+        return None
+    values = accessors.floats(target[name], f"{where}.{name}", ("VEC3",))
+    if len(values) != count:
+        raise file.fail(f"{where}.{name}", f"has {len(values)} elements for {count} positions")
+    # What is not finite moves nothing.
+    return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0) if not np.isfinite(values).all() else values
