@@ -79,7 +79,7 @@ def test_new_textures_take_decoders_that_are_there(
     decoders = {own.name for own in (library / "shards").iterdir()}
     assert cli.main(["library", "assign", str(library), str(images)]) == 0
     told = capsys.readouterr().out
-    assert "3 of 3 textures were added" in told
+    assert "3 of 3 textures added" in told
     assert "drift: " in told
     (new,) = [own for own in (library / "shards").iterdir() if own.name not in decoders]
     assert [each.name for each in read_pack(new).textures] == ["0", "1", "2"]

@@ -54,12 +54,12 @@ def assign(folder: Path, source: Path) -> list[str]:
         textures = read_source(source, None, maps).textures
         missing = [each for each in textures if not writer.index.holds(shards[0].settings, each.pixel_hash)]
         if not missing:
-            return [f"{source}: the library holds all of its textures ({len(textures)})"]
+            return [f"{source}: the library holds all {counted(len(textures), 'texture')}"]
         found = codec_of(config).encode_with_decoders(missing, packs, MOST_DECODERS)
         record = {**found.pack.training, SETTINGS: shards[0].settings}
         writer.add_pack(replace(found.pack, training=record))
     return [
-        f"{source}: {counted(len(missing), 'texture')} of {len(textures)} added, "
+        f"{source}: {len(missing)} of {counted(len(textures), 'texture')} added, "
         f"with {len(found.pack.decoders)} of {counted(found.tried, 'decoder')}",
         f"drift: {found.frozen_db:.2f} dB with the library's decoders, {found.fresh_db:.2f} dB in a fresh group: "
         f"{found.fresh_db - found.frozen_db:.2f} dB lost ({counted(found.compared, 'texture')} compared at equal bits)",
