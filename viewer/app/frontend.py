@@ -127,7 +127,7 @@ class Frontend:
         self._is_announced = room is not None
         self._prepare_ahead()
         self._record_camera()
-        # After the picture: a message is on screen from now on, however long drawing took.
+        # After the picture: the time of a message starts when it is on screen.
         expire_toasts(session, time.monotonic())
         expire_pointing(session, time.monotonic())
         last = self.picture.last
@@ -193,7 +193,7 @@ class Frontend:
         self._news = self._news or encoded or computed
         if self._news:
             yield "background work has a result"
-        # ImGui takes one press or release of a key or button in a frame, however many came at once.
+        # ImGui handles one press or release of a key or button per frame, even if several came at once.
         if not imgui.get_current_context().input_events_queue.empty():
             yield "keys or buttons were pressed"
         if room is None or self.interface.is_settling(session):

@@ -97,7 +97,7 @@ TITLE = "ntc-viewer"
 def _open(size: tuple[int, int], version: int, robust: bool) -> Window:
     """Open a window; with `robust` its context reports its loss. Raises the errors of moderngl-window, moderngl and glfw."""
     gl_version = (version // 100, version // 10 % 10)
-    # moderngl-window neither resets hints nor gives one for this, and to initialise glfw twice changes nothing.
+    # moderngl-window has no such hint and does not reset hints; initialising glfw twice is harmless.
     if robust and glfw.init():
         glfw.window_hint(glfw.CONTEXT_ROBUSTNESS, glfw.LOSE_CONTEXT_ON_RESET)
     try:
@@ -114,7 +114,7 @@ def _open_best(size: tuple[int, int]) -> Window:
     problem: Exception | None = None
     for version in (COMPUTE_VERSION, DRAWING_VERSION):
         for robust in (True, False):
-            # glfw, moderngl and moderngl-window each raise what they like, plain Exception included.
+            # glfw, moderngl and moderngl-window raise many types, even plain Exception.
             try:
                 with warnings.catch_warnings():
                     warnings.simplefilter("ignore", glfw.GLFWError)
@@ -187,7 +187,7 @@ class ImguiWindow:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", glfw.GLFWError)
             if placement.position is not None:
-                # The size that was asked for is multiplied by the monitor's scale; this one is not.
+                # The window was created with the size times the monitor's scale; this sets the exact size.
                 glfw.set_window_size(self.handle, *placement.size)
                 glfw.set_window_pos(self.handle, *placement.position)
             if placement.maximized:

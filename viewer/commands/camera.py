@@ -149,7 +149,7 @@ BookmarkName = Annotated[str, Arg("name; an older bookmark of that name is repla
 @command("camera.bookmark", "Bookmark", "save the camera under a name", "Camera")
 def bookmark(session: Session, name: BookmarkName) -> None:
     if printable(name) != name or not name:
-        raise InputError("camera.bookmark: the name must be one line of at most 200 letters")
+        raise InputError("camera.bookmark: the name must be one line of at most 200 characters")
     bookmarks = {**session.bookmarks, name: replace(session.view.camera, name=name)}
     if len(bookmarks) > MOST_BOOKMARKS:
         raise InputError(f"camera.bookmark: there are {MOST_BOOKMARKS} bookmarks; use the name of one of them")

@@ -111,7 +111,7 @@ class History:
 
 def _restore(session: Session, training: LiveTraining, values: Mapping[str, tuple[Any, Any]]) -> None:
     """Set each attribute in `values` (present value, wanted value) to the wanted value."""
-    # First: slots can show the packs of these runs again then.
+    # First, so that slots can show the packs of these runs again.
     present, wanted = values.get(DISCARDED, (frozenset(), frozenset()))
     for number in wanted ^ present:
         training.set_discarded(number, number in wanted)

@@ -128,7 +128,7 @@ def bind_keys(commands: Sequence[Command], keys: Mapping[str, str]) -> Bindings:
         refused, owner, chord = conflict
         problems.append(f"keys: {refused}: {chord} belongs to {owner}; choose another, or change that one too")
         if refused not in wanted:
-            # Two commands were made with one key: the later of them goes without.
+            # Two commands have the same default key: the later one gets none.
             wanted[refused] = ()
             continue
         del wanted[refused]

@@ -104,7 +104,7 @@ def _groups(text: str, pack: Pack) -> frozenset[int]:
     if text == WORST:
         known = [(texture.psnr_db, texture.group) for texture in pack.textures if texture.psnr_db is not None]
         if not known:
-            raise InputError("groups: no PSNR is known of this pack; name the groups")
+            raise InputError("groups: the PSNR of this pack is unknown; name the groups")
         return frozenset({min(known, key=lambda entry: entry[0])[1]})
     parts = text.replace(",", " ").split()
     if not parts:
@@ -117,7 +117,7 @@ def _texture(text: str, pack: Pack) -> int:
     if text in names:
         return names.index(text)
     if not text.isdecimal():
-        raise InputError(f"texture {text!r}: the pack has none of that name; give its name, or its number from 0")
+        raise InputError(f"texture {text!r}: the pack has no such texture; give its name, or its number from 0")
     return _whole(text, "texture", len(names) - 1)
 
 

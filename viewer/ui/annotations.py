@@ -220,7 +220,7 @@ def slot_note(slot: Slot, view: ViewState, facts: FrameFacts) -> str:
 def decoder_fields(overlay: Overlay, maximum: int) -> tuple[str, ...]:
     """Return the numbers below the bar; `maximum` is the most decoders of a block in the picture."""
     most = overlay.most(maximum)
-    # Blocks with more look like those with the most.
+    # Blocks with more decoders have the last colour.
     last = f"{most}+" if overlay.scale == "block" else str(most)
     return (*(str(decoders) for decoders in range(1, most)), last)
 

@@ -112,14 +112,14 @@ class DockLayout:
         """Bring the next waiting panel to the front; call it after drawing the panels."""
         self._pause = max(0, self._pause - 1)
         if self._front and self._pause == 0:
-            # One after the other: a tab bar takes the choice from the window that has the focus.
+            # One per frame: a tab bar selects the tab of the focused window.
             imgui.set_window_focus(self._front.pop())
             self._pause = 2
 
     def bring(self, title: str) -> None:
         """Bring a panel to the front."""
         self._front = [title, *self._front]
-        # One that was closed is a window again in this frame only.
+        # A panel that was closed becomes a window only in this frame.
         self._pause = max(self._pause, 2)
 
     def bring_all(self, titles: Sequence[str]) -> None:
@@ -156,7 +156,7 @@ class DockLayout:
             node, parent = stack.node, stack.node.parent_node
             others = [other for other in stacks if other.node.parent_node.id_ == parent.id_ and other is not stack]
             is_folded, was_folded = _is_folded(stack, folded), node.id_ in self._heights
-            # One of a column stays open.
+            # One stack of a column stays open.
             if not others or _is_folded(others[0], folded) or not (is_folded or was_folded):
                 continue
             if is_folded:
@@ -189,14 +189,14 @@ class DockLayout:
                     columns[node.id_] = node
                 node = node.parent_node
         if not columns:
-            # Panels that are hidden are in no column: theirs follows when they are shown again.
+            # Hidden panels have no column: its width follows when they are shown again.
             return
         for number, node in columns.items():
             units, given = self._widths.get(number, (0.0, 0.0))
             if self._scale is None:
                 units = max(node.size_ref.x, 0.8 * widest) / scale
             elif node.size_ref.x != given:
-                # Not what the window had room for, but what a person has dragged it to.
+                # The user has dragged the column to this width.
                 units = node.size_ref.x / self._scale
             given = min(units * scale, widest) if self._scale is not None else units * scale
             self._widths[number] = (units, given)

@@ -164,7 +164,7 @@ class FileDialog:
             self._open(path, ui)
 
     def _complete(self, data: imgui.InputTextCallbackData) -> int:
-        # The stubs take the text for a number.
+        # The type stubs declare this text as a number.
         typed = str(data.buf)
         text = completed(typed, self._folder)
         if text != typed:

@@ -141,7 +141,7 @@ class FlatWindow:
         if pack is None or index < 0:
             return None, f"{source} does not hold this texture"
         encoded = pack.textures[index]
-        # The pack may be read anew under its name, so that the name alone is no key.
+        # A pack can be read again under the same name, so the key needs the texture itself.
         answer = self._ask(side, (texture, source, encoded), partial(decode_flat, texture, pack, index))
         return self._shown(answer, source, f"{source}, {encoded.width} x {encoded.height}, group {encoded.group}")
 

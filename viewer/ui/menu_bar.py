@@ -118,7 +118,7 @@ def draw_menu_bar(ui: UiFrame) -> float:
     if not imgui.begin_main_menu_bar():
         return 0.0
     bound = bindings(ui.session.settings.keys)
-    # Opaque: menus hang over panels, whose text would shine through.
+    # Opaque: otherwise the text of panels would shine through menus.
     ground = imgui.get_style_color_vec4(imgui.Col_.popup_bg)
     imgui.push_style_color(imgui.Col_.popup_bg, imgui.ImVec4(ground.x, ground.y, ground.z, 1.0))
     height = imgui.get_window_size().y

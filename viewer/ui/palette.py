@@ -208,7 +208,7 @@ class Palette:
         imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + 4.0, height)))
         clicked = None
         moved = imgui.get_io().mouse_delta.x != 0.0 or imgui.get_io().mouse_delta.y != 0.0
-        # One row is marked: the mouse marks what it moves over, as the arrows do.
+        # Only one row is marked, by the mouse or the arrow keys.
         imgui.push_style_color(imgui.Col_.header_hovered, imgui.get_style_color_vec4(imgui.Col_.header))
         for index, row in enumerate(rows):
             is_selected = index == self._selected

@@ -167,7 +167,7 @@ class UserInterface:
                 ui.emit("window.fit-column", narrow)
         reset, self._resets_layout = self._resets_layout, False
         area = self._layout.draw(places, scale, reset, settings.folded_panels)
-        # A picture has at least a pixel.
+        # The picture needs at least one pixel.
         return Area(area.left, area.top, max(area.right, area.left + 1.0), max(area.bottom, area.top + 1.0))
 
     def _panels(self, ui: UiFrame) -> None:

@@ -115,7 +115,7 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     shown = "auto" if side in ui.session.precision_searches else slot.precision
     paths = list_width(slot.path), list_width(shown)
     left = imgui.get_cursor_pos_x()
-    # Three lists in one row where there is room for them, else the first one in a row of its own.
+    # All three lists share a row where they fit; otherwise the first one has its own row.
     room = imgui.get_content_region_avail().x - sum(paths) - 2.0 * imgui.get_style().item_spacing.x
     fits = room >= list_width(slot.source) or is_image_source(slot.source)
     width = room if fits else -1.0

@@ -23,7 +23,7 @@ class HistogramPanel:
     def _update(self, comparison: Comparison) -> None:
         if comparison is self._of:
             return
-        # Nothing is drawn where there are none: the axis is logarithmic.
+        # Zero counts are left out: the axis is logarithmic.
         self._curves = tuple(np.where(counts > 0, counts, np.nan).astype(np.float64) for counts in comparison.histogram)
         occurring = np.nonzero(comparison.histogram.sum(axis=0))[0]
         self._last = max(8, int(occurring[-1]) + 1) if len(occurring) else 8

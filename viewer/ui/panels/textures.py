@@ -104,7 +104,7 @@ class TexturesPanel:
     def _update(self, ui: UiFrame, source: str) -> None:
         """Update the rows where something about them has changed."""
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
-        # The objects themselves: an id may be given again to another one.
+        # The key holds the objects: an id could be reused for another object.
         latents = ui.facts.latent_bytes.tobytes() if ui.facts.latent_bytes is not None else b""
         blocks = ui.session.compressed_as(source)
         key = (ui.session.scene, pack, match, latents, blocks)
@@ -127,7 +127,7 @@ class TexturesPanel:
         selected = ui.session.inspection.selected_texture
         height = side + 2.0 * imgui.get_style().cell_padding.y
         if selected != self._scrolled_to:
-            # Something else has selected it, or a row here that is in sight anyway.
+            # Another panel has selected the texture; a row clicked here is visible anyway.
             self._scrolled_to = selected
             self._scroll_to(selected, height)
         clipper = imgui.ListClipper()

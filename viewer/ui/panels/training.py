@@ -78,7 +78,7 @@ def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
     before, now = psnr_before(run), f"{run.curves.mean_db[-1]:.2f} dB" if run.curves.mean_db else "not yet measured"
     trained = f", {counted(len(progress.psnr_db), 'texture')}" if progress.psnr_db else ""
     if run.codec_kind is not None and not codec_named(run.codec_kind).trains:
-        # Both are of mip 0, so that one can be set against the other.
+        # Both are of mip 0, so that they can be compared.
         change = now if before is None else f"{before:.2f} -> {now}"
         lines = [f"PSNR of mip 0{trained}: {change}"]
     else:
@@ -132,7 +132,7 @@ class TrainingCurves:
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
         size = ImVec2(imgui.get_content_region_avail().x, PLOT_LINES * imgui.get_text_line_height_with_spacing())
         codec = codec_named(kind) if kind is not None else None
-        # Where textures are encoded one after the other, no loss falls.
+        # A codec that does not train has no loss.
         if codec is None or codec.trains:
             self._losses(curves, seconds, size, flags, ui)
         texture = self._chosen(curves)
@@ -140,7 +140,7 @@ class TrainingCurves:
             f"{codec.psnr_title if codec is not None else 'PSNR'}##psnr", size, flags | implot.Flags_.no_legend
         ):
             implot.setup_axes("seconds", "dB", FIT, FIT)
-            # Read on either theme's ground.
+            # The text colour is readable on both themes.
             mean = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=3.0)
             implot.plot_line("mean", seconds, curves.array(curves.mean_db), mean)
             if texture is not None:
@@ -248,7 +248,7 @@ class TrainingPanel:
         """Draw a run from its beginning to the decision about it. All states have the same lines and buttons above the figures, so
         that a click at the end of a run hits nothing else."""
         style = imgui.get_style()
-        # As if there were a scroll bar: curves bring one, and buttons would move aside for it.
+        # Leave room for a scroll bar, which curves bring: buttons must not move.
         room = imgui.get_window_width() - 2.0 * style.window_padding.x - style.scrollbar_size
         name, title = (run.name, job_title(run.job)) if run is not None else ("", "")
         if ended is not None:
