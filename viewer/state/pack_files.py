@@ -46,7 +46,12 @@ def base_pack_name(view: ViewState, packs: Mapping[str, Pack]) -> str | None:
 def packs_of(scene: Scene) -> tuple[Path, ...]:
     """Return the packs that open with a scene, each once: those that its file names, then those beside it."""
     paths = (*scene.packs, *(packs_beside(scene.path) if scene.path is not None else ()))
-    return tuple({os.path.realpath(path): path for path in reversed(paths)}.values())[::-1]
+    return _once(paths)
+
+
+def _once(paths: Iterable[Path]) -> tuple[Path, ...]:
+    """Return each file once, at its first path, whatever links lead to it."""
+    return tuple({os.path.realpath(path): path for path in reversed(tuple(paths))}.values())[::-1]
 
 
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
@@ -103,12 +108,7 @@ def open_packs(paths: Iterable[Path], wanted: Container[str] = ()) -> dict[str, 
     Raises InputError where a file cannot be read.
     """
     packs: dict[str, Pack] = {}
-    seen: set[str] = set()
-    for path in paths:
-        place = os.path.realpath(path)
-        if place in seen:
-            continue
-        seen.add(place)
+    for path in _once(paths):
         for pack in read_packs(path, wanted):
             packs[unused_name(pack.grouping.name, path, packs)] = pack
     return packs
