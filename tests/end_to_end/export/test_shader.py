@@ -24,7 +24,7 @@ from ntc.pack.file import write_pack
 from viewer import cli
 from viewer.export import ShaderLanguage
 
-TEXELS = 100_000
+TEXELS, MANY_TEXELS = 10_000, 100_000
 TOLERANCE = 1e-4
 SIZES = ((256, 128), (40, 24), (17, 33))
 WRAP_MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
@@ -134,9 +134,17 @@ class Compared:
         assert np.nanmax(error) <= TOLERANCE, plane
 
 
-@pytest.fixture(scope="module", params=list(PACKS))
+@pytest.fixture(
+    scope="module",
+    params=[
+        *((kind, TEXELS) for kind in PACKS),
+        *(pytest.param((kind, MANY_TEXELS), marks=pytest.mark.nightly) for kind in PACKS),
+    ],
+    ids=lambda given: f"{given[0]}-{given[1]}",
+)
 def compared(request: pytest.FixtureRequest) -> Compared:
-    return Compared.of(PACKS[request.param](), TEXELS)
+    kind, texels = request.param
+    return Compared.of(PACKS[kind](), texels)
 
 
 def reference_program(folder: Path, *options: str) -> Path:

@@ -15,8 +15,8 @@ EXPORTERS = {
     "page": ["--web", "{out}/page"],
     "shader": ["--shader", "wgsl", "--out", "{out}/decoder"],
 }
-ROUNDS = 8
-"""Spoilt files of each kind, for each exporter."""
+ROUNDS = 3, pytest.param(16, marks=pytest.mark.nightly)
+"""Spoilt scenes, and as many packs, for each exporter."""
 
 
 @pytest.fixture(scope="module")
@@ -45,13 +45,14 @@ def spoilt(data: bytes, random: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
+@pytest.mark.parametrize("rounds", ROUNDS)
 @pytest.mark.parametrize("exporter", list(EXPORTERS))
 def test_damaged_files_are_told_in_a_line(
-    good: tuple[bytes, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str], exporter: str
+    good: tuple[bytes, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str], exporter: str, rounds: int
 ) -> None:
     random = np.random.default_rng(11)
     refused = 0
-    for number in range(2 * ROUNDS):
+    for number in range(2 * rounds):
         folder, out = tmp_path / f"in{number}", tmp_path / f"out{number}"
         folder.mkdir()
         out.mkdir()

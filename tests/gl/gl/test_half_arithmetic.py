@@ -125,7 +125,7 @@ def test_halves_equal_their_twin(graphics: GraphicsContext, codec: GridConfig, p
     assert np.abs(to_exact).mean() > 2.0 * np.abs(of_single).mean(), "halves should show"
 
 
-@pytest.mark.parametrize("kind", [pytest.param("emulated", marks=pytest.mark.once), "native"])
+@pytest.mark.parametrize("kind", [pytest.param("emulated", marks=(pytest.mark.once, pytest.mark.nightly)), "native"])
 @pytest.mark.parametrize("precision", MODES)
 @pytest.mark.computes
 def test_a_trained_pack_loses_little(graphics: GraphicsContext, precision: Precision, kind: str) -> None:

@@ -81,7 +81,9 @@ def test_random_codes_give_values_across_the_range(codec: Codec) -> None:
 @pytest.mark.parametrize(
     "wrap",
     [
-        pytest.param(pair, marks=() if pair[0] == pair[1] else pytest.mark.once, id="-".join(pair))
+        pytest.param(
+            pair, marks=() if pair[0] == pair[1] else (pytest.mark.once, pytest.mark.nightly), id="-".join(pair)
+        )
         for pair in WRAP_PAIRS
     ],
 )

@@ -24,7 +24,7 @@ SIZES = ((640, 360), (331, 187))
 """The second is odd: blocks at the right and lower edge are partial."""
 
 
-@pytest.mark.parametrize("place", ["courtyard", pytest.param("bistro", marks=pytest.mark.once)])
+@pytest.mark.parametrize("place", ["courtyard", pytest.param("bistro", marks=(pytest.mark.once, pytest.mark.nightly))])
 def test_every_camera_grouping_and_block_shape(
     graphics: GraphicsContext, place: str, request: pytest.FixtureRequest
 ) -> None:
@@ -45,7 +45,8 @@ def test_every_camera_grouping_and_block_shape(
     tables = DecoderTables(graphics, groupings)
     for size in SIZES:
         targets = [DivergenceTarget(graphics, size, block, len(NAMES)) for block in BLOCKS.values()]
-        for camera in cameras:
+        # Every viewpoint sees enough of the courtyard: some in each size.
+        for camera in cameras if place == "bistro" else cameras[::3]:
             renderer.render(ViewState(camera, size))
             ids = renderer.texture_ids()
             assert (ids >= 0).any()

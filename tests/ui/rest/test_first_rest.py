@@ -62,9 +62,10 @@ def test_a_library(start: Start, check: Check, tmp_path: Path) -> None:
 
 
 def test_surfaces_that_let_light_through(start: Start, check: Check, tmp_path: Path) -> None:
-    scene = write_wall(tmp_path / "panes.glb", side=SMALL, blend=True)
+    # Many samples of each pixel are drawn.
+    scene, size = write_wall(tmp_path / "panes.glb", side=SMALL, blend=True), (400, 225)
     encode(scene, tmp_path / "panes.clustered.ntc")
-    played = start(str(scene), stages=(Stage("side by side", ("compare.mode side-by-side",)),))
+    played = start(str(scene), stages=(Stage("side by side", ("compare.mode side-by-side",)),), size=size)
     for name in ("start", "side by side"):
         check(played.of(name))
 
