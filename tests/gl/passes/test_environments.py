@@ -101,6 +101,11 @@ def test_panoramas_turn_from_north_to_east(graphics: GraphicsContext, tmp_path: 
         light = studio.light_drawer.prepare(Lighting(path, environment_turn=turn, sun_strength=0.0, tone_map="none"))
         picture = studio.draw(planes, light=light)
         assert (picture[10, SIZE[0] // 2, 0] > 0.4) == bright
+    # Maps of other sizes take the place of these.
+    wide = panorama_file(tmp_path / "wide.exr", np.full((64, 128, 3), 0.5, np.float32))
+    studio.light_drawer.prepare(Lighting())
+    light = studio.light_drawer.prepare(Lighting(wide, sun_strength=0.0, tone_map="none"))
+    np.testing.assert_allclose(maps_of(light.environment, PANORAMA_SIZE)[1:33, 1:33], 0.5, atol=0.01)
     studio.release()
 
 
