@@ -119,7 +119,7 @@ def picture_at_rest(app: DrivenApp) -> np.ndarray:
     return shot
 
 
-@pytest.mark.parametrize(("codec", "budget"), [("grid", "60steps"), ("block", "5s")])
+@pytest.mark.parametrize(("codec", "budget"), [("grid", "60steps"), ("block", "2s")])
 def test_encode_accept_retrain_discard(
     app: DrivenApp, folder: Path, monkeypatch: pytest.MonkeyPatch, codec: str, budget: str
 ) -> None:
