@@ -114,7 +114,9 @@ def test_files_that_are_no_panoramas_are_one_line(graphics: GraphicsContext, tmp
     good = studio.light_drawer.prepare(Lighting())
     with pytest.raises(InputError, match=r"missing\.hdr: cannot be read"):
         studio.light_drawer.prepare(Lighting(str(tmp_path / "missing.hdr")))
-    assert studio.light_drawer.prepare(Lighting()) == good
+    assert studio.light_drawer.prepare_or_sky(Lighting(str(tmp_path / "missing.hdr"))) == good
+    assert "the sky is shown instead of missing.hdr" in studio.light_drawer.problem
+    assert (studio.light_drawer.prepare_or_sky(Lighting()), studio.light_drawer.problem) == (good, "")
     studio.release()
 
 
