@@ -36,7 +36,7 @@ def _section(title: str, command: Subcommand) -> str:
     helps = {name: said for kind in reversed(command.options.__mro__) for name, _, said in _documented(kind)}
     rows = [_row(field, hints[field.name], helps.get(field.name, "")) for field in dataclasses.fields(command.options)]
     rows.sort(key=lambda row: row.startswith("| `--"))
-    summary = inspect.cleandoc(command.options.__doc__ or "").replace("\n", " ")
+    summary = " ".join(inspect.cleandoc(command.options.__doc__ or "").split())
     return "\n".join([f"## {title}", "", summary, "", "| option | default | what it sets |", "|---|---|---|", *rows])
 
 

@@ -30,7 +30,7 @@ from viewer.state.view_state import (
 CODEC_HELP = " ".join(
     [
         *(f"{name}: {summary}" for name, summary in SUMMARIES.items()),
-        "None: block for recipe best, grid for paper and where --steps, --epochs, --state or --device cuda ask for training.",
+        "Default: block; grid for --recipe paper and with --steps, --epochs, --state or --device cuda.",
     ]
 )
 LARGEST_SIDE = 16384
@@ -58,7 +58,7 @@ Size = Annotated[
     ),
 ]
 Sizes = tuple[Size, ...]
-OptionalScene = Annotated[Path | None, tyro.conf.arg(metavar="SCENE"), tyro.conf.Positional]
+OptionalScene = Annotated[Path | None, tyro.conf.arg(metavar="SCENE", help_behavior_hint=""), tyro.conf.Positional]
 
 
 def _parse_vector(arguments: list[str]) -> tuple[float, float, float]:
@@ -78,10 +78,18 @@ Vector = Annotated[
         str_from_instance=lambda value: ["none"] if value is None else [str(number) for number in value],
     ),
 ]
-Packs = Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc ...")]
+
+
+def _unset(metavar: str) -> Any:
+    """Return the setting of an option whose help names its default in words, in place of `(default: None)`."""
+    return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
+
+
+Packs = Annotated[tuple[Path, ...], _unset("F.ntc ...")]
 Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
 Switch = tyro.conf.FlagCreatePairsOff[bool]
-Gpu = Annotated[str | None, tyro.conf.arg(metavar="N|NAME")]
+Gpu = Annotated[str | None, _unset("N|NAME|software")]
+GroupingOrImages = Annotated[str | None, _unset("NAME")]
 """GPU as `viewer.gl.devices.choose_device` takes it; None: the one that NTC_VIEWER_DEVICE names, else the first one."""
 
 
@@ -102,9 +110,9 @@ class Subcommand:
 class DecoderOptions:
     """Options of decoding that change speed and no picture."""
 
-    decoder_variant: str = ""
-    """How decoders are laid out on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared. Empty:
-    NTC_VIEWER_DECODER_VARIANT, else what a GPU has measured, and the default of a software renderer. No picture depends on it."""
+    decoder_variant: Annotated[str, _unset("NAME")] = ""
+    """Layout of decoders on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared.
+    No picture depends on it. Default: NTC_VIEWER_DECODER_VARIANT, else the fastest that was measured on this GPU."""
 
 
 @dataclass(frozen=True)
@@ -112,173 +120,183 @@ class ViewOptions(DecoderOptions):
     """Open a scene in a window. Without a display, pictures are written to a folder instead."""
 
     scene: OptionalScene = None
-    """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). `gallery`: the built-in spheres. None: the built-in courtyard."""
+    """Scene to open: .gltf, .glb, .obj, .ply, .stl, .off, a zip archive or a folder; or `gallery`, the built-in spheres.
+    Default: the built-in courtyard."""
     pack: Packs = ()
-    """Packs to open besides those found beside the scene (NAME.*.ntc)."""
-    grouping: str | None = None
-    """What slot A shows first: "reference", the grouping of an open pack, or bc1, bc7, astc-4x4 to astc-12x12 (extra `lab`)."""
+    """Packs or libraries to open besides the packs beside the scene (NAME.*.ntc). Example: --pack a.ntc b.ntc."""
+    grouping: GroupingOrImages = None
+    """Source of slot A at the start: `reference`, the grouping of an open pack, or bc1, bc7, astc-4x4 to astc-12x12 (extra `lab`).
+    A built-in scene is encoded in a grouping that it lacks. Default: clustered, else the first pack."""
     path: PathChoice = "deferred"
-    """Decode path of slot A; `auto` times all of them first."""
+    """Decode path of slot A. `auto` times all paths and takes the fastest."""
     precision: PrecisionChoice = "fp32"
-    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
-    filter: TexelFilter | None = None
-    """Filter of slot A, but for path cached: exact, or stochastic, one texel at random, accumulated at rest. None: as it was last."""
-    script: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Play the commands of this file (docs/guide/scripts.md); then the window stays open."""
+    """Precision of decoder weights and arithmetic. `auto` takes the fastest whose error stays below one 8-bit step."""
+    filter: Annotated[TexelFilter | None, _unset("exact|stochastic")] = None
+    """Texture filter of slot A, except on path cached. stochastic: one random texel, accumulated at rest.
+    Default: the last one used."""
+    script: Annotated[Path | None, _unset("FILE")] = None
+    """Script of commands to play (docs/guide/scripts.md). The window stays open afterwards."""
     exec: Lines = ()
-    """Play these commands after the script's; may be repeated."""
+    """Commands to play after the script's; may be repeated. Example: --exec 'camera.go market; screenshot a.png'."""
     headless: Switch = False
     """Open no window: play the script, or write one picture."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("ntc-viewer-pictures")
-    """Folder for pictures, views and recorded paths."""
-    size: Size | None = None
-    """Size of the window's content. None: as it was last; 1280x720 without a window."""
+    """Folder for pictures, views and recorded camera paths."""
+    size: Annotated[Size | None, _unset("WIDTHxHEIGHT")] = None
+    """Size of the window's content in pixels. Default: the last size; 1280x720 without a window."""
     device: Gpu = None
-    """Without a window: the GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
+    """GPU to draw on without a window: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`.
+    Default: the first."""
 
 
 @dataclass(frozen=True)
 class RenderOptions(DecoderOptions):
     """Draw one picture without a window and write it, ids, divergence and statistics into a folder."""
 
-    out: Path
-    """Folder for color.png, texture_id.npy, decoder_id.npy, divergence.npy, stats.json."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder to write: color.png, texture_id.npy, decoder_id.npy, divergence.npy, stats.json."""
     scene: OptionalScene = None
-    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
-    variant: str = ""
-    """Name of the material variant to draw (KHR_materials_variants). Empty: the materials that the scene's parts name themselves."""
-    time: float | None = None
-    """Seconds from an animation's beginning at which the scene stands. None: as its nodes say, without an animation."""
-    animation: str = ""
-    """--time: name of the animation. Empty: the first one of the file."""
+    """Scene to draw, or `gallery`, the built-in spheres. Default: the built-in courtyard."""
+    variant: Annotated[str, _unset("NAME")] = ""
+    """Material variant to draw (KHR_materials_variants). Default: the materials that the scene's parts name themselves."""
+    time: Annotated[float | None, _unset("SECONDS")] = None
+    """Moment of the animation to draw, in seconds from its start. Default: the scene without animation."""
+    animation: Annotated[str, _unset("NAME")] = ""
+    """Animation that --time refers to. Default: the first one of the file."""
     pack: Packs = ()
-    """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
-    grouping: str | None = None
-    """"reference" (original images), the grouping of a pack, or a format of graphics hardware: bc1, bc7, astc-4x4 to
-    astc-12x12 (extra `lab`). None: clustered, else the first pack, else reference."""
+    """Packs or libraries to choose from besides the packs beside the scene (NAME.*.ntc)."""
+    grouping: GroupingOrImages = None
+    """Source of the textures: `reference` (the originals), the grouping of a pack, or bc1, bc7, astc-4x4 to astc-12x12 (extra `lab`).
+    A built-in scene is encoded in a grouping that it lacks. Default: clustered, else the first pack, else reference."""
     path: PathChoice = "deferred"
-    """Decode path; `auto` times all of them first."""
+    """Decode path. `auto` times all paths and takes the fastest."""
     precision: PrecisionChoice = "fp32"
-    """Storage of decoder weights on the GPU, and arithmetic with them; `auto` takes half precision where it is not visible."""
+    """Precision of decoder weights and arithmetic. `auto` takes the fastest whose error stays below one 8-bit step."""
     filter: TexelFilter = "exact"
-    """Filter of all paths but cached: exact, or stochastic, one texel at random, the mean of 16 samples."""
+    """Texture filter of all paths except cached. stochastic: one random texel, the mean of 16 samples."""
     size: Size = (1280, 720)
     """Picture size in pixels."""
-    cameras: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of named cameras; None: the scene's own."""
-    camera: Annotated[str | None, tyro.conf.arg(metavar="NAME")] = None
-    """Name of the camera to use; None: the first one, or the whole scene framed."""
+    cameras: Annotated[Path | None, _unset("FILE")] = None
+    """JSON file of named cameras. Default: the scene's own."""
+    camera: Annotated[str | None, _unset("NAME")] = None
+    """Camera to draw from. Default: the first one; without cameras, one that frames the scene."""
     eye: Vector = None
-    """Viewpoint, in scene units, Y up (with --target)."""
+    """Position of the camera in scene units, Y up. Use it with --target. Example: --eye 0 2 5 --target 0 1 0."""
     target: Vector = None
-    """Point to look at."""
+    """Point that the camera looks at, in scene units."""
     fov: float = 60.0
-    """Vertical field of view of --eye/--target, degrees."""
+    """Vertical field of view of --eye and --target in degrees, above 0 and below 180."""
     overlay: Literal["none", "divergence", "error"] = "none"
-    """Also write overlay.png: decoders per block, or error against the reference."""
+    """Overlay to write as overlay.png: decoders per block, or the error against the reference."""
     opacity: float = 0.6
     """Opacity of the divergence overlay, 0 to 1."""
     palette: PaletteName = "green-red"
-    """Colours of the divergence overlay; viridis is fit for the colour-blind."""
+    """Colours of the divergence overlay. viridis suits colour-blind readers."""
     block: BlockName = Overlay.block
-    """Blocks in which decoders are counted, WIDTHxHEIGHT in pixels."""
+    """Block of pixels in which decoders are counted, WIDTHxHEIGHT."""
     scale: ScaleName = "picture"
-    """Most decoders of the divergence overlay's colours: those of the picture, or as in the window a number for each block shape."""
+    """Upper end of the divergence colours: the largest number in the picture, or the window's number for the block shape."""
     anisotropy: Anisotropy = 1
-    """Anisotropic filtering of images and of path `cached`; 1 is trilinear, as the other paths filter."""
+    """Anisotropic filtering of images and of path cached, in samples. 1 is trilinear, as the other paths filter."""
     view: MaterialView = "base"
-    """What of the materials is shown: surfaces in the light, or one of their maps (orm: occlusion, roughness, metalness)."""
-    environment: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """--view lit: equirectangular panorama (.hdr or .exr) that lights the scene. None: the sky that the sun makes."""
+    """Picture to draw: lit surfaces, or one of the maps (orm: occlusion, roughness, metalness)."""
+    environment: Annotated[Path | None, _unset("FILE")] = None
+    """Equirectangular panorama (.hdr or .exr) that lights --view lit. Default: a procedural sky with a sun."""
     sun: Annotated[tuple[float, float], tyro.conf.arg(metavar="AZIMUTH ELEVATION")] = (
         Lighting.sun_azimuth,
         Lighting.sun_elevation,
     )
-    """--view lit: where the sun stands, in degrees from north (-Z) towards east (+X), and above the horizon."""
-    sun_strength: float | None = None
-    """--view lit: times the sun's own strength; 0 leaves it out. None: 1 in the sky, 0 with a panorama: it has lights of its own."""
+    """Direction of the sun for --view lit, in degrees: azimuth from north (-Z) towards east (+X), elevation above the horizon."""
+    sun_strength: Annotated[float | None, _unset("X")] = None
+    """Factor on the sun's strength for --view lit; 0 removes the sun. Default: 1 with the sky, 0 with a panorama."""
     exposure: float = Lighting.exposure
-    """--view lit: in stops; 1 is twice as bright."""
+    """Exposure of --view lit in stops; 1 is twice as bright."""
     tone_map: ToneMap = Lighting.tone_map
-    """--view lit: Khronos PBR Neutral, AgX, or clipping alone."""
+    """Tone map of --view lit: Khronos PBR Neutral, AgX, or none, which clips."""
     error_by_map: Switch = False
-    """Also say in stats.json what the error of each decoded map alone does to the picture, and write it as error.MAP.png. Not with
-    --view base."""
+    """Measure the error that each decoded map alone makes in the picture: stats.json, error.MAP.png. Needs another view than base."""
     aovs: Switch = False
-    """Also write aovs.exr: the maps of the visible surfaces, and with --view lit normals, as channels of floats."""
+    """Write aovs.exr: the maps of the visible surfaces as float channels, with --view lit also normals."""
     require_gpu: Switch = False
     """Fail if the renderer is a software rasteriser."""
     device: Gpu = None
-    """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
+    """GPU to draw on: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`. Default: the first."""
 
 
 @dataclass(frozen=True)
 class EncodeOptions:
-    """Encode the textures of a scene or of a folder of images: as one pack, or by jobs as a library (docs/guide/many-textures.md)."""
+    """Encode the textures of a scene or of a folder of images into a pack, or by jobs into a library (docs/guide/many-textures.md).
+
+    Example: ntc-viewer encode street.glb --bits 4 --out street.clustered.ntc
+    """
 
     source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER|LIST"), tyro.conf.Positional]
-    """glTF scene, a folder of images (sub-folder names become categories), or a text file (.txt) with the path of an image a line."""
+    """Textures to encode: a scene, a folder of images (sub-folders become categories), or a .txt file with one image path per line."""
     out: Annotated[Path, tyro.conf.arg(metavar="F.ntc|LIBRARY")]
-    """The pack to write, or the folder of a library to add to, by jobs."""
-    workers: int | None = None
-    """Encode by jobs in so many processes, one thread each; the bytes are the same with any number. None: in this process; for a
-    library as many as there are cores."""
-    ray: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS|auto")] = None
-    """Encode by jobs on this Ray cluster (extra `ray`); auto: the one that runs on this machine."""
+    """Pack to write, or folder of a library to add to by jobs."""
+    workers: Annotated[int | None, _unset("N")] = None
+    """Processes that encode by jobs, one thread each. The bytes are the same with any number.
+    Default: no jobs; one per core for a library."""
+    ray: Annotated[str | None, _unset("ADDRESS|auto")] = None
+    """Ray cluster that encodes by jobs (extra `ray`). auto: the cluster of this machine. Default: no cluster."""
     gpus_per_job: float = 0.0
-    """--ray: share of a GPU that a job takes, e.g. 0.25: four jobs share one (with --device cuda)."""
-    report: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """By jobs: folder for a page with figures, a plot and the worst textures. None: beside --out, its name with .report."""
+    """Share of a GPU that each job of --ray takes. Example: with 0.25, four jobs share one GPU (with --device cuda)."""
+    report: Annotated[Path | None, _unset("DIR")] = None
+    """Folder for the report of jobs: figures, a plot, the worst textures. Default: beside --out, its name with .report."""
     grouping: GroupingName = "clustered"
-    """Which textures share a decoder."""
-    clusters: int | None = None
-    """Number of decoders of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
+    """Grouping: decides which textures share a decoder (docs/reference/groupings.md)."""
+    clusters: Annotated[int | None, _unset("N")] = None
+    """Number of decoders for clustered, random and covisible. Default: 10, at most one per texture."""
     features: FeatureName = GroupingConfig.features
-    """Features by which clustered and covisible compare textures."""
-    clip_weights: Annotated[str | None, tyro.conf.arg(metavar="FILE|download")] = None
-    """Weights of --features clip: a file, or "download" to fetch them."""
-    labels: Annotated[Path | None, tyro.conf.arg(metavar="FILE.csv")] = None
-    """CSV with the columns texture and category, for category. None: labels of the file, else guessed from names."""
-    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras, e.g. a recorded path, for which covisible reduces divergence and --size shares out bits. None: covisible
-    takes the scene's own cameras."""
-    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Viewpoints sampled in the scene that covisible uses besides. None: 24 where there are no cameras."""
+    """Image features by which clustered and covisible compare textures."""
+    clip_weights: Annotated[str | None, _unset("FILE|download")] = None
+    """Weights for --features clip: a file, or `download` to fetch them. Default: none."""
+    labels: Annotated[Path | None, _unset("FILE.csv")] = None
+    """CSV with the columns texture and category, for grouping category. Default: the labels of the file, else guesses from names."""
+    views: Annotated[Path | None, _unset("FILE")] = None
+    """JSON file of cameras, for example a recorded path.
+    covisible reduces divergence in these views; --size gives more bits to textures that they show larger.
+    Default: the scene's cameras for covisible, none for --size."""
+    sampled_views: Annotated[int | None, _unset("N")] = None
+    """Number of further viewpoints that covisible samples in the scene, 0 to 1000. Default: 24 if the scene has no cameras, else 0."""
     spread_weight: float = GroupingConfig.spread_weight
-    """covisible: weight of the likeness of textures in a group, against divergence."""
+    """Weight that covisible gives to similar textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
-    """covisible: no group holds more than this share of the textures."""
-    codec: Annotated[CodecName | None, tyro.conf.arg(help=CODEC_HELP)] = None
-    bits: float | None = None
-    """Codec block: bits per texel to come nearest to, all mips and decoders counted. None, and none of the next three: 2."""
-    quality: Annotated[float | None, tyro.conf.arg(metavar="DB")] = None
-    """Codec block: PSNR in dB that each texture is to have at least, in as few bits as possible."""
-    size: Annotated[float | None, tyro.conf.arg(metavar="MB")] = None
-    """Codec block: megabytes of 10^6 bytes that the file may have at most. With --views, textures seen in more pixels get more."""
-    preset: PresetName | None = None
-    """Codec block: 1bit to 8bit stand for --bits; fast decodes in at most 100 multiply-adds a texel, at about 2 bits."""
-    maps: MapChoice | None = None
-    """all: whole materials, the maps of each encoded together. base: base colours alone. None: all for codec block, but for grouping
-    universal, whose decoder serves base colours alone."""
+    """Largest share of the textures in one group of covisible, 0 to 1."""
+    codec: Annotated[CodecName | None, tyro.conf.arg(metavar="block|grid", help=CODEC_HELP, help_behavior_hint="")] = (
+        None
+    )
+    bits: Annotated[float | None, _unset("X")] = None
+    """Target of codec block: bits per texel of all mips, tables included. Default: 2, if no other target is given."""
+    quality: Annotated[float | None, _unset("DB")] = None
+    """Target of codec block: minimum PSNR of each texture in dB, up to 58.9, in as few bits as possible."""
+    size: Annotated[float | None, _unset("MB")] = None
+    """Target of codec block: largest file size in MB (10^6 bytes)."""
+    preset: Annotated[PresetName | None, _unset("1bit|2bit|4bit|8bit|fast")] = None
+    """Target of codec block by name.
+    1bit to 8bit stand for --bits; fast decodes with at most 100 multiply-adds per texel, at about 2 bits."""
+    maps: Annotated[MapChoice | None, _unset("all|base")] = None
+    """Maps to encode. all: whole materials, the maps of each together. base: base colours.
+    Default: all for codec block, base for codec grid and for grouping universal."""
     map_weights: MapWeightsName = "seen"
-    """What errors in the maps of a material are worth: seen, by how much they change the lit picture, or equal."""
+    """Weights of errors in the maps of a material. seen: by how much they change the lit picture. equal: the same for all maps."""
     recipe: RecipeName = "best"
-    """best: codec block, or with --codec grid the fastest training found to good quality. paper: codec grid with the learning rates,
-    batch and freezing of the paper."""
-    texture_size: int | None = None
-    """Reduce textures to at most this many texels a side before encoding. None: full size."""
-    steps: int | None = None
-    """Optimisation steps; overrides the recipe's length."""
-    epochs: float | None = None
-    """Length in epochs: every texel of every texture once. Not together with --steps."""
-    levels: int | None = None
-    """Latent levels, one per mip; None: the whole pyramid, 1: mip 0 alone as in the paper."""
+    """Recipe. best: codec block, or with --codec grid the fastest training to good quality.
+    paper: codec grid, trained as in the paper."""
+    texture_size: Annotated[int | None, _unset("N")] = None
+    """Largest side of a texture in texels; larger ones are reduced first. Default: full size."""
+    steps: Annotated[int | None, _unset("N")] = None
+    """Length of training in optimisation steps. Default: the recipe's."""
+    epochs: Annotated[float | None, _unset("X")] = None
+    """Length of training in epochs: each shows every texel of every texture once. Not together with --steps. Default: the recipe's."""
+    levels: Annotated[int | None, _unset("N")] = None
+    """Number of mips to encode, 1 to 16. 1: mip 0 alone, as in the paper. Default: all."""
     seed: int = 0
     """Seed of initialisation, sampling and grouping."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
-    """Where to train; auto takes CUDA when torch has it."""
-    state: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Keep the state of the training in this file: after Ctrl-C the same command resumes it. Removed at the end."""
+    """Device that trains. auto takes CUDA if torch has it."""
+    state: Annotated[Path | None, _unset("FILE")] = None
+    """File that keeps the state of the training: after Ctrl-C the same command resumes. Removed at the end. Default: none."""
 
     def grouping_config(self) -> GroupingConfig:
         """Return the options of the grouping."""
@@ -297,41 +315,44 @@ class DecodeOptions:
     """Decode every texture of a pack to a PNG, named as in the pack."""
 
     pack: Annotated[Path, tyro.conf.arg(metavar="F.ntc"), tyro.conf.Positional]
-    """The pack."""
-    out: Path
+    """Pack to decode."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder for the images."""
     backend: Literal["numpy", "torch", "gl"] = "numpy"
-    """numpy: float64 reference. torch: float32. gl: the GLSL decoder."""
+    """Decoder. numpy: the float64 reference. torch: float32. gl: GLSL on a GPU."""
     precision: Precision = "fp32"
-    """Storage of the decoder weights (gl only)."""
+    """Precision of the decoder weights, for --backend gl."""
     level: int = 0
-    """Mip level to decode; textures without it are decoded at their last."""
+    """Mip to decode, from 0. A texture with fewer mips is decoded at its last one."""
     device: Gpu = None
-    """--backend gl: the GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
+    """GPU of --backend gl: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`. Default: the first."""
 
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Write a scene and its pack for other programs (docs/guide/export.md)."""
+    """Write a scene and its pack for other programs (docs/guide/export.md).
+
+    Example: ntc-viewer export street.glb --web page
+    """
 
     scene: OptionalScene = None
-    """glTF scene (.gltf, .glb, or a mesh format that trimesh reads). None: the built-in courtyard."""
+    """Scene to export, or `gallery`, the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
-    """The pack that holds the scene's textures. None: one that lies beside the scene, clustered before others."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="G.gltf|G.glb|DIR")] = None
-    """The glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle). With --shader: a
-    folder."""
-    web: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Instead of a glTF file, write a folder with a page that decodes the pack in the browser. Originals to compare with: not with
-    --fallback none."""
-    shader: ShaderLanguage | None = None
-    """Instead of a scene, write the pack's decoder as source for other programs into the folder --out, with its data, their layout as
-    a header of C, and a program in C++ that decodes texels."""
-    image_format: Annotated[ImageFormat | None, tyro.conf.arg(name="as")] = None
-    """Instead of naming the pack, write what it decodes to: png; with mips ktx2 (Basis UASTC), bc7 and bc1 (DDS), astc (6x6, KTX2)."""
+    """Pack that holds the scene's textures. Default: the pack beside the scene, clustered before others."""
+    out: Annotated[Path | None, _unset("G.gltf|G.glb|DIR")] = None
+    """glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle). With --shader: a folder."""
+    web: Annotated[Path | None, _unset("DIR")] = None
+    """Folder to write a web page into, which decodes the pack in the browser.
+    With --fallback none it holds no originals to compare with."""
+    shader: Annotated[ShaderLanguage | None, _unset("glsl|hlsl|wgsl|cuda")] = None
+    """Language of the pack's decoder, written as source into the folder --out with its data, a C header and a C++ program."""
+    image_format: Annotated[
+        ImageFormat | None, tyro.conf.arg(name="as", metavar="png|ktx2|bc7|bc1|astc", help_behavior_hint="")
+    ] = None
+    """Format of decoded images, written in place of the pack.
+    Without mips: png. With mips: ktx2 (Basis UASTC), bc7 and bc1 (DDS), astc (6x6 in KTX2, EXT_texture_astc)."""
     fallback: Fallback = "original"
-    """Images for programs that do not read packs: the scene's own, the same as JPEG or KTX2 (Basis Universal), or none, as far as
-    the pack holds them whole."""
+    """Images for programs that do not read packs: the scene's own, the same as JPEG or KTX2 (Basis Universal), or none."""
 
 
 LibraryAction = Literal["add", "assign", "list", "verify", "compact", "extract"]
@@ -339,29 +360,30 @@ LibraryAction = Literal["add", "assign", "list", "verify", "compact", "extract"]
 
 @dataclass(frozen=True)
 class LibraryOptions:
-    """Look after a library: a folder of encoded textures of many scenes (docs/guide/many-textures.md)."""
+    """Manage a library: a folder with the encoded textures of many scenes (docs/guide/many-textures.md)."""
 
     action: Annotated[LibraryAction, tyro.conf.Positional]
-    """add packs to it; assign: encode what it lacks of a scene or a folder of images with decoders that it has, and tell what that
-    loses; list its textures; verify every byte; compact: join small shards, leave damaged ones out; extract a pack."""
+    """Action. add: add packs.
+    assign: encode the missing textures of a scene or folder with decoders of the library, and print the loss.
+    list: list the textures. verify: check every byte. compact: join small shards, drop damaged ones. extract: write a pack."""
     folder: Annotated[Path, tyro.conf.arg(metavar="LIBRARY"), tyro.conf.Positional]
-    """The library's folder; `add` makes one."""
+    """Folder of the library. `add` makes a new one."""
     files: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc|SCENE"), tyro.conf.Positional] = ()
-    """add: the packs. assign: one scene or folder. extract: the scene whose textures are wanted; none: all textures."""
-    out: Annotated[Path | None, tyro.conf.arg(metavar="F.ntc")] = None
-    """extract: the pack to write."""
+    """Packs to add; scene or folder to assign; scene whose textures to extract. Default of extract: all textures."""
+    out: Annotated[Path | None, _unset("F.ntc")] = None
+    """Pack that extract writes."""
     json: Switch = False
-    """list: print JSON instead of a table."""
+    """Let list print JSON instead of a table."""
 
 
 @dataclass(frozen=True)
 class InfoOptions:
-    """Print what a scene, a pack or all of a folder contains, what of it is honoured and what is ignored."""
+    """Print the contents of a scene, a pack or a folder: what is drawn, and what is ignored."""
 
-    file: Annotated[Path | None, tyro.conf.arg(metavar="SCENE|F.ntc"), tyro.conf.Positional] = None
-    """The file."""
-    all: Annotated[Path | None, tyro.conf.arg(metavar="DIR")] = None
-    """Instead of one file: a table of every .gltf, .glb and .ntc below this folder, those that are refused included."""
+    file: Annotated[Path | None, _unset("SCENE|F.ntc"), tyro.conf.Positional] = None
+    """Scene, pack or library."""
+    all: Annotated[Path | None, _unset("DIR")] = None
+    """Folder to list in place of one file: every .gltf, .glb and .ntc below it, refused ones included."""
     json: Switch = False
     """Print JSON instead of text."""
 
@@ -373,7 +395,7 @@ class DoctorOptions:
     json: Switch = False
     """Print JSON instead of text."""
     device: Gpu = None
-    """The GPU to tell more of, by its number or part of its name, or `software`. None: the first."""
+    """GPU to describe: its number or part of its name, or `software`. Default: the first."""
 
 
 SUBCOMMANDS = (

@@ -108,7 +108,7 @@ def decodes() -> Iterable[Run]:
 def info() -> Iterable[Run]:
     """Scenes, packs and folders; and what --help says."""
     small = [f"WORK/scene/small.{grouping}.ntc" for grouping in ("baseline", "covisible", "category")]
-    packs = [f"BUILTIN/courtyard.{grouping}.ntc" for grouping in ("single", "clustered")]
+    packs = [f"BUILTIN/courtyard.{grouping}.ntc" for grouping in ("baseline", "clustered")]
     for file in ("BUILTIN/courtyard.glb", "WORK/scene/small.gltf", *small, *packs):
         name = Path(file).name
         yield Run(f"{name} text", ("info", file))

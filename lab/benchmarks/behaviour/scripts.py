@@ -26,7 +26,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "slots": (
         PICTURE,
-        """window.panels; compare.mode wipe; slot.source a single; slot.source b baseline; slot.path a cached
+        """window.panels; compare.mode wipe; slot.source a clustered; slot.source b baseline; slot.path a cached
         slot.path b binned; slot.precision a fp16; snap both; compare.mode difference; snap differ; compare.mode a
         slot.next-source; snap source; slot.next-source; slot.next-path; snap path; slot.next-path; slot.next-path
         snap third; slot.precision a auto; snap precision; slot.path a auto; wait settled; slot.path a deferred; snap again
@@ -37,7 +37,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], str]] = {
         PICTURE,
         """window.panels; overlay.toggle; snap on; overlay.next-block; snap block; overlay.block 16x4; snap wide
         overlay.next-palette; snap palette; overlay.palette green-red; overlay.opacity 0.25; snap opacity
-        slot.source b single; compare.mode wipe; snap wipe; overlay.kind error-texture; snap texture
+        slot.source b baseline; compare.mode wipe; snap wipe; overlay.kind error-texture; snap texture
         overlay.kind error-decoder; snap decoder; overlay.kind none; snap none; errors.highlight texture 3; snap highlight
         errors.highlight decoder 1; snap group; errors.highlight decoder 1; snap ended
         errors.highlight texture 24; errors.clear; snap clear; texture.select plaster_rose; snap selected
