@@ -6,7 +6,7 @@ import. More textures than are held at once are grouped in mini-batches: centres
 groups are of bounded size. Features then come in blocks, again and again, as from files.
 """
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from functools import partial
 
 import numpy as np
@@ -289,14 +289,10 @@ def clustered_grouping(features: NDArray[np.float64], name: FeatureName, cluster
     if len(features) * clusters <= LARGEST_EXACT:
         labels = kmeans_labels(features, clusters, RESTARTS, seed)
     else:
-        labels = minibatch_labels(lambda: _blocks(features), len(features), clusters, seed)
+        firsts = range(0, len(features), BLOCK)
+        labels = minibatch_labels(lambda: (features[i : i + BLOCK] for i in firsts), len(features), clusters, seed)
         parameters["minibatch"] = True
     return Grouping.of_labels("clustered", labels.tolist(), parameters)
-
-
-def _blocks(features: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    for first in range(0, len(features), BLOCK):
-        yield features[first : first + BLOCK]
 
 
 def random_grouping(like: Grouping, seed: int) -> Grouping:

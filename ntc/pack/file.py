@@ -42,18 +42,14 @@ _deserialize: Callable[[bytes], list[tuple[str, Mapping[str, Any]]]] = deseriali
 REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 
 
-def _stored_decoders(metadata: PackMetadata) -> int:
-    """Decoders that a file with `metadata` holds: none where the one that ships with the program serves all textures."""
-    return 0 if metadata.grouping.name == UNIVERSAL else metadata.decoders
-
-
 def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
     """Return the type and shape of every tensor that a file with `metadata` must hold, and no others."""
     codec, expected = codec_of(metadata.codec), dict[str, TensorShape]()
     for index, texture in enumerate(metadata.textures):
         expected |= _numbered(codec.texture_shapes(metadata.codec, texture.width, texture.height), index)
     decoder = codec.decoder_shapes(metadata.codec)
-    for index in range(_stored_decoders(metadata)):
+    # A file holds no decoder where the one that ships with the program serves all textures.
+    for index in range(0 if metadata.grouping.name == UNIVERSAL else metadata.decoders):
         expected |= _numbered(decoder, index)
     return expected
 

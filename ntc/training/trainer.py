@@ -93,10 +93,6 @@ class Trainer:
         self._began = self._last_save = host.seconds()
         self._next_snapshot = self._began
 
-    def _begin(self) -> None:
-        self._began = self._last_save = self._last_report = self._host.seconds()
-        self._next_snapshot = self._began + self._request.seconds_between_snapshots
-
     @property
     def settings(self) -> CodecSettings:
         """Settings of the pack that was trained."""
@@ -149,7 +145,8 @@ class Trainer:
     def run(self) -> Ended:
         """Train to the end; the host gets a final snapshot of each group. Raises what the host's `interruption` raises, and what
         the codec's work raises."""
-        self._begin()
+        self._began = self._last_save = self._last_report = self._host.seconds()
+        self._next_snapshot = self._began + self._request.seconds_between_snapshots
         self._share_before = self._encoder.figures().share
         with closing(self._encoder.pieces()) as pieces:
             while True:

@@ -180,11 +180,6 @@ def _pictures(stored: Stored, library: Path, reading: Reading) -> tuple[NDArray[
     return None if source is None else (_middle(source.pixels), _middle(decode(pack, 0)))
 
 
-def worst_textures(result: RunResult) -> list[Stored]:
-    """Return the textures of the least PSNR, worst first."""
-    return sorted(result.stored, key=lambda each: (_psnr(each), each.ref.name))[:WORST_SHOWN]
-
-
 def write_report(folder: Path, result: RunResult, library: Path, reading: Reading) -> None:
     """Write `index.html`, `report.json`, `plot.png` and pictures of the worst textures into `folder`; an earlier report is replaced.
 
@@ -193,7 +188,8 @@ def write_report(folder: Path, result: RunResult, library: Path, reading: Readin
     with atomic_folder(folder, REPORT_FILE) as made:
         write_bytes(made / REPORT_FILE, _document(result))
         worst = list[tuple[Stored, str]]()
-        for number, each in enumerate(worst_textures(result)):
+        ordered = sorted(result.stored, key=lambda each: (_psnr(each), each.ref.name))
+        for number, each in enumerate(ordered[:WORST_SHOWN]):
             pictures = _pictures(each, library, reading)
             if pictures is not None:
                 for kind, pixels in zip(("original", "decoded"), pictures, strict=True):

@@ -59,18 +59,17 @@ class Reading:
 def texture_refs(source: Path, maps: MapChoice) -> tuple[TextureRef, ...]:
     """Return the textures of a folder of images, a list of image paths (a text file, a path a line) or a scene. Raises InputError."""
     if source.is_dir():
-        return tuple(_image_ref(path, source) for path in folder_images(source))
+        places = [(path, path.relative_to(source)) for path in folder_images(source)]
+        return tuple(
+            TextureRef(str(path.absolute()), place.with_suffix("").as_posix(), place.parent.name or None)
+            for path, place in places
+        )
     if source.suffix.lower() == LIST_SUFFIX:
         return _listed(source)
     path = named_scene(source)
     scene = load_scene(path)
     chosen = [index for index, texture in enumerate(scene.textures) if has_source(texture, maps)]
     return tuple(TextureRef(str(path), scene.textures[i].name, scene.textures[i].category, i) for i in chosen)
-
-
-def _image_ref(path: Path, folder: Path) -> TextureRef:
-    place = path.relative_to(folder)
-    return TextureRef(str(path.absolute()), place.with_suffix("").as_posix(), place.parent.name or None)
 
 
 def _listed(path: Path) -> tuple[TextureRef, ...]:

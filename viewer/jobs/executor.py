@@ -68,12 +68,9 @@ class LocalExecutor(Generic[Argument, Result]):
         self._function = function
         self._before = {name: os.environ.get(name) for name in ONE_THREAD}
         os.environ.update(ONE_THREAD)
-        self._free = [self._process(number) for number in range(workers)]
+        self._free = [FunctionProcess(function, f"worker {number}") for number in range(workers)]
         self._busy: dict[int, tuple[FunctionProcess[Argument, Result], Job[Result]]] = {}
         self.slots = workers
-
-    def _process(self, number: int) -> FunctionProcess[Argument, Result]:
-        return FunctionProcess(self._function, f"worker {number}")
 
     def submit(self, number: int, argument: Argument) -> None:
         """Begin a job in a process that is free."""

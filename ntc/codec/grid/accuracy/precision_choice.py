@@ -92,10 +92,6 @@ UNMEASURED_FACTOR = 3.0
 were found (docs/explanation/accuracy.md)."""
 
 
-def _stored_decoder(decoder: GridDecoder) -> GridDecoder:
-    return GridDecoder(tuple(map(as_stored, decoder.weights)), tuple(map(as_stored, decoder.biases)))
-
-
 def _stored_adapter(adapter: Adapter | None) -> Adapter | None:
     if adapter is None:
         return None
@@ -145,7 +141,8 @@ def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXE
             own = grid_parts(stored).textures[index]
             decoder, adapter = grid_parts(stored).decoders[texture.group], own.adapter
             if precision == "fp16":
-                decoder, adapter = _stored_decoder(decoder), _stored_adapter(adapter)
+                parts = (tuple(map(as_stored, part)) for part in (decoder.weights, decoder.biases))
+                decoder, adapter = GridDecoder(*parts), _stored_adapter(adapter)
             found = np.clip(run_decoder(decoder, inputs, grid_parts(pack).config.leaky_slope, adapter), 0.0, 1.0)
             found = found[:, texture.places(pack.config)]
         worst = max(worst, float(np.abs(found - exact).max(initial=0.0)))
