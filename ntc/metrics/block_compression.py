@@ -34,6 +34,7 @@ _MISSING = "block compression: the packages are not installed ({}); pip install 
 def _package(name: str) -> Any:
     """Import a package of the extra `lab`. Raises InputError where it is not installed."""
     try:
+        import_module(name.partition(".")[0])
         return import_module(name)
     except ImportError as error:
         raise InputError(_MISSING.format(error)) from error

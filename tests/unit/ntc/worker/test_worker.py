@@ -484,14 +484,13 @@ def test_a_process_that_does_not_obey_is_ended(case: CodecCase) -> None:
 OWNER = """
 import sys, time
 import numpy as np
-from ntc.codec.grid.config import GridConfig
+from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.worker.client import TrainingWorker
 assert "torch" not in sys.modules
-from ntc.training.progress import TrainingProgress
-from ntc.training.request import TrainingRequest
+from ntc.training.messages import TrainingProgress, TrainingRequest
 
 def main():
     texture = SourceTexture("t", np.zeros((16, 16, 3), np.uint8) + np.arange(16, dtype=np.uint8)[:, None], "0")
