@@ -8,7 +8,7 @@ import pytest
 import ntc
 from lab.documentation.__main__ import ROOT, generated, pages
 
-PAGES = sorted({*pages(), *ROOT.glob("*.md")})
+PAGES = sorted({*pages(), *ROOT.glob("*.md"), *ROOT.glob("docs/**/*.ipynb")})
 LINK = re.compile(r"\]\(([^)\s]+)\)")
 CODE = re.compile(r"^```.*?^```|`[^`\n]*`|^(?: {4}|\t).*?$", re.DOTALL | re.MULTILINE)
 SOURCES = ("ntc", "viewer", "lab", "shaders", "tests", "assets")
