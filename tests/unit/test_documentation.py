@@ -62,6 +62,13 @@ def test_pages_that_sources_name_are_there() -> None:
     assert lost == set()
 
 
+@pytest.mark.parametrize("page", PAGES, ids=named)
+def test_modules_that_pages_run_are_there(page: Path) -> None:
+    modules = re.findall(r"python -m ((?:lab|tests|assets)[\w.]*)", page.read_text(encoding="utf-8"))
+    paths = [ROOT / module.replace(".", "/") for module in modules]
+    assert [path for path in paths if not (path.with_suffix(".py").exists() or (path / "__main__.py").exists())] == []
+
+
 def test_the_site_shows_every_page() -> None:
     listed = re.findall(r"^ +- (?:[^:\n]+: )?([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.M)
     assert sorted(listed) == sorted(str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md"))
