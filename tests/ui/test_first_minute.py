@@ -168,12 +168,12 @@ def test_a_small_scene_is_seen_whole(app: DrivenApp, tmp_path: Path) -> None:
     app.drop(write_scene(tmp_path, seed=21))
     searched(app)
     assert app.session.view.camera == frame_all(app.session.scene.bounds, app.session.settings.fov_degrees)
-    assert not any("looking" in toast.text for toast in app.session.window.toasts)
+    assert not any("searching" in toast.text for toast in app.session.window.toasts)
 
 
 def test_a_place_is_found_in_a_scene_that_is_a_speck_from_afar(app: DrivenApp, tmp_path: Path) -> None:
     app.drop(courtyard(tmp_path))
-    assert any("looking for a better place" in toast.text for toast in app.session.window.toasts)
+    assert any("searching for a better first view" in toast.text for toast in app.session.window.toasts)
     searched(app)
     camera, renderer = app.session.view.camera, app.frontend.picture.renderer
     assert camera.name == "first view"
