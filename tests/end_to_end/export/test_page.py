@@ -108,7 +108,7 @@ def test_the_browser_decodes_what_the_float64_reference_does(tmp_path: Path, bro
     assert texels >= TEXELS
 
 
-@pytest.mark.parametrize("fallback", ["original", "jpeg"])
+@pytest.mark.parametrize("fallback", ["original", pytest.param("jpeg", marks=pytest.mark.nightly)])
 def test_threejs_shows_the_images_of_an_exported_scene(
     scene: Path, tmp_path: Path, browser: Browser, fallback: str
 ) -> None:

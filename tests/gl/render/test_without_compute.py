@@ -58,8 +58,13 @@ def test_original_images_look_the_same(
     assert (apart(renderers[scene], view) <= 1).mean() >= 0.999
 
 
-@pytest.mark.parametrize("path", ["forward", "cached"])
-@pytest.mark.parametrize("scene", ["plain", "rich"])
+@pytest.mark.parametrize(
+    ("scene", "path"),
+    [
+        *(("rich", "forward"), ("plain", "cached")),
+        *(pytest.param(*given, marks=pytest.mark.nightly) for given in (("plain", "forward"), ("rich", "cached"))),
+    ],
+)
 def test_packs_look_the_same(
     renderers: dict[str, tuple[Renderer, Renderer]], scene: str, path: Literal["forward", "cached"]
 ) -> None:

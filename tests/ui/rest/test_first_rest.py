@@ -70,6 +70,7 @@ def test_surfaces_that_let_light_through(start: Start, check: Check, tmp_path: P
         check(played.of(name))
 
 
+@pytest.mark.nightly
 def test_an_animation_that_is_paused(start: Start, check: Check, tmp_path: Path) -> None:
     scene = write_wall(tmp_path / "turning.glb", side=SMALL, animated=True)
     encode(scene, tmp_path / "turning.clustered.ntc")

@@ -41,6 +41,7 @@ def test_answers_that_come_late(start: Start, check: Check, wall: Path, path: st
     check(played.of("start"))
 
 
+@pytest.mark.nightly
 def test_a_map_of_decoders_whose_answers_come_late(start: Start, check: Check, wall: Path) -> None:
     stages = (Stage("map", ("overlay.kind divergence", "overlay.opacity 0.3", "compare.mode side-by-side")),)
     played = start(str(wall), stages=stages, slowest_answer=SLOWEST)
