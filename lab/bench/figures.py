@@ -1,29 +1,17 @@
 """Plots of `ntc-viewer bench`."""
 
-from collections.abc import Sequence
-from typing import Any, Literal
+from typing import Any
 
-from matplotlib.axes import Axes
 from matplotlib.colors import to_rgba
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
 
-from lab.bench.scaling import LAYOUTS, PATHS, Layout, ScalingRow, SweepName
 from lab.bench.tables import time_and_quality
 from viewer.cli.table import Table
 
 MARKERS = "os^Dvp*"
 FILLS = (1.0, 0.0, 0.5, 0.2)
 """Opacity of the fill of a point, one for each precision."""
-SWEEPS: dict[SweepName, str] = {
-    "resolution": "pixels",
-    "textures": "textures, one decoder for all",
-    "decoders": "decoders",
-    "decoder size": "neurons of each hidden layer",
-}
-"""Labels of the horizontal axes of the four plots."""
-LINES: dict[Layout, Literal["-", "--"]] = {"blocks": "-", "interleaved": "--"}
 
 
 def time_error_figure(table: Table, title: str) -> Figure:
@@ -66,42 +54,3 @@ def time_error_figure(table: Table, title: str) -> Figure:
     axes.ticklabel_format(useOffset=False)
     axes.grid(alpha=0.3)
     return figure
-
-
-def scaling_figure(rows: Sequence[ScalingRow], title: str) -> Figure:
-    """Time over what each of the four sweeps changes; both axes logarithmic, minimum to maximum shaded."""
-    figure = Figure(figsize=(10, 7.5), layout="constrained")
-    figure.suptitle(title, fontsize=10)
-    for axes, (sweep, label) in zip(figure.subplots(2, 2).flat, SWEEPS.items(), strict=True):
-        _draw_sweep(axes, [row for row in rows if row.sweep == sweep])
-        axes.set_xlabel(label)
-    handles = [
-        Line2D([], [], color=f"C{number}", linestyle=LINES[layout], label=f"{path}, {layout}")
-        for number, path in enumerate(PATHS)
-        for layout in LAYOUTS
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8)
-    return figure
-
-
-def _draw_sweep(axes: Axes, rows: Sequence[ScalingRow]) -> None:
-    for number, path in enumerate(PATHS):
-        for layout in LAYOUTS:
-            curve = sorted((row for row in rows if (row.path, row.layout) == (path, layout)), key=lambda row: row.value)
-            values, color = [row.value for row in curve], f"C{number}"
-            spread = [row.min_ms for row in curve], [row.max_ms for row in curve]
-            line: dict[str, Any] = {"color": color, "linestyle": LINES[layout], "marker": "o", "markersize": 4.0}
-            axes.plot(values, [row.median_ms for row in curve], **line)
-            axes.fill_between(values, *spread, color=color, alpha=0.15, linewidth=0.0)
-    axes.set_xscale("log")
-    axes.set_yscale("log")
-    names = {row.value: f"{row.width}x{row.height}" if row.sweep == "resolution" else f"{row.value}" for row in rows}
-    axes.set_xticks(list(names), list(names.values()))
-    axes.set_xticks([], minor=True)
-    axes.yaxis.set_major_formatter("{x:g}")
-    low, high = axes.get_ylim()
-    # Numbers between powers of ten are only written where they do not run into each other.
-    axes.yaxis.set_minor_formatter("{x:g}" if high < 20.0 * low else NullFormatter())
-    axes.tick_params(axis="y", which="minor", labelsize=7)
-    axes.set_ylabel("decode pass, ms")
-    axes.grid(alpha=0.3)

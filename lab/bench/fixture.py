@@ -77,27 +77,10 @@ def _words(texture: NDArray[np.int32]) -> NDArray[np.uint32]:
     return words
 
 
-def _places(size: tuple[int, int]) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """([H, W] number of each pixel's block, [H, W] its place in the block)."""
-    y, x = np.indices((size[1], size[0]), np.int32)
-    block = (y // GROUP_SIDE) * -(-size[0] // GROUP_SIDE) + x // GROUP_SIDE
-    return block, (y % GROUP_SIDE) * GROUP_SIDE + x % GROUP_SIDE
-
-
 def interleaved_words(size: tuple[int, int], textures: int) -> NDArray[np.uint32]:
     """[H, W, 4] visibility words: pixels take the textures in turn, the same in every block, one texel a pixel."""
-    return _words(_places(size)[1] % textures)
-
-
-def scattered_words(size: tuple[int, int], textures: int) -> NDArray[np.uint32]:
-    """[H, W, 4] visibility words: pixels take all textures in turn, block after block: 64 others in the next one."""
-    block, place = _places(size)
-    return _words((block * GROUP_SIDE * GROUP_SIDE + place) % textures)
-
-
-def block_words(size: tuple[int, int], textures: int) -> NDArray[np.uint32]:
-    """[H, W, 4] visibility words: blocks take the textures in turn; all pixels of a block see the same one."""
-    return _words(_places(size)[0] % textures)
+    y, x = np.indices((size[1], size[0]), np.int32)
+    return _words(((y % GROUP_SIDE) * GROUP_SIDE + x % GROUP_SIDE) % textures)
 
 
 class PackLoader:

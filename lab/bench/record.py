@@ -51,18 +51,22 @@ def write_figure(path: Path, figure: Figure) -> None:
 
 
 class BenchRecord:
-    """The record at `path`, written anew with each part: what is done is kept if a later part is stopped."""
+    """Record at `path`, written again with each part, so that a stopped run keeps what is done. None: nothing is written."""
 
-    def __init__(self, path: Path, facts: Mapping[str, Any]) -> None:
+    def __init__(self, path: Path | None, facts: Mapping[str, Any]) -> None:
         self._path = path
         self._content: dict[str, Any] = {"machine": dict(facts)}
 
     def add(self, part: str, content: Mapping[str, Any], suffix: str, title: str, table: Table) -> None:
         """Keep a part, and write its table as `suffix` beside the record. Raises InputError where that cannot be written."""
+        if self._path is None:
+            return
         self._content[part] = dict(content)
         write_text(self._path.with_suffix(f"{suffix}.md"), f"# {title}\n\n{table.markdown()}")
         write_text(self._path, json.dumps(self._content, indent=1, allow_nan=False) + "\n")
 
     def plot(self, suffix: str, figure: Figure) -> None:
         """Write a plot as `suffix` beside the record. Raises InputError where that cannot be written."""
+        if self._path is None:
+            return
         write_figure(self._path.with_suffix(f"{suffix}.png"), figure)

@@ -6,7 +6,6 @@ from typing import TypeVar
 
 import numpy as np
 
-from lab.bench.scaling import ScalingRow
 from lab.bench.scene import SceneBenchRow
 from lab.bench.worst_case import WorstCaseRow
 from viewer.cli.table import Cell, Column, Table
@@ -48,21 +47,6 @@ SCENE_COLUMNS = (
     Column("largest_step", "most 8-bit steps from deferred fp32"),
     Column("pareto", "on the Pareto front"),
 )
-SCALING_COLUMNS = (
-    Column("sweep", "sweep"),
-    Column("value", "value"),
-    Column("layout", "layout"),
-    Column("path", "path"),
-    Column("size", "pixels"),
-    Column("tiles", "tiles"),
-    Column("textures", "textures"),
-    Column("decoders", "decoders"),
-    Column("hidden_width", "hidden neurons"),
-    Column("median_ms", "ms"),
-    Column("min_ms", "min ms"),
-    Column("max_ms", "max ms"),
-    Column("nanoseconds_per_pixel", "ns a pixel", 3),
-)
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> tuple[bool, ...]:
@@ -82,11 +66,6 @@ def worst_case_table(rows: Sequence[WorstCaseRow]) -> Table:
         return {**asdict(row), "size": f"{row.width}x{row.height}", "cut": cut}
 
     return Table(WORST_CASE_COLUMNS, [cells(row) for row in rows])
-
-
-def scaling_table(rows: Sequence[ScalingRow]) -> Table:
-    """One row for each point of each curve."""
-    return Table(SCALING_COLUMNS, [{**asdict(row), "size": f"{row.width}x{row.height}"} for row in rows])
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
@@ -144,3 +123,22 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
 def time_and_quality(row: Mapping[str, Cell]) -> tuple[float, float]:
     """(ms of the decode pass, PSNR in dB) of a slot. Hundredths of a dB are the finest difference that counts."""
     return float(row["decode_ms"] or 0.0), round(float(row["psnr_db"] or 0.0), 2)
+
+
+NEAR_DB = 0.1
+"""Loss of PSNR in dB that nobody sees: a faster path may cost so much."""
+
+
+def path_to_take(table: Table) -> str:
+    """One line for each pack of a scene's table: its fastest path whose PSNR is within NEAR_DB of the pack's best."""
+    lines = []
+    packs = [row for row in table.rows if row["path"] and row["psnr_db"] is not None]
+    for source in dict.fromkeys(row["source"] for row in packs):
+        own = [time_and_quality(row) for row in packs if row["source"] == source]
+        rows = [row for row in packs if row["source"] == source]
+        best = max(quality for _, quality in own)
+        near = [row for row in rows if time_and_quality(row)[1] >= best - NEAR_DB]
+        row = min(near, key=time_and_quality)
+        time, quality = time_and_quality(row)
+        lines.append(f"{source}: take --path {row['path']} in {row['precision']}: {time:.1f} ms, {quality:.2f} dB")
+    return "\n".join(lines)

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.benchmarks.twins.sheet import write_sheet
+from lab.benchmarks.sheet import write_sheet
 from ntc.io import write_text
 from viewer.cli.info import KINDS, files_below
 from viewer.cli.table import Column, Table

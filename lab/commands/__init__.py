@@ -7,7 +7,6 @@ from lab.commands.options import (
     FilteringStudyOptions,
     FreezingStudyOptions,
     MaterialStudyOptions,
-    MipStudyOptions,
     MlpSizeStudyOptions,
     PaperScenesOptions,
     PaperStudyOptions,
@@ -26,7 +25,6 @@ STUDIES = (
     Subcommand("materials", MaterialStudyOptions, "lab.commands.study_materials", "study_materials"),
     Subcommand("freezing", FreezingStudyOptions, "lab.commands.study_recipe", "study_recipe"),
     Subcommand("mlp-size", MlpSizeStudyOptions, "lab.commands.study_recipe", "study_recipe"),
-    Subcommand("mips", MipStudyOptions, "lab.commands.study_recipe", "study_recipe"),
     Subcommand("ablation", AblationStudyOptions, "lab.commands.study_recipe", "study_recipe"),
     Subcommand("stability", StabilityStudyOptions, "lab.commands.study_stability", "study_stability"),
 )

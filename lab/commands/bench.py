@@ -1,4 +1,4 @@
-"""`ntc-viewer bench`: the worst case for a wave, time against error in a scene, and how time grows."""
+"""`ntc-viewer bench`: time against error of every path in a scene, and the worst case for a wave."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -8,12 +8,11 @@ from typing import get_args
 from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 
-from lab.bench.figures import scaling_figure, time_error_figure
+from lab.bench.figures import time_error_figure
 from lab.bench.interleaved import Progress as Report
 from lab.bench.record import BenchRecord, machine
-from lab.bench.scaling import ScalingConfig, scaling
 from lab.bench.scene import PICTURE_BYTES, SceneBenchConfig, bench_scene
-from lab.bench.tables import scaling_table, scene_table, worst_case_table
+from lab.bench.tables import path_to_take, scene_table, worst_case_table
 from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
 from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from lab.commands.options import BenchOptions
@@ -29,62 +28,52 @@ from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.path_choice import drawable_paths, unsupported_paths
 from viewer.render.resources.decoding_shaders import supported_precisions
 from viewer.render.variants import VariantChoice
+from viewer.scene.json_text import counted
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import frame_all
 from viewer.state.view_state import DecodePath, Precision
 from viewer.viewpoints.scene_views import ViewSource, cameras_of
 
-MOST = 2000
-"""Largest number of textures, and of decoders, of the scaling."""
 LEAST_MEMORY_MB = 16
 
 
-def _check_counts(option: str, counts: tuple[int, ...], most: int, why: str = "") -> None:
-    if not counts:
-        raise InputError(f"{option}: name at least one number")
-    for count in counts:
-        if not 1 <= count <= most:
-            raise InputError(f"{option} {count}: must be 1 to {most}{why}")
-
-
 def _check(options: BenchOptions) -> None:
-    if options.json.suffix != ".json":
+    if options.json is not None and options.json.suffix != ".json":
         raise InputError(f"--json {options.json}: a record's name ends in .json")
     VariantChoice(options.decoder_variant)
-    if options.decoder_variant and options.what not in ("all", "scene"):
+    if options.decoder_variant and options.what == "worst-case":
         raise InputError(f"--decoder-variant {options.decoder_variant}: only --what scene and all have it")
-    if options.repeats < 1:
+    if options.repeats is not None and options.repeats < 1:
         raise InputError(f"--repeats {options.repeats}: must be at least 1")
     if options.memory_mb < LEAST_MEMORY_MB:
         raise InputError(f"--memory-mb {options.memory_mb}: must be at least {LEAST_MEMORY_MB}")
     for option, names in (
         ("--paths", options.paths),
-        ("--precisions", options.precisions),
+        ("--precisions", ("fp32",) if options.precisions is None else options.precisions),
         ("--filters", options.filters),
     ):
         if not names:
             raise InputError(f"{option}: name at least one")
-    for option, sizes in (("--worst-sizes", options.worst_sizes), ("--scaling-sizes", options.scaling_sizes)):
-        if sizes is not None and not sizes:
-            raise InputError(f"{option}: name at least one size")
-    _check_counts("--decoders", options.decoders, BLOCK_PIXELS, ", the pixels of a block")
-    _check_counts("--scaling-textures", options.scaling_textures, MOST)
-    _check_counts("--scaling-decoders", options.scaling_decoders, MOST)
+    if options.worst_sizes is not None and not options.worst_sizes:
+        raise InputError("--worst-sizes: name at least one size")
+    if not options.decoders:
+        raise InputError("--decoders: name at least one number")
+    for count in options.decoders:
+        if not 1 <= count <= BLOCK_PIXELS:
+            raise InputError(f"--decoders {count}: must be 1 to {BLOCK_PIXELS}, the pixels of a block")
     _codec(options)
-    for width in options.scaling_widths:
-        _with_width(_codec(options), "--scaling-widths", width)
-
-
-def _with_width(codec: GridConfig, option: str, width: int) -> GridConfig:
-    try:
-        return replace(codec, hidden_width=width)
-    except ValueError as error:
-        raise InputError(f"{option} {width}: must be a multiple of 4 from 4 to 256") from error
 
 
 def _codec(options: BenchOptions) -> GridConfig:
-    codec = recipe_codec(options.codec, 3, None)
-    return codec if options.hidden_width is None else _with_width(codec, "--hidden-width", options.hidden_width)
+    codec, width = recipe_codec(options.codec, 3, None), options.hidden_width
+    try:
+        return codec if width is None else replace(codec, hidden_width=width)
+    except ValueError as error:
+        raise InputError(f"--hidden-width {width}: must be a multiple of 4 from 4 to 256") from error
+
+
+def _repeats(options: BenchOptions) -> int:
+    return options.repeats or (5 if options.thorough else 3)
 
 
 def _squares(least: int, most: int) -> tuple[tuple[int, int], ...]:
@@ -110,13 +99,17 @@ def _open(options: BenchOptions) -> _SceneToBench:
     if not packs:
         raise InputError(f"{scene.name}: has no packs beside it; name some with --pack, or make one with encode")
     cameras = cameras_of(scene, ViewSource(options.views)) or (frame_all(scene.bounds),)
+    if options.views is None and not options.thorough:
+        cameras = cameras[:1]
     compressed = {block_format: compress_scene(scene, block_format) for block_format in options.formats}
     return _SceneToBench(scene, packs, cameras, compressed)
 
 
 def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precision, ...]:
-    """The precisions of the options; if those are all, the ones this driver supports. Raises InputError for one that it does not."""
+    """Return the precisions to time. Raises InputError for one that this driver does not support."""
     supported = supported_precisions(context)
+    if options.precisions is None:
+        return supported if options.thorough else ("fp32",)
     if set(options.precisions) == set(get_args(Precision)):
         return supported
     for precision in options.precisions:
@@ -140,13 +133,13 @@ def _paths(options: BenchOptions, context: GraphicsContext) -> tuple[DecodePath,
 
 def _parts(options: BenchOptions, context: GraphicsContext) -> tuple[str, ...]:
     """What is timed. Raises InputError for a part that this driver cannot run; of all of them it is left out, and a line says so."""
-    every = ("worst-case", "scene", "scaling")
+    what = options.what or ("all" if options.thorough else "scene")
     if context.features.compute:
-        return every if options.what == "all" else (options.what,)
-    reason = f"worst-case and scaling need compute shaders (OpenGL 4.3), which are not to be had here ({context.info.version})"
-    if options.what == "all":
+        return ("worst-case", "scene") if what == "all" else (what,)
+    reason = f"the worst case needs compute shaders (OpenGL 4.3), which this driver lacks ({context.info.version})"
+    if what == "all":
         sys.stderr.write(f"{reason}: the scene alone is timed\n")
-    elif options.what != "scene":
+    elif what != "scene":
         raise InputError(f"--what {options.what}: {reason}; take --what scene")
     return ("scene",)
 
@@ -155,7 +148,8 @@ def bench(options: BenchOptions) -> int:
     """Run `ntc-viewer bench`. Raises InputError for bad input, before anything is timed."""
     _check(options)
     context = create_headless_context(options.device)
-    options = replace(options, precisions=_precisions(options, context), paths=_paths(options, context))
+    _precisions(options, context)
+    options = replace(options, paths=_paths(options, context))
     wanted = _parts(options, context)
     limits = PictureLimits(int(context.gl.info["GL_MAX_TEXTURE_SIZE"]), options.memory_mb * MEBIBYTE)
     opened = None
@@ -175,9 +169,8 @@ def bench(options: BenchOptions) -> int:
             bar.print(_bench_worst_case(options, context, limits, record, report))
         if opened is not None:
             bar.print(_bench_scene(options, context, opened, record, report))
-        if "scaling" in wanted:
-            bar.print(_bench_scaling(options, context, limits, record, report))
-    sys.stdout.write(f"wrote {options.json}\n")
+    if options.json is not None:
+        sys.stdout.write(f"wrote {options.json}\n")
     return 0
 
 
@@ -192,7 +185,7 @@ def _bench_worst_case(
     report: MakeReport,
 ) -> str:
     sizes = options.worst_sizes or _squares(512, 512 if context.info.is_software else 8192)
-    config = WorstCaseConfig(sizes, options.decoders, options.precisions, options.repeats, _codec(options))
+    config = WorstCaseConfig(sizes, options.decoders, _precisions(options, context), _repeats(options), _codec(options))
     rows = worst_case(context, config, limits, report("worst case"))
     table = worst_case_table(rows)
     title = f"Every decoder in every block, codec of recipe {options.codec}, {context.info.renderer}"
@@ -209,7 +202,7 @@ def _bench_scene(
     report: MakeReport,
 ) -> str:
     config = SceneBenchConfig(
-        options.size, options.paths, options.precisions, options.repeats, options.formats, options.filters
+        options.size, options.paths, _precisions(options, context), _repeats(options), options.formats, options.filters
     )
     name = opened.scene.name
     compressed = opened.compressed
@@ -218,7 +211,7 @@ def _bench_scene(
     rows = bench_scene(context, *places, config, report(name), compressed, variants)
     table = scene_table(rows)
     width, height = config.size
-    title = f"{name}: {len(opened.cameras)} cameras, {width}x{height}, {context.info.renderer}"
+    title = f"{name}: {counted(len(opened.cameras), 'camera')}, {width}x{height}, {context.info.renderer}"
     content = {
         "name": name,
         "settings": {**asdict(config), "decoder_variant": options.decoder_variant},
@@ -228,30 +221,4 @@ def _bench_scene(
     }
     record.plot("", time_error_figure(table, title))
     record.add("scene", content, "", title, table)
-    return f"{title}\n{table.text()}"
-
-
-def _bench_scaling(
-    options: BenchOptions,
-    context: GraphicsContext,
-    limits: PictureLimits,
-    record: BenchRecord,
-    report: MakeReport,
-) -> str:
-    sizes = options.scaling_sizes or _squares(256, 1024 if context.info.is_software else 4096)
-    config = ScalingConfig(
-        size=sizes[len(sizes) // 2],
-        sizes=sizes,
-        textures=options.scaling_textures,
-        decoders=options.scaling_decoders,
-        widths=options.scaling_widths,
-        repeats=options.repeats,
-        codec=_codec(options),
-    )
-    rows = scaling(context, config, limits, report("scaling"))
-    table = scaling_table(rows)
-    width, height = config.size
-    title = f"How decoding scales: codec of recipe {options.codec}, {width}x{height} where not swept, {context.info.renderer}"
-    record.plot(".scaling", scaling_figure(rows, title))
-    record.add("scaling", {"settings": asdict(config), "rows": [asdict(row) for row in rows]}, ".scaling", title, table)
-    return f"{title}\n{table.text()}"
+    return f"{title}\n{table.text()}\n{path_to_take(table)}"

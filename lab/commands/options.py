@@ -17,48 +17,42 @@ from viewer.state.view_state import DecodePath, Precision, TexelFilter
 
 @dataclass(frozen=True)
 class BenchOptions(DecoderOptions):
-    """Time decoding: the worst case for a wave; every pack, path and precision over a scene's cameras; how time grows."""
+    """Time every pack of a scene by every decode path, and name the path to take. `--thorough` measures more, in many minutes."""
 
-    json: Annotated[Path, tyro.conf.arg(metavar="F.json")]
-    """The record. Tables (.md) and plots (.png) are written beside it, each as soon as it is done."""
+    json: Annotated[Path | None, tyro.conf.arg(metavar="F.json")] = None
+    """Record to write. Tables (.md) and plots (.png) are written beside it, each as soon as it is done. None: print only."""
     scene: OptionalScene = None
     """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
     pack: Packs = ()
     """Packs to time besides those found beside the scene (NAME.*.ntc)."""
-    what: Literal["all", "worst-case", "scene", "scaling"] = "all"
-    """What to time."""
+    what: Literal["all", "worst-case", "scene"] | None = None
+    """Parts to time. None: the scene; with --thorough all."""
+    thorough: Switch = False
+    """Time all cameras, all precisions and the worst case: all decoders in every block."""
     size: Size = (640, 360)
     """Pixels of the scene's pictures."""
     worst_sizes: Sizes | None = None
     """Pixels of the worst case, each size in turn. None: 512x512, and on a GPU its doubles up to 8192x8192."""
     decoders: tuple[int, ...] = (1, 5, 10, 20)
     """Decoders that meet in every block of the worst case; each number in turn."""
-    scaling_sizes: Sizes | None = None
-    """Pictures of the scaling; the middle one serves the other sweeps. None: 256x256 to 1024x1024, on a GPU to 4096x4096."""
-    scaling_textures: tuple[int, ...] = (1, 10, 100, 500, 2000)
-    """Textures of the scaling."""
-    scaling_decoders: tuple[int, ...] = (1, 10, 100, 500, 2000)
-    """Decoders of the scaling."""
-    scaling_widths: tuple[int, ...] = (16, 32, 64, 128)
-    """Hidden neurons of the scaling: multiples of 4, at most 256."""
     codec: RecipeName = "best"
-    """Whose codec the worst case and the scaling decode."""
+    """Recipe of codec `grid` that the worst case decodes."""
     hidden_width: int | None = None
     """Neurons of each hidden layer of that codec. None: the recipe's."""
     memory_mb: int = 4096
-    """MiB that pictures may take: larger ones of worst case and scaling are decoded in tiles, one of a scene is refused."""
+    """MiB that pictures may take. A larger one of the worst case is decoded in tiles; one of a scene is refused."""
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     """Decode paths of the scene."""
-    precisions: tuple[Precision, ...] = get_args(Precision)
-    """Storage of decoder weights and arithmetic with them. All of them: those that the driver has."""
+    precisions: tuple[Precision, ...] | None = None
+    """Storage of decoder weights and arithmetic with them. None: fp32; with --thorough all that the driver has."""
     formats: tuple[BlockFormat, ...] = ()
     """Formats of graphics hardware to show in the scene beside the packs, e.g. bc7 astc-8x8 (needs the extra `lab`)."""
     filters: tuple[TexelFilter, ...] = ("exact",)
     """Filters of the scene's paths: exact, stochastic (one sample is timed, the mean of 16 compared), or both; cached has its own."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras. None: the scene's own, or the whole of it."""
-    repeats: int = 5
-    """Timed frames of each; figures are medians."""
+    """JSON file of cameras. None: the scene's first camera, with --thorough all of them; without cameras the whole scene."""
+    repeats: int | None = None
+    """Timed frames of each; figures are medians. None: 3; with --thorough 5."""
     device: Gpu = None
     """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
 
@@ -191,12 +185,7 @@ class MlpSizeStudyOptions(TrainingStudyOptions):
     """How wide the decoder must be, shared and not."""
 
 
-@dataclass(frozen=True)
-class MipStudyOptions(TrainingStudyOptions):
-    """Each mip level against a codec that is trained on that level alone."""
-
-
-RecipeStudyOptions = AblationStudyOptions | FreezingStudyOptions | MlpSizeStudyOptions | MipStudyOptions
+RecipeStudyOptions = AblationStudyOptions | FreezingStudyOptions | MlpSizeStudyOptions
 
 
 @dataclass(frozen=True)

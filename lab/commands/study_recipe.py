@@ -1,13 +1,11 @@
-"""`ntc-viewer study freezing|mlp-size|mips|ablation`: contributions of the parts of recipe and codec."""
+"""`ntc-viewer study freezing|mlp-size|ablation`: contributions of the parts of recipe and codec."""
 
 import time
-from dataclasses import replace
 from functools import partial
 
 from lab.commands.options import (
     AblationStudyOptions,
     FreezingStudyOptions,
-    MipStudyOptions,
     MlpSizeStudyOptions,
     RecipeStudyOptions,
 )
@@ -15,7 +13,6 @@ from lab.commands.study_output import StudyPage, check_output, describe, do_step
 from lab.studies.ablation import BEST, ablation_runs, ablation_table
 from lab.studies.block_ablation import block_variants, measured_variant
 from lab.studies.freezing import freezing_figure, freezing_runs
-from lab.studies.mips import mip_figure, mip_runs, mip_table
 from lab.studies.mlp_size import mlp_size_figure, mlp_size_runs
 from lab.studies.quality_table import quality_figure, quality_table
 from lab.studies.runs import Run, RunResult
@@ -31,12 +28,11 @@ from viewer.locations import features_cache
 
 def _runs(
     options: RecipeStudyOptions,
-    textures: tuple[SourceTexture, ...],
+    channels: int,
     clustered: Grouping,
     baseline: Grouping,
     settings: StudySettings,
 ) -> tuple[Run, ...]:
-    channels = max(texture.pixels.shape[2] for texture in textures)
     match options:
         case AblationStudyOptions():
             return ablation_runs(clustered, channels, settings)
@@ -44,11 +40,9 @@ def _runs(
             return freezing_runs(clustered, channels, settings)
         case MlpSizeStudyOptions():
             return mlp_size_runs((baseline, clustered), channels, settings)
-        case MipStudyOptions():
-            return mip_runs(textures, clustered, channels, settings)
 
 
-def _page(options: RecipeStudyOptions, results: list[RunResult], side: int, title: str) -> StudyPage:
+def _page(options: RecipeStudyOptions, results: list[RunResult], title: str) -> StudyPage:
     match options:
         case AblationStudyOptions():
             table = ablation_table(results)
@@ -57,9 +51,6 @@ def _page(options: RecipeStudyOptions, results: list[RunResult], side: int, titl
             return StudyPage("freezing", quality_table(results), freezing_figure(results, title))
         case MlpSizeStudyOptions():
             return StudyPage("mlp-size", quality_table(results), mlp_size_figure(results, title))
-        case MipStudyOptions():
-            table = mip_table(results, side)
-            return StudyPage("mips", table, mip_figure(table, title))
 
 
 def _study_block(
@@ -95,9 +86,8 @@ def study_recipe(options: RecipeStudyOptions) -> int:
     baseline = make_grouping(GroupingConfig("baseline"), textures, inputs)
     if isinstance(options, AblationStudyOptions) and options.codec == "block":
         return _study_block(options, textures, clustered, began)
-    results = do_steps(training_steps(_runs(options, textures, clustered, baseline, settings), textures, options.out))
-    shown = replace(settings, levels=None) if isinstance(options, MipStudyOptions) else settings
-    title = describe(options.source, textures, shown, f"{clustered.group_count} clusters")
-    side = max(max(texture.size) for texture in textures)
-    write_pages(options.out, title, settings, [_page(options, results, side, title)], results, began)
+    channels = max(texture.pixels.shape[2] for texture in textures)
+    results = do_steps(training_steps(_runs(options, channels, clustered, baseline, settings), textures, options.out))
+    title = describe(options.source, textures, settings, f"{clustered.group_count} clusters")
+    write_pages(options.out, title, settings, [_page(options, results, title)], results, began)
     return 0

@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from lab.benchmarks.many_textures import __main__ as many_textures
 from viewer.cli.table import Column, Table
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
@@ -227,28 +226,6 @@ def shader_statistics() -> str:
     )
 
 
-def simulated_cluster() -> str:
-    """Hours of a simulated cluster over the number of machines."""
-    cases = {
-        "jobs of 4, as encode makes them": "as it is",
-        "and workers write shards": "workers",
-        "and ten lines of the index at a time": "lines",
-        "and storage of 40 GB/s": "storage",
-    }
-    rows: dict[int, dict[str, Any]] = {}
-    for row in record("simulated_cluster"):
-        if row["case"] in cases and row["nodes"] != 3:
-            rows.setdefault(row["nodes"], {"nodes": row["nodes"]})[cases[row["case"]]] = row["hours"]
-    return table(
-        rows.values(),
-        "nodes=machines",
-        "as it is=as it is, hours",
-        "workers=workers write shards",
-        "lines=and 10 index lines at a time",
-        "storage=and storage of 40 GB/s",
-    )
-
-
 def fuzzing() -> str:
     """Files that the readers were fuzzed with, sums by reader."""
     sums: dict[str, dict[str, Any]] = {}
@@ -384,14 +361,6 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
         "bits_per_texel=bits per texel",
         "multiply_adds=multiply-adds",
     ),
-    "mips": partial(
-        rows_of,
-        "studies/study_bistro_mips",
-        "level",
-        "side=texels a side",
-        "all_db=all levels by one decoder, dB",
-        "alone_db=each level alone, dB",
-    ),
     "block-settings": partial(
         rows_of,
         "studies/study_polyhaven_ablation_block",
@@ -409,9 +378,6 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     "stability-block": partial(trained_packs, "stability_block_llvmpipe"),
     "bench-bistro": partial(scene_bench, "bistro"),
     "worst-case": worst_case,
-    "weights": partial(
-        rows_of, "weights_in_image_llvmpipe", "path", "weights in", "decoders", "ms=ms=0", "times shared=of the fastest"
-    ),
     "turns": partial(
         rows_of,
         "decode_in_turns_bistro_llvmpipe",
@@ -432,84 +398,14 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
         "% of deferred=% of deferred=1",
         "tiles a frame=tiles per frame",
     ),
-    "lighting": partial(
-        rows_of,
-        "lit_frame_courtyard_llvmpipe",
-        "camera",
-        "reference ms=base colours, ms=0",
-        "shade ms=lighting, ms=0",
-        "prefilter ms=sky, ms=0",
-        "shadow ms=shadow map, ms=0",
-    ),
-    "divergence-pass": partial(
-        rows_of,
-        "divergence_pass_bistro_llvmpipe",
-        "camera",
-        "visibility ms=visibility, ms=1",
-        "10 groups, compute ms=one grouping, ms=1",
-        "both at once, compute ms=two groupings, ms=1",
-    ),
-    "plain-loop": partial(
-        rows_of,
-        "plain_loop_bistro_llvmpipe",
-        "camera",
-        "plain ms=one draw per mesh, ms=0",
-        "viewer ms=reference path, ms=0",
-        "ratio",
-    ),
     "shaders": shader_statistics,
     "window-training": window_training,
     "first-pictures": first_pictures,
     "jobs": encoding_by_jobs,
     "tiny": tiny_textures,
-    "grouping-scale": lambda: table(
-        record("grouping_scale"),
-        "textures",
-        "groups",
-        "largest_group=largest group",
-        "seconds=seconds=1",
-        "memory_mb=memory, MB=0",
-        "memory_of_all_features_mb=features alone, MB=0",
-    ),
-    "cluster": simulated_cluster,
     "fuzzing": fuzzing,
     "conformance": partial(
         rows_of, "conformance_llvmpipe", "file", "result", "triangles", "textures", "seconds=load and draw, s=1"
     ),
-    "twins": partial(
-        rows_of,
-        "twins_llvmpipe",
-        "scene",
-        "twin",
-        "megabytes=MB",
-        "values=may differ by, of 255",
-        "differing=pixels that differ, %",
-        "largest=largest difference",
-        "outside=outside the bound",
-    ),
-    "geometry": lambda: table(
-        record("geometry_llvmpipe")["scenes"],
-        "scene",
-        "file_mib=file, MiB=0",
-        "open_seconds=opened, s=1",
-        "first_picture_seconds=first picture, s=1",
-        "open_peak_mib=peak while opening, MiB=0",
-        "first_picture_peak_mib=peak to the first picture, MiB=0",
-    ),
-    "geometry-frames": lambda: table(
-        [
-            {"scene": own["scene"]} | row
-            for own in record("geometry_llvmpipe")["scenes"]
-            for row in own["rows"]
-            if row["camera"] == "street"
-        ],
-        "scene",
-        "culled_by=culled by",
-        "frame_ms=frame, ms=0",
-        "cull_ms=cull, ms=1",
-        "triangles=triangles drawn",
-        "commands",
-    ),
-    "many-textures": lambda: many_textures.table(record("many_textures_llvmpipe")["rows"]),
 }
 """Tables by the name in the marks of a page."""

@@ -25,10 +25,6 @@ from viewer.state.view_state import DecodePath, Precision
 
 TINY = ("--repeats", "1", "--codec", "paper", "--hidden-width", "4")
 WORST = ("--what", "worst-case", "--worst-sizes", "16x16", "40x24", "--decoders", "1", "3")
-SCALING = (
-    *("--what", "scaling", "--scaling-sizes", "16x16", "32x16", "--scaling-widths", "4", "8"),
-    *("--scaling-textures", "1", "3", "--scaling-decoders", "1", "3"),
-)
 
 
 @pytest.fixture(scope="module")
@@ -96,10 +92,11 @@ def test_the_worst_case_with_tiles_where_memory_ends(
     assert str(out) in capsys.readouterr().out
 
 
-def test_a_scene(tmp_path: Path, scene_path: Path) -> None:
+def test_a_scene(tmp_path: Path, scene_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "r.json"
     arguments = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "48x32"]
-    assert cli.main(arguments) == 0
+    assert cli.main([*arguments, "--precisions", *get_args(Precision)]) == 0
+    assert ": take --path " in capsys.readouterr().err
     scene = recorded(out, "scene")["scene"]
     decoded = [row for row in scene["rows"] if row["source"] != "reference"]
     # Half arithmetic besides, where the driver has it.
@@ -129,6 +126,19 @@ def test_a_scene(tmp_path: Path, scene_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {"r.json", "r.md", "r.png"}
 
 
+def test_without_options_it_times_one_camera_in_fp32_and_writes_nothing(
+    tmp_path: Path, scene_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert cli.main(["bench", str(scene_path), "--size", "48x32"]) == 0
+    shown = capsys.readouterr()
+    assert ": 1 cameras, 48x32" in shown.err or ": 1 camera, 48x32" in shown.err
+    assert "fp32" in shown.err
+    assert "fp16" not in shown.err
+    assert ": take --path " in shown.err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_filters_of_a_scene(tmp_path: Path, scene_path: Path) -> None:
     out = tmp_path / "r.json"
     arguments = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "48x32"]
@@ -141,30 +151,12 @@ def test_filters_of_a_scene(tmp_path: Path, scene_path: Path) -> None:
     assert all(row["psnr_db"] > 3.0 for row in decoded)
 
 
-def test_scaling(tmp_path: Path) -> None:
-    out = tmp_path / "r.json"
-    assert cli.main(["bench", "--json", str(out), *TINY, *SCALING]) == 0
-    rows = recorded(out, "scaling")["scaling"]["rows"]
-    values = {
-        sweep: {row["value"] for row in rows if row["sweep"] == sweep} for sweep in {row["sweep"] for row in rows}
-    }
-    assert values == {"resolution": {256, 512}, "textures": {1, 3}, "decoders": {1, 3}, "decoder size": {4, 8}}
-    assert {row["path"] for row in rows} == {"deferred", "binned"}
-    for row in rows:
-        assert row["nanoseconds_per_pixel"] == pytest.approx(row["median_ms"] * 1e6 / row["width"] / row["height"])
-        assert row["decoders"] <= row["textures"]
-    assert {row["layout"] for row in rows if row["sweep"] in ("textures", "decoders")} == {"blocks", "interleaved"}
-    assert rows_of_table(tmp_path / "r.scaling.md") == len(rows) == 2 * (2 + 4 + 4 + 2)
-    assert read_image(tmp_path / "r.scaling.png").shape[1] > 900
-    assert {path.name for path in tmp_path.iterdir()} == {"r.json", "r.scaling.md", "r.scaling.png"}
-
-
 def test_all_is_one_record(tmp_path: Path, scene_path: Path) -> None:
     out = tmp_path / "r.json"
-    small = ["--paths", "deferred", "--precisions", "fp32", "--size", "32x16", *WORST[2:], *SCALING[2:]]
+    small = ["--paths", "deferred", "--precisions", "fp32", "--size", "32x16", *WORST[2:], "--thorough"]
     assert cli.main(["bench", str(scene_path), "--json", str(out), *TINY, *small]) == 0
-    recorded(out, "worst_case", "scene", "scaling")
-    assert len(list(tmp_path.iterdir())) == 6
+    recorded(out, "worst_case", "scene")
+    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_what_was_done_is_kept_when_it_is_stopped(
@@ -183,6 +175,7 @@ def test_what_was_done_is_kept_when_it_is_stopped(
         "--precisions",
         "fp32",
         *WORST[2:],
+        "--thorough",
     ]
     assert cli.main(arguments) == cli.INTERRUPTED
     assert "interrupted" in capsys.readouterr().err
@@ -220,14 +213,11 @@ def test_candidates_take_turns() -> None:
         (["--repeats", "0"], "--repeats 0: must be at least 1"),
         (["--decoders", "0"], "--decoders 0: must be 1 to 64"),
         (["--decoders", "65"], "--decoders 65: must be 1 to 64"),
-        (["--scaling-textures", "1", "2001"], "--scaling-textures 2001: must be 1 to 2000"),
-        (["--scaling-decoders", "0"], "--scaling-decoders 0: must be 1 to 2000"),
-        (["--scaling-widths", "16", "18"], "--scaling-widths 18: must be a multiple of 4"),
         (["--hidden-width", "260"], "--hidden-width 260: must be a multiple of 4"),
         (["--pack", "nowhere.ntc"], "nowhere.ntc"),
         (["--decoder-variant", "rows=3"], "'rows=3' is none of"),
         (
-            ["--decoder-variant", "pixels=2", "--what", "scaling"],
+            ["--decoder-variant", "pixels=2", "--what", "worst-case"],
             "--decoder-variant pixels=2: only --what scene and all",
         ),
         (["--views", "nowhere.json"], "nowhere.json"),
@@ -269,15 +259,15 @@ def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(
     monkeypatch.setenv(WITHOUT_VARIABLE, "compute")
     out = tmp_path / "r.json"
     command = ["bench", str(scene_path), "--json", str(out), *TINY, "--size", "16x16", "--precisions", "fp32"]
-    for arguments in (["--what", "worst-case"], ["--what", "scaling"], ["--paths", "binned"]):
+    for arguments in (["--what", "worst-case"], ["--paths", "binned"]):
         assert cli.main([*command, *arguments]) == 2
         line = capsys.readouterr().err.strip()
         assert line.startswith(f"error: {' '.join(arguments)}: ")
         assert "OpenGL 4.3" in line
         assert "\n" not in line
         assert not out.exists()
-    assert cli.main(command) == 0
-    assert capsys.readouterr().err.startswith("worst-case and scaling need compute shaders")
+    assert cli.main([*command, "--thorough"]) == 0
+    assert capsys.readouterr().err.startswith("the worst case needs compute shaders")
     paths = {row["path"] for row in recorded(out, "scene")["scene"]["rows"]}
     assert paths == {"", "forward", "cached"}
 

@@ -229,7 +229,7 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert isinstance(refused, str)
 
 
-@pytest.mark.parametrize(("name", "rows"), [("freezing", 14), ("mlp-size", 16), ("mips", 1)])
+@pytest.mark.parametrize(("name", "rows"), [("freezing", 14), ("mlp-size", 16)])
 def test_other_studies(tmp_path: Path, images: Path, name: str, rows: int) -> None:
     out = tmp_path / "o"
     assert cli.main(study(name, images, out)) == 0

@@ -26,7 +26,7 @@ from viewer.scene.model import Camera, Motion, Pose, Scene
 from viewer.state.camera import view_projection
 
 LEAST_CLUSTERS = 1 << 14
-"""Fewest clusters of all instances that are culled on the GPU: 2 million triangles (docs/reports/geometry.md)."""
+"""Fewest clusters of all instances that are culled on the GPU: 2 million triangles."""
 LEAST_OF_INSTANCE = 8
 """Fewest clusters of an instance on average: the CPU culls smaller instances as well, each as a whole."""
 ON_SOFTWARE = False

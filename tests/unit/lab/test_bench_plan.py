@@ -5,13 +5,14 @@ import itertools
 import numpy as np
 import pytest
 
-from lab.bench.fixture import block_words, interleaved_words, scattered_words
+from lab.bench.fixture import interleaved_words
 from lab.bench.random_pack import square_pack
-from lab.bench.scaling import ScalingConfig
 from lab.bench.scene import SceneBenchConfig, bench_slots, interleaved
-from lab.bench.tables import pareto_front
+from lab.bench.tables import SCENE_COLUMNS, pareto_front, path_to_take
 from lab.bench.tiles import PictureLimits, require_memory, tiling
+from ntc.codec.grid.model import GridConfig
 from ntc.errors import InputError
+from viewer.cli.table import Cell, Table
 from viewer.scene.model import Camera
 from viewer.state.view_state import REFERENCE, Slot
 
@@ -53,6 +54,18 @@ def test_the_pareto_front() -> None:
         assert any(kept_cost <= cost and kept_worth >= worth for kept_cost, kept_worth in front)
 
 
+def test_the_path_to_take_is_the_fastest_that_shows_no_loss() -> None:
+    def row(path: str, decode_ms: float, psnr_db: float | None, source: str = "clustered") -> dict[str, Cell]:
+        return {"source": source, "path": path, "precision": "fp32", "decode_ms": decode_ms, "psnr_db": psnr_db}
+
+    rows = [row("", 1.0, None, "reference"), row("", 0.5, 30.0, "bc7"), row("deferred", 9.0, 36.0)]
+    rows += [row("cached", 2.0, 35.95), row("forward", 1.0, 35.0), row("binned", 3.0, 20.0, "single")]
+    assert path_to_take(Table(SCENE_COLUMNS, rows)).splitlines() == [
+        "clustered: take --path cached in fp32: 2.0 ms, 35.95 dB",
+        "single: take --path binned in fp32: 3.0 ms, 20.00 dB",
+    ]
+
+
 def test_pictures_that_fit_are_not_cut() -> None:
     cut = tiling((1001, 999), 36, ROOMY)
     assert (cut.tile, cut.count, cut.pixels) == ((1001, 999), 1, 1001 * 999)
@@ -83,21 +96,14 @@ def test_no_room_at_all_is_said() -> None:
     require_memory("--size", (1024, 1024), 40, PictureLimits(1024, 40 << 20))
 
 
-def test_patterns_of_textures() -> None:
-    size = (40, 24)
-    seen = {
-        name: (words(size, 100)[..., 0] & 0xFFFF).astype(int) - 1
-        for name, words in (("same", interleaved_words), ("all", scattered_words), ("block", block_words))
-    }
-    blocks = {name: texture.reshape(3, 8, 5, 8).transpose(0, 2, 1, 3).reshape(15, 64) for name, texture in seen.items()}
-    assert all((block == blocks["same"][0]).all() for block in blocks["same"])
-    assert len(set(blocks["same"][0].tolist())) == 64
-    assert set(seen["all"].ravel().tolist()) == set(range(100))
-    assert all(len(set(block.tolist())) == 64 for block in blocks["all"])
-    assert [set(block.tolist()) for block in blocks["block"]] == [{number} for number in range(15)]
+def test_pixels_take_the_textures_in_turn_the_same_in_every_block() -> None:
+    seen = (interleaved_words((40, 24), 100)[..., 0] & 0xFFFF).astype(int) - 1
+    blocks = seen.reshape(3, 8, 5, 8).transpose(0, 2, 1, 3).reshape(15, 64)
+    assert (blocks == blocks[0]).all()
+    assert len(set(blocks[0].tolist())) == 64
 
 
 def test_square_packs_share_decoders_evenly() -> None:
-    pack = square_pack(7, 3, 8, ScalingConfig().codec)
+    pack = square_pack(7, 3, 8, GridConfig())
     assert [texture.group for texture in pack.textures] == [0, 1, 2, 0, 1, 2, 0]
     assert len(pack.decoders) == 3

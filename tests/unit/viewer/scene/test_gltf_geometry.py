@@ -11,9 +11,9 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from lab.benchmarks.geometry.scenes import MESH_TRIANGLES, write_geometry
 from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, TRIANGLE_UVS, GltfBuilder, noise, png
+from tests.support.many_triangles import MESH_TRIANGLES, write_geometry
 from tests.support.scenes import built, sorted_triangles, world_triangles
 from viewer.scene.gltf.buffers import Accessors, Buffers
 from viewer.scene.gltf.container import parse_gltf

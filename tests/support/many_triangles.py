@@ -97,7 +97,7 @@ def _document(placed: int, bounds: list[tuple[Any, Any]], random: np.random.Gene
         factor = [*random.uniform(0.2, 0.9, 3).tolist(), 1.0]
         materials.append({"pbrMetallicRoughness": {"baseColorFactor": factor, "metallicFactor": 0.0}})
     return {
-        "asset": {"version": "2.0", "generator": "lab.benchmarks.geometry"},
+        "asset": {"version": "2.0", "generator": "many triangles"},
         "scene": 0,
         "scenes": [{"nodes": list(range(placed))}],
         "nodes": nodes,

@@ -1,1 +1,0 @@
-"""Synthetic scenes of many triangles: making them, opening them, drawing them."""

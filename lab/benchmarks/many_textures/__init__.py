@@ -1,1 +1,0 @@
-"""Scenes of many textures: made here, opened, drawn, measured."""
