@@ -72,6 +72,12 @@ def _codec(options: BenchOptions) -> GridConfig:
         raise InputError(f"--hidden-width {width}: must be a multiple of 4 from 4 to 256") from error
 
 
+def _size(options: BenchOptions, context: GraphicsContext) -> tuple[int, int]:
+    if options.size is not None:
+        return options.size
+    return (320, 180) if context.info.is_software and not options.thorough else (640, 360)
+
+
 def _repeats(options: BenchOptions) -> int:
     return options.repeats or (5 if options.thorough else 3)
 
@@ -154,7 +160,7 @@ def bench(options: BenchOptions) -> int:
     limits = PictureLimits(int(context.gl.info["GL_MAX_TEXTURE_SIZE"]), options.memory_mb * MEBIBYTE)
     opened = None
     if "scene" in wanted:
-        require_memory("--size", options.size, PICTURE_BYTES, limits)
+        require_memory("--size", _size(options, context), PICTURE_BYTES, limits)
         opened = _open(options)
     record = BenchRecord(options.json, machine(context))
     console = Console(stderr=True, soft_wrap=True)
@@ -202,7 +208,12 @@ def _bench_scene(
     report: MakeReport,
 ) -> str:
     config = SceneBenchConfig(
-        options.size, options.paths, _precisions(options, context), _repeats(options), options.formats, options.filters
+        _size(options, context),
+        options.paths,
+        _precisions(options, context),
+        _repeats(options),
+        options.formats,
+        options.filters,
     )
     name = opened.scene.name
     compressed = opened.compressed

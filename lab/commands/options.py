@@ -29,8 +29,8 @@ class BenchOptions(DecoderOptions):
     """Parts to time. None: the scene; with --thorough all."""
     thorough: Switch = False
     """Time all cameras, all precisions and the worst case: all decoders in every block."""
-    size: Size = (640, 360)
-    """Pixels of the scene's pictures."""
+    size: Size | None = None
+    """Pixels of the scene's pictures. None: 640x360; without a GPU 320x180, with --thorough 640x360."""
     worst_sizes: Sizes | None = None
     """Pixels of the worst case, each size in turn. None: 512x512, and on a GPU its doubles up to 8192x8192."""
     decoders: tuple[int, ...] = (1, 5, 10, 20)
