@@ -20,41 +20,41 @@ class BenchOptions(DecoderOptions):
     """Time every pack of a scene by every decode path, and name the path to take. `--thorough` measures more, in many minutes."""
 
     json: Annotated[Path | None, tyro.conf.arg(metavar="F.json")] = None
-    """Record to write. Tables (.md) and plots (.png) are written beside it, each as soon as it is done. None: print only."""
+    """Record to write. Tables (.md) and plots (.png) are written beside it, each as soon as it is done. Default: print only."""
     scene: OptionalScene = None
-    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
     """Packs to time besides those found beside the scene (NAME.*.ntc)."""
     what: Literal["all", "worst-case", "scene"] | None = None
-    """Parts to time. None: the scene; with --thorough all."""
+    """Parts to time. Default: the scene; with --thorough all."""
     thorough: Switch = False
     """Time all cameras, all precisions and the worst case: all decoders in every block."""
     size: Size | None = None
-    """Pixels of the scene's pictures. None: 640x360; without a GPU 320x180, with --thorough 640x360."""
+    """Pixels of the scene's pictures. Default: 640x360; without a GPU 320x180, with --thorough 640x360."""
     worst_sizes: Sizes | None = None
-    """Pixels of the worst case, each size in turn. None: 512x512, and on a GPU its doubles up to 8192x8192."""
+    """Pixels of the worst case, each size in turn. Default: 512x512, and on a GPU its doubles up to 8192x8192."""
     decoders: tuple[int, ...] = (1, 5, 10, 20)
     """Decoders that meet in every block of the worst case; each number in turn."""
     codec: RecipeName = "best"
     """Recipe of codec `grid` that the worst case decodes."""
     hidden_width: int | None = None
-    """Neurons of each hidden layer of that codec. None: the recipe's."""
+    """Neurons of each hidden layer of that codec. Default: the recipe's."""
     memory_mb: int = 4096
     """MiB that pictures may take. A larger one of the worst case is decoded in tiles; one of a scene is refused."""
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     """Decode paths of the scene."""
     precisions: tuple[Precision, ...] | None = None
-    """Storage of decoder weights and arithmetic with them. None: fp32; with --thorough all that the driver has."""
+    """Storage of decoder weights and arithmetic with them. Default: fp32; with --thorough all that the driver has."""
     formats: tuple[BlockFormat, ...] = ()
     """Formats of graphics hardware to show in the scene beside the packs, e.g. bc7 astc-8x8 (needs the extra `lab`)."""
     filters: tuple[TexelFilter, ...] = ("exact",)
     """Filters of the scene's paths: exact, stochastic (one sample is timed, the mean of 16 compared), or both; cached has its own."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras. None: the scene's first camera, with --thorough all of them; without cameras the whole scene."""
+    """JSON file of cameras. Default: the scene's first camera, with --thorough all of them; without cameras the whole scene."""
     repeats: int | None = None
-    """Timed frames of each; figures are medians. None: 3; with --thorough 5."""
+    """Timed frames of each; figures are medians. Default: 3; with --thorough 5."""
     device: Gpu = None
-    """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. None: the first."""
+    """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. Default: the first."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ class ClusterStudyOptions:
     out: Path
     """Folder for clusters.md, clusters.csv, clusters.json and clusters.png."""
     scene: OptionalScene = None
-    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
     """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
     clusters: tuple[int, ...] = (1, 2, 5, 10, 20)
@@ -74,9 +74,9 @@ class ClusterStudyOptions:
     clip_weights: Annotated[str | None, tyro.conf.arg(metavar="FILE|download")] = None
     """Weights of --features clip: a file, or "download" to fetch them."""
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras; every other one is held out. None: the scene's own cameras."""
+    """JSON file of cameras; every other one is held out. Default: the scene's own cameras."""
     sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    """Look from this many places sampled in the scene too. Default: 24 where there are no cameras."""
     spread_weight: float = GroupingConfig.spread_weight
     """covisible: how much it counts that textures of a group are alike, against divergence."""
     largest_share: float = GroupingConfig.largest_share
@@ -94,11 +94,11 @@ class FilteringStudyOptions:
     out: Path
     """Folder for filtering.md, filtering.csv, filtering.json and filtering.png."""
     scene: OptionalScene = None
-    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
     grouping: str | None = None
-    """Grouping of the pack to look at. None: all that --pack names; without it clustered, else the first pack."""
+    """Grouping of the pack to look at. Default: all that --pack names; without it clustered, else the first pack."""
     size: Size = (128, 96)
     """Pixels of the pictures; the truth has 16 samples in each."""
     frames: int = 10
@@ -112,7 +112,7 @@ class StabilityStudyOptions:
     out: Path
     """Folder for stability.md, stability.csv, stability.json and stability.png."""
     scene: OptionalScene = None
-    """glTF scene. `gallery`: the built-in spheres. None: the built-in courtyard."""
+    """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
     """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
     grouping: tuple[str, ...] = ("clustered", "single")
@@ -138,7 +138,7 @@ class TrainingStudyOptions:
     out: Path
     """Folder for tables (.md, .csv), figures as JSON, plots (.png), and for the finished runs: stopped, a study goes on."""
     clusters: int | None = None
-    """Decoders of clustered, random and covisible. None: 10, or one for each texture where there are fewer."""
+    """Decoders of clustered, random and covisible. Default: 10, or one for each texture where there are fewer."""
     scale: ScaleName = StudySettings.scale
     """small: minutes on two cores. paper: 350 epochs at 1024 texels, for a GPU."""
     steps: int = StudySettings.steps
@@ -146,9 +146,9 @@ class TrainingStudyOptions:
     texels_per_texture: int = StudySettings.texels_per_texture
     """Samples of each texture in a step at the small scale."""
     texture_size: int | None = None
-    """Textures are reduced to at most this many texels a side. None: 256 at the small scale, else 1024."""
+    """Textures are reduced to at most this many texels a side. Default: 256 at the small scale, else 1024."""
     levels: int | None = StudySettings.levels
-    """Latent levels; 1: mip 0 alone as in the paper, None: all mips."""
+    """Latent levels. 1: mip 0 alone, as in the paper. None: all mips."""
     seeds: tuple[int, ...] = StudySettings.seeds
     """Seeds; figures are means over them."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
@@ -217,7 +217,7 @@ class RateStudyOptions:
     flip_every: int = 4
     """FLIP, which takes longest, is the mean over every so many textures."""
     workers: int | None = None
-    """Measure points side by side in so many processes, in one thread each. None: one after the other, in this process."""
+    """Measure points side by side in so many processes, in one thread each. Default: one after the other, in this process."""
     ray: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS|auto")] = None
     """The same on this Ray cluster (extra `ray`)."""
 
@@ -253,9 +253,9 @@ class PaperScenesOptions(PaperStudyOptions):
     """The paper's Tables 3 and 4 again: textures of a scene, rendered pictures and divergence by grouping."""
 
     views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """JSON file of cameras. None: the scene's own."""
+    """JSON file of cameras. Default: the scene's own."""
     sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
-    """Let covisible look from this many places sampled in the scene too. None: 24 where there are no cameras."""
+    """Let covisible look from this many places sampled in the scene too. Default: 24 where there are no cameras."""
     more_clusters: tuple[int, ...] = ()
     """Further numbers of decoders for clustered and covisible under best."""
     size: Size = (640, 360)
