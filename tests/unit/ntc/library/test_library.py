@@ -183,6 +183,15 @@ def test_compacting_joins_shards_and_leaves_damaged_ones_out(library: Path) -> N
     assert_holds(library, [small_pack(0), small_pack(2)])
 
 
+def test_joined_shards_stay_within_their_limit(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, _ = (path.stat().st_size for path in sorted((library / SHARDS_FOLDER).iterdir()))
+    monkeypatch.setattr(writing, "LARGEST_JOINED", first + second)
+    with LibraryWriter(library) as writer:
+        result = compact(writer)
+    assert (result.shards_before, result.shards, result.textures) == (3, 2, 6)
+    assert_holds(library, [small_pack(seed) for seed in range(3)])
+
+
 def test_a_compaction_that_is_stopped_loses_nothing(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     class EndedError(Exception):
         pass

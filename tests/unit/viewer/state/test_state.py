@@ -11,6 +11,7 @@ from ntc.codec.model import Pack
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.capture.pictures import with_color_bar
 from viewer.scene.model import AnimationFacts, Camera, Material, Pose
+from viewer.state.camera import NEAREST_SHARE, clip_distances
 from viewer.state.event_handlers import apply_event, expire_pointing, point_out
 from viewer.state.events import PackClosed, PackUpdated, RunStarted
 from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turntable, between, chosen_animation
@@ -85,6 +86,20 @@ def test_between_never_looks_at_itself() -> None:
     other = replace(CAMERA, eye=CAMERA.target, target=CAMERA.eye)
     halfway = between(CAMERA, other, 0.5)
     assert math.dist(halfway.eye, halfway.target) > 0.0
+
+
+@pytest.mark.parametrize(
+    ("camera", "expected"),
+    [
+        # In front of a box they are fitted to its corners; inside it the near one is a share of the far one.
+        (Camera("out", (0.0, 0.0, 10.0), (0.0, 0.0, 0.0)), (7.92, 12.12)),
+        (Camera("in", (0.0, 0.0, 0.0), (0.0, 0.0, -1.0)), (2.02 * NEAREST_SHARE, 2.02)),
+        (Camera("own", (0.0, 0.0, 10.0), (0.0, 0.0, 0.0), near=0.5, far=9.0), (0.5, 9.0)),
+    ],
+)
+def test_near_and_far_are_those_of_the_camera_or_of_what_it_sees(camera: Camera, expected: tuple[float, float]) -> None:
+    box = np.array([[-2.0, -2.0, -2.0], [2.0, 2.0, 2.0]], np.float32)
+    assert clip_distances(camera, box) == pytest.approx(expected)
 
 
 TOWN = np.array([[-100.0, 0.0, -100.0], [100.0, 30.0, 100.0]], np.float32)
