@@ -98,6 +98,16 @@ def test_the_map_is_opaque_titled_and_its_scale_does_not_depend_on_the_other_slo
     assert "map legend" not in labels(mapped)
 
 
+def test_numbers_of_the_legend_stand_below_their_colours(mapped: DrivenApp) -> None:
+    left, _, right, bottom = (round(value) for value in mapped.widgets._rects["map legend"])
+    fields = len(decoder_fields(mapped.session.view.overlay, 2))
+    numbers = mapped.screenshot()[bottom - 20 : bottom - 3, left + 8 : right - 8, :3].min(axis=2) > 150
+    places = np.nonzero(numbers.any(axis=0))[0] * fields / numbers.shape[1]
+    for field in range(fields):
+        own = places[(places >= field) & (places < field + 1)]
+        assert (own.min() + own.max()) / 2.0 == pytest.approx(field + 0.5, abs=0.12)
+
+
 def test_while_moving_blocks_are_as_large_as_at_rest_and_figures_stay(
     mapped: DrivenApp, monkeypatch: pytest.MonkeyPatch
 ) -> None:
