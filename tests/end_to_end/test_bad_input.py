@@ -10,6 +10,7 @@ import pytest
 from lab.bench.random_pack import random_pack
 from ntc.codec.grid.model import grid_parts
 from ntc.pack.file import read_pack, write_pack
+from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from tests.support.gltf_builder import GltfBuilder
 from viewer import cli
@@ -52,12 +53,8 @@ def empty_file(folder: Path) -> Path:
 
 
 def one_line(capsys: pytest.CaptureFixture[str], *words: str) -> None:
-    printed = capsys.readouterr().err
-    lines = [line for line in printed.splitlines() if line.startswith("error: ")]
-    assert len(lines) == 1, printed
-    assert "Traceback" not in printed
-    for word in words:
-        assert word in lines[0]
+    line = error_line(capsys.readouterr().err)
+    assert all(word in line for word in words), line
 
 
 @pytest.mark.parametrize("command", ["render", "info", "encode"])

@@ -14,6 +14,7 @@ from lab.bench.random_pack import random_pack
 from lab.commands import bench as command
 from ntc.codec.grid.model import GridConfig
 from ntc.pack.file import write_pack
+from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.gl.context import create_headless_context
@@ -237,11 +238,7 @@ def test_bad_input_is_one_line_and_writes_nothing(
     monkeypatch.chdir(tmp_path)
     scene = [] if arguments[0] == "nowhere.glb" else [str(scene_path)]
     assert cli.main(["bench", *scene, "--json", "r.json", *TINY[:2], *arguments]) == 2
-    errors = capsys.readouterr().err
-    lines = [line for line in errors.splitlines() if line.startswith("error: ")]
-    assert len(lines) == 1, errors
-    assert words in lines[0]
-    assert "Traceback" not in errors
+    assert words in error_line(capsys.readouterr().err)
     assert list(tmp_path.iterdir()) == []
 
 

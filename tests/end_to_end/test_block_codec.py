@@ -13,6 +13,7 @@ from ntc.codec.quality import psnr_db
 from ntc.codec.registry import codec_of
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack
+from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.cli.decode import image_file_names
@@ -202,6 +203,5 @@ def test_bad_options_are_one_line(
     out = tmp_path / "o.ntc"
     codec = [] if "--codec" in arguments else ["--codec", "block"]
     assert cli.main(["encode", str(folder), "--out", str(out), "--grouping", "single", *codec, *arguments]) == 2
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert words in line
+    assert words in error_line(capsys.readouterr().err)
     assert not out.exists()

@@ -8,6 +8,7 @@ import pytest
 
 from ntc.codec.grid.model import grid_parts
 from ntc.pack.file import read_pack
+from tests.drivers.messages import error_line
 from viewer import cli
 from viewer.scene.images import read_image, write_png
 
@@ -111,8 +112,7 @@ def test_bad_groupings_are_one_line(
     capsys.readouterr()
     out = tmp_path / "o.ntc"
     assert cli.main(["encode", str(encoded_scene), "--out", str(out), *arguments]) == 2
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert words in line
+    assert words in error_line(capsys.readouterr().err)
     assert not out.exists()
 
 

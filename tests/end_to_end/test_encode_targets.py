@@ -10,6 +10,7 @@ import pytest
 
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack
+from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.cli.encode_target import worth_on_screen
@@ -86,8 +87,7 @@ def test_what_cannot_be_had_is_one_line(
 ) -> None:
     out = tmp_path / "o.ntc"
     assert encode(folder, out, *arguments) == 2
-    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("error: ")]
-    assert words in line
+    assert words in error_line(capsys.readouterr().err)
     assert not out.exists()
 
 

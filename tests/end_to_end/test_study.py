@@ -11,6 +11,7 @@ import torch
 from lab.commands.options import RateStudyOptions
 from lab.commands.rate_points import PointJob, measured_point
 from lab.studies.rate_table import RatePoint
+from tests.drivers.messages import error_line
 from tests.support.textures import waves
 from viewer import cli
 from viewer.locations import builtin_scene_path
@@ -52,9 +53,7 @@ def test_bad_input_is_one_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert cli.main(arguments) == 2
-    errors = capsys.readouterr().err
-    assert [line for line in errors.splitlines() if line.startswith("error: ") and words in line]
-    assert "Traceback" not in errors
+    assert words in error_line(capsys.readouterr().err)
     assert list(tmp_path.iterdir()) == []
 
 
