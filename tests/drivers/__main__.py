@@ -4,9 +4,11 @@ Runs the tests marked `driver`, or with `all` everything that draws, with every 
 which those are. Pictures are compared with those of the system's driver, drawn in the same run. README.md beside says more.
 """
 
+import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 
 from tests.drivers.drivers import ROOT, SYSTEM, Driver, other_drivers
 from tests.drivers.messages import own_session_folders
@@ -44,12 +46,17 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as pictures:
         if SYSTEM.run("-m", "tests.drivers.pictures", pictures).returncode != 0:
             sys.exit("the system's driver draws no pictures to compare with")
-        for driver in usable:
-            say(f"tests with {driver.name}")
+
+        def tested(driver: Driver) -> subprocess.CompletedProcess[str]:
             tests = driver.tests if everything else tuple(marked(driver.tests))
-            arguments = ("-m", "pytest", *tests, *options)
-            if driver.run(*arguments, variables={FOLDER_VARIABLE: pictures}).returncode != 0:
-                failed.append(driver.name)
+            variables = {FOLDER_VARIABLE: pictures}
+            return driver.run("-m", "pytest", *tests, *options, quiet=not everything, variables=variables)
+
+        # All tests of a driver occupy two cores; some occupy one.
+        with ThreadPoolExecutor(1 if everything else 2) as pool:
+            for driver, done in zip(usable, pool.map(tested, usable), strict=True):
+                say(f"tests with {driver.name}\n{done.stdout or ''}{done.stderr or ''}")
+                failed += [driver.name] if done.returncode != 0 else []
     if failed:
         sys.exit(f"tests failed with {', '.join(failed)}")
 
