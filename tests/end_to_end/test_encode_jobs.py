@@ -135,7 +135,7 @@ def test_what_jobs_cannot_do_is_refused_in_one_line(
 def test_ctrl_c_keeps_what_is_done(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("viewer.cli.encode_jobs.deferred_interrupt", lambda: nullcontext(lambda: True))
+    monkeypatch.setattr("viewer.cli.encode.deferred_interrupt", lambda: nullcontext(lambda: True))
     assert encode(folder, tmp_path / "a.ntc", "--workers", "1", "--grouping", "universal") == 130
     assert "0 textures kept in" in capsys.readouterr().err
     assert (tmp_path / "a.ntc.jobs").is_dir()

@@ -13,7 +13,7 @@ from ntc.pack.file import read_pack
 from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
-from viewer.cli.encode_target import worth_on_screen
+from viewer.cli.encode import worth_on_screen
 from viewer.scene.images import write_png
 
 

@@ -1,10 +1,16 @@
-"""`ntc-viewer encode`: encode textures, show progress, write a pack and a PSNR table."""
+"""`ntc-viewer encode`: encode textures in this process into a pack, or by jobs into a library or a pack; on this machine or a cluster."""
 
+import shutil
+import signal
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
+from types import FrameType
 
 import numpy as np
 import torch
@@ -14,7 +20,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.codec import Codec
 from ntc.codec.config import UNIVERSAL, GroupingName
-from ntc.codec.encoding import EncodingChoices, SizeTarget
+from ntc.codec.encoding import PRESETS, BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target
 from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Pack
 from ntc.codec.registry import chosen_codec, codec_named
@@ -23,16 +29,20 @@ from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
-from ntc.metrics.metrics import psnr_table
+from ntc.library.index import is_library, read_index
+from ntc.library.reading import in_order, read_shards
+from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import write_pack
+from ntc.threads import usable_cores
 from ntc.torch_device import peak_memory_bytes
 from ntc.training.encode import encode_chosen
 from ntc.training.messages import TrainingProgress
-from viewer.cli.encode_jobs import encode_by_jobs, is_by_jobs
-from viewer.cli.encode_target import encoding_choices, result_lines, worth_on_screen
-from viewer.cli.interrupts import deferred_interrupt
 from viewer.cli.options import EncodeOptions
 from viewer.cli.sources import load_with_progress
+from viewer.encoding.report import report_lines, write_report
+from viewer.encoding.whole_run import Asked, RunProgress, RunResult, encode_to_library
+from viewer.encoding.work import LIST_SUFFIX, Reading, WorkJob, WorkResult, texture_refs, work
+from viewer.jobs.executor import Executor, LocalExecutor, RayExecutor
 from viewer.locations import features_cache, named_scene, packs_folder
 from viewer.scene.images import folder_textures
 from viewer.scene.json_text import counted
@@ -40,10 +50,216 @@ from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
 
+KEPT_SUFFIX = ".jobs"
+"""Suffix of the library that keeps finished jobs beside a pack until the pack is finished."""
+REPORT_SUFFIX = ".report"
+UNFINISHED = 1
+"""Exit status where textures are missing."""
+
+
+def is_by_jobs(options: EncodeOptions) -> bool:
+    """Return whether jobs encode the textures: the options ask for it, or there is no other way."""
+    asked = options.workers is not None or options.ray is not None
+    return asked or options.out.suffix != PACK_SUFFIX or options.source.suffix.lower() == LIST_SUFFIX
+
+
+def _check_jobs(options: EncodeOptions) -> None:
+    if options.ray is not None and options.workers is not None:
+        raise InputError("--workers and --ray exclude each other: a cluster has as many workers as it has cores")
+    if options.gpus_per_job < 0.0:
+        raise InputError(f"--gpus-per-job {options.gpus_per_job:g}: must be 0 or more")
+    for name in ("state", "views", "sampled_views"):
+        if getattr(options, name) is not None:
+            raise InputError(
+                f"--{name.replace('_', '-')}: is not for jobs; leave it out, or leave --workers and --ray out"
+            )
+    if options.out.suffix == PACK_SUFFIX:
+        if options.out.is_dir():
+            raise InputError(f"--out {options.out}: is a folder; name a file")
+    elif options.out.is_dir() and any(options.out.iterdir()) and not is_library(options.out):
+        raise InputError(
+            f"--out {options.out}: holds other files and no library; name a new folder, or a pack ({PACK_SUFFIX})"
+        )
+
+
+def _asked(options: EncodeOptions, codec: str, maps: MapChoice) -> Asked:
+    choices = encoding_choices(options)
+    if choices.target is not None and not isinstance(choices.target, BitsTarget):
+        name = "quality" if options.quality is not None else "size"
+        raise InputError(f"--{name}: needs all textures at once; ask for --bits, or leave --workers and --ray out")
+    reading = Reading(options.texture_size, maps, options.map_weights)
+    one_pack = options.out.suffix == PACK_SUFFIX
+    grouping = options.grouping_config()
+    return Asked(reading, grouping, codec, choices, options.labels, one_pack)
+
+
+def _executor(options: EncodeOptions) -> Executor[WorkJob, WorkResult]:
+    if options.ray is not None:
+        return RayExecutor(work, options.ray, options.gpus_per_job)
+    return LocalExecutor(work, usable_cores() if options.workers is None else options.workers)
+
+
+def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
+    """Encode the textures that `options` name. Raises InputError for bad input, KeyboardInterrupt after Ctrl-C.
+
+    The exit status is 1 where textures are missing: they are named.
+    """
+    _check_jobs(options)
+    asked = _asked(options, codec, maps)
+    refs = texture_refs(options.source, maps)
+    console = Console(stderr=True, soft_wrap=True)
+    folder = options.out.with_name(f"{options.out.name}{KEPT_SUFFIX}") if asked.one_pack else options.out
+    executor = _executor(options)
+    console.print(
+        f"{counted(len(refs), 'texture')}, {executor.slots} at a time, codec {codec}, {options.grouping}",
+        highlight=False,
+    )
+    try:
+        with _ProgressReport(console) as report, deferred_interrupt() as interrupted:
+            result = encode_to_library(asked, refs, executor, folder, report.of_jobs, interrupted)
+    finally:
+        executor.close()
+    if result.stopped:
+        console.print(
+            f"stopped: {counted(len(result.stored), 'texture')} kept in {folder}; the same command resumes",
+            highlight=False,
+        )
+        raise KeyboardInterrupt
+    return _finish(options, folder, result, maps)
+
+
+def _finish(options: EncodeOptions, folder: Path, result: RunResult, maps: MapChoice) -> int:
+    if not result.stored and not result.failed:
+        raise InputError(
+            f"{options.source}: holds no texture to encode (constant images are factors and need no encoding)"
+        )
+    report = options.report or options.out.with_name(f"{options.out.name}{REPORT_SUFFIX}")
+    write_report(report, result, folder, Reading(options.texture_size, maps, options.map_weights))
+    if folder != options.out and result.stored:
+        _write_joined(options.out, folder, result)
+        if not result.failed:
+            shutil.rmtree(folder, ignore_errors=True)
+    lines = [*report_lines(result), f"report: {report / 'index.html'}"]
+    if result.stored:
+        lines.append(f"wrote {options.out}")
+    sys.stdout.write("\n".join(lines) + "\n")
+    return UNFINISHED if result.failed else 0
+
+
+def _write_joined(out: Path, folder: Path, result: RunResult) -> None:
+    """Write one pack of all that is stored, in the order of the textures."""
+    index = read_index(folder)
+    places = {each.texture.pixel_hash: number for number, each in enumerate(result.stored)}
+    (settings,) = result.settings
+    # In the order of the textures, whichever job ended first.
+    shards = sorted(index.shards_with(places)[settings], key=lambda shard: min(map(places.__getitem__, shard[1])))
+    pack = in_order(read_shards(index, shards), places)
+    write_pack(out, pack)
+
+
+MOST_NAMES = 5
+"""Textures that are named where a quality was not reached."""
+NEAR_BITS = 0.02
+"""Share of the bits asked for by which more are still as asked."""
+LEAST_WORTH = 0.1
+"""Least weight of a texture that is not seen, as a share of the mean."""
+
+
+def given_targets(options: EncodeOptions) -> dict[str, str]:
+    """Return the target options that are given, by name."""
+    numbers = {"bits": options.bits, "quality": options.quality, "size": options.size}
+    found = {name: f"{value:g}" for name, value in numbers.items() if value is not None}
+    return found if options.preset is None else {**found, "preset": options.preset}
+
+
+def asked_target(options: EncodeOptions) -> Target | None:
+    """Return the target that the options name. Raises InputError for two at once, and for one that can never be reached."""
+    given = list(given_targets(options))
+    if len(given) > 1:
+        raise InputError(f"{' and '.join(f'--{name}' for name in given)} exclude each other: give one of them")
+    if options.quality is not None:
+        return QualityTarget(options.quality)
+    if options.size is not None:
+        return SizeTarget(options.size)
+    if options.preset is not None:
+        return PRESETS[options.preset]
+    return None if options.bits is None else BitsTarget(options.bits)
+
+
+def encoding_choices(options: EncodeOptions) -> EncodingChoices:
+    """Return the choices that the codec gets. Raises InputError as `asked_target` does."""
+    return EncodingChoices(
+        options.recipe,
+        options.steps,
+        options.epochs,
+        options.device,
+        options.state,
+        asked_target(options),
+        options.levels,
+        options.seed,
+    )
+
+
+def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -> tuple[float, ...]:
+    """Return the weight of errors in each texture by the pixels of `views` (texture ids, -1 for none) that show a texel of it, in
+    proportion to their mean. `texels` by texture."""
+    pixels = np.zeros(len(texels))
+    for view in views:
+        pixels += np.bincount(view[view >= 0].reshape(-1), minlength=len(texels))[: len(texels)]
+    shown = pixels / np.array(texels, np.float64)
+    worth = np.maximum(shown / max(float(shown.mean()), 1e-12), LEAST_WORTH)
+    return tuple(worth.tolist())
+
+
+def result_lines(target: Target, pack: Pack, out: Path) -> list[str]:
+    """Return lines that compare the target with `pack`, written to `out`."""
+    if isinstance(target, BitsTarget):
+        more = bits_with_mips(pack) > target.bits * (1.0 + NEAR_BITS)
+        why = "; not reached: so few or so small textures need more" if more else ""
+        return [f"target: {target.bits:g} bits per texel of all mips{why}"]
+    if isinstance(target, SizeTarget):
+        return [f"file: {out.stat().st_size / 1e6:.3f} MB, asked for at most {target.megabytes:g}"]
+    short = [each for each in pack.textures if each.psnr_db is not None and each.psnr_db < target.psnr_db]
+    reached = len(pack.textures) - len(short)
+    lines = [
+        f"quality: {reached} of {counted(len(pack.textures), 'texture')} have at least {target.psnr_db:g} dB, as asked"
+    ]
+    if short:
+        short.sort(key=lambda each: each.psnr_db or 0.0)
+        names = ", ".join(f"{each.name} ({each.psnr_db:.2f} dB)" for each in short[:MOST_NAMES])
+        others = f" and {len(short) - MOST_NAMES} more" if len(short) > MOST_NAMES else ""
+        lines.append(f"not reached: {names}{others}")
+    return lines
+
+
+@contextmanager
+def deferred_interrupt() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns whether Ctrl-C was pressed in the block; a second Ctrl-C interrupts at once.
+
+    Off the main thread, where Python delivers no signals, it always returns False.
+    """
+    pressed = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield pressed.is_set
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def handle(_number: int, _frame: FrameType | None) -> None:
+        if pressed.is_set():
+            raise KeyboardInterrupt
+        pressed.set()
+
+    signal.signal(signal.SIGINT, handle)
+    try:
+        yield pressed.is_set
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
 BUILTIN_BITS = 2.1
 """Target of the packs of the built-in scene, in bits per texel of all mips (assets/build/packs.sh)."""
-LINES_PER_RUN = 20
-"""Progress lines of a whole run where standard error is no terminal."""
+LINES_PER_PHASE = 20
+"""Progress lines of each phase where standard error is no terminal."""
 
 
 def _check(options: EncodeOptions) -> None:
@@ -146,19 +362,17 @@ def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], .
 
 
 class _ProgressReport:
-    """Progress with ETA: a live bar on a terminal, else about twenty lines in all."""
+    """Progress with the time left: a live bar on a terminal, else about twenty lines for each phase."""
 
     def __init__(self, console: Console) -> None:
-        self._console = console
-        self._last_line = -1
-        self._bar = Progress(
-            TextColumn("encoding"),
+        self._console, self._last = console, ("", -1)
+        columns = (
+            TextColumn("{task.description}"),
             BarColumn(),
             TaskProgressColumn(),
             TextColumn("{task.fields[status]}"),
-            console=console,
-            transient=True,
         )
+        self._bar = Progress(*columns, console=console, transient=True)
         self._task = self._bar.add_task("encoding", total=1.0, status="")
 
     def __enter__(self) -> "_ProgressReport":
@@ -169,24 +383,36 @@ class _ProgressReport:
     def __exit__(self, *_exception: object) -> None:
         self._bar.stop()
 
-    def __call__(self, progress: TrainingProgress) -> None:
-        parts = [f"{progress.work} {progress.step}/{progress.steps}"]
-        if progress.psnr_db:
-            parts.append(f"PSNR {progress.mean_psnr_db:.2f} dB")
-        status = "  ".join(
-            [*parts, f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"]
-        )
+    def of_training(self, progress: TrainingProgress) -> None:
+        """Show the progress of an encoding in this process."""
+        quality = f"  PSNR {progress.mean_psnr_db:.2f} dB" if progress.psnr_db else ""
+        rate = f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
         if progress.note:
-            self._console.print(progress.note, highlight=False)
+            self._print(progress.note)
         if self._console.is_terminal or not progress.note:
-            self._show(progress.share, status)
+            self._show("", progress.share, f"{progress.work} {progress.step}/{progress.steps}{quality}  {rate}")
 
-    def _show(self, share: float, status: str) -> None:
+    def of_jobs(self, progress: RunProgress) -> None:
+        """Show the progress over all jobs."""
+        if progress.note:
+            self._print(f"tried again: {progress.note}")
+            return
+        speed = progress.texels_per_second
+        rate = f"{speed / 1e6:.2f} Mtexel/s" if progress.phase == "encoding" else f"{speed:.1f} images/s"
+        failed = f", {progress.failures} failed" if progress.failures else ""
+        status = f"{progress.done}/{progress.of} textures{failed}  {rate}  {progress.seconds_left:.0f} s left"
+        self._show(progress.phase, progress.share, status)
+
+    def _show(self, phase: str, share: float, status: str) -> None:
+        step = (phase, int(share * LINES_PER_PHASE))
         if self._console.is_terminal:
-            self._bar.update(self._task, completed=share, status=status)
-        elif int(share * LINES_PER_RUN) > self._last_line:
-            self._last_line = int(share * LINES_PER_RUN)
-            self._console.print(f"{share:4.0%}  {status}", highlight=False)
+            self._bar.update(self._task, description=phase or "encoding", completed=share, status=status)
+        elif phase != self._last[0] or step > self._last:
+            self._last = step
+            self._print(f"{phase} {share:4.0%}  {status}" if phase else f"{share:4.0%}  {status}")
+
+    def _print(self, line: str) -> None:
+        self._console.print(line, highlight=False, markup=False)
 
 
 def encode(options: EncodeOptions) -> int:
@@ -249,7 +475,7 @@ def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float
         began = time.monotonic()
         with deferred_interrupt() as interrupted:
             try:
-                pack = encode_chosen(textures, grouping, codec, choices, report, interrupted, rescued_state)
+                pack = encode_chosen(textures, grouping, codec, choices, report.of_training, interrupted, rescued_state)
             except TrainingCancelledError:
                 # What a shell expects of Ctrl-C.
                 raise KeyboardInterrupt from None
