@@ -21,7 +21,7 @@ from viewer.scene.model import (
     Scene,
     SceneTexture,
 )
-from viewer.scene.pixels.image_facts import PixelsInMemory
+from viewer.scene.pixels import PixelsInMemory
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 QUAD = np.array([[-1.0, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]], np.float32)

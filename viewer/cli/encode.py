@@ -1,4 +1,4 @@
-"""`ntc-viewer encode`: encode textures in this process into a pack, or by jobs into a library or a pack; on this machine or a cluster."""
+"""`ntc-viewer encode`: encode textures into a pack in this process, or by jobs into a library or a pack."""
 
 import shutil
 import signal

@@ -122,7 +122,7 @@ def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fall
 def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageFormat) -> list[str]:
     """Write the scene with decoded images, and what they lost as CSV beside it; returns what to tell. Raises InputError."""
     # Decoding them takes torch, which takes a second to import.
-    from viewer.export.textures.export import export_textures
+    from viewer.export.textures import export_textures
 
     losses = out.with_name(f"{out.stem}.losses.csv")
     if losses.exists() and not losses.is_file():

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import WrapMode
 from ntc.codec.maps import BASE_ALONE, PLANES, MapName, Plane
 from viewer.scene.moving import Deformation, MovingVertices
-from viewer.scene.pixels.image_facts import TexturePixels
+from viewer.scene.pixels import TexturePixels
 
 AlphaMode = Literal["opaque", "mask", "blend"]
 

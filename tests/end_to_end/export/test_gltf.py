@@ -30,7 +30,7 @@ from viewer.export.gltf import export as gltf_writing
 from viewer.export.gltf.document import GltfDocument, read_document
 from viewer.export.gltf.export import write_gltf
 from viewer.export.gltf.options import PackedTextureOption
-from viewer.export.textures.export import DecodedImage, torch_decoder
+from viewer.export.textures import DecodedImage, torch_decoder
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene, open_container

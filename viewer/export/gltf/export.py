@@ -27,7 +27,7 @@ from ntc.pack.match import PackMatch, require_match
 from viewer.export import Fallback
 from viewer.export.gltf.document import ALIGNMENT, GltfDocument, ImageFile, read_document
 from viewer.export.gltf.options import PackedTextureOption, add_options, held_whole, packed_options, remove_packs
-from viewer.export.images.formats import FORMATS
+from viewer.export.images import FORMATS
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import CHUNK_BINARY, CHUNK_JSON, GLB_MAGIC, GltfFile
 from viewer.scene.gltf.maps.images import image_bytes

@@ -16,7 +16,7 @@ from ntc.io import atomic_folder
 from viewer.export import ShaderLanguage
 from viewer.export.shader.decoder import codec_number, planes_of
 from viewer.export.shader.languages import CPP_FILE, FILES, TEMPLATES, Heading, cpp_source, shader_source
-from viewer.export.shader.syntax import HEADER_FIELDS, HEADER_WORDS, MAGIC, VERSION, pack_words
+from viewer.export.shader.source import HEADER_FIELDS, HEADER_WORDS, MAGIC, VERSION, pack_words
 from viewer.scene.json_text import printable
 
 _SCALARS = {np.dtype("<i4"): "int32_t", np.dtype("<f4"): "float"}

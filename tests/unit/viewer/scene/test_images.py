@@ -22,14 +22,14 @@ from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, compressed_blocks, decompress
 from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.scenes import built
-from viewer.export.images.formats import ktx2_astc
+from viewer.export.images import ktx2_astc
 from viewer.locations import images_cache
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.images import decode_image, folder_textures, read_image, write_png
 from viewer.scene.ktx2 import SIGNATURE
 from viewer.scene.load import build_scene, load_scene
 from viewer.scene.model import Scene
-from viewer.scene.pixels.image_facts import PixelCache
+from viewer.scene.pixels import PixelCache
 from viewer.scene.source_textures import reduce_texture, source_textures
 
 

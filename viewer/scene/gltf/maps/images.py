@@ -29,7 +29,7 @@ from viewer.scene.images import (
     map_in_threads,
     split_alpha,
 )
-from viewer.scene.pixels.image_facts import FactsFile, ImageFacts, MapFacts, PixelCache
+from viewer.scene.pixels import FactsFile, ImageFacts, MapFacts, PixelCache
 from viewer.scene.report import ReportNotes
 
 CHANNELS: dict[MapName, tuple[int, ...]] = {

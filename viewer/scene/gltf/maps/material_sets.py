@@ -31,7 +31,7 @@ from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.textures import IDENTITY, Affine, TextureReference
 from viewer.scene.images import ProgressReport, map_in_threads
 from viewer.scene.model import Material, PlaneTexture, Sampler, SceneTexture, SurfaceFactors
-from viewer.scene.pixels.image_facts import FactsFile, MapFacts, PixelCache
+from viewer.scene.pixels import FactsFile, MapFacts, PixelCache
 from viewer.scene.report import ReportNotes
 
 
@@ -60,7 +60,7 @@ class ImageMap:
 
 @dataclass(frozen=True, eq=False)
 class ImagesOfTexture:
-    """The pixels of one texture (`viewer.scene.pixels.image_facts.TexturePixels`)."""
+    """The pixels of one texture (`viewer.scene.pixels.TexturePixels`)."""
 
     base: SceneImage | None
     maps: Mapping[MapName, ImageMap]

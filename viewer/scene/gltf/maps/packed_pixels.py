@@ -14,7 +14,7 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.packed_textures import PackOption, pack_path
-from viewer.scene.pixels.image_facts import ImageFacts, MapFacts, PixelCache
+from viewer.scene.pixels import ImageFacts, MapFacts, PixelCache
 
 
 @dataclass(frozen=True, eq=False)

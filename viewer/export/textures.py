@@ -18,7 +18,7 @@ from viewer.export import ImageFormat
 from viewer.export.gltf.document import GltfDocument, ImageFile
 from viewer.export.gltf.export import OpenedExport, image_pixels, open_export, write_gltf
 from viewer.export.gltf.options import PackedTextureOption, separate_entries
-from viewer.export.images.formats import FORMATS, StoredFormat
+from viewer.export.images import FORMATS, StoredFormat
 from viewer.scene.gltf.packed_textures import NO_CHANNEL
 from viewer.scene.gltf.textures import IMAGE_EXTENSIONS
 from viewer.scene.images import ProgressReport

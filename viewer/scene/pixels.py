@@ -1,4 +1,5 @@
-"""Facts of images without their pixels, kept on disk by the bytes of their files: a scene opens without decoding again."""
+"""Pixels of images and their facts: pixels are kept in memory, facts on disk by the bytes of their files, so that a scene opens
+without decoding again."""
 
 import hashlib
 import threading

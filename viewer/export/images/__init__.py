@@ -1,1 +1,0 @@
-"""Formats that images of an exported scene are stored in."""

@@ -1,1 +1,0 @@
-"""Pixels of textures: where they come from, and how many stay in memory."""
