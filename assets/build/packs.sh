@@ -3,5 +3,5 @@
 set -euo pipefail
 cd "$(dirname "$0")/.."
 for grouping in baseline clustered; do
-    ntc-viewer encode courtyard.glb --out "courtyard.$grouping.ntc" --grouping "$grouping" --codec block --bits 2.1
+    ntc-viewer encode courtyard.glb --out "courtyard.$grouping.ntc" --grouping "$grouping" --codec block --bits 2.8
 done

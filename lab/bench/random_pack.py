@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
 from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.config import WrapMode
@@ -13,6 +13,9 @@ from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, GridTexture
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import MapName, map_slices, plane_channels
 from ntc.codec.model import Grouping, Pack
+
+EDGE_SHARE = 0.3
+"""Of the modes of random tables that have an edge part in a plane."""
 
 
 def _random_adapter(config: GridConfig, random: np.random.Generator) -> Adapter:
@@ -89,17 +92,19 @@ def square_pack(textures: int, decoders: int, side: int, config: GridConfig, see
 
 
 def _random_block_decoder(config: BlockConfig, random: np.random.Generator) -> BlockDecoder:
-    """Coefficients whose variance falls as in pictures, along directions that are as good as orthogonal."""
-    falling = 1.0 / np.arange(1, config.coefficients + 1) ** 0.7
-    spread = falling * random.lognormal(0.0, 0.5, (config.modes, config.coefficients))
-    shape = (config.coefficients, config.block_texels, config.output_channels)
-    basis = random.integers(-127, 128, shape).astype(np.int8)
-    if config.has_sets:
-        # Each row is of one channel.
-        own = np.arange(len(basis))[:, None] % config.output_channels == np.arange(config.output_channels)
-        basis *= own[:, None]
-    scale = np.full(config.coefficients, 1.0 / (73.0 * np.sqrt(config.block_values)), np.float32)
-    return BlockDecoder(basis, scale, stored_scales(spread * np.sqrt(config.block_values) / 4.0))
+    """Coefficients whose variance falls as in pictures, along directions that are as good as orthogonal; some modes have edge
+    parts."""
+    count = config.coefficients
+    falling = 1.0 / np.arange(1, count + 1) ** 0.7
+    spread = falling * random.lognormal(0.0, 0.5, (config.modes, count))
+    basis = random.integers(-127, 128, (count, config.block_texels)).astype(np.int8)
+    in_planes = [channel for own in config.planes for channel in own]
+    channels = np.array(in_planes, np.uint8)[np.sort(np.arange(count) % config.output_channels)]
+    scale = stored_scales(np.full(count, 1.0 / (73.0 * np.sqrt(config.block_texels))))
+    scales = stored_scales(spread[:, random.permutation(count)] * np.sqrt(config.block_texels) / 4.0)
+    edges = random.integers(0, LARGEST_EDGE_BITS + 1, (config.modes, len(config.planes)))
+    edges *= random.random(edges.shape) < EDGE_SHARE
+    return BlockDecoder(basis, channels, scale, scales, edges.astype(np.uint8))
 
 
 def _random_words(width: int, height: int, config: BlockConfig, random: np.random.Generator) -> NDArray[np.uint32]:
@@ -150,7 +155,7 @@ def random_block_pack(
             group=groups[index],
             words=_random_words(width, height, config, random),
             axes=_random_axes(config, random),
-            mean=random.uniform(0.3, 0.7, channels).astype(np.float32),
+            mean=random.uniform(0.3, 0.7, (config.mips, channels)).astype(np.float32),
             maps=kinds[index],
         )
         for index, (width, height) in enumerate(sizes)

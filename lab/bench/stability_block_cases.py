@@ -10,7 +10,7 @@ from lab.bench.random_pack import random_block_pack
 from lab.bench.stability_cases import SIZES, StabilityCase, anywhere, place_cases
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, block_parts
-from ntc.codec.block.tensors import LARGEST_NUMBER
+from ntc.codec.block.tensors import LARGEST_BASIS_SCALE, LARGEST_NUMBER
 from ntc.codec.model import Pack
 from ntc.pack.schema import LARGEST_SIDE
 
@@ -35,7 +35,11 @@ def _largest_numbers(pack: Pack) -> Pack:
     largest = np.float32(LARGEST_NUMBER)
     tables = _with_tables(
         pack,
-        lambda one: BlockDecoder(one.basis, np.full_like(one.basis_scale, largest), np.full_like(one.scales, 255)),
+        lambda one: replace(
+            one,
+            basis_scale=np.full_like(one.basis_scale, LARGEST_BASIS_SCALE),
+            scales=np.full_like(one.scales, 255),
+        ),
     )
     textures = (replace(t, axes=np.sign(t.axes) * largest) for t in block_parts(tables).textures)
     return replace(tables, textures=tuple(textures))

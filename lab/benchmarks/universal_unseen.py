@@ -16,7 +16,6 @@ from lab.studies.hardware_formats import FormatStudy
 from lab.studies.set_quality import PictureQuality, picture_quality
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
-from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.rate import config_for_bits
 from ntc.codec.block.encoding.sharing import share_words
 from ntc.codec.block.encoding.tables import rate_curve
@@ -35,9 +34,9 @@ def _encoded(textures: Sequence[SourceTexture], tables: BlockDecoder, bits: floa
     config = config_for_bits(bits, TextureSet([texture.size for texture in textures], 0, 3))
     curves = [rate_curve(sample, tables, config) for sample in sample_textures(textures, config)]
     words = share_words(curves, config.mean_words * sum(curve.block_count for curve in curves))
-    quantizer, found = TrellisQuantizer(), []
+    found = []
     for texture, own in zip(textures, words, strict=True):
-        encoded = encode_texture(texture, tables, config, quantizer, own)
+        encoded = encode_texture(texture, tables, config, own)
         found.append(picture_quality(texture.pixels, decode_image(encoded, tables, config), with_flip=False))
     return found
 

@@ -172,7 +172,7 @@ class AblationStudyOptions(TrainingStudyOptions):
     codec: Literal["block", "grid"] = "grid"
     """The codec whose parts are changed."""
     bits: float = 2.0
-    """Codec block: bits per texel of all mips."""
+    """Codec block: bits per texel of mip 0."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +207,7 @@ class RateStudyOptions:
     sides: tuple[BlockSide, ...] = (8, 4)
     """Texels of its blocks along one side."""
     bits: tuple[float, ...] = (0.9, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
-    """Bits per texel of codec block, of all mips and tables together."""
+    """Bits per texel of mip 0 of codec block, all mips and tables together."""
     formats: tuple[BlockFormat, ...] = BLOCK_FORMATS
     """Formats of graphics hardware, at the encoders' highest effort (need the extra `lab`)."""
     grid_steps: int = 300
@@ -233,7 +233,7 @@ class MaterialStudyOptions:
     texture_size: int = 512
     """Maps are reduced to at most this many texels a side."""
     bits: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0, 12.0)
-    """Bits per texel of all maps of a material together, of all mips and tables."""
+    """Bits per texel of mip 0 of all maps of a material together, all mips and tables counted."""
     most: int = 16
     """Materials at most: evenly chosen among all of them."""
 

@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texels_with_mips
+from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
 from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
@@ -69,7 +69,7 @@ class FormatStudy:
             for number, each in enumerate(found)
         )
         seconds = sum(each.cpu_seconds for each in found)
-        return pictures, SetQuality.of(pictures, 8.0 * stored / texels_with_mips(sizes), seconds)
+        return pictures, SetQuality.of(pictures, 8.0 * stored / texel_count(sizes), seconds)
 
 
 def _kept(path: Path) -> FormatQuality | None:

@@ -9,7 +9,7 @@ import numpy as np
 import OpenImageIO
 from numpy.typing import NDArray
 
-from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texels_with_mips
+from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -54,5 +54,5 @@ def measured_jpeg_xl(
         spent += time.process_time() - began
         pictures.append(picture_quality(texture.pixels, files[0][1], number % flip_every == 0))
         report(number + 1, len(textures))
-    bits = 8.0 * stored / texels_with_mips([texture.size for texture in textures])
+    bits = 8.0 * stored / texel_count([texture.size for texture in textures])
     return tuple(pictures), SetQuality.of(pictures, bits, spent)

@@ -10,7 +10,7 @@ from lab.studies.hardware_formats import FormatStudy
 from lab.studies.jpeg_xl import DISTANCES, has_jpeg_xl, measured_jpeg_xl
 from lab.studies.rate_table import RatePoint
 from lab.studies.runs import Report, Run, finished_run
-from lab.studies.set_quality import PictureQuality, SetQuality, texels_with_mips
+from lab.studies.set_quality import PictureQuality, SetQuality
 from lab.studies.settings import BlockSide
 from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec
 from ntc.codec.model import Grouping
@@ -88,8 +88,6 @@ class RateStudy:
             )
             for number, (psnr, ssim, flip) in enumerate(rows)
         ]
-        sizes = [texture.size for texture in self.textures]
-        share = sum(width * height for width, height in sizes) / texels_with_mips(sizes)
-        quality = SetQuality.of(pictures, result.bits_per_texel * share, result.seconds)
+        quality = SetQuality.of(pictures, result.bits_per_texel, result.seconds)
         setting = f"{channels} channels of {latent_bits} bits, {self.grid_steps} steps"
         return RatePoint(f"grid, {self.groupings[0].name}", setting, quality)

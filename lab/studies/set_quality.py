@@ -7,7 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.mips import mip_sizes
 from ntc.codec.model import Pack
 from ntc.codec.quality import PsnrSummary, psnr_db, psnr_of_mse
 from ntc.errors import InputError
@@ -39,7 +38,7 @@ class SetQuality:
     """Quality and size of a set of textures."""
 
     bits_per_texel: float
-    """Everything that is stored, per texel of all mips."""
+    """Everything that is stored, per texel of mip 0."""
     mean_db: float
     of_mean_mse_db: float
     """PSNR of the mean over textures of their mean square errors."""
@@ -68,13 +67,13 @@ class SetQuality:
         )
 
 
-def texels_with_mips(sizes: Sequence[Size]) -> int:
-    """Texels of all mips of textures of these sizes."""
-    return sum(math.prod(mip) for size in sizes for mip in mip_sizes(*size))
+def texel_count(sizes: Sequence[Size]) -> int:
+    """Return the texels of mip 0 of textures of these sizes, over which stored bits are counted."""
+    return sum(math.prod(size) for size in sizes)
 
 
 def pack_bits_per_texel(pack: Pack) -> float:
-    """Bits of latents, decoders and adapters per texel of all mips."""
+    """Return the bits of latents, decoders and adapters per texel of mip 0."""
     table = psnr_table(pack)
     stored = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
-    return 8.0 * stored / texels_with_mips([(texture.width, texture.height) for texture in pack.textures])
+    return 8.0 * stored / texel_count([(texture.width, texture.height) for texture in pack.textures])

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import UNIVERSAL, Precision, WrapMode
 from ntc.codec.encoding import BitsTarget, Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
 from ntc.codec.gpu import GpuTables
+from ntc.codec.maps import MapName
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -113,6 +114,11 @@ class Codec(ABC):
     """Title of the PSNRs under way (`TrainingProgress.psnr_db`): of samples, or of mip 0 of the textures done."""
     table_text: ClassVar[str] = "half precision"
     """Text for the table of memory: the contents of decoders on the GPU."""
+
+    def target_of(self, maps: Sequence[MapName]) -> BitsTarget | None:
+        """Return what textures of `maps` are encoded to where no target is asked for; None: the codec takes no target."""
+        del maps
+        return self.default_target
 
     # Files: tensors of a texture or decoder by name, "{}" standing for its number (docs/reference/pack-format.md).
 

@@ -22,7 +22,7 @@ HIGHEST_QUALITY_DB = 58.9
 
 @dataclass(frozen=True)
 class BitsTarget:
-    """A target bitrate in stored bits per texel of all mips; the nearest possible one is taken."""
+    """A target bitrate in stored bits per texel of mip 0, mips and tables counted; the nearest possible one is taken."""
 
     bits: float
     block_side: Literal[4, 8] = 8
@@ -143,6 +143,8 @@ def common_channels(channels: int) -> int:
 
 RecipeName = Literal["paper", "best"]
 DeviceName = Literal["auto", "cpu", "cuda"]
+DEFAULT_SET_BITS = 4.0
+"""Bits per texel of whole materials where no target is asked for."""
 DEFAULT_BITS = 2.0
 """Bits per texel where no target is asked for."""
 

@@ -90,12 +90,13 @@ LEVEL_RECORD = np.dtype(
         ("texel_width", "<i4"),
         ("texel_height", "<i4"),
         ("first_cell", "<i4"),
-        ("padding_0", "<i4"),
+        ("mip_of_cell", "<i4"),
         ("padding_1", "<i4"),
         ("padding_2", "<i4"),
     ]
 )
-"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents, in rows (`GpuTables.row_words`)."""
+"""One latent level: std430, 32 bytes. `first_cell` counts in the buffer of all latents, in rows (`GpuTables.row_words`);
+`mip_of_cell` is as in LatentLevel."""
 TextureFields = Sequence[tuple[str, str] | tuple[str, str, tuple[int, ...]]]
 _TEXTURE_FIELDS: TextureFields = (
     ("first_level", "<i4"),
@@ -253,6 +254,7 @@ def level_records(pyramid: Sequence[LatentLevel]) -> NDArray[np.void]:
     for record, level in zip(records, pyramid, strict=True):
         record["width"], record["height"] = level.width, level.height
         record["texel_width"], record["texel_height"] = level.texel_width, level.texel_height
+        record["mip_of_cell"] = level.mip_of_cell
     return records
 
 

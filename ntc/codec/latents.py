@@ -19,6 +19,10 @@ class PyramidShape(Protocol):
     def smallest_top_cells(self) -> int:
         """The pyramid ends at the first level whose longer side is at most this many cells."""
 
+    @property
+    def mips_a_cell(self) -> int:
+        """Mips at most that are decoded from the same cells."""
+
 
 @dataclass(frozen=True)
 class LatentLevel:
@@ -34,30 +38,48 @@ class LatentLevel:
     """Texels along v of the texture mip that this level encodes."""
     first_cell: int
     """Index of the level's first cell in the texture's flat array of cells."""
+    mip_of_cell: int = 0
+    """Mip within the cells' own: above 0 for a level that is decoded from the cells of the finer level before it."""
 
     @property
     def cells(self) -> int:
         """Cells of the level."""
         return self.width * self.height
 
+    @property
+    def has_own_cells(self) -> bool:
+        """Whether the level is stored, and not decoded from the cells of a finer one."""
+        return self.mip_of_cell == 0
+
 
 def latent_levels(width: int, height: int, config: PyramidShape) -> tuple[LatentLevel, ...]:
     """Return the levels of the latent pyramid of a `width` x `height` texel texture, finest first; never empty.
 
-    Level l encodes texture mip l, of max(1, side >> l) texels, with ceil(side / downscale) cells a side.
+    Level l encodes texture mip l, of max(1, side >> l) texels, with ceil(side / downscale) cells a side. Where
+    a cell holds several mips (`mips_a_cell`), a level whose texels are exactly 2x2 texels of the level before
+    has no cells of its own.
     """
     levels: list[LatentLevel] = []
-    first_cell = 0
+    next_cell = 0
     while config.levels is None or len(levels) < config.levels:
         texel_width, texel_height = max(1, width >> len(levels)), max(1, height >> len(levels))
         cells_u, cells_v = -(-texel_width // config.downscale), -(-texel_height // config.downscale)
-        levels.append(LatentLevel(cells_u, cells_v, texel_width, texel_height, first_cell))
-        first_cell += cells_u * cells_v
+        before = levels[-1] if levels else None
+        if before and before.mip_of_cell + 1 < config.mips_a_cell and _halves(before, texel_width, texel_height):
+            mip = before.mip_of_cell + 1
+            levels.append(LatentLevel(before.width, before.height, texel_width, texel_height, before.first_cell, mip))
+        else:
+            levels.append(LatentLevel(cells_u, cells_v, texel_width, texel_height, next_cell))
+            next_cell += cells_u * cells_v
         if max(cells_u, cells_v) <= config.smallest_top_cells:
             break
     return tuple(levels)
 
 
+def _halves(finer: LatentLevel, texel_width: int, texel_height: int) -> bool:
+    return (finer.texel_width, finer.texel_height) == (2 * texel_width, 2 * texel_height)
+
+
 def latent_cell_count(width: int, height: int, config: PyramidShape) -> int:
     """Return cells of all levels together: the rows of a texture's flat latent array."""
-    return sum(level.cells for level in latent_levels(width, height, config))
+    return sum(level.cells for level in latent_levels(width, height, config) if level.has_own_cells)

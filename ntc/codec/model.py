@@ -33,6 +33,11 @@ class CodecSettings(ABC):
         """The pyramid ends at the first level whose longer side is at most this many cells."""
 
     @property
+    def mips_a_cell(self) -> int:
+        """Mips at most that are decoded from the same cells."""
+        return 1
+
+    @property
     @abstractmethod
     def multiply_adds(self) -> int:
         """Multiply-adds of one decoded texel at most."""

@@ -8,7 +8,6 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ntc.codec.latents import latent_levels
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.quality import finite_or_none
 from ntc.codec.registry import codec_of
@@ -39,8 +38,7 @@ LOCK_FILE = "lock"
 
 def stored_texture(texture: EncodedTexture, pack: Pack) -> StoredTexture:
     """Return what the index says of a texture of `pack`."""
-    levels = latent_levels(texture.width, texture.height, pack.config)
-    texels = sum(level.texel_width * level.texel_height for level in levels)
+    texels = texture.width * texture.height
     stored = codec_of(pack.config).texture_bytes(texture, pack.config)
     bits = 8.0 * (stored.latents + stored.constants)
     psnr_db = finite_or_none(texture.psnr_db)

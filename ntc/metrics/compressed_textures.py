@@ -101,8 +101,8 @@ class CompressedTexture:
 
     @property
     def texels(self) -> int:
-        """Texels of all mips."""
-        return sum(height * width for height, width, _ in mip_shapes(self.shape))
+        """Texels of mip 0, over which stored bits are counted."""
+        return self.shape[0] * self.shape[1]
 
     def mips(self) -> tuple[NDArray[np.uint8], ...]:
         """Return [h, w, C] uint8 of each mip, as hardware reads it. Raises InputError where the decoder is not installed."""
@@ -131,7 +131,7 @@ class CompressedTextures:
 
     @property
     def bits_per_texel(self) -> float:
-        """Bits of all blocks of all maps per texel of all mips."""
+        """Bits of all blocks of all maps per texel of mip 0."""
         return 8.0 * self.stored_bytes / max(1, sum(texture.texels for texture in self.textures))
 
     @property

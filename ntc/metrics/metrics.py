@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.quality import PsnrSummary, finite_or_none
 from ntc.codec.registry import codec_of
@@ -18,9 +17,8 @@ class PsnrTable:
     rows: tuple[dict[str, Any], ...]
     summary: PsnrSummary | None
     bits_per_texel: float
-    """Stored bits (latents with scale and offset, decoders, adapters) per texel of mip 0."""
-    bits_with_mips: float
-    """Stored bits per texel of all encoded mips: the unit of `encode --bits`, and the figure that `lines` prints."""
+    """Stored bits (latents with scale and offset, decoders, adapters) per texel of mip 0, mips counted: the unit of `encode
+    --bits`."""
     latent_bytes: int
     decoder_bytes: int
     adapter_bytes: int
@@ -58,7 +56,7 @@ class PsnrTable:
             )
         parts = {"latents": self.latent_bytes, "decoders": self.decoder_bytes, "adapters": self.adapter_bytes}
         sizes = ", ".join(f"{size / 1e6:.2f} MB {name}" for name, size in parts.items() if size or name != "adapters")
-        lines += [f"size: {sizes}", f"bits: {self.bits_with_mips:.2f} per texel of all mips"]
+        lines += [f"size: {sizes}", f"bits: {self.bits_per_texel:.2f} per texel of mip 0"]
         return lines
 
 
@@ -74,8 +72,8 @@ def _map_line(row: Mapping[str, Any]) -> str:
 
 
 def bits_with_mips(pack: Pack) -> float:
-    """Return the bits of latents, decoders and adapters per texel of all encoded mips."""
-    return psnr_table(pack).bits_with_mips
+    """Return the bits of everything that `pack` stores, mips and decoders included, per texel of mip 0."""
+    return psnr_table(pack).bits_per_texel
 
 
 def psnr_table(pack: Pack) -> PsnrTable:
@@ -106,13 +104,10 @@ def psnr_table(pack: Pack) -> PsnrTable:
     adapter_bytes = sum(each.adapter for each in sizes)
     stored_bits = 8.0 * (latent_bytes + decoder_bytes + adapter_bytes)
     texels = sum(texture.width * texture.height for texture in pack.textures)
-    levels = [level for each in pack.textures for level in latent_levels(each.width, each.height, pack.config)]
-    texels_with_mips = sum(level.texel_width * level.texel_height for level in levels)
     return PsnrTable(
         rows=rows,
         summary=PsnrSummary.of([texture.psnr_db for texture in pack.textures if texture.psnr_db is not None]),
         bits_per_texel=stored_bits / max(1, texels),
-        bits_with_mips=stored_bits / max(1, texels_with_mips),
         latent_bytes=latent_bytes,
         decoder_bytes=decoder_bytes,
         adapter_bytes=adapter_bytes,

@@ -13,7 +13,7 @@ from ntc.codec.config import ColorSpace, WrapMode
 from ntc.codec.maps import BASE_ALONE, LARGEST_CHANNELS, MapName, channel_places
 from ntc.codec.model import CodecSettings, Pack
 from ntc.codec.quality import finite_or_none
-from ntc.codec.registry import FIRST_NAME, MODULES, codec_named
+from ntc.codec.registry import FIRST_NAME, MODULES, codec_named, codec_of_file, kind_in_file
 from ntc.errors import MetadataError
 
 FORMAT_VERSION = 1
@@ -102,7 +102,7 @@ def codec_json(config: CodecSettings) -> dict[str, Any]:
     """Return the settings of a codec as the metadata hold them."""
     # Files of the first codec are as they were before there was another one.
     found = _without_set_fields(asdict(cast(Any, config)))
-    return found if config.kind == FIRST_NAME else {KIND: config.kind, **found}
+    return found if config.kind == FIRST_NAME else {KIND: kind_in_file(config.kind), **found}
 
 
 def metadata_json(pack: Pack) -> str:
@@ -151,7 +151,7 @@ def _codec(document: dict[str, Any]) -> CodecSettings:
     kind = _converted(document, _Kind, place).kind
     if kind not in MODULES:
         raise MetadataError(f"{place}.kind: Invalid enum value '{kind[:60]}'")
-    codec = codec_named(kind)
+    codec = codec_named(codec_of_file(kind, given))
     config = _converted(given, codec.settings_type, place)
     known = {field.name for field in fields(cast(Any, codec.settings_type))}
     if not known - codec.added_fields <= set(given) <= known:

@@ -1,4 +1,4 @@
-// Codec `block`: trellis-coded coefficients of a transform that a group shares. Included by ntc/decode.glsl.
+// Codec `block`: trellis-coded coefficients of a transform that a group shares, and edge parts. Included by ntc/decode.glsl.
 // Tables lie as ntc/codec/block/gpu.py says, in blocks of four words. Always in single precision.
 #if WEIGHTS_IN_IMAGE
 layout(rgba32ui, binding = IMAGE_WEIGHTS) uniform readonly uimage2D table_image;
@@ -14,27 +14,39 @@ uvec4 table_block(int block) {
 }
 #endif
 
-// Where the code of a block lies, and which tables it is read with.
+uint table_word(int word) {
+    uvec4 four = table_block(word >> 2);
+    uvec2 pair = (word & 2) == 0 ? four.xy : four.zw;
+    return (word & 1) == 0 ? pair.x : pair.y;
+}
+
+// Texels of a block along one side in a mip.
+int block_side(LevelRecord level) {
+    return BLOCK_SIDE >> level.mip_of_cell;
+}
+
+// Where the code of a block lies, and how the plane is read from it.
 struct Code {
     int first_word;
     int last_word;
-    int lists;     // of the modes for its size, a list after the other
-    int basis;
+    int mip;       // of those that the code holds
+    int tables;    // first block of the decoder
+    uvec4 head;    // of its size, mode and plane
 };
 
 Code code_of(int decoder, LevelRecord level, ivec2 block) {
-    int tables = FIRST_TABLE_BLOCK + decoder * TABLE_BLOCKS;
     int number = block.y * level.width + block.x;
     Code code;
+    code.tables = decoder * TABLE_BLOCKS;
+    code.mip = level.mip_of_cell;
     code.first_word = level.first_cell;
-    code.lists = tables;
-    code.basis = tables + LISTS_BLOCKS;
+    int size_class = 0;
 #if CODE_SIZES > 1
     // Two words for each run of blocks: where its first code begins, and its blocks' size classes.
     int entry = level.first_cell + 2 * (number / DIRECTORY_RUN);
     int place = number % DIRECTORY_RUN;
     uint classes = latent_words[entry + 1];
-    int size_class = int((classes >> (2 * place)) & 3u);
+    size_class = int((classes >> (2 * place)) & 3u);
     uint before = classes & ((1u << (2 * place)) - 1u);
     uint low = before & 0x55555555u;
     uint high = (before >> 1) & 0x55555555u;
@@ -45,159 +57,153 @@ Code code_of(int decoder, LevelRecord level, ivec2 block) {
     int words = size_class < 2
         ? (size_class == 0 ? CLASS_0_WORDS : CLASS_1_WORDS)
         : (size_class == 2 ? CLASS_2_WORDS : CLASS_3_WORDS);
-    code.lists += size_class * MODES * LIST_BLOCKS;
 #else
     int words = CLASS_0_WORDS;
     code.first_word += number * words;
 #endif
     code.last_word = code.first_word + words - 1;
+    int mode = int(latent_words[code.first_word] & uint(MODES - 1));
+    code.head = table_block(code.tables + (size_class * MODES + mode) * PLANES + PLANE_PLACE);
     return code;
 }
 
-// How far a code has been read.
-struct Reader {
-    int word;          // of the code's words, that which `low` holds
-    uint low;
-    uint high;         // the next word
-    uint bit;          // of `low`: the next one to be read
-    uint state;        // of the trellis
-    int list;
-#if ROW_CHANNELS
-    uvec4 entries;     // of the last four coefficients
-#endif
-};
-
-Reader reader_of(Code code) {
-    Reader reader;
-    reader.word = code.first_word;
-    reader.low = latent_words[code.first_word];
-    reader.high = latent_words[min(code.first_word + 1, code.last_word)];
-    reader.bit = MODE_BITS;
-    reader.state = 0u;
-    reader.list = code.lists + int(reader.low & uint(MODES - 1)) * LIST_BLOCKS;
-    return reader;
+// The 32 bits of a code from bit `at` on.
+uint code_bits(Code code, int at) {
+    int word = min(code.first_word + (at >> 5), code.last_word);
+    uint low = latent_words[word];
+    uint high = latent_words[min(word + 1, code.last_word)];
+    uint shift = uint(at & 31);
+    return (low >> shift) | ((high << 1) << (31u - shift));
 }
 
-// The coefficient whose index is in the lowest bits of `bits`; they are taken away. `entry`: scale as float32 with the depth in its
-// lowest bits; where each row of the basis is of one channel (ROW_CHANNELS), above the depth its component and plane.
-float next_coefficient(inout Reader reader, inout uint bits, uint entry) {
-    uint depth = entry & 7u;
-    uint index = bits & ((1u << depth) - 1u);
-    bits >>= depth;
-    reader.bit += depth;
-    uint branch = index & 1u;
-    uint subset = (TRELLIS_SUBSETS >> (4u * reader.state + 2u * branch)) & 3u;
-    reader.state = depth == 0u ? reader.state : ((reader.state << 1) & 6u) | branch;
-#if ROW_CHANNELS
-    // Of another plane: nothing of it is shown.
-    if (((entry >> 5) & 3u) != uint(PLANE)) return 0.0;
-#endif
-    // Depth 0 reads block 0, which is 0.
-    vec4 level = uintBitsToFloat(table_block(int(((1u << depth) >> 1) + (index >> 1))));
-    float value = (subset < 2u ? (subset == 0u ? level.x : level.y) : (subset == 2u ? level.z : level.w));
-    return value * uintBitsToFloat(entry & ~ENTRY_MASK);
+float code_byte(Code code, int at) {
+    return float(code_bits(code, at) & 255u) * (1.0 / 255.0);
 }
 
-// The next four coefficients of `code`: number 4 `part` and those after it. Once all bits are read, those that follow are 0.
-vec4 next_coefficients(inout Reader reader, Code code, int part) {
-    uvec4 entries = table_block(reader.list + part);
-#if ROW_CHANNELS
-    reader.entries = entries;
+// The coefficient of `entry`. The lowest four bits of `branches` end with its branch bit; its other bits are the lowest of `others`.
+float coefficient_of(uint entry, uint branches, uint others) {
+    uint depth = (entry >> 10) & 7u;
+    uint subset = (TRELLIS_SUBSETS >> (2u * (branches & 15u))) & 3u;
+    uint number = 4u * (others & ((1u << (depth - 1u)) - 1u)) + subset;
+    float share = float(2u * number + 1u) * uintBitsToFloat((126u - depth) << 23) - 1.0;
+    float size = abs(share);
+    vec2 curve = depth < DEEP_DEPTH ? SHALLOW_CURVE : DEEP_CURVE;
+    float level = share * (1.0 + size * (curve.x + size * curve.y));
+    return level * exp2(float(int(entry >> 23) - STEPS_ORIGIN) * (1.0 / STEPS_PER_OCTAVE));
+}
+
+// Four numbers of a row of the basis: those of a texel and of its neighbours on the right, below, and on the right below.
+vec4 row_square(Code code, uint entry, int texel) {
+    int row = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS;
+#if CODE_MIPS > 1
+    if (code.mip > 0) {
+        int first = MIP_1_WORDS;
+#if CODE_MIPS > 2
+        first = code.mip == 1 ? MIP_1_WORDS : (code.mip == 2 ? MIP_2_WORDS : MIP_3_WORDS);
 #endif
-    uint bits = (reader.low >> reader.bit) | ((reader.high << 1) << (31u - reader.bit));
-    vec4 values;
-    values.x = next_coefficient(reader, bits, entries.x);
-    values.y = next_coefficient(reader, bits, entries.y);
-    values.z = next_coefficient(reader, bits, entries.z);
-    values.w = next_coefficient(reader, bits, entries.w);
-    if (reader.bit >= 32u) {
-        reader.bit -= 32u;
-        ++reader.word;
-        reader.low = reader.high;
-        reader.high = latent_words[min(reader.word + 1, code.last_word)];
+        int upper = int(table_word(row + first + 2 * texel));
+        int lower = int(table_word(row + first + 2 * texel + 1));
+        vec4 sums = vec4(upper << 16 >> 16, upper >> 16, lower << 16 >> 16, lower >> 16);
+        return sums * uintBitsToFloat(uint(127 - 2 * code.mip) << 23);
     }
-    return values;
+#endif
+    int bits = int(table_word(row + texel));
+    return vec4(bits << 24 >> 24, bits << 16 >> 24, bits << 8 >> 24, bits >> 24);
 }
 
-#if ROW_CHANNELS
-// Four coefficients, by the component that they add to.
-struct Four {
-    mat4 columns;    // column k: coefficient k, in its component
-    bool any;        // whether one of them is of this plane
+// What parts of footprints add up to, by component of the plane.
+struct Sum {
+    vec4 transform;
+    vec4 edges;
+    vec4 mean_weights;    // by mip of a code: of the means that no edge part takes the place of
 };
 
 vec4 in_component(float value, uint entry) {
-    uint component = (entry >> 3) & 3u;
+    uint component = (entry >> 13) & 3u;
     return vec4(equal(uvec4(component), uvec4(0u, 1u, 2u, 3u))) * value;
 }
 
-Four next_four(inout Reader reader, Code code, int part) {
-    vec4 values = next_coefficients(reader, code, part);
-    uvec4 entries = reader.entries;
-    Four four;
-    four.any = any(equal((entries >> 5) & 3u, uvec4(PLANE)));
-    four.columns = mat4(
-        in_component(values.x, entries.x), in_component(values.y, entries.y),
-        in_component(values.z, entries.z), in_component(values.w, entries.w)
-    );
-    return four;
+// What a coefficient shows with `weights` of a texel and its neighbours.
+vec4 shown_by(Code code, uint entry, uint branches, uint others, int texel, vec4 weights) {
+    // The last entries of a list are empty.
+    if (entry == 0u) return vec4(0.0);
+    float value = coefficient_of(entry, branches, others);
+    return in_component(value * dot(row_square(code, entry, texel), weights), entry);
 }
 
-// `sum` and the products of four coefficients with their bytes of the basis for one texel.
-CHANNELS_T add_texel(CHANNELS_T sum, Four four, Code code, int part, int texel) {
-    if (!four.any) return sum;
-    uvec4 texels = table_block(code.basis + part * (BLOCK_SIDE * BLOCK_SIDE / 4) + (texel >> 2));
-    uvec2 pair = (texel & 2) == 0 ? texels.xy : texels.zw;
-    int bits = int((texel & 1) == 0 ? pair.x : pair.y);
-    return sum + CHANNELS_T(four.columns * vec4(bits << 24 >> 24, bits << 16 >> 24, bits << 8 >> 24, bits >> 24));
+vec4 transform_square(Code code, int texel, vec4 weights) {
+    vec4 sum = vec4(0.0);
+    int branch = int(code.head.z & 65535u) - 3;
+    int list = code.tables + int(code.head.x);
+    int parts = int(code.head.y);
+    for (int part = 0; part < parts; ++part) {
+        uvec4 entries = table_block(list + part);
+        uint branches = code_bits(code, branch + 4 * part);
+        // The other bits of four coefficients lie one after the other, at most 24.
+        uint first = entries.x & 1023u;
+        uint others = code_bits(code, int(first));
+        sum += shown_by(code, entries.x, branches, others, texel, weights);
+        sum += shown_by(code, entries.y, branches >> 1, others >> ((entries.y & 1023u) - first), texel, weights);
+        sum += shown_by(code, entries.z, branches >> 2, others >> ((entries.z & 1023u) - first), texel, weights);
+        sum += shown_by(code, entries.w, branches >> 3, others >> ((entries.w & 1023u) - first), texel, weights);
+    }
+    return sum;
 }
-#else
-#define Four vec4
-#define next_four next_coefficients
 
-// One texel's row of the basis: a signed byte for each channel.
-CHANNELS_T basis_row(uint word) {
-    int bits = int(word);
-    return CHANNELS_T(BASIS_BYTES(bits));
+// By how much a texel of an edge part is of its second colour.
+float edge_share(Code code, int first, uint width, int texel) {
+    int side = BLOCK_SIDE >> code.mip;
+    int count = 1 << code.mip;
+    ivec2 corner = ivec2(texel % side, texel / side) * count;
+    uint sum = 0u;
+    for (int y = 0; y < count; ++y) {
+        for (int x = 0; x < count; ++x) {
+            int number = (corner.y + y) * BLOCK_SIDE + corner.x + x;
+            sum += code_bits(code, first + int(width) * number) & ((1u << width) - 1u);
+        }
+    }
+    return float(sum) / float(((1u << width) - 1u) << (2 * code.mip));
 }
 
-// `sum` and the products of four coefficients with the rows of one texel.
-CHANNELS_T add_texel(CHANNELS_T sum, vec4 values, Code code, int part, int texel) {
-    uvec4 rows = table_block(code.basis + part * BLOCK_SIDE * BLOCK_SIDE + texel);
-    sum += values.x * basis_row(rows.x) + values.y * basis_row(rows.y);
-    return sum + (values.z * basis_row(rows.z) + values.w * basis_row(rows.w));
+// A texel and its neighbours on the right, below, and on the right below, by `weights`; those of weight 0 may lie outside.
+Sum block_square(Code code, int texel, vec4 weights) {
+    Sum sum = Sum(transform_square(code, texel, weights), vec4(0.0), vec4(0.0));
+    float weight = dot(weights, vec4(1.0));
+    uint width = code.head.w & 3u;
+    if (width == 0u) {
+        sum.mean_weights = vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) * weight;
+        return sum;
+    }
+    int at = int(code.head.z >> 16);
+    vec4 one = EDGE_COLOUR(code, at);
+    at += COLOUR_BITS * EDGE_CHANNELS;
+    vec4 other = EDGE_COLOUR(code, at);
+    at += COLOUR_BITS * EDGE_CHANNELS;
+    int side = BLOCK_SIDE >> code.mip;
+    float share = weights.x * edge_share(code, at, width, texel);
+    if (weights.y != 0.0) share += weights.y * edge_share(code, at, width, texel + 1);
+    if (weights.z != 0.0) share += weights.z * edge_share(code, at, width, texel + side);
+    if (weights.w != 0.0) share += weights.w * edge_share(code, at, width, texel + side + 1);
+    sum.edges = one * weight + (other - one) * share;
+    return sum;
 }
-#endif
 
-// What the transform gives for four texels of a block, channels that the codec lacks as 0.
+Sum block_texel(Code code, int texel) {
+    return block_square(code, texel, vec4(1.0, 0.0, 0.0, 0.0));
+}
+
+// Four texels of a block.
 struct Texels {
-    CHANNELS_T first;
-    CHANNELS_T second;
-    CHANNELS_T third;
-    CHANNELS_T fourth;
+    Sum first;
+    Sum second;
+    Sum third;
+    Sum fourth;
 };
 
 Texels block_texels(Code code, ivec4 texels) {
-    Texels sums = Texels(CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0), CHANNELS_T(0.0));
-    Reader reader = reader_of(code);
-    for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
-        Four values = next_four(reader, code, part);
-        sums.first = add_texel(sums.first, values, code, part, texels.x);
-        sums.second = add_texel(sums.second, values, code, part, texels.y);
-        sums.third = add_texel(sums.third, values, code, part, texels.z);
-        sums.fourth = add_texel(sums.fourth, values, code, part, texels.w);
-    }
-    return sums;
-}
-
-// The same for one texel.
-CHANNELS_T block_texel(Code code, int texel) {
-    CHANNELS_T sum = CHANNELS_T(0.0);
-    Reader reader = reader_of(code);
-    for (int part = 0; part < LIST_BLOCKS && reader.word <= code.last_word; ++part) {
-        sum = add_texel(sum, next_four(reader, code, part), code, part, texel);
-    }
-    return sum;
+    return Texels(
+        block_texel(code, texels.x), block_texel(code, texels.y), block_texel(code, texels.z), block_texel(code, texels.w)
+    );
 }
 
 // A footprint in the blocks that it touches: in one, or part after part.
@@ -206,9 +212,10 @@ struct Parts {
     ivec2 count;       // along each axis
 };
 
-Parts parts_of(Footprint footprint) {
+Parts parts_of(LevelRecord level, Footprint footprint) {
+    int side = block_side(level);
     bvec2 adjacent = equal(footprint.second, footprint.first + 1);
-    bvec2 one_block = equal(footprint.first / BLOCK_SIDE, footprint.second / BLOCK_SIDE);
+    bvec2 one_block = equal(footprint.first / side, footprint.second / side);
     Parts parts;
     parts.together = bvec2(adjacent.x && one_block.x, adjacent.y && one_block.y);
     parts.count.x = parts.together.x || footprint.share.x == 0.0 ? 1 : 2;
@@ -216,8 +223,8 @@ Parts parts_of(Footprint footprint) {
     return parts;
 }
 
-// What a part of a footprint adds to the filtered value.
-CHANNELS_T part_sum(int decoder, LevelRecord level, Footprint footprint, Parts parts, int part) {
+// `sum` and `share` of what a part of a footprint adds to the filtered value.
+Sum add_part(Sum sum, float share, int decoder, LevelRecord level, Footprint footprint, Parts parts, int part) {
     bvec2 other = bvec2(part % parts.count.x == 1, part / parts.count.x == 1);
     ivec2 texel = ivec2(
         other.x ? footprint.second.x : footprint.first.x,
@@ -225,32 +232,36 @@ CHANNELS_T part_sum(int decoder, LevelRecord level, Footprint footprint, Parts p
     );
     vec2 near = mix(1.0 - footprint.share, footprint.share, other);
     vec2 far = mix(vec2(0.0), footprint.share, parts.together);
-    ivec2 block = texel / BLOCK_SIDE;
-    ivec2 within = texel - block * BLOCK_SIDE;
-    int corner = within.y * BLOCK_SIDE + within.x;
-    ivec2 steps = ivec2(parts.together) * ivec2(1, BLOCK_SIDE);
-    ivec4 texels = corner + ivec4(0, steps.x, steps.y, steps.x + steps.y);
-    Texels sums = block_texels(code_of(decoder, level, block), texels);
-    CHANNELS_T upper = near.x * sums.first + far.x * sums.second;
-    CHANNELS_T lower = near.x * sums.third + far.x * sums.fourth;
-    return near.y * upper + far.y * lower;
+    int side = block_side(level);
+    ivec2 block = texel / side;
+    ivec2 within = texel - block * side;
+    vec4 weights = share * vec4(near.x * near.y, far.x * near.y, near.x * far.y, far.x * far.y);
+    Sum own = block_square(code_of(decoder, level, block), within.y * side + within.x, weights);
+    return Sum(sum.transform + own.transform, sum.edges + own.edges, sum.mean_weights + own.mean_weights);
 }
 
-// What the transform gives over a footprint: once for each of the at most four blocks that it touches.
-CHANNELS_T block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
-    Parts parts = parts_of(footprint);
-    CHANNELS_T sum = CHANNELS_T(0.0);
+// What a footprint shows: once for each of the at most four blocks that it touches.
+Sum block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
+    Parts parts = parts_of(level, footprint);
+    Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0));
     for (int part = 0; part < parts.count.x * parts.count.y; ++part)
-        sum += part_sum(record.decoder, level, footprint, parts, part);
+        sum = add_part(sum, 1.0, record.decoder, level, footprint, parts, part);
     return sum;
 }
 
-// The texture's value in [0, 1] for a sum over the transform.
-vec4 block_value(TextureRecord record, CHANNELS_T channels) {
-    vec4 sum = ALL_CHANNELS(channels);
+// The texture's value in [0, 1] for a sum over parts.
+vec4 block_value(TextureRecord record, Sum sum) {
     const int first = 4 * PLANE_PLACE;
-    vec4 value = record.mean[PLANE_PLACE] + record.axes[first] * sum.x + record.axes[first + 1] * sum.y;
-    return limit_output(value + record.axes[first + 2] * sum.z + record.axes[first + 3] * sum.w);
+    const int mean = CODE_MIPS * PLANE_PLACE;
+    vec4 value = sum.edges + record.mean[mean] * sum.mean_weights.x;
+#if CODE_MIPS > 1
+    value += record.mean[mean + 1] * sum.mean_weights.y;
+#endif
+#if CODE_MIPS > 2
+    value += record.mean[mean + 2] * sum.mean_weights.z + record.mean[mean + 3] * sum.mean_weights.w;
+#endif
+    value += record.axes[first] * sum.transform.x + record.axes[first + 1] * sum.transform.y;
+    return limit_output(value + record.axes[first + 2] * sum.transform.z + record.axes[first + 3] * sum.transform.w);
 }
 
 #if FILTER_STOCHASTIC
@@ -258,9 +269,10 @@ vec4 block_value(TextureRecord record, CHANNELS_T channels) {
 vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wanted) {
     LevelRecord level = levels[record.first_level + int(lod)];
     ivec2 texel = ivec2(place_along(at.x, level.texel_width).part, place_along(at.y, level.texel_height).part);
-    ivec2 block = texel / BLOCK_SIDE;
-    ivec2 within = texel - block * BLOCK_SIDE;
-    return block_value(record, block_texel(code_of(record.decoder, level, block), within.y * BLOCK_SIDE + within.x));
+    int side = block_side(level);
+    ivec2 block = texel / side;
+    ivec2 within = texel - block * side;
+    return block_value(record, block_texel(code_of(record.decoder, level, block), within.y * side + within.x));
 }
 #else
 // The codec's part of `decode_texture`: `at` is wrapped and in units of 2^-32.
@@ -272,11 +284,11 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
     LevelRecord far = levels[record.first_level + (share > 0.0 ? lower + 1 : lower)];
     Footprint near_footprint = footprint_at(near, at, wrap);
     Footprint far_footprint = footprint_at(far, at, wrap);
-    Parts near_parts = parts_of(near_footprint);
-    Parts far_parts = parts_of(far_footprint);
+    Parts near_parts = parts_of(near, near_footprint);
+    Parts far_parts = parts_of(far, far_footprint);
     int near_count = near_parts.count.x * near_parts.count.y;
     int count = near_count + (share > 0.0 ? far_parts.count.x * far_parts.count.y : 0);
-    CHANNELS_T sum = CHANNELS_T(0.0);
+    Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0));
     // One loop over the parts in both mips: neighbouring pixels that cross a block's edge in different mips do so at once.
     for (int number = 0; number < (wanted ? count : 0); ++number) {
         bool second = number >= near_count;
@@ -288,8 +300,9 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
             footprint = far_footprint;
             parts = far_parts;
         }
-        sum += (second ? share : 1.0 - share)
-            * part_sum(record.decoder, level, footprint, parts, second ? number - near_count : number);
+        float weight = second ? share : 1.0 - share;
+        int part = second ? number - near_count : number;
+        sum = add_part(sum, weight, record.decoder, level, footprint, parts, part);
     }
     return block_value(record, sum);
 }

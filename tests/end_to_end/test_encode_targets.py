@@ -59,8 +59,8 @@ def test_a_size_and_a_preset_say_what_came(folder: Path, tmp_path: Path, capsys:
     assert pack.config.multiply_adds <= 100
     printed = capsys.readouterr().out
     figures = [line for line in printed.splitlines() if "bits" in line and not line.startswith(("codec ", "target: "))]
-    assert figures == [f"bits: {bits_with_mips(pack):.2f} per texel of all mips"]
-    assert "target: 2 bits per texel of all mips" in printed
+    assert figures == [f"bits: {bits_with_mips(pack):.2f} per texel of mip 0"]
+    assert "target: 2 bits per texel of mip 0" in printed
     assert "codec block: blocks of 4x4 texels, codes of 1 word of 32 bits" in printed
 
 

@@ -115,13 +115,13 @@ def test_an_ablation_of_blocks_changes_every_setting_at_equal_bits(tmp_path: Pat
     out = tmp_path / "o"
     assert cli.main([*study("ablation", tmp_path / "in", out), "--codec", "block", "--bits", "3"]) == 0
     rows = {row["variant"]: row for row in record(out, "ablation-block")["rows"]}
-    assert {"best", "blocks of 4x4 texels", "half the coefficients", "1 mode", "two sizes of codes"} <= set(rows)
+    assert {"best", "blocks of 4x4 texels", "half the coefficients", "8 modes", "two sizes of codes"} <= set(rows)
     assert rows["best"]["mean_gain_db"] == 0.0
     assert (
         rows["mean words for 6 bits"]["mean_db"] > rows["best"]["mean_db"] > rows["mean words for 1.5 bits"]["mean_db"]
     )
     # Half the coefficients cannot take so many bits.
-    for name in ("best", "two sizes of codes", "1 mode", "balance 0: least mean square error"):
+    for name in ("best", "two sizes of codes", "8 modes", "balance 0: least mean square error"):
         assert rows[name]["bits_per_texel"] == pytest.approx(3.0, abs=0.1), name
 
 
@@ -203,7 +203,7 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert set(curves) == {"BC1", "BC7", "JPEG XL", "block 8x8, single", "block 4x4, single", "grid, single"}
     assert curves.count("grid, single") == 4
     rows = {(row["curve"], row["setting"]): row for row in found["rows"]}
-    assert 4.0 <= rows["BC1", "bc1"]["bits_per_texel"] < 4.1
+    assert 5.3 <= rows["BC1", "bc1"]["bits_per_texel"] < 5.5
     assert rows["BC7", "bc7"]["mean_db"] > rows["BC1", "bc1"]["mean_db"]
     exact, coarse = rows["JPEG XL", "distance 0.1"], rows["JPEG XL", "distance 5"]
     assert exact["mean_db"] > coarse["mean_db"]

@@ -48,7 +48,7 @@ def good(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     if request.param == "grid":
         write_pack(path, random_pack(sizes, config=GridConfig(hidden_width=4)))
     else:
-        config = BlockConfig(block_side=4, block_words=(1, 2), mean_words=1.0, coefficients=6, modes=2)
+        config = BlockConfig(block_side=4, block_words=(1, 2), mean_words=1.0, coefficients=6, modes=8)
         write_pack(path, random_block_pack(sizes, config=config))
     return path.read_bytes()
 
@@ -99,7 +99,8 @@ def assert_whole_blocks(own: BlockParts) -> None:
     for tables in own.decoders:
         depths = tables.depths(own.config)
         assert depths.max() <= LARGEST_DEPTH
-        assert (depths.sum(axis=2, dtype=np.int64).max(axis=1) <= own.config.coefficient_bits).all()
+        room = 32 * np.array(own.config.block_words)[:, None] - own.config.mode_bits
+        assert (depths.sum(axis=2, dtype=np.int64) + tables.edge_bits(own.config) <= room).all()
 
 
 def assert_whole_grids(own: GridParts) -> None:

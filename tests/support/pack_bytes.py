@@ -34,6 +34,8 @@ class PackBytes:
         """The pieces as a file; `metadata_text` replaces the metadata."""
         text = json.dumps(self.metadata) if metadata_text is None else metadata_text
         header = json.dumps({"__metadata__": {"ntc": text}, **self.tensors}).encode()
+        # As safetensors fills it up: a first byte that is a brace would be the sign of another program.
+        header += b" " * (-len(header) % 8)
         return struct.pack("<Q", len(header)) + header + self.data
 
     def changed(self, change: Callable[["PackBytes"], None]) -> bytes:

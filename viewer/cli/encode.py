@@ -216,7 +216,7 @@ def result_lines(target: Target, pack: Pack, out: Path) -> list[str]:
     if isinstance(target, BitsTarget):
         more = bits_with_mips(pack) > target.bits * (1.0 + NEAR_BITS)
         why = "; not reached: so few or so small textures need more" if more else ""
-        return [f"target: {target.bits:g} bits per texel of all mips{why}"]
+        return [f"target: {target.bits:g} bits per texel of mip 0{why}"]
     if isinstance(target, SizeTarget):
         return [f"file: {out.stat().st_size / 1e6:.3f} MB, asked for at most {target.megabytes:g}"]
     short = [each for each in pack.textures if each.psnr_db is not None and each.psnr_db < target.psnr_db]
@@ -256,8 +256,8 @@ def deferred_interrupt() -> Iterator[Callable[[], bool]]:
         signal.signal(signal.SIGINT, before)
 
 
-BUILTIN_BITS = 2.1
-"""Target of the packs of the built-in scene, in bits per texel of all mips (assets/build/packs.sh)."""
+BUILTIN_BITS = 2.8
+"""Target of the packs of the built-in scene, in bits per texel of mip 0 (assets/build/packs.sh)."""
 LINES_PER_PHASE = 20
 """Progress lines of each phase where standard error is no terminal."""
 
@@ -421,7 +421,7 @@ def encode(options: EncodeOptions) -> int:
     if is_by_jobs(options):
         return encode_by_jobs(options, _codec_name(options), _maps(options))
     codec, choices, pack, seconds = _encode(options)
-    target = choices.target or codec.default_target
+    target = choices.target or codec.target_of(pack.config.maps)
     lines = [
         *psnr_table(pack).lines(),
         *codec.settings_lines(pack.config),

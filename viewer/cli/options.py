@@ -267,7 +267,7 @@ class EncodeOptions:
         None
     )
     bits: Annotated[float | None, _unset("X")] = None
-    """Target of codec block: bits per texel of all mips, tables included. Default: 2, if no other target is given."""
+    """Target of codec block: bits per texel of mip 0, all mips and tables included. Default: 4 for whole materials, else 2."""
     quality: Annotated[float | None, _unset("DB")] = None
     """Target of codec block: minimum PSNR of each texture in dB, up to 58.9, in as few bits as possible."""
     size: Annotated[float | None, _unset("MB")] = None

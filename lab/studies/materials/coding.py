@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.studies.set_quality import texels_with_mips
+from lab.studies.set_quality import texel_count
 from ntc.codec.maps import MapName, map_slices
 from ntc.codec.quality import HIGH_PERCENTILE, normal_angles, psnr_of_mse
 from ntc.codec.textures import SourceTexture, hash_pixels
@@ -84,7 +84,7 @@ class MaterialPoint:
     curve: str
     setting: str
     bits_per_texel: float
-    """Everything that is stored, of all maps together, per texel of all mips."""
+    """Everything that is stored, of all maps together, per texel of mip 0."""
     mean_db: float
     """PSNR over all channels of a material."""
     base_db: float | None
@@ -107,7 +107,7 @@ class MaterialPoint:
             by_part.append(float(np.mean(values)) if values else None)
         angles = [coded.degrees for coded in found if coded.degrees is not None]
         means = np.mean(angles, axis=0).tolist() if angles else (None, None)
-        bits = coding.stored_bits / texels_with_mips([texture.size for texture in textures])
+        bits = coding.stored_bits / texel_count([texture.size for texture in textures])
         return cls(curve, setting, bits, mean_psnr_db(coding), *by_part, *means)
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.studies.materials.coding import PARTS, CodedMaps, Coding, Part, joined, mean_psnr_db, part_of
-from lab.studies.set_quality import texels_with_mips
+from lab.studies.set_quality import texel_count
 from ntc.codec.maps import SRGB_MAPS
 from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture
@@ -94,7 +94,7 @@ def best_astc(
 ) -> tuple[str, Coding] | None:
     """(formats, coding): of at most `bits` bits a texel in all, the formats by part whose mean PSNR over all channels is greatest;
     None where there are none."""
-    texels = texels_with_mips([texture.size for texture in textures])
+    texels = texel_count([texture.size for texture in textures])
     best: tuple[str, Coding] | None = None
     for formats in product(ASTC_FORMATS, repeat=len(parts)):
         chosen = [parts[part][each] for part, each in zip(parts, formats, strict=True)]

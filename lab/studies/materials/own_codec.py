@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from lab.studies.materials.coding import CodedMaps, Coding, Part, joined, mean_psnr_db, part_of
 from lab.studies.materials.hardware import present_parts
-from lab.studies.set_quality import pack_bits_per_texel, texels_with_mips
+from lab.studies.set_quality import pack_bits_per_texel, texel_count
 from lab.studies.settings import BlockSide
 from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import config_for_bits
@@ -49,7 +49,7 @@ def _encoded(textures: Sequence[SourceTexture], bits: float) -> tuple[list[Coded
     coded = [
         CodedMaps.of(texture.maps, codec.decode_image(index), texture.pixels) for index, texture in enumerate(textures)
     ]
-    return coded, pack_bits_per_texel(pack) * texels_with_mips([texture.size for texture in textures])
+    return coded, pack_bits_per_texel(pack) * texel_count([texture.size for texture in textures])
 
 
 def together(textures: Sequence[SourceTexture], bits: float, weights: MapWeightsName) -> Coding:
@@ -67,10 +67,10 @@ def _part_alone(textures: Sequence[SourceTexture], part: Part, bits: float) -> C
 
 def _bits_of_parts(textures: Sequence[SourceTexture], parts: Mapping[Part, float], bits: float) -> dict[Part, float]:
     """Bits a texel of each part, whose shares are `parts`, that come to `bits` a texel of the materials."""
-    whole, taken = texels_with_mips([texture.size for texture in textures]), 0.0
+    whole, taken = texel_count([texture.size for texture in textures]), 0.0
     for part, share in parts.items():
         own = [texture.size for texture in textures if part_of(texture, part) is not None]
-        taken += share * texels_with_mips(own) / whole
+        taken += share * texel_count(own) / whole
     return {part: round(bits * share / taken, 3) for part, share in parts.items()}
 
 

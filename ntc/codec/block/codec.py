@@ -19,6 +19,7 @@ from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes,
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import (
     DEFAULT_BITS,
+    DEFAULT_SET_BITS,
     BitsTarget,
     Encoder,
     EncodingChoices,
@@ -29,6 +30,7 @@ from ntc.codec.encoding import (
     TextureSet,
 )
 from ntc.codec.gpu import GpuTables
+from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 
@@ -46,6 +48,9 @@ class BlockCodec(Codec):
     shipped = MappingProxyType({"version": VERSION})
     uncertified = "certified bounds of the error: for codec grid alone; codec block decodes in fp32 at every precision"
     table_text = "bases and bit allocations"
+
+    def target_of(self, maps: Sequence[MapName]) -> BitsTarget:
+        return DEFAULT_TARGET if tuple(maps) == BASE_ALONE else BitsTarget(DEFAULT_SET_BITS)
 
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
         del width, height
@@ -124,7 +129,7 @@ class BlockCodec(Codec):
         ]
 
     def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
-        return settings_for_target(textures, choices.target or DEFAULT_TARGET)
+        return settings_for_target(textures, choices.target or self.target_of(textures.maps))
 
     def options_for(self, choices: EncodingChoices) -> EncodingOptions:
         target = choices.target
@@ -166,7 +171,7 @@ class BlockCodec(Codec):
         *others, last = map(str, config.block_words)
         sizes = f"{', '.join(others)} or {last} words" if others else f"{last} word{'s' * (last != '1')}"
         return [
-            f"codec block: blocks of {side}x{side} texels, codes of {sizes} of 32 bits, "
+            f"codec block: blocks of {side}x{side} texels, codes of {sizes} of 32 bits for {config.mips} mips each, "
             f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
         ]
 

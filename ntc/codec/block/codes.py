@@ -1,59 +1,185 @@
-"""The bits of a block's code: its mode, then the indices of its coefficients."""
+"""The bits of a block's code: its mode, its edge parts, the branch bits of all coefficients, then the other bits of their indices."""
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import COLOUR_BITS, LARGEST_DEPTH, LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.storage import BlockCodes
 
 
-def bit_offsets(depths: NDArray[np.integer], config: BlockConfig) -> NDArray[np.int64]:
-    """int64 of the shape of `depths` [..., coefficients]: where each coefficient's bits begin in a code,
-    after the bits of the mode."""
-    wide = depths.astype(np.int64)
-    return config.mode_bits + np.cumsum(wide, axis=-1) - wide
+class EdgePart(NamedTuple):
+    """Edge parts of one plane: two colours of some blocks, and each texel's index between them."""
+
+    blocks: NDArray[np.int64]
+    """[parts] numbers of the blocks that have one."""
+    bits: NDArray[np.int64]
+    """[parts] index bits a texel."""
+    colours: NDArray[np.uint8]
+    """[parts, 2, channels of the plane]."""
+    indices: NDArray[np.uint8]
+    """[parts, texels of a block]."""
 
 
-def packed_codes(
+class UnpackedCodes(NamedTuple):
+    """Codes of blocks taken apart."""
+
+    modes: NDArray[np.int64]
+    """[blocks]."""
+    depths: NDArray[np.uint8]
+    """[blocks, coefficients]."""
+    starts: NDArray[np.int64]
+    """[blocks] states in which paths through the trellis start: the three bits before the first branch bit, the first one highest."""
+    indices: NDArray[np.uint32]
+    """[blocks, coefficients] the branch in the lowest bit, the place in the subset above it."""
+    edges: tuple[EdgePart, ...]
+    """By plane."""
+
+
+def first_branches(decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.int64]:
+    """[sizes of codes, modes] int64: bits of a code before its first branch bit."""
+    return config.mode_bits + decoder.edge_bits(config)
+
+
+def _spread(codes: NDArray[np.uint32]) -> NDArray[np.uint8]:
+    """[blocks, bits] uint8 of `codes` [blocks, words], the least significant bit of a block's first word first."""
+    return np.unpackbits(np.ascontiguousarray(codes, "<u4").view(np.uint8), axis=1, bitorder="little")
+
+
+def joined_words(bits: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """[blocks, words] uint32 of `bits` [blocks, 32 x words]."""
+    return np.packbits(bits, axis=1, bitorder="little").view("<u4").astype(np.uint32)
+
+
+def _numbers(bits: NDArray[np.uint8], first: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Numbers of `count` bits each of `bits` [rows, bits] at places `first` [rows, ...]; bits beyond the end are 0."""
+    rows = np.arange(len(bits)).reshape(-1, *[1] * (first.ndim - 1))
+    found = np.zeros(first.shape, np.int64)
+    for bit in range(count):
+        place = first + bit
+        inside = place < bits.shape[1]
+        found |= (bits[rows, np.where(inside, place, 0)] * inside).astype(np.int64) << bit
+    return found
+
+
+def start_states(bits: NDArray[np.uint8], first: NDArray[np.int64]) -> NDArray[np.int64]:
+    """[blocks] states of paths whose branch bits begin at `first` [blocks] of `bits`."""
+    three = _numbers(bits, first - 3, 3)
+    return (three & 1) << 2 | (three & 2) | three >> 2
+
+
+def edge_places(decoder: BlockDecoder, config: BlockConfig, plane: int) -> NDArray[np.int64]:
+    """[sizes of codes, modes] where the edge part of `plane` begins."""
+    fitting = decoder.fitting_edges(config)
+    places = np.full(fitting.shape[:2], config.mode_bits, np.int64)
+    for other in range(plane):
+        lengths = np.array([config.edge_part_bits(other, bits) for bits in range(LARGEST_EDGE_BITS + 1)])
+        places += lengths[fitting[..., other]]
+    return places
+
+
+class BitPlaces(NamedTuple):
+    """Where the bits of coefficients lie in codes of some blocks."""
+
+    depths: NDArray[np.uint8]
+    """[blocks, coefficients]."""
+    first: NDArray[np.int64]
+    """[blocks] of the first branch bit."""
+    branches: NDArray[np.int64]
+    """[blocks, coefficients] of the branch bit."""
+    others: NDArray[np.int64]
+    """[blocks, coefficients] of the lowest of the other bits."""
+
+
+def bit_places(
+    modes: NDArray[np.int64], sizes: NDArray[np.int64], decoder: BlockDecoder, config: BlockConfig
+) -> BitPlaces:
+    """Places of codes of `modes` [blocks] and size classes `sizes` [blocks]."""
+    depths = decoder.depths(config)[sizes, modes]
+    first = first_branches(decoder, config)[sizes, modes]
+    active = depths > 0
+    rest = np.where(active, depths.astype(np.int64) - 1, 0)
+    branches = first[:, None] + np.cumsum(active, axis=1) - active
+    others = (first + active.sum(1))[:, None] + np.cumsum(rest, axis=1) - rest
+    return BitPlaces(depths, first, branches, others)
+
+
+def _edge_part(
+    bits: NDArray[np.uint8],
     modes: NDArray[np.int64],
     sizes: NDArray[np.int64],
-    indices: NDArray[np.uint32],
-    depths: NDArray[np.integer],
+    decoder: BlockDecoder,
     config: BlockConfig,
-) -> NDArray[np.uint32]:
-    """[blocks, words of the largest code] uint32 of modes [blocks], size classes [blocks] and stored indices [blocks, coefficients].
-
-    `depths` are those of `BlockDecoder.depths`. Words beyond a block's size are 0.
-    """
-    largest = config.block_words[-1]
-    # One word more: an index may seem to reach over the end while its high part is empty.
-    words = np.zeros((len(modes), largest + 1), np.uint64)
-    words[:, 0] = modes.astype(np.uint64)
-    offsets = bit_offsets(depths, config)[sizes, modes]
-    rows = np.arange(len(modes))
-    for k in np.nonzero(indices.any(axis=0))[0]:
-        word, shift = offsets[:, k] >> 5, (offsets[:, k] & 31).astype(np.uint64)
-        word = np.minimum(word, largest)
-        value = indices[:, k].astype(np.uint64) << shift
-        words[rows, word] |= value & np.uint64(0xFFFFFFFF)
-        words[rows, np.minimum(word + 1, largest)] |= value >> np.uint64(32)
-    return words[:, :largest].astype(np.uint32)
+    plane: int,
+) -> EdgePart:
+    own = decoder.fitting_edges(config)[sizes, modes, plane].astype(np.int64)
+    blocks = np.nonzero(own)[0]
+    width, channels = own[blocks], len(config.planes[plane])
+    first = edge_places(decoder, config, plane)[sizes[blocks], modes[blocks]]
+    places = first[:, None] + COLOUR_BITS * np.arange(2 * channels)
+    colours = _numbers(bits[blocks], places, COLOUR_BITS).astype(np.uint8).reshape(-1, 2, channels)
+    begin = (first + 2 * COLOUR_BITS * channels)[:, None]
+    places = begin + width[:, None] * np.arange(config.block_texels)
+    indices = _numbers(bits[blocks], places, LARGEST_EDGE_BITS) & ((1 << width) - 1)[:, None]
+    return EdgePart(blocks, width, colours, indices.astype(np.uint8))
 
 
-def unpacked_codes(
-    codes: NDArray[np.uint32], sizes: NDArray[np.int64], decoder: BlockDecoder, config: BlockConfig
-) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint32]]:
-    """(modes [blocks], depths [blocks, coefficients], stored indices [blocks, coefficients]) of `codes` [blocks, words of the largest
-    code] of size classes `sizes` [blocks]."""
-    modes = (codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)
-    table = decoder.depths(config)
-    offsets, depths = bit_offsets(table, config)[sizes, modes], table[sizes, modes]
-    wide = np.concatenate([codes, np.zeros((len(codes), 2), np.uint32)], axis=1).astype(np.uint64)
-    rows = np.arange(len(codes))
-    indices = np.zeros(depths.shape, np.uint32)
-    for k in range(depths.shape[-1]):
-        word, shift = np.minimum(offsets[:, k] >> 5, codes.shape[1]), (offsets[:, k] & 31).astype(np.uint64)
-        both = wide[rows, word] | (wide[rows, word + 1] << np.uint64(32))
-        mask = (np.uint64(1) << depths[:, k].astype(np.uint64)) - np.uint64(1)
-        indices[:, k] = ((both >> shift) & mask).astype(np.uint32)
-    return modes, depths, indices
+def unpacked_codes(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> UnpackedCodes:
+    """`stored` taken apart."""
+    bits = _spread(stored.codes)
+    modes, sizes = _numbers(bits, np.zeros(len(bits), np.int64), config.mode_bits), stored.sizes
+    places = bit_places(modes, sizes, decoder, config)
+    active = places.depths > 0
+    rest = np.where(active, places.depths.astype(np.int64) - 1, 0)
+    branches = np.where(active, _numbers(bits, places.branches, 1), 0)
+    others = _numbers(bits, places.others, LARGEST_DEPTH - 1) & ((1 << rest) - 1)
+    edges = tuple(_edge_part(bits, modes, sizes, decoder, config, plane) for plane in range(len(config.planes)))
+    indices = (others * 2 + branches).astype(np.uint32)
+    return UnpackedCodes(modes, places.depths, start_states(bits, places.first), indices, edges)
+
+
+def bits_before_branches(
+    modes: NDArray[np.int64],
+    sizes: NDArray[np.int64],
+    edges: tuple[EdgePart, ...],
+    decoder: BlockDecoder,
+    config: BlockConfig,
+) -> NDArray[np.uint8]:
+    """[blocks, bits of the largest code] uint8: modes and edge parts written, all else 0."""
+    bits = np.zeros((len(modes), 32 * config.block_words[-1]), np.uint8)
+    _write(bits, np.arange(len(modes)), np.zeros(len(modes), np.int64), modes, config.mode_bits)
+    for plane, part in enumerate(edges):
+        first = edge_places(decoder, config, plane)[sizes[part.blocks], modes[part.blocks]]
+        for colour in part.colours.reshape(len(part.blocks), 2 * len(config.planes[plane])).T:
+            _write(bits, part.blocks, first, colour.astype(np.int64), COLOUR_BITS)
+            first = first + COLOUR_BITS
+        for width in np.unique(part.bits):
+            own = part.bits == width
+            for texel in range(config.block_texels):
+                values = part.indices[own, texel].astype(np.int64)
+                _write(bits, part.blocks[own], first[own] + width * texel, values, int(width))
+    return bits
+
+
+def packed_codes(bits: NDArray[np.uint8], places: BitPlaces, indices: NDArray[np.uint32]) -> NDArray[np.uint32]:
+    """[blocks, words of the largest code] uint32 of `bits` (`bits_before_branches`) and stored indices [blocks, coefficients]."""
+    for k in range(indices.shape[1]):
+        for depth in range(1, LARGEST_DEPTH + 1):
+            own = np.nonzero(places.depths[:, k] == depth)[0]
+            values = indices[own, k].astype(np.int64)
+            _write(bits, own, places.branches[own, k], values & 1, 1)
+            _write(bits, own, places.others[own, k], values >> 1, depth - 1)
+    return joined_words(bits)
+
+
+def _write(
+    bits: NDArray[np.uint8],
+    rows: NDArray[np.int64],
+    first: NDArray[np.int64],
+    values: NDArray[np.int64],
+    count: int,
+) -> None:
+    for bit in range(count):
+        bits[rows, first + bit] = values >> bit & 1

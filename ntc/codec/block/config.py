@@ -17,6 +17,14 @@ LARGEST_SIZES = 4
 """Sizes of codes at most: two bits name one."""
 DIRECTORY_RUN = 16
 """Blocks whose size classes one word of a level's directory holds."""
+FORMAT: Literal[2] = 2
+"""Of the codes that this folder reads and writes; `ntc.codec.block_1` reads those of format 1."""
+FEWEST_MODES = 8
+"""Modes at least: the three bits before a code's first branch bit are the state that its path starts in."""
+LARGEST_EDGE_BITS = 3
+"""Index bits of a texel in an edge part at most."""
+COLOUR_BITS = 8
+"""Bits of a channel of an edge part's colour."""
 SCALE_STEPS_PER_OCTAVE = 16
 """Stored scales are powers of two in steps of 1/16 octave."""
 SCALE_ORIGIN = 192
@@ -32,6 +40,10 @@ class BlockConfig(CodecSettings):
 
     kind: ClassVar[str] = "block"
 
+    format: Literal[2] = FORMAT
+    """Format of the codes."""
+    mips: Literal[1, 2, 4] = 2
+    """Mips that one code holds: 2 take 20 % fewer bits than 1."""
     block_side: Literal[4, 8] = 8
     """Texels of a block along one side."""
     block_words: tuple[int, ...] = (2, 4, 5, 8)
@@ -39,10 +51,10 @@ class BlockConfig(CodecSettings):
     texel."""
     mean_words: float = 4.0
     """Words that the encoder gives a block on average over a pack; decoding does not depend on it."""
-    coefficients: int = 96
-    """Rows of the group's basis: coefficients that a block may spend bits on, in order of falling variance."""
+    coefficients: int = 140
+    """Rows of the group's basis, each of one channel: coefficients that a block may spend bits on."""
     modes: int = 32
-    """Bit allocations of a group; each block names one of them. A power of two, at most 64, or 128 with material sets."""
+    """Bit allocations of a group; each block names one of them. A power of two from 8, at most 64, or 128 with material sets."""
     output_channels: int = 3
     """Channels that the decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
     maps: tuple[MapName, ...] = BASE_ALONE
@@ -52,6 +64,8 @@ class BlockConfig(CodecSettings):
 
     def __post_init__(self) -> None:
         checks = {
+            "format": self.format == FORMAT,
+            "mips": self.mips in (1, 2, 4) and (self.mips < 4 or self.block_side == 8),
             "block_side": self.block_side in (4, 8),
             "block_words": 1 <= len(self.block_words) <= LARGEST_SIZES
             and list(self.block_words) == sorted(set(self.block_words))
@@ -59,7 +73,7 @@ class BlockConfig(CodecSettings):
             and self.block_words[-1] <= self.largest_words,
             "mean_words": 0.0 < self.mean_words <= self.largest_words,
             "coefficients": 1 <= self.coefficients <= self.block_values,
-            "modes": 1 <= self.modes <= (LARGEST_SET_MODES if self.has_sets else LARGEST_MODES)
+            "modes": FEWEST_MODES <= self.modes <= (LARGEST_SET_MODES if self.has_sets else LARGEST_MODES)
             and self.modes & (self.modes - 1) == 0,
             "maps": ordered_maps(self.maps),
             "output_channels": maps_fit(self.maps, self.output_channels),
@@ -85,6 +99,31 @@ class BlockConfig(CodecSettings):
         return 1
 
     @property
+    def mips_a_cell(self) -> int:
+        """Mips at most that are decoded from one code."""
+        return self.mips
+
+    @property
+    def code_sides(self) -> tuple[int, ...]:
+        """Texels along one side that a code holds of each of its mips."""
+        return tuple(self.block_side >> mip for mip in range(self.mips))
+
+    @property
+    def code_texels(self) -> int:
+        """Texels of all mips of a code."""
+        return sum(side * side for side in self.code_sides)
+
+    def texels_of_mip(self, mip: int) -> slice:
+        """Where the texels of a code's mip `mip` lie in a row of the basis."""
+        first = sum(side * side for side in self.code_sides[:mip])
+        return slice(first, first + self.code_sides[mip] ** 2)
+
+    @property
+    def planes(self) -> tuple[tuple[int, ...], ...]:
+        """By plane that has maps: its channels."""
+        return tuple(tuple(channels.values()) for channels in plane_channels(self.maps, self.output_channels).values())
+
+    @property
     def block_texels(self) -> int:
         """Texels of a block."""
         return self.block_side * self.block_side
@@ -99,19 +138,20 @@ class BlockConfig(CodecSettings):
         """Bits at the start of a block's code that name its mode."""
         return self.modes.bit_length() - 1
 
-    @property
-    def coefficient_bits(self) -> tuple[int, ...]:
-        """By size of a code: its bits that are shared out among coefficients."""
-        return tuple(32 * words - self.mode_bits for words in self.block_words)
+    def edge_part_bits(self, plane: int, index_bits: int) -> int:
+        """Bits of an edge part with so many index bits a texel: two colours of the plane's channels, then the indices."""
+        if index_bits == 0:
+            return 0
+        return 2 * COLOUR_BITS * len(self.planes[plane]) + index_bits * self.block_texels
 
     @property
     def multiply_adds(self) -> int:
         """Multiply-adds of one texel's values at most: each coefficient's basis row, then the texture's axes."""
-        return self.coefficients * (1 if self.has_sets else self.output_channels) + self.axis_numbers
+        return self.coefficients + self.axis_numbers
 
     @property
     def has_sets(self) -> bool:
-        """Whether textures may be material sets: each row of the basis is then of one channel."""
+        """Whether textures may be material sets."""
         return self.maps != BASE_ALONE
 
     @property
@@ -121,8 +161,8 @@ class BlockConfig(CodecSettings):
 
     @property
     def row_bytes(self) -> int:
-        """Stored bytes of a row of the basis; of one channel, the number of that."""
-        return self.block_texels + 1 if self.has_sets else self.block_values
+        """Stored bytes of a row of the basis: its texels, its channel and its scale."""
+        return self.block_texels + 2
 
     @property
     def axis_numbers(self) -> int:

@@ -1,71 +1,53 @@
-"""What decoders of codec `block` hold, as shaders/ntc/block.glsl reads it: blocks of four 32-bit words.
+"""What decoders of codec `block` hold, as shaders/ntc/block.glsl reads it: blocks of four 32-bit words, for each decoder
 
-First a block of zeros and the levels of the trellis, which all decoders share. Then for each decoder, four coefficients to a block,
-- for each size of a code, for each mode its list of coefficients: a word for each, its scale as float32, whose lowest three bits hold
-  its depth;
-- for each four coefficients, for each texel, their rows of the basis: a word for each, a signed byte for each channel.
-
-Of a codec for material sets each row is of one channel. Above a depth stand the component (2 bits) and the plane (2 bits) that the
-coefficient adds to, and the basis is a word for each four coefficients and texel, a signed byte for each coefficient.
+- heads: a block for each size of a code, mode and plane: where its list begins (in blocks from the decoder's first), how many blocks
+  that are, the bit of a code that holds the first branch of the plane in its lower half and the bit of the plane's edge part in its
+  upper half, and the edge part's bits a texel with the word of the plane's first row above 2 bits;
+- lists: a word for each coefficient that has bits, four to a block: from the lowest bit, the bit of a code at which its other bits
+  begin (10 bits), its depth (3), component (2), row of the plane (8), and scale in steps of 1/16 octave (9);
+- rows: words for each row of the basis. Of mip 0 of a code a word for each texel: signed bytes of the texel, its neighbours on the
+  right, below, and on the right below. Of each coarser mip two words for each texel: the same as signed halves of a word, of sums
+  over texels.
 """
 
-from functools import lru_cache
 from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_SIZES, BlockConfig
-from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
+from ntc.codec.block.codes import bit_places, edge_places
+from ntc.codec.block.config import (
+    COLOUR_BITS,
+    DIRECTORY_RUN,
+    LARGEST_SIZES,
+    SCALE_ORIGIN,
+    SCALE_STEPS_PER_OCTAVE,
+    BlockConfig,
+)
+from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import level_rows
-from ntc.codec.block.trellis import branch_tables, level_table
+from ntc.codec.block.trellis import DEEP_CURVE, DEEP_DEPTH, LEVEL_STEPS, SHALLOW_CURVE, branch_tables
 from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, by_plane
 from ntc.codec.latents import latent_levels
-from ntc.codec.maps import PLANES, Plane, plane_channels
+from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Decoder, EncodedTexture
 
 Words = NDArray[np.uint32]
 AT_ONCE = 4
 """Coefficients that shaders read at once."""
-DEPTH_BITS = 3
-DEPTH_MASK = np.uint32(7)
-SET_MASK = np.uint32(127)
-CHANNEL_TYPES = ("float", "vec2", "vec3", "vec4")
-
-
-@lru_cache(maxsize=1)
-def trellis_blocks() -> Words:
-    """[blocks, 4] uint32: levels as float32. Depth b begins at block 2^(b - 1); each block holds one level of each subset.
-
-    Block 0 holds zeros: what a coefficient of depth 0 has in place of a level.
-    """
-    levels = level_table()
-    parts = [levels[depth, : 2 << depth].reshape(-1, 4) for depth in range(1, LARGEST_DEPTH + 1)]
-    parts.insert(0, np.zeros((1, 4), np.float32))
-    return np.concatenate(parts).astype("<f4").view("<u4")
+PLACE_MASK = 1023
+"""Bits of an entry that name a place in a code."""
+STEPS_ORIGIN = 2 * SCALE_ORIGIN - min(LEVEL_STEPS)
+"""A scale of an entry that is 1."""
 
 
 def trellis_subsets() -> int:
-    """Subset by state and branch bit, two bits each, that of branch 0 of state 0 in the lowest ones.
-
-    The next state needs no table: it is (2 state + branch) modulo 8.
-    """
+    """Subset by the four bits that end with a branch bit, the first of them lowest: two bits each."""
     _, subsets = branch_tables()
-    return sum(int(subset) << (2 * place) for place, subset in enumerate(subsets.reshape(-1)))
-
-
-def entry_mask(config: BlockConfig) -> np.uint32:
-    """Bits of a scale that give way to a depth, and for material sets to the row's component and plane: a relative error of 2^-22, or
-    2^-18."""
-    return SET_MASK if config.has_sets else DEPTH_MASK
-
-
-def _row_places(config: BlockConfig) -> Words:
-    """[channels] uint32: component, and plane times 4, of each channel."""
-    found = np.zeros(config.output_channels, np.uint32)
-    for plane, channels in plane_channels(config.maps, config.output_channels).items():
-        for component, channel in channels.items():
-            found[channel] = component + 4 * PLANES.index(plane)
+    found = 0
+    for window in range(16):
+        state = (window & 1) << 2 | (window & 2) | (window >> 2 & 1)
+        found |= int(subsets[state, window >> 3]) << (2 * window)
     return found
 
 
@@ -79,48 +61,91 @@ class BlockTables(GpuTables):
     def __init__(self, settings: BlockConfig) -> None:
         super().__init__(settings)
         self._config = settings
-        self.first_block = len(trellis_blocks())
-        self.list_blocks = -(-settings.coefficients // AT_ONCE)
-        self.basis = len(settings.block_words) * settings.modes * self.list_blocks
-        texels_a_block = AT_ONCE if settings.has_sets else 1
-        self.decoder_blocks = self.basis + self.list_blocks * settings.block_texels // texels_a_block
+        config = settings
+        self.heads = len(config.block_words) * config.modes * len(config.planes)
+        # A list holds the coefficients of one plane that have bits; each list ends with a whole block.
+        most = [min(config.coefficients, 32 * words) + AT_ONCE * len(config.planes) for words in config.block_words]
+        self.lists = sum(-(-each // AT_ONCE) for each in most) * config.modes
+        self.row_blocks = sum(self._mip_words) // AT_ONCE
+        self.decoder_blocks = self.heads + self.lists + config.coefficients * self.row_blocks
 
-    def _lists(self, decoder: BlockDecoder) -> Words:
-        exact = scale_values(decoder.scales) * decoder.basis_scale.astype(np.float64)
-        scales = exact.astype("<f4").view("<u4")
-        depths = decoder.depths(self._config)
-        mask = entry_mask(self._config)
-        words = ((scales + (mask + 1) // 2) & ~mask) | depths
-        if self._config.has_sets:
-            words |= _row_places(self._config)[decoder.row_channels] << DEPTH_BITS
-        active = np.where(depths > 0, words, 0).astype(np.uint32)
-        return self._padded(active, axis=2).reshape(-1, AT_ONCE)
+    @property
+    def _mip_words(self) -> tuple[int, ...]:
+        """Words of a row by mip of a code, the last padded to whole blocks."""
+        words = [side * side * (1 if mip == 0 else 2) for mip, side in enumerate(self._config.code_sides)]
+        words[-1] += -sum(words) % AT_ONCE
+        return tuple(words)
 
-    def _basis(self, decoder: BlockDecoder) -> Words:
+    def _rows(self, decoder: BlockDecoder) -> Words:
+        """[coefficients, words of a row]."""
+        config, parts = self._config, []
+        for mip, (side, length) in enumerate(zip(config.code_sides, self._mip_words, strict=True)):
+            count = 1 << mip
+            sums = decoder.basis.astype(np.int64).reshape(-1, side, count, side, count).sum(axis=(2, 4))
+            padded = np.pad(sums, ((0, 0), (0, 1), (0, 1)))
+            right, down = padded[:, :side, 1:], padded[:, 1:, :side]
+            four = [sums, right, down, padded[:, 1:, 1:]]
+            if mip == 0:
+                words = sum((part & 255) << (8 * place) for place, part in enumerate(four))
+            else:
+                low, high = ((four[n] & 65535) | (four[n + 1] & 65535) << 16 for n in (0, 2))
+                words = np.stack([low, high], axis=-1)
+            flat = np.asarray(words).reshape(len(sums), -1)
+            parts.append(np.pad(flat, ((0, 0), (0, length - flat.shape[1]))))
+        return np.concatenate(parts, axis=1).astype(np.uint32)
+
+    def _heads_and_lists(self, decoder: BlockDecoder) -> tuple[Words, Words]:
+        """([blocks, 4], [blocks, 4])."""
         config = self._config
-        if config.has_sets:
-            own = decoder.basis[np.arange(config.coefficients), :, decoder.row_channels]
-            padded = np.pad(own, ((0, -len(own) % AT_ONCE), (0, 0)))
-            four = np.ascontiguousarray(padded.reshape(self.list_blocks, AT_ONCE, -1).transpose(0, 2, 1))
-            return four.view("<u4").reshape(-1, AT_ONCE)
-        rows = np.zeros((config.coefficients, config.block_texels, 4), np.int8)
-        rows[..., : config.output_channels] = decoder.basis
-        words = self._padded(rows.view("<u4")[..., 0], axis=0)
-        return np.ascontiguousarray(words.reshape(self.list_blocks, AT_ONCE, -1).transpose(0, 2, 1)).reshape(
-            -1, AT_ONCE
-        )
+        sizes, modes = np.divmod(np.arange(len(config.block_words) * config.modes), config.modes)
+        places = bit_places(modes, sizes, decoder, config)
+        edges = decoder.fitting_edges(config)[sizes, modes]
+        component, plane = self._places_of_channels()
+        planes = plane[decoder.channels]
+        heads = np.zeros((len(modes), len(config.planes), 4), np.uint32)
+        lists: list[Words] = []
+        first = self.heads
+        steps = decoder.basis_scale.astype(np.int64) - min(LEVEL_STEPS)
+        for own_plane in range(len(config.planes)):
+            edge_at = edge_places(decoder, config, own_plane)[sizes, modes]
+            first_row = int((planes < own_plane).sum())
+            row_word = AT_ONCE * (self.heads + self.lists + first_row * self.row_blocks)
+            for number in range(len(modes)):
+                own = np.nonzero((places.depths[number] > 0) & (planes == own_plane))[0]
+                depths = places.depths[number, own].astype(np.int64)
+                # Where no bits follow, the place says nothing; it may lie behind the last bit.
+                entries = np.minimum(places.others[number, own], PLACE_MASK) | depths << 10
+                entries |= component[decoder.channels[own]] << 13 | (own - first_row) << 15
+                scale = decoder.scales[modes[number], own] + steps[own] + np.array(LEVEL_STEPS)[depths]
+                entries |= scale << 23
+                blocks = -(-len(own) // AT_ONCE)
+                padded = np.pad(entries, (0, blocks * AT_ONCE - len(own))).astype(np.uint32)
+                branch = int(places.branches[number, own[0]]) if len(own) else 0
+                heads[number, own_plane] = (
+                    first,
+                    blocks,
+                    branch | int(edge_at[number]) << 16,
+                    int(edges[number, own_plane]) | row_word << 2,
+                )
+                lists.append(padded.reshape(-1, AT_ONCE))
+                first += blocks
+        return heads.reshape(-1, 4), np.concatenate([np.zeros((0, 4), np.uint32), *lists])
 
-    def _padded(self, words: Words, axis: int) -> Words:
-        """`words` with zeros for the coefficients that the last four lack."""
-        missing = self.list_blocks * AT_ONCE - words.shape[axis]
-        return np.pad(words, [(0, missing if number == axis else 0) for number in range(words.ndim)])
-
-    def shared_data(self) -> bytes:
-        return trellis_blocks().tobytes()
+    def _places_of_channels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """([channels] component, [channels] number of the plane)."""
+        component = np.zeros(self._config.output_channels, np.int64)
+        plane = np.zeros(self._config.output_channels, np.int64)
+        for number, channels in enumerate(self._planes.values()):
+            for own, channel in channels.items():
+                component[channel], plane[channel] = own, number
+        return component, plane
 
     def decoder_data(self, decoder: Decoder) -> bytes:
         own = cast(BlockDecoder, decoder)
-        return np.concatenate([self._lists(own), self._basis(own)]).astype("<u4").tobytes()
+        heads, lists = self._heads_and_lists(own)
+        filled = np.pad(lists, ((0, self.lists - len(lists)), (0, 0)))
+        rows = self._rows(own).reshape(-1, AT_ONCE)
+        return np.concatenate([heads, filled, rows]).astype("<u4").tobytes()
 
     @property
     def _planes(self) -> dict[Plane, dict[int, int]]:
@@ -129,14 +154,15 @@ class BlockTables(GpuTables):
     @property
     def record_fields(self) -> TextureFields:
         planes = len(self._planes)
-        return (("mean", "<f4", (planes, 4)), ("axes", "<f4", (4 * planes, 4)))
+        return (("mean", "<f4", (planes * self._config.mips, 4)), ("axes", "<f4", (4 * planes, 4)))
 
     def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
         """Components that the codec lacks stay 0."""
-        own = cast(BlockTexture, texture)
+        own, mips = cast(BlockTexture, texture), self._config.mips
         for place, channels in enumerate(self._planes.values()):
             components, numbers = list(channels), list(channels.values())
-            record["mean"][place][components] = own.mean[numbers]
+            for mip in range(mips):
+                record["mean"][place * mips + mip][components] = own.mean[mip, numbers]
             # GLSL reads an axis at a time: a column.
             axes = own.axes[np.ix_(numbers, numbers)].T
             record["axes"][4 * place : 4 * place + 4][np.ix_(components, components)] = axes
@@ -152,21 +178,25 @@ class BlockTables(GpuTables):
         config = self._config
         values = {
             "BLOCK_SIDE": config.block_side,
+            "CODE_MIPS": config.mips,
             "CODE_SIZES": len(config.block_words),
             **{f"CLASS_{number}_WORDS": words for number, words in enumerate(_four(config.block_words))},
             "DIRECTORY_RUN": DIRECTORY_RUN,
             "MODES": config.modes,
-            "FIRST_TABLE_BLOCK": self.first_block,
+            "PLANES": len(config.planes),
             "TABLE_BLOCKS": self.decoder_blocks,
-            "LISTS_BLOCKS": self.basis,
-            "LIST_BLOCKS": self.list_blocks,
-            "MODE_BITS": f"{config.mode_bits}u",
+            "ROW_WORDS": AT_ONCE * self.row_blocks,
+            **{f"MIP_{mip}_WORDS": sum(self._mip_words[:mip]) for mip in range(config.mips)},
             "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
-            "ENTRY_MASK": f"{int(entry_mask(config))}u",
-            "ROW_CHANNELS": int(config.has_sets),
+            "STEPS_ORIGIN": STEPS_ORIGIN,
+            "STEPS_PER_OCTAVE": f"{SCALE_STEPS_PER_OCTAVE}.0",
+            "DEEP_DEPTH": f"{DEEP_DEPTH}u",
+            "SHALLOW_CURVE": f"vec2{SHALLOW_CURVE}",
+            "DEEP_CURVE": f"vec2{DEEP_CURVE}",
+            "COLOUR_BITS": COLOUR_BITS,
         }
         lines = [f"#define {name} {value}" for name, value in values.items()]
-        return lines + by_plane(config, lambda _, channels: _channel_defines(max(channels) + 1))
+        return lines + by_plane(config, lambda _, channels: _edge_defines(list(channels)))
 
 
 def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
@@ -174,10 +204,11 @@ def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
     return (*sizes, *[sizes[0]] * (LARGEST_SIZES - len(sizes)))
 
 
-def _channel_defines(components: int) -> list[str]:
-    """Defines for the first `components` components of a plane, which are all that it has."""
-    return [
-        f"#define CHANNELS_T {CHANNEL_TYPES[components - 1]}",
-        f"#define BASIS_BYTES(bits) {', '.join(f'bits << {24 - 8 * byte} >> 24' for byte in range(components))}",
-        f"#define ALL_CHANNELS(channels) vec4({', '.join(['channels', *['0.0'] * (4 - components)])})",
+def _edge_defines(components: list[int]) -> list[str]:
+    """Defines for a plane that has these components: how many, and a colour whose bits begin at `at`."""
+    places = {component: place for place, component in enumerate(components)}
+    parts = [
+        f"code_byte(code, at + {COLOUR_BITS * places[component]})" if component in places else "0.0"
+        for component in range(4)
     ]
+    return [f"#define EDGE_CHANNELS {len(components)}", f"#define EDGE_COLOUR(code, at) vec4({', '.join(parts)})"]

@@ -18,25 +18,43 @@ class BlockDecoder(Decoder):
     """What the textures of a group share."""
 
     basis: NDArray[np.int8]
-    """[coefficients, texels of a block, channels] int8: rows of the transform, -127 to 127. Of codecs for material sets each row is
-    0 in all channels but one (`row_channels`)."""
-    basis_scale: NDArray[np.float32]
-    """[coefficients] float32: what a row's integers are multiplied by."""
+    """[coefficients, texels of a block] int8: rows of the transform, -127 to 127. Rows of a plane lie together, in the
+    order of planes."""
+    channels: NDArray[np.uint8]
+    """[coefficients] uint8: the channel that each row adds to."""
+    basis_scale: NDArray[np.uint8]
+    """[coefficients] uint8: logarithmic scale of what a row's integers are multiplied by (`scale_values`)."""
     scales: NDArray[np.uint8]
     """[modes, coefficients] uint8: logarithmic scale of each coefficient's levels (`scale_values`)."""
+    edges: NDArray[np.uint8]
+    """[modes, planes] uint8: index bits a texel of the edge part of each plane, 0 to LARGEST_EDGE_BITS; 0: there is none."""
 
     def depths(self, config: BlockConfig) -> NDArray[np.uint8]:
         """[sizes of codes, modes, coefficients] uint8: bits of each coefficient, 0 to LARGEST_DEPTH; they follow from the scales."""
-        return _depths(np.ascontiguousarray(self.scales, np.uint8).tobytes(), len(self.scales), config.coefficient_bits)
+        room = np.array(config.block_words) * 32 - config.mode_bits
+        left = room[:, None] - self.edge_bits(config)
+        key = np.ascontiguousarray(self.scales, np.uint8).tobytes()
+        return _depths(key, len(self.scales), tuple(map(tuple, left.tolist())))
 
-    @property
-    def row_channels(self) -> NDArray[np.uint8]:
-        """[coefficients] uint8: the first channel that each row is not 0 in; 0 for a row of zeros."""
-        return np.asarray(self.basis.any(axis=1).argmax(axis=1), np.uint8)
+    def fitting_edges(self, config: BlockConfig) -> NDArray[np.uint8]:
+        """[sizes of codes, modes, planes] uint8: `edges`, and 0 for modes whose edge parts a size has no room for."""
+        bits = self._edge_bits(config)
+        fits = bits <= (np.array(config.block_words) * 32 - config.mode_bits)[:, None]
+        return np.where(fits[..., None], self.edges, 0).astype(np.uint8)
+
+    def edge_bits(self, config: BlockConfig) -> NDArray[np.int64]:
+        """[sizes of codes, modes] int64: bits of the edge parts that a code has."""
+        bits = self._edge_bits(config)
+        fits = bits <= (np.array(config.block_words) * 32 - config.mode_bits)[:, None]
+        return np.where(fits, bits, 0)
+
+    def _edge_bits(self, config: BlockConfig) -> NDArray[np.int64]:
+        rows = self.edges.tolist()
+        return np.array([sum(config.edge_part_bits(p, bits) for p, bits in enumerate(row)) for row in rows], np.int64)
 
     def stored_bits(self, config: BlockConfig) -> int:
         """Bits of the tables in a pack."""
-        return 8 * len(self.basis) * config.row_bytes + 32 * self.basis_scale.size + 8 * self.scales.size
+        return 8 * (len(self.basis) * config.row_bytes + self.scales.size + self.edges.size)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -46,7 +64,7 @@ class BlockTexture(EncodedTexture):
     words: NDArray[np.uint32]
     """[words] uint32: directories and codes of all levels (`ntc.codec.block.storage`)."""
     mean: NDArray[np.float32]
-    """[channels] float32, in the texture's colour space, 0 to 1."""
+    """[mips of a code, channels] float32, in the texture's colour space."""
     axes: NDArray[np.float32]
     """[channels, channels] float32: principal axes of the texture's values in columns, as long as its contrast; 0 where row and
     column are channels of different planes (`ntc.codec.maps.plane_channels`)."""
@@ -70,15 +88,24 @@ def block_parts(pack: Pack) -> BlockParts:
 
 
 @lru_cache(maxsize=256)
-def _depths(scales: bytes, modes: int, bits_of_sizes: tuple[int, ...]) -> NDArray[np.uint8]:
-    """`BlockDecoder.depths`, which cannot be written to: whatever decodes a few texels asks for it again."""
+def _depths(scales: bytes, modes: int, bits: tuple[tuple[int, ...], ...]) -> NDArray[np.uint8]:
+    """`BlockDecoder.depths`, which cannot be written to: whatever decodes a few texels asks for it again. `bits` by size and mode."""
     rows = np.frombuffer(scales, np.uint8).reshape(modes, -1)
-    found = np.array([[share_out_bits(row, bits) for row in rows] for bits in bits_of_sizes], np.uint8)
+    found = np.array([[share_out_bits(row, own) for row, own in zip(rows, size, strict=True)] for size in bits])
+    found = found.astype(np.uint8)
     found.setflags(write=False)
     return found
 
 
-def scale_values(stored: NDArray[np.uint8]) -> NDArray[np.float64]:
+def averaged_rows(rows: NDArray[np.floating], config: BlockConfig, mip: int) -> NDArray[np.float64]:
+    """[coefficients, texels of a code's mip `mip`] float64: `rows` [coefficients, texels of a block] averaged over squares of
+    texels."""
+    side, count = config.code_sides[mip], 1 << mip
+    averaged = rows.reshape(len(rows), side, count, side, count).mean(axis=(2, 4), dtype=np.float64)
+    return np.asarray(averaged.reshape(len(rows), side * side))
+
+
+def scale_values(stored: NDArray[np.integer]) -> NDArray[np.float64]:
     """Scales as numbers: 2^((stored - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE), float64 of the shape of `stored`."""
     return np.exp2((stored.astype(np.float64) - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE)
 

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.codes import unpacked_codes
+from ntc.codec.block.codes import EdgePart, UnpackedCodes, unpacked_codes
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
+from ntc.codec.block.model import BlockDecoder, BlockTexture, averaged_rows, scale_values
 from ntc.codec.block.storage import BlockCodes, level_codes, level_rows
 from ntc.codec.block.trellis import branch_tables, level_table
 from ntc.codec.config import WrapMode
@@ -15,40 +15,65 @@ from ntc.codec.sampling import bilinear, clamped_lod, trilinear
 Array = NDArray[np.float64]
 
 
-def decode_coefficients(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> Array:
-    """[blocks, coefficients] float64 that the codes of blocks stand for.
-
-    Any words are valid codes: whatever a file holds decodes to finite numbers.
-    """
-    modes, found, indices = unpacked_codes(stored.codes, stored.sizes, decoder, config)
-    levels = level_table().astype(np.float64)
+def decode_coefficients(codes: UnpackedCodes, decoder: BlockDecoder) -> Array:
+    """[blocks, coefficients] float64 that `codes` stand for, without the scales of the basis."""
+    levels = level_table()
     following, subsets = branch_tables()
-    scales = scale_values(decoder.scales)[modes]
-    depths = found.astype(np.int64)
+    scales = scale_values(decoder.scales)[codes.modes]
+    depths = codes.depths.astype(np.int64)
     values = np.zeros(depths.shape)
-    state = np.zeros(len(modes), np.int64)
+    state = codes.starts
     for k in range(depths.shape[1]):
         active = depths[:, k] > 0
-        branch, place = (indices[:, k] & 1).astype(np.int64), (indices[:, k] >> 1).astype(np.int64)
+        branch, place = (codes.indices[:, k] & 1).astype(np.int64), (codes.indices[:, k] >> 1).astype(np.int64)
         number = 4 * place + subsets[state, branch]
         values[:, k] = np.where(active, levels[depths[:, k], number] * scales[:, k], 0.0)
         state = np.where(active, following[state, branch], state)
     return values
 
 
-def block_values(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> Array:
-    """[blocks, texels of a block, channels] float64, not clamped, in the texture's colour space: what codes decode to."""
-    coefficients = decode_coefficients(stored, decoder, config) * decoder.basis_scale.astype(np.float64)
-    normalised = np.einsum("nk,ktc->ntc", coefficients, decoder.basis.astype(np.float64), optimize=True)
-    values: Array = texture.mean.astype(np.float64) + normalised @ texture.axes.astype(np.float64).T
-    return values
+def mixed(indices: NDArray[np.uint8], bits: NDArray[np.int64], config: BlockConfig, mip: int) -> Array:
+    """[parts, texels] float64, 0 to 1: by how much each texel of a code's mip `mip` is of an edge part's second colour."""
+    side, count = config.code_sides[mip], 1 << mip
+    shares = indices / ((1 << bits) - 1)[:, None]
+    parts = shares.reshape(-1, side, count, side, count)
+    return np.asarray(parts.mean(axis=(2, 4)).reshape(len(shares), side * side))
+
+
+def edge_values(part: EdgePart, config: BlockConfig, mip: int) -> Array:
+    """[parts, texels, channels of the plane] float64: what edge parts show at a code's mip `mip`."""
+    first, second = (part.colours[:, None, number].astype(np.float64) / 255.0 for number in (0, 1))
+    return np.asarray(first + (second - first) * mixed(part.indices, part.bits, config, mip)[..., None])
+
+
+def block_values(
+    texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig, mip: int = 0
+) -> Array:
+    """[blocks, texels, channels] float64, not clamped, in the texture's colour space: what codes decode to at their mip `mip`.
+
+    Any words are valid codes: whatever a file holds decodes to finite numbers.
+    """
+    codes = unpacked_codes(stored, decoder, config)
+    coefficients = decode_coefficients(codes, decoder) * scale_values(decoder.basis_scale)
+    rows = averaged_rows(decoder.basis.astype(np.float64), config, mip)
+    transformed = np.zeros((len(coefficients), rows.shape[1], config.output_channels))
+    for channel in range(config.output_channels):
+        own = decoder.channels == channel
+        transformed[..., channel] = coefficients[:, own] @ rows[own]
+    values = np.zeros_like(transformed) + texture.mean[mip].astype(np.float64)
+    for channels, part in zip(config.planes, codes.edges, strict=True):
+        values[np.ix_(part.blocks, np.arange(rows.shape[1]), np.array(channels, np.int64))] = edge_values(
+            part, config, mip
+        )
+    shown: Array = values + transformed @ texture.axes.astype(np.float64).T
+    return shown
 
 
 def texture_codes(texture: BlockTexture, config: BlockConfig, level: int) -> BlockCodes:
-    """The codes of all blocks of mip `level`. Raises ValueError for words that no encoder writes."""
+    """The codes of all blocks that mip `level` is decoded from. Raises ValueError for words that no encoder writes."""
     levels = latent_levels(texture.width, texture.height, config)
-    rows = level_rows(texture.words, levels, config)[level]
-    return level_codes(texture.words[rows.first : rows.first + rows.rows], levels[level], config)
+    first = level_rows(texture.words, levels, config)[level].first
+    return level_codes(texture.words[first:], levels[level], config)
 
 
 def texel_values(
@@ -60,17 +85,19 @@ def texel_values(
     row: NDArray[np.int64],
 ) -> Array:
     """[N, channels] float64, not clamped: the texels at `column` and `row` [N] of mip `level`."""
-    side = config.block_side
-    width = latent_levels(texture.width, texture.height, config)[level].width
-    used, place = np.unique(row // side * width + column // side, return_inverse=True)
+    geometry = latent_levels(texture.width, texture.height, config)[level]
+    side = config.code_sides[geometry.mip_of_cell]
+    used, place = np.unique(row // side * geometry.width + column // side, return_inverse=True)
     stored = texture_codes(texture, config, level)
-    values = block_values(texture, BlockCodes(stored.codes[used], stored.sizes[used]), decoder, config)
+    part = BlockCodes(stored.codes[used], stored.sizes[used])
+    values = block_values(texture, part, decoder, config, geometry.mip_of_cell)
     return np.asarray(values[place.reshape(-1), row % side * side + column % side])
 
 
 def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int) -> Array:
-    """[blocks, texels of a block, channels] float64 in [0, 1], in the texture's colour space: all blocks of mip `level`."""
-    values = block_values(texture, texture_codes(texture, config, level), decoder, config)
+    """[blocks, texels, channels] float64 in [0, 1], in the texture's colour space: all blocks of mip `level`."""
+    mip = latent_levels(texture.width, texture.height, config)[level].mip_of_cell
+    values = block_values(texture, texture_codes(texture, config, level), decoder, config, mip)
     shown: Array = np.clip(values, 0.0, 1.0)
     return shown
 
@@ -80,13 +107,14 @@ def decode_image(
 ) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level`."""
     geometry = latent_levels(texture.width, texture.height, config)[level]
-    values = image_of(decode_blocks(texture, decoder, config, level), geometry, config.block_side)
+    values = image_of(decode_blocks(texture, decoder, config, level), geometry, config)
     pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)
     return pixels
 
 
-def image_of(blocks: NDArray[np.floating], level: LatentLevel, side: int) -> NDArray[np.floating]:
-    """[height, width, C]: the inverse of `blocks_of` for the blocks [rows * columns, side * side, C] of `level`."""
+def image_of(blocks: NDArray[np.floating], level: LatentLevel, config: BlockConfig) -> NDArray[np.floating]:
+    """[height, width, C]: the image of `level` whose blocks [rows * columns, texels, C] `blocks` are."""
+    side = config.code_sides[level.mip_of_cell]
     parts = blocks.reshape(level.height, level.width, side, side, -1).transpose(0, 2, 1, 3, 4)
     return parts.reshape(level.height * side, level.width * side, -1)[: level.texel_height, : level.texel_width]
 

@@ -8,7 +8,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.codec import texture_fields
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import channel_places
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -25,19 +25,21 @@ def mean_colour_pack(textures: Sequence[SourceTexture], grouping: Grouping, conf
     """
     channels = config.output_channels
     decoder = BlockDecoder(
-        np.zeros((config.coefficients, config.block_texels, channels), np.int8),
-        np.zeros(config.coefficients, np.float32),
+        np.zeros((config.coefficients, config.block_texels), np.int8),
+        np.zeros(config.coefficients, np.uint8),
+        np.zeros(config.coefficients, np.uint8),
         np.zeros((config.modes, config.coefficients), np.uint8),
+        np.zeros((config.modes, len(config.planes)), np.uint8),
     )
     encoded = []
     for texture, group in zip(textures, grouping.groups, strict=True):
         levels = latent_levels(*texture.size, config)
-        blocks = levels[-1].first_cell + levels[-1].cells
-        mean = np.zeros(channels, np.float32)
+        blocks = latent_cell_count(*texture.size, config)
+        mean = np.zeros((config.mips, channels), np.float32)
         strides = (1 + side // MEANT_TEXELS for side in texture.pixels.shape[:2])
         sample = texture.pixels[tuple(slice(None, None, stride) for stride in strides)]
         places = channel_places(texture.maps, texture.channels, config.maps, channels)
-        mean[list(places)] = sample.mean(axis=(0, 1)) / 255.0
+        mean[:, list(places)] = sample.mean(axis=(0, 1)) / 255.0
         empty = BlockCodes(
             np.zeros((blocks, config.block_words[-1]), np.uint32), np.full(blocks, len(config.block_words) - 1)
         )

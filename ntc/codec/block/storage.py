@@ -37,6 +37,8 @@ def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: Block
     lengths = np.array(config.block_words, np.int64)[codes.sizes]
     parts: list[Words] = []
     for level in levels:
+        if not level.has_own_cells:
+            continue
         own = slice(level.first_cell, level.first_cell + level.cells)
         directory = directory_words(level.cells, config)
         if directory:
@@ -66,11 +68,13 @@ def _level_sizes(words: Words, blocks: int, config: BlockConfig) -> NDArray[np.i
 def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockConfig) -> tuple[StoredRows, ...]:
     """Where each of `levels` lies in a texture's stored `words` [words] uint32.
 
+    A mip of 0 rows lies in those of the next coarser one.
+
     Raises ValueError for words that are not what `stored_words` gives: wrong places in a directory, unknown classes, wrong length.
     """
     found, first = list[StoredRows](), 0
     lengths_of = np.array(config.block_words, np.int64)
-    for level in levels:
+    for level, following in zip(levels, [*levels[1:], None], strict=True):
         part = words[first:]
         sizes = _level_sizes(part, level.cells, config)
         if sizes.max(initial=0) >= len(config.block_words):
@@ -79,7 +83,10 @@ def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockConfig)
         begins = directory + np.cumsum(lengths) - lengths
         if directory and not np.array_equal(part[:directory:2], begins[::DIRECTORY_RUN]):
             raise ValueError("latents: a directory does not name the places where codes begin")
-        found.append(StoredRows(first, directory + int(lengths.sum())))
+        rows = directory + int(lengths.sum())
+        # What several mips are decoded from belongs to the coarsest of them, for finer ones are never there without it.
+        shared = following is not None and not following.has_own_cells
+        found.append(StoredRows(first, 0 if shared else rows))
         first += found[-1].rows
     if first != len(words):
         raise ValueError(f"latents: {len(words)} words, not the {first} that their directories tell of")

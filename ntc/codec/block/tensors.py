@@ -1,13 +1,12 @@
 """The tensors of codec `block` in a file (docs/reference/pack-format.md). "{}" in a name is the number of a texture or decoder."""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import level_rows
 from ntc.codec.block.universal import universal_decoder
@@ -19,7 +18,10 @@ from ntc.errors import InputError
 
 WORD = np.dtype("<u4")
 LARGEST_NUMBER = 16.0
-"""Size at most of means, axes and basis scales: an encoder's are below 2, and no code decodes beyond fp32."""
+"""Size at most of means and axes: an encoder's are below 2, and no code decodes beyond fp32."""
+LARGEST_BASIS_SCALE = 192
+"""Of a decoder: rows of an encoder have a length of 1."""
+DECODER_PARTS = ("basis", "channels", "basis_scale", "scales", "edges")
 
 
 def _axes_shape(config: BlockConfig) -> tuple[int, ...]:
@@ -32,23 +34,19 @@ def texture_shapes(config: BlockConfig) -> dict[str, TensorShape]:
     """Type and shape of the tensors of a texture: words of codes, mean and axes."""
     return {
         "latents.{}": ("U8", (None, WORD.itemsize)),
-        "latents.{}.mean": ("F32", (config.output_channels,)),
+        "latents.{}.mean": ("F32", (config.mips, config.output_channels)),
         "latents.{}.axes": ("F32", _axes_shape(config)),
     }
 
 
 def decoder_shapes(config: BlockConfig) -> dict[str, TensorShape]:
-    """Type and shape of the tensors of a decoder. Rows of a basis for material sets are of one channel."""
-    rows: tuple[int, ...] = (config.coefficients, config.block_texels)
-    shapes: dict[str, TensorShape] = {}
-    if config.has_sets:
-        shapes["decoder.{}.channels"] = ("U8", (config.coefficients,))
-    else:
-        rows = (*rows, config.output_channels)
-    return shapes | {
-        "decoder.{}.basis": ("I8", rows),
-        "decoder.{}.basis_scale": ("F32", (config.coefficients,)),
+    """Type and shape of the tensors of a decoder."""
+    return {
+        "decoder.{}.basis": ("I8", (config.coefficients, config.block_texels)),
+        "decoder.{}.channels": ("U8", (config.coefficients,)),
+        "decoder.{}.basis_scale": ("U8", (config.coefficients,)),
         "decoder.{}.scales": ("U8", (config.modes, config.coefficients)),
+        "decoder.{}.edges": ("U8", (config.modes, len(config.planes))),
     }
 
 
@@ -100,34 +98,28 @@ def read_texture(tensors: Tensors, known: Mapping[str, Any], config: BlockConfig
 
 def decoder_tensors(decoder: BlockDecoder, config: BlockConfig) -> dict[str, NDArray[Any]]:
     """The tensors of a decoder, contiguous."""
-    tensors = {f"decoder.{{}}.{part}": getattr(decoder, part) for part in ("basis", "basis_scale", "scales")}
-    if config.has_sets:
-        channels = decoder.row_channels
-        tensors["decoder.{}.channels"] = channels
-        tensors["decoder.{}.basis"] = decoder.basis[np.arange(len(decoder.basis)), :, channels]
-    return {name: np.ascontiguousarray(array) for name, array in tensors.items()}
+    del config
+    return {f"decoder.{{}}.{part}": np.ascontiguousarray(getattr(decoder, part)) for part in DECODER_PARTS}
 
 
 def read_decoder(tensors: Tensors, config: BlockConfig) -> BlockDecoder:
     """The decoder of these tensors. Raises ValueError for channels that the codec lacks, and numbers that no encoder writes."""
-    decoder = BlockDecoder(*(tensors[f"decoder.{{}}.{part}"] for part in ("basis", "basis_scale", "scales")))
-    if config.has_sets:
-        name = "decoder.{}.channels"
-        decoder = replace(decoder, basis=_spread_rows(name, decoder.basis, tensors[name], config))
-    _check_numbers(decoder.basis_scale, "decoder.{}.basis_scale")
+    decoder = BlockDecoder(**{part: tensors[f"decoder.{{}}.{part}"] for part in DECODER_PARTS})
+    _check_decoder(decoder, config)
     return decoder
 
 
-def _spread_rows(
-    name: str, rows: NDArray[np.int8], channels: NDArray[np.uint8], config: BlockConfig
-) -> NDArray[np.int8]:
-    """[coefficients, texels, channels] int8: `rows` [coefficients, texels], each in the one of `channels` [coefficients] that it is
-    of. Raises ValueError, naming the tensor `name`, for a channel that the codec lacks."""
-    if int(channels.max(initial=0)) >= config.output_channels:
-        raise ValueError(f"{name}: a row of the basis is of channel {channels.max()}")
-    basis = np.zeros((*rows.shape, config.output_channels), np.int8)
-    basis[np.arange(len(rows)), :, channels] = rows
-    return basis
+def _check_decoder(decoder: BlockDecoder, config: BlockConfig) -> None:
+    if int(decoder.channels.max(initial=0)) >= config.output_channels:
+        raise ValueError(f"decoder.{{}}.channels: a row of the basis is of channel {decoder.channels.max()}")
+    plane_of = {channel: place for place, channels in enumerate(config.planes) for channel in channels}
+    planes = [plane_of[channel] for channel in decoder.channels.tolist()]
+    if planes != sorted(planes):
+        raise ValueError("decoder.{}.channels: rows of a plane do not lie together")
+    if int(decoder.edges.max(initial=0)) > LARGEST_EDGE_BITS:
+        raise ValueError(f"decoder.{{}}.edges: an edge part has {decoder.edges.max()} bits a texel")
+    if int(decoder.basis_scale.max(initial=0)) > LARGEST_BASIS_SCALE:
+        raise ValueError(f"decoder.{{}}.basis_scale: a scale is beyond {LARGEST_BASIS_SCALE}")
 
 
 def _check_numbers(array: NDArray[Any], name: str) -> None:
@@ -149,11 +141,8 @@ def shipped_decoder(decoders: int, parameters: Mapping[str, Any], config: BlockC
         decoder = universal_decoder(config.output_channels, version)
     except InputError as error:
         raise ValueError(str(error)) from error
-    shapes = {
-        "basis": (config.coefficients, config.block_texels, config.output_channels),
-        "scales": (config.modes, config.coefficients),
-    }
-    for part, shape in shapes.items():
+    for name, (_, shape) in decoder_shapes(config).items():
+        part = name.rpartition(".")[2]
         found: NDArray[Any] = getattr(decoder, part)
         if found.shape != shape:
             raise ValueError(f"{part}: {found.dtype} {list(found.shape)}, not {found.dtype} {list(shape)}")

@@ -8,9 +8,9 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
-from ntc.codec.block.codes import bit_offsets
-from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts, scale_values
+from ntc.codec.block.codes import bit_places, edge_places
+from ntc.codec.block.config import COLOUR_BITS, LARGEST_DEPTH, LARGEST_EDGE_BITS, BlockConfig
+from ntc.codec.block.model import BlockDecoder, BlockTexture, averaged_rows, block_parts, scale_values
 from ntc.codec.block.reference import image_of
 from ntc.codec.block.storage import level_codes, level_rows
 from ntc.codec.block.trellis import branch_tables, level_table
@@ -33,39 +33,89 @@ class TorchBlockDecoder:
 
         self._config = config
         self._following, self._subsets = tensor(following), tensor(subsets)
-        self._levels = tensor(level_table())
-        depths = decoder.depths(config)
-        self._depths = tensor(depths.astype(np.int64))
-        self._offsets = tensor(bit_offsets(depths, config))
+        self._levels = tensor(level_table().astype(np.float32))
+        sizes, modes = np.divmod(np.arange(len(config.block_words) * config.modes), config.modes)
+        places = bit_places(modes, sizes, decoder, config)
+
+        def by_size(array: NDArray[Any]) -> Tensor:
+            return tensor(array.astype(np.int64)).view(len(config.block_words), config.modes, *array.shape[1:])
+
+        self._depths, self._first = by_size(places.depths), by_size(places.first)
+        self._branches, self._others = by_size(places.branches), by_size(places.others)
+        self._edges = tensor(decoder.fitting_edges(config).astype(np.int64))
+        self._edge_places = [tensor(edge_places(decoder, config, plane)) for plane in range(len(config.planes))]
         self._scales = tensor(scale_values(decoder.scales).astype(np.float32))
-        basis = decoder.basis.astype(np.float32) * decoder.basis_scale[:, None, None]
+        every = [averaged_rows(decoder.basis.astype(np.float64), config, mip) for mip in range(config.mips)]
+        rows = (
+            np.concatenate(every, axis=1).astype(np.float32)
+            * scale_values(decoder.basis_scale).astype(np.float32)[:, None]
+        )
+        basis = np.zeros((config.coefficients, config.code_texels, config.output_channels), np.float32)
+        basis[np.arange(len(basis)), :, decoder.channels] = rows
         self._basis = tensor(basis.reshape(config.coefficients, -1))
 
-    def coefficients(self, codes: Tensor, sizes: Tensor) -> Tensor:
-        """[blocks, coefficients] float32 that `codes` [blocks, words of the largest code] int64, each a word, of size classes `sizes`
-        [blocks] int64 stand for."""
-        words = torch.nn.functional.pad(codes, (0, 2))
-        modes = codes[:, 0] & (self._config.modes - 1)
-        depths, offsets = self._depths[sizes, modes], self._offsets[sizes, modes]
-        word, shift = offsets >> 5, offsets & 31
-        # An index takes 7 bits at most: two words joined are 39 bits.
-        joined = words.gather(1, word) | ((words.gather(1, word + 1) & 127) << 32)
-        indices = (joined >> shift) & ((1 << depths) - 1)
-        values, state = torch.zeros(depths.shape, device=codes.device), torch.zeros_like(modes)
+    def coefficients(self, words: Tensor, sizes: Tensor) -> Tensor:
+        """[blocks, coefficients] float32 that codes `words` [blocks, words of the largest code and two more] int64, each a word, of
+        size classes `sizes` [blocks] int64 stand for."""
+        modes = words[:, 0] & (self._config.modes - 1)
+        depths = self._depths[sizes, modes]
+        others = _bits(words, self._others[sizes, modes], LARGEST_DEPTH) & ((1 << (depths - 1).clamp(min=0)) - 1)
+        branches = _bits(words, self._branches[sizes, modes], 1)
+        three = _bits(words, self._first[sizes, modes][:, None] - 3, 3)[:, 0]
+        state = (three & 1) << 2 | (three & 2) | three >> 2
+        values = torch.zeros(depths.shape, device=words.device)
         for k in range(depths.shape[1]):
-            active, branch = depths[:, k] > 0, indices[:, k] & 1
-            number = 4 * (indices[:, k] >> 1) + self._subsets[state, branch]
-            values[:, k] = torch.where(active, self._levels[depths[:, k], number], 0.0)
+            active, branch = depths[:, k] > 0, branches[:, k]
+            number = 4 * others[:, k] + self._subsets[state, branch]
+            values[:, k] = torch.where(active, self._levels[depths[:, k], torch.where(active, number, 0)], 0.0)
             state = torch.where(active, self._following[state, branch], state)
         return values * self._scales[modes]
 
+    def _with_edges(self, values: Tensor, words: Tensor, sizes: Tensor) -> None:
+        """Write the edge parts of codes `words` into `values` [blocks, texels of all mips, channels], which hold means."""
+        config, modes = self._config, words[:, 0] & (self._config.modes - 1)
+        side = config.block_side
+        for plane, channels in enumerate(config.planes):
+            widths, count = self._edges[sizes, modes, plane], len(channels)
+            first = self._edge_places[plane][sizes, modes]
+            for width in range(1, LARGEST_EDGE_BITS + 1):
+                own = torch.nonzero(widths == width)[:, 0]
+                if not len(own):
+                    continue
+                colour_places = first[own, None] + COLOUR_BITS * torch.arange(2 * count, device=words.device)
+                colours = _bits(words[own], colour_places, COLOUR_BITS).view(-1, 2, 1, count) / 255.0
+                begin = first[own, None] + 2 * COLOUR_BITS * count
+                places = begin + width * torch.arange(config.block_texels, device=words.device)
+                shares = _bits(words[own], places, width).view(-1, 1, side, side) / ((1 << width) - 1)
+                for mip in range(config.mips):
+                    mixed = torch.nn.functional.avg_pool2d(shares, 1 << mip).reshape(len(own), -1, 1)
+                    shown = colours[:, 0] + (colours[:, 1] - colours[:, 0]) * mixed
+                    texels = torch.arange(config.code_texels, device=words.device)[config.texels_of_mip(mip)]
+                    columns = torch.tensor(channels, device=words.device)
+                    values[own[:, None, None], texels[None, :, None], columns] = shown
+
     def blocks(self, codes: Tensor, sizes: Tensor, mean: Tensor, axes: Tensor) -> Tensor:
-        """[blocks, texels of a block, channels] float32, not clamped."""
+        """[blocks, texels of all mips of a code, channels] float32, not clamped, of `codes` [blocks, words of the largest code]."""
         config, parts = self._config, []
+        means = mean[torch.tensor(_mip_of_texels(config), device=codes.device)]
         for part, own in zip(torch.split(codes, BLOCKS_AT_ONCE), torch.split(sizes, BLOCKS_AT_ONCE), strict=True):
-            values = (self.coefficients(part, own) @ self._basis).view(-1, config.block_texels, config.output_channels)
-            parts.append(mean + values @ axes.T)
+            words = torch.nn.functional.pad(part, (0, 2))
+            values = (self.coefficients(words, own) @ self._basis).view(len(part), -1, config.output_channels)
+            flat = means.expand(len(part), -1, -1).clone()
+            self._with_edges(flat, words, own)
+            parts.append(flat + values @ axes.T)
         return torch.cat(parts)
+
+
+def _bits(words: Tensor, places: Tensor, count: int) -> Tensor:
+    """Numbers of `count` bits, at most 32, at `places` [blocks, N] of `words` [blocks, words]."""
+    word, shift = places >> 5, places & 31
+    joined = words.gather(1, word) | ((words.gather(1, word + 1) & 0x7FFFFFFF) << 32)
+    return (joined >> shift) & ((1 << count) - 1)
+
+
+def _mip_of_texels(config: BlockConfig) -> list[int]:
+    return [mip for mip, side in enumerate(config.code_sides) for _ in range(side * side)]
 
 
 class _Stored(NamedTuple):
@@ -99,8 +149,9 @@ class TorchBlock(TorchTexels):
             levels
         ]
         codes = [
-            level_codes(texture.words[first : first + count], level, self._config)
-            for (first, count), level in zip(rows, geometry, strict=True)
+            level_codes(texture.words[row.first :], level, self._config)
+            for row, level in zip(rows, geometry, strict=True)
+            if level.has_own_cells or levels != slice(None)
         ]
         parts = (
             np.concatenate([each.codes for each in codes]).astype(np.int64),
@@ -131,15 +182,18 @@ class TorchBlock(TorchTexels):
         return decode
 
     def _blocks_of(self, texels: PyramidTable, texture: BlockTexture, index: Tensor) -> tuple[Tensor, Tensor]:
-        """(block, texel of the block) of texels [N, 8], which `index` numbers through all levels."""
+        """(block, texel of its code) of texels [N, 8], which `index` numbers through all levels."""
         levels = latent_levels(texture.width, texture.height, self._config)
         level = torch.bucketize(index, texels.first[0], right=True) - 1
         inside, width = index - texels.first[0][level], texels.width[0][level]
         column, row = inside % width, inside // width
         first = torch.tensor([each.first_cell for each in levels], device=self._device)[level]
         columns = torch.tensor([each.width for each in levels], device=self._device)[level]
-        side = self._config.block_side
-        return first + row // side * columns + column // side, row % side * side + column % side
+        mips = [self._config.texels_of_mip(each.mip_of_cell).start for each in levels]
+        begin = torch.tensor(mips, device=self._device)[level]
+        sides = [self._config.code_sides[each.mip_of_cell] for each in levels]
+        side = torch.tensor(sides, device=self._device)[level]
+        return first + row // side * columns + column // side, begin + row % side * side + column % side
 
     @torch.no_grad()
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
@@ -148,5 +202,6 @@ class TorchBlock(TorchTexels):
         geometry = latent_levels(texture.width, texture.height, self._config)[level]
         self._interruption()
         values = self._decoders[texture.group].blocks(*self._stored(texture, slice(level, level + 1))).clamp(0.0, 1.0)
-        image = image_of(values.cpu().numpy(), geometry, self._config.block_side)[..., texture.places(self._config)]
+        own = values[:, self._config.texels_of_mip(geometry.mip_of_cell)]
+        image = image_of(own.cpu().numpy(), geometry, self._config)[..., texture.places(self._config)]
         return np.asarray(np.rint(image * 255.0), np.uint8)

@@ -6,6 +6,8 @@ scalar quantisation has, which is worth 0.7 to 1.9 dB at no cost to the decoder 
 the trellis is that of JPEG 2000 part 2, ITU-T T.801, Annex D).
 """
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,46 +25,46 @@ BRANCHES: tuple[tuple[tuple[int, int], tuple[int, int]], ...] = (
     ((6, 1), (7, 3)),
 )
 """By state and branch bit: (next state, subset)."""
-_SMALL_LEVELS = (
-    (0.2395, 1.2573),
-    (0.1679, 0.5701, 1.1624, 2.2025),
-    (0.0968, 0.2885, 0.5435, 0.8062, 1.1505, 1.5969, 2.2655, 3.5476),
-)
-"""Positive levels of depths 1 to 3 for a unit variance: Lloyd's iteration over trellis-coded Gaussian and Laplacian samples."""
-_LARGEST_LEVEL = {4: 5.2, 5: 6.4, 6: 7.0, 7: 8.0}
-_GROWTH = 2.8
-"""Levels of greater depths lie at largest * (e^(2.8 u) - 1) / (e^2.8 - 1), u evenly spread over 0 to 1."""
+LEVEL_STEPS = (0, -3, 2, 11, 17, 20, 23, 24)
+"""By depth: the outermost level's scale in steps of 1/16 octave, for coefficients of unit variance."""
+SHALLOW_CURVE, DEEP_CURVE = (0.0, 1.625), (-1.5, 3.0)
+"""(linear, square) terms of levels of depths below DEEP_DEPTH, and of the others."""
+DEEP_DEPTH = 3
 EXPECTED_ERROR = (1.0, 0.347, 0.105, 0.031, 0.0101, 0.00275, 0.00074, 0.0002)
 """Mean squared error of a coefficient of unit variance by depth, measured on the same samples."""
 
 
-def _positive_levels(depth: int) -> NDArray[np.float64]:
-    if depth <= len(_SMALL_LEVELS):
-        return np.array(_SMALL_LEVELS[depth - 1])
-    share = (np.arange(1 << depth) + 0.5) / (1 << depth)
-    levels: NDArray[np.float64] = _LARGEST_LEVEL[depth] * np.expm1(_GROWTH * share) / np.expm1(_GROWTH)
-    return levels
+def level_shape(depth: int) -> NDArray[np.float64]:
+    """[2^(depth + 1)] float64: levels of `depth` without their scale, s (1 + a |s| + b s^2) at even steps of s."""
+    count = 2 << depth
+    place = (2.0 * np.arange(count) + 1.0) / count - 1.0
+    linear, square = DEEP_CURVE if depth >= DEEP_DEPTH else SHALLOW_CURVE
+    magnitude = np.abs(place)
+    shape: NDArray[np.float64] = place * (1.0 + magnitude * (linear + magnitude * square))
+    return shape
 
 
-def level_table() -> NDArray[np.float32]:
-    """[LARGEST_DEPTH + 1, 2^(LARGEST_DEPTH + 1)] float32: levels by depth, rising; zeros past the last one of a depth.
+def level_table() -> NDArray[np.float64]:
+    """[LARGEST_DEPTH + 1, 2^(LARGEST_DEPTH + 1)] float64: levels by depth for a unit variance, rising; zeros past the last one of a
+    depth.
 
     Level number 4 i + s is number i of subset s.
     """
-    table = np.zeros((LARGEST_DEPTH + 1, 2 << LARGEST_DEPTH), np.float32)
+    table = np.zeros((LARGEST_DEPTH + 1, 2 << LARGEST_DEPTH))
     for depth in range(1, LARGEST_DEPTH + 1):
-        positive = _positive_levels(depth)
-        table[depth, : 2 * len(positive)] = np.concatenate([-positive[::-1], positive])
+        table[depth, : 2 << depth] = level_shape(depth) * 2.0 ** (LEVEL_STEPS[depth] / SCALE_STEPS_PER_OCTAVE)
     return table
 
 
-def indices_of(numbers: NDArray[np.int64], depths: NDArray[np.int64]) -> NDArray[np.uint32]:
+def indices_of(
+    numbers: NDArray[np.integer], depths: NDArray[np.integer], starts: NDArray[np.integer]
+) -> NDArray[np.uint32]:
     """[blocks, coefficients] uint32: the bits that are stored: the branch in the lowest bit, the place in the subset above it.
 
-    `numbers` are level numbers along a path that starts in state 0. Raises ValueError where they are none.
+    `numbers` are level numbers along a path that starts in the states `starts` [blocks]. Raises ValueError where they are none.
     """
     stored = np.zeros(numbers.shape, np.uint32)
-    state = np.zeros(len(numbers), np.int64)
+    state = starts.astype(np.int64)
     following, subsets = branch_tables()
     for k in range(numbers.shape[1]):
         subset, active = numbers[:, k] & 3, depths[:, k] > 0
@@ -82,6 +84,7 @@ def branch_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     return table[..., 0], table[..., 1]
 
 
+@lru_cache(maxsize=1)
 def _allocation_keys() -> NDArray[np.int64]:
     """[LARGEST_DEPTH] int64, falling: 16 log2 of what the variance is multiplied by for the error that each further bit takes away."""
     gains = -np.diff(np.asarray(EXPECTED_ERROR))

@@ -3,6 +3,7 @@
 What it was fitted to, and how it is made anew: assets/README.md.
 """
 
+from dataclasses import fields
 from functools import lru_cache
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import UNIVERSAL
 from ntc.errors import InputError
 
-VERSION = 1
+VERSION = 2
 """Of the tables. Packs name theirs: tables that packs were written for are never changed, only others added."""
 UNIVERSAL_CONFIG = BlockConfig(coefficients=192, modes=64)
 """What the tables were fitted with. They serve every size of codes, for bits of coefficients follow from scales."""
@@ -35,12 +36,11 @@ def universal_decoder(channels: int, version: int = VERSION) -> BlockDecoder:
             "install a newer one, or encode again"
         )
     tensors = load_file(path)
-    decoder = BlockDecoder(tensors["basis"], tensors["basis_scale"], tensors["scales"])
-    for array in (decoder.basis, decoder.basis_scale, decoder.scales):
+    for array in tensors.values():
         array.setflags(write=False)
-    return decoder
+    return BlockDecoder(**tensors)
 
 
 def universal_tensors(decoder: BlockDecoder) -> dict[str, np.ndarray]:
     """What the file of `tables_path` holds."""
-    return {"basis": decoder.basis, "basis_scale": decoder.basis_scale, "scales": decoder.scales}
+    return {field.name: getattr(decoder, field.name) for field in fields(decoder)}

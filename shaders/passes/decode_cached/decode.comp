@@ -96,12 +96,13 @@ void main() {
         }
         return;
     }
-    ivec2 block = texels[0] / BLOCK_SIDE;
-    bool one_block = block == texels[1] / BLOCK_SIDE && block == texels[2] / BLOCK_SIDE && block == texels[3] / BLOCK_SIDE;
+    int side = block_side(level);
+    ivec2 block = texels[0] / side;
+    bool one_block = block == texels[1] / side && block == texels[2] / side && block == texels[3] / side;
     ivec4 numbers;
     for (int number = 0; number < 4; ++number) {
-        ivec2 within = texels[number] % BLOCK_SIDE;
-        numbers[number] = within.y * BLOCK_SIDE + within.x;
+        ivec2 within = texels[number] % side;
+        numbers[number] = within.y * side + within.x;
     }
     if (one_block) {
         Texels sums = block_texels(code_of(record.decoder, level, block), numbers);
@@ -114,9 +115,9 @@ void main() {
     // At the texture's edge.
     for (int number = 0; number < min(4, 4 * network_blocks); ++number) {
         ivec2 texel = texel_of(tile, place_in(quad, number), size);
-        ivec2 within = texel % BLOCK_SIDE;
-        Code code = code_of(record.decoder, level, texel / BLOCK_SIDE);
-        vec4 value = block_value(record, block_texel(code, within.y * BLOCK_SIDE + within.x));
+        ivec2 within = texel % side;
+        Code code = code_of(record.decoder, level, texel / side);
+        vec4 value = block_value(record, block_texel(code, within.y * side + within.x));
         store_texel(tile, place_in(quad, number), value);
     }
 }

@@ -178,7 +178,7 @@ def test_other_codec_shapes_compile(graphics: GraphicsContext, config: GridConfi
 def test_paths_compile_for_codec_block(graphics: GraphicsContext) -> None:
     library = ShaderLibrary(shaders_folder(), scene_includes())
     factory = ProgramFactory(graphics.gl, library)
-    shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockConfig(modes=1)), SOFTWARE)
+    shaped = codec_programs(factory, random_block_pack([(4, 4)], (0,), BlockConfig(modes=8)), SOFTWARE)
     for in_image, stochastic in ((0, 0), (1, 0), (1, 1)):
         defines = {"VERTEX_COLORS": 1, "WEIGHTS_IN_IMAGE": in_image, "FILTER_STOCHASTIC": stochastic}
         for name in ("deferred/decode", "deferred/decode_shared", "binned/decode", "cached/decode", "texels/decode"):

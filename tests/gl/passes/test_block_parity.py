@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_block_pack
 from ntc.codec import reference
-from ntc.codec.block.config import LARGEST_DEPTH, BlockConfig
-from ntc.codec.block.gpu import trellis_blocks, trellis_subsets
-from ntc.codec.block.trellis import BRANCHES, level_table
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.gpu import trellis_subsets
+from ntc.codec.block.trellis import BRANCHES
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
@@ -29,9 +29,9 @@ WRAP_PAIRS = tuple(product(WRAPS, WRAPS))
 TOLERANCE = 1e-4
 SHAPES = {
     "default": BlockConfig(),
-    "one-word": BlockConfig(block_words=(1,), mean_words=1.0, modes=2, coefficients=20),
+    "one-word": BlockConfig(block_words=(1,), mean_words=1.0, modes=8, coefficients=20),
     "three-words-4x4": BlockConfig(block_side=4, block_words=(3,), mean_words=3.0, modes=64, coefficients=48),
-    "sixteen-words": BlockConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192),
+    "sixteen-words": BlockConfig(block_words=(16,), mean_words=16.0, modes=8, coefficients=192, mips=4),
     "four-channels": BlockConfig(block_words=(7,), mean_words=7.0, coefficients=256, output_channels=4, modes=8),
     "one-channel-4x4": BlockConfig(
         block_side=4, block_words=(2,), mean_words=2.0, coefficients=16, output_channels=1, modes=16
@@ -39,7 +39,7 @@ SHAPES = {
     "two-channels": BlockConfig(block_words=(5,), mean_words=5.0, coefficients=100, output_channels=2, levels=2),
     "two-sizes-4x4": BlockConfig(block_side=4, block_words=(1, 2), mean_words=1.5, coefficients=30, modes=8),
     "three-sizes": BlockConfig(block_words=(2, 3, 16), mean_words=3.0, coefficients=150, modes=16),
-    "one-coefficient": BlockConfig(block_words=(2,), mean_words=2.0, coefficients=1, modes=4),
+    "one-coefficient": BlockConfig(block_words=(2,), mean_words=2.0, coefficients=1, modes=8, mips=1),
 }
 Codec = tuple[Pack, GlTexelDecoder]
 
@@ -161,8 +161,6 @@ def test_the_shader_walks_the_trellis_of_the_encoder() -> None:
     for state, branch in product(range(8), range(2)):
         following, subset = BRANCHES[state][branch]
         assert following == ((state << 1) & 6) | branch
-        assert subset == (subsets >> (4 * state + 2 * branch)) & 3
-    levels = trellis_blocks().view(np.float32)
-    for depth in range(1, LARGEST_DEPTH + 1):
-        for number in range(2 << depth):
-            assert levels[(1 << (depth - 1)) + number // 4, number % 4] == level_table()[depth, number]
+        # The three bits before a branch are the state, the first of them highest.
+        window = state >> 2 | (state & 2) | (state & 1) << 2 | branch << 3
+        assert subset == (subsets >> (2 * window)) & 3

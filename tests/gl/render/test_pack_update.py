@@ -28,8 +28,8 @@ ENCODED_SIZES = ((256, 256), (512, 256), (160, 96), (330, 330))
 """Larger than the scene's images: the latents of a group take more than one frame."""
 MEMBERS = [1, 3]
 ADAPTED = GridConfig(hidden_width=12, adapters=True, adapter_output=True, output_channels=4)
-BLOCK = BlockConfig(block_words=(3,), mean_words=3.0, modes=4, coefficients=40)
-BLOCK_SIZES = BlockConfig(block_words=(1, 3, 4), mean_words=3.0, modes=4, coefficients=40)
+BLOCK = BlockConfig(block_words=(3,), mean_words=3.0, modes=8, coefficients=40)
+BLOCK_SIZES = BlockConfig(block_words=(1, 3, 4), mean_words=3.0, modes=8, coefficients=40)
 CACHED = Slot("p", "cached")
 DEFERRED = Slot("p", "deferred")
 ELSEWHERE = 1e-3

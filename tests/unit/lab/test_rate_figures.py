@@ -11,7 +11,7 @@ from lab.benchmarks import block_against_astc
 from lab.studies import hardware_formats
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.rate_table import RatePoint, rate_figure, rate_table
-from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texels_with_mips
+from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
 from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
@@ -35,7 +35,7 @@ def texture(side: int, seed: int) -> SourceTexture:
 
 def test_mips_go_down_to_one_texel() -> None:
     assert mip_sizes(5, 2) == [(5, 2), (2, 1), (1, 1)]
-    assert texels_with_mips([(4, 4), (5, 2)]) == 16 + 4 + 1 + 10 + 2 + 1
+    assert texel_count([(4, 4), (5, 2)]) == 16 + 10
 
 
 def test_an_exact_picture_counts_as_off_by_one_value() -> None:
@@ -60,8 +60,8 @@ def test_a_format_is_measured_once_and_its_bits_count_all_mips(tmp_path: Path, m
     pytest.importorskip("quicktex")
     textures = [texture(32, seed) for seed in range(2)]
     pictures, quality = FormatStudy(tmp_path, "medium").measure_all(textures, "bc1")
-    # 64 + 16 + 4 + 1 + 1 + 1 blocks of 64 bits for 1365 texels.
-    assert quality.bits_per_texel == pytest.approx(87 * 64 / 1365)
+    # 64 + 16 + 4 + 1 + 1 + 1 blocks of 64 bits for 1024 texels of mip 0.
+    assert quality.bits_per_texel == pytest.approx(87 * 64 / 1024)
     monkeypatch.setattr(hardware_formats, "compress", lambda *_: pytest.fail("encoded again"))
     assert FormatStudy(tmp_path, "medium").measure_all(textures, "bc1") == (pictures, quality)
 

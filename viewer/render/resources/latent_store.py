@@ -221,9 +221,12 @@ class LatentStore:
         present = int(self.finest[index])
         start = rows[finest].first
         end = rows[present].first if present < len(rows) else rows[-1].first + rows[-1].rows
-        for number in range(finest, present):
+        for number in reversed(range(finest, present)):
             row = int(self.first_level[index]) + number
-            self.levels[row]["first_cell"] = self._used + rows[number].first - start
+            # A mip without rows of its own is decoded from those of the next coarser one, which may be there already.
+            shared = rows[number].rows == 0 and number + 1 < len(rows)
+            coarser = int(self.levels[row + 1]["first_cell"]) if shared else 0
+            self.levels[row]["first_cell"] = coarser if shared else self._used + rows[number].first - start
         self._used += end - start
         self.finest[index] = finest
         return self.tables.latent_words(texture, slice(start, end)).tobytes()

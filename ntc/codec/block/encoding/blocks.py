@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.maps import SRGB_MAPS, channel_places, map_slices
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
@@ -39,7 +39,7 @@ class Axes:
     """A texture's mean and principal axes, map by map."""
 
     mean: Array
-    """[channels]."""
+    """[mips of a code, channels]."""
     axes: Array
     """[channels, channels], 0 where channels are of different maps: orthogonal columns of the length `contrast`, divided by the
     square roots of the channels' weights."""
@@ -87,7 +87,8 @@ def _principal_axes(pixels: Array, weights: NDArray[np.float64], config: BlockCo
     length = np.linalg.norm(weighted[:, 0])
     scale = roots.astype(np.float32)[:, None]
     # The inverse of orthogonal axes of one length.
-    return Axes(mean.astype(np.float32), weighted / scale, weighted * scale / np.square(length), float(length))
+    means = np.repeat(mean.astype(np.float32)[None], config.mips, axis=0)
+    return Axes(means, weighted / scale, weighted * scale / np.square(length), float(length))
 
 
 def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTexture:
@@ -104,8 +105,24 @@ def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTextu
         value[..., places] = mip.astype(np.float32) / np.float32(255.0)
         values.append(value)
     axes = _principal_axes(values[0].reshape(-1, config.output_channels), weights, config)
-    blocks = [blocks_of((value - axes.mean) @ axes.inverse, config.block_side, source.wrap) for value in values]
+    for number in range(1, config.mips):
+        axes.mean[number] = axes.mean[0] + _offset(values, levels, number)
+    own = [number for number, level in enumerate(levels) if level.has_own_cells]
+    side = config.block_side
+    blocks = [blocks_of((values[number] - axes.mean[0]) @ axes.inverse, side, source.wrap) for number in own]
     return PreparedTexture(axes, np.concatenate(blocks).reshape(-1, config.block_values))
+
+
+def _offset(values: Sequence[Array], levels: Sequence[LatentLevel], mip: int) -> Array:
+    """[channels]: by how much mips that codes hold as their mip `mip` are above the average of stored values, for colours are
+    averaged in linear light."""
+    sums, count = np.zeros(values[0].shape[2]), 0
+    for number, level in enumerate(levels):
+        if level.mip_of_cell == mip:
+            finer, texels = values[number - mip], values[number].shape[0] * values[number].shape[1]
+            sums += texels * (values[number].mean((0, 1), np.float64) - finer.mean((0, 1), np.float64))
+            count += texels
+    return np.asarray(sums / max(1, count), np.float32)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,8 +131,8 @@ class Sample:
 
     blocks: Array
     """[sampled blocks, texels x channels], normalised."""
-    contrast: float
-    """As `Axes.contrast`."""
+    axes: Axes
+    """Of the texture."""
     block_count: int
     """Blocks of all levels of the texture."""
 
@@ -130,5 +147,5 @@ def sample_textures(
     for source in sources:
         texture = prepare_texture(source, config)
         chosen = random.permutation(len(texture.blocks))[:each]
-        samples.append(Sample(texture.blocks[chosen], texture.axes.contrast, len(texture.blocks)))
+        samples.append(Sample(texture.blocks[chosen], texture.axes, len(texture.blocks)))
     return tuple(samples)

@@ -6,15 +6,17 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ntc.codec.block.codes import packed_codes
+from ntc.codec.block.codes import bits_before_branches
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import prepare_texture, sample_textures
-from ntc.codec.block.encoding.quantizer import TrellisQuantizer, best_modes, expected_errors
+from ntc.codec.block.encoding.blocks import PreparedTexture, prepare_texture, sample_textures
+from ntc.codec.block.encoding.choices import Choices, block_choices, left_out
+from ntc.codec.block.encoding.edges import edge_kinds, fitted_edges
+from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
-from ntc.codec.block.encoding.tables import Tables, fit_decoder, one_thread
+from ntc.codec.block.encoding.tables import fit_decoder
+from ntc.codec.block.encoding.transform import Tables, one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import BlockCodes, stored_words
-from ntc.codec.block.trellis import indices_of
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.textures import SourceTexture
@@ -26,7 +28,6 @@ def encode_texture(
     source: SourceTexture,
     decoder: BlockDecoder,
     config: BlockConfig,
-    quantizer: TrellisQuantizer,
     words: float,
     group: int = 0,
     worked: Callable[[int], None] = lambda _: None,
@@ -38,13 +39,15 @@ def encode_texture(
     texture = prepare_texture(source, config)
     with one_thread():
         tables = Tables.of(decoder, config)
-        values = torch.from_numpy(texture.blocks) @ tables.projection
-        parts = torch.split(values, BLOCKS_AT_ONCE)
-        expected = torch.cat([expected_errors(part, tables.depths, tables.scales).amin(2) for part in parts])
+        starts = range(0, len(texture.blocks), BLOCKS_AT_ONCE)
+        parts = [slice(start, start + BLOCKS_AT_ONCE) for start in starts]
+        choices = [_choices(texture, part, tables, decoder, config, worked) for part in parts]
         levels = latent_levels(*source.size, config)
-        sizes = torch.from_numpy(_sizes(expected.numpy(), levels, config, words))
-        codes = _codes(values, sizes, tables, config, quantizer, worked)
-    stored = stored_words(BlockCodes(codes, sizes.numpy()), levels, config)
+        sizes = _sizes(np.concatenate([each.errors for each in choices]), levels, config, words)
+        modes = np.concatenate([each.modes for each in choices])
+        own = np.take_along_axis(modes, sizes[:, None, None], axis=1)[:, 0]
+        codes = _codes(texture, sizes, own, tables, decoder, config, worked)
+    stored = stored_words(BlockCodes(codes, sizes), levels, config)
     axes = texture.axes
     return BlockTexture(**texture_fields(source, group), words=stored, mean=axes.mean, axes=axes.axes)
 
@@ -55,7 +58,7 @@ def _sizes(
     """[blocks] size classes; every level takes `words` words a block, for a coarse mip is looked at as often as a fine one."""
     lengths, left = np.array(config.block_words), 0.0
     found: list[NDArray[np.int64]] = []
-    for level in reversed(levels):
+    for level in reversed([level for level in levels if level.has_own_cells]):
         own = expected[level.first_cell : level.first_cell + level.cells]
         # What a level cannot share out goes to the next finer one.
         found.append(sizes_within(own, config.block_words, words + left / level.cells))
@@ -63,45 +66,70 @@ def _sizes(
     return np.concatenate(found[::-1])
 
 
-def _codes(
-    values: torch.Tensor,
-    sizes: torch.Tensor,
+def _choices(
+    texture: PreparedTexture,
+    part: slice,
     tables: Tables,
+    decoder: BlockDecoder,
     config: BlockConfig,
-    quantizer: TrellisQuantizer,
+    worked: Callable[[int], None],
+) -> Choices:
+    worked(0)
+    return block_choices(texture.blocks[part], texture.axes, tables, decoder, config)
+
+
+def _codes(
+    texture: PreparedTexture,
+    sizes: NDArray[np.int64],
+    modes: NDArray[np.uint8],
+    tables: Tables,
+    decoder: BlockDecoder,
+    config: BlockConfig,
     worked: Callable[[int], None],
 ) -> NDArray[np.uint32]:
-    """[blocks, words of the largest code] uint32 for coefficients `values` [blocks, coefficients] and size classes `sizes`."""
-    found = np.zeros((len(values), config.block_words[-1]), np.uint32)
-    # Small codes have bits for few coefficients: the search takes as many steps as the largest code among its blocks has.
+    """[blocks, words of the largest code] uint32 for size classes `sizes` and candidates `modes` [blocks, CANDIDATES]: of the
+    candidates, each block takes the one of least error."""
+    found = np.zeros((len(sizes), config.block_words[-1]), np.uint32)
     for size in range(len(config.block_words)):
-        own = torch.nonzero(sizes == size)[:, 0]
-        for rows in torch.split(own, BLOCKS_AT_ONCE):
-            if len(rows):
-                found[rows.numpy()] = _codes_of_size(values[rows], size, tables, config, quantizer)
-                worked(len(rows))
+        own = np.nonzero(sizes == size)[0]
+        for start in range(0, len(own), BLOCKS_AT_ONCE):
+            rows = own[start : start + BLOCKS_AT_ONCE]
+            least = np.full(len(rows), np.inf)
+            for candidates in modes[rows].T.astype(np.int64):
+                _improve(found, least, rows, candidates, size, texture, tables, decoder, config)
+            worked(len(rows))
     return found
 
 
-def _codes_of_size(
-    values: torch.Tensor,
+def _improve(
+    found: NDArray[np.uint32],
+    least: NDArray[np.float64],
+    rows: NDArray[np.int64],
+    modes: NDArray[np.int64],
     size: int,
+    texture: PreparedTexture,
     tables: Tables,
+    decoder: BlockDecoder,
     config: BlockConfig,
-    quantizer: TrellisQuantizer,
-) -> NDArray[np.uint32]:
-    allocation = tables.depths[size : size + 1]
-    expected = expected_errors(values, allocation, tables.scales)[:, 0]
-    modes = best_modes(values, expected, allocation, tables.scales)
-    chosen = tables.depths[size, modes]
-    numbers, _ = quantizer.quantize(values, chosen, tables.scales[modes])
-    indices = indices_of(numbers.numpy(), chosen.numpy())
-    return packed_codes(modes.numpy(), np.full(len(values), size), indices, tables.depths.numpy(), config)
+) -> None:
+    """Write the codes of blocks `rows` in `modes` into `found` where their errors are below `least`, which then holds them."""
+    for kind in edge_kinds(decoder):
+        own = np.nonzero(np.isin(modes, kind.modes))[0]
+        fit = fitted_edges(texture.blocks[rows[own]], texture.axes, kind.bits, config)
+        rest = torch.from_numpy(fit.rest)
+        values = rest @ tables.projection
+        chosen = modes[own]
+        bits = bits_before_branches(chosen, np.full(len(own), size), fit.parts, decoder, config)
+        words, errors = coded(values.numpy(), chosen, size, bits, decoder, config)
+        errors = errors + left_out(rest, values).numpy()
+        better = errors < least[own]
+        least[own[better]] = errors[better]
+        found[rows[own[better]]] = words[better]
 
 
 def encode_group(
     sources: Sequence[SourceTexture], config: BlockConfig, seed: int = 0
 ) -> tuple[BlockDecoder, tuple[BlockTexture, ...]]:
     """Tables and codes of textures that share a decoder. `seed` decides which blocks are sampled, and so every byte."""
-    decoder, quantizer = fit_decoder(sample_textures(sources, config, seed), config, seed), TrellisQuantizer()
-    return decoder, tuple(encode_texture(source, decoder, config, quantizer, config.mean_words) for source in sources)
+    decoder = fit_decoder(sample_textures(sources, config, seed), config, seed)
+    return decoder, tuple(encode_texture(source, decoder, config, config.mean_words) for source in sources)

@@ -11,7 +11,6 @@ import torch
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
-from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
@@ -89,11 +88,10 @@ def encode_member(
     words: float,
     fitted: FittedGroup,
     config: BlockConfig,
-    quantizer: TrellisQuantizer,
     worked: Callable[[int], None],
 ) -> BlockTexture:
     """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told how many
     blocks have been encoded since it was called last."""
-    found = encode_texture(source, fitted.decoder, config, quantizer, words, fitted.group, worked)
+    found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked)
     decoded = decode_image(found, fitted.decoder, config)[..., found.places(config)]
     return measured_texture(found, decoded, source.pixels)

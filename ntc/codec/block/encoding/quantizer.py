@@ -15,6 +15,8 @@ LOOKUP_CELLS = 2048
 
 SHORTLIST = 2
 """Modes that are compared by the table of errors: with more of them, pictures were not nearer."""
+LEAST_SHARE = 0.5
+"""Of the error expected of coefficients near 0: no block is expected to have less."""
 
 
 def lookup_cells(values: torch.Tensor) -> torch.Tensor:
@@ -60,6 +62,9 @@ def expected_errors(values: torch.Tensor, depths: torch.Tensor, scales: torch.Te
     variances = scales.square().repeat(len(depths), 1)
     squares = values.square()
     rough = squares @ square.T + squares.square() @ (fourth / variances).T + (constant * variances).sum(1)
+    # Polynomials may fall below what the closest levels leave, and even below 0.
+    least = LEAST_SHARE * (constant.clamp(min=0.0) * variances).sum(1)
+    rough = torch.maximum(rough, least)
     return rough.view(len(values), *depths.shape[:2])
 
 
@@ -89,7 +94,7 @@ class TrellisQuantizer:
     """Finds the indices with the least squared error, for many blocks side by side. Float32, on the CPU."""
 
     def __init__(self) -> None:
-        levels = level_table()
+        levels = level_table().astype(np.float32)
         centres = (np.arange(LOOKUP_CELLS) + 0.5) * (2.0 * LOOKUP_RANGE / LOOKUP_CELLS) - LOOKUP_RANGE
         nearest = np.zeros((4, LARGEST_DEPTH + 1, LOOKUP_CELLS), np.int64)
         for depth in range(1, LARGEST_DEPTH + 1):
@@ -111,22 +116,25 @@ class TrellisQuantizer:
         self._subset = torch.tensor([[subset for _, subset in pairs] for pairs in into])
 
     def quantize(
-        self, values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor
+        self, values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor, starts: torch.Tensor
     ) -> tuple[torch.Tensor, torch.Tensor]:
         """(level numbers [blocks, coefficients] int64, coefficients that they stand for, float32) of `values`.
 
         `depths` int64 and `scales` float32 are given by block and coefficient; depth 0 stands for 0 and leaves the state alone.
+        Paths start in the states `starts` [blocks] int64.
         """
         # Those with bits first: the path goes through them alone.
         steps = int((depths > 0).sum(1).max()) if len(depths) else 0
         order = (depths == 0).to(torch.uint8).argsort(dim=1, stable=True)[:, :steps]
         numbers = torch.zeros_like(depths)
         used = depths.gather(1, order)
-        numbers.scatter_(1, order, self._path(values.gather(1, order), used, scales.gather(1, order)))
+        numbers.scatter_(1, order, self._path(values.gather(1, order), used, scales.gather(1, order), starts))
         decoded = self._levels[depths * self._row + numbers] * scales
         return numbers, torch.where(depths > 0, decoded, 0.0)
 
-    def _path(self, values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:
+    def _path(
+        self, values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor, starts: torch.Tensor
+    ) -> torch.Tensor:
         """[blocks, steps] level numbers along the best path; those of depth 0 come last."""
         blocks, steps = values.shape
         unit = values / scales
@@ -137,7 +145,7 @@ class TrellisQuantizer:
         errors = (errors - unit.T).square_() * scales.square().T
         active = (depths > 0).T.contiguous()
         cost = torch.full((STATES, blocks), torch.inf)
-        cost[0] = 0.0
+        cost[starts, torch.arange(blocks)] = 0.0
         arrived: list[torch.Tensor] = []
         first, second = self._from.unbind(1)
         first_subset, second_subset = self._subset.unbind(1)

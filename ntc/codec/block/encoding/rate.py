@@ -6,6 +6,7 @@ from typing import Literal
 
 from ntc.codec.block.config import (
     DIRECTORY_RUN,
+    FEWEST_MODES,
     LARGEST_DEPTH,
     LARGEST_SET_MODES,
     LARGEST_SET_WORDS,
@@ -14,7 +15,7 @@ from ntc.codec.block.config import (
 )
 from ntc.codec.block.universal import UNIVERSAL_CONFIG
 from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import BASE_ALONE
 from ntc.errors import InputError
 
@@ -23,14 +24,12 @@ SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)
 WHOLE_WORDS = 0.1
 """Blocks of 4x4 texels take codes of one size where the mean is as near to a whole number of words: a directory costs 0.25 bits a
 texel there."""
-COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 24
+COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 36
 """Rows of the basis, and for each word of a code: more are hardly ever given a bit."""
 MODES = 32
-SET_COEFFICIENTS_PER_WORD = 36
-"""Of material sets, whose rows of the basis are of one channel and take less room."""
 TABLE_SHARE = 0.25
 """Of all bits: tables are made smaller where textures are so few that they would take more."""
-FEWEST_COEFFICIENTS, FEWEST_MODES = 16, 4
+FEWEST_COEFFICIENTS = 16
 SETTLING_ROUNDS = 12
 
 
@@ -41,24 +40,25 @@ def largest_words(textures: TextureSet) -> int:
 
 def side_bits(textures: TextureSet, config: BlockConfig) -> int:
     """Stored bits besides codes: means, axes, directories and tables."""
-    decoder = config.coefficients * (8 * config.row_bytes + 32)
-    bits = textures.groups * (decoder + 8 * config.modes * config.coefficients)
+    decoder = config.coefficients * config.row_bytes + config.modes * (config.coefficients + len(config.planes))
+    bits = 8 * textures.groups * decoder
     for size in textures.sizes:
-        bits += 32 * (config.output_channels + config.axis_numbers)
+        bits += 32 * (config.mips * config.output_channels + config.axis_numbers)
         if len(config.block_words) > 1:
-            bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in latent_levels(*size, config))
+            own = [level for level in latent_levels(*size, config) if level.has_own_cells]
+            bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in own)
     return bits
 
 
 def texel_count(sizes: Sizes, config: BlockConfig) -> int:
-    """Texels of all encoded mips."""
-    levels = [level for size in sizes for level in latent_levels(*size, config)]
-    return sum(level.texel_width * level.texel_height for level in levels)
+    """Texels of all textures' mip 0."""
+    del config
+    return sum(width * height for width, height in sizes)
 
 
 def block_count(sizes: Sizes, config: BlockConfig) -> int:
     """Blocks of all encoded mips."""
-    return sum(level.cells for size in sizes for level in latent_levels(*size, config))
+    return sum(latent_cell_count(*size, config) for size in sizes)
 
 
 def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
@@ -102,11 +102,9 @@ def config_for_words(
         maps=textures.maps,
         levels=textures.levels,
     )
-    per_word = SET_COEFFICIENTS_PER_WORD if plain.has_sets else COEFFICIENTS_PER_WORD
-    most = min(plain.block_values, COEFFICIENTS + round(per_word * words))
+    most = min(plain.block_values, COEFFICIENTS + round(COEFFICIENTS_PER_WORD * words))
     if multiply_adds is not None:
-        by_row = 1 if plain.has_sets else textures.channels
-        most = max(1, min(most, (multiply_adds - plain.axis_numbers) // by_row))
+        most = max(1, min(most, multiply_adds - plain.axis_numbers))
     found = replace(plain, coefficients=most)
     codes = 32.0 * words * block_count(textures.sizes, found)
     # With fewer ones a code's bits find no coefficient that takes them.

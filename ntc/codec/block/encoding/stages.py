@@ -11,7 +11,6 @@ import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
-from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.rate import block_count
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
@@ -40,7 +39,6 @@ class BlockEncoder(Encoder):
         self._sharing = Sharing(self._options.balance, self._options.worth)
         self._fitted: dict[int, FittedGroup] = {}
         self._found: dict[int, BlockTexture] = {}
-        self._quantizer = TrellisQuantizer()
         self._work, self._step, self._steps = "", 0, 0
         self._blocks_done: list[int] = []
         self._blocks = 1
@@ -92,7 +90,7 @@ class BlockEncoder(Encoder):
     def _encoded(self, fitted: FittedGroup, part: tuple[int, float]) -> BlockTexture:
         index, words = part
         source = self._task.textures[index]
-        return encode_member(source, words, fitted, self._config, self._quantizer, self._worked)
+        return encode_member(source, words, fitted, self._config, self._worked)
 
     def _worked(self, blocks: int) -> None:
         """In the thread of a texture. Appending to a list is atomic."""
@@ -134,7 +132,7 @@ class BlockEncoder(Encoder):
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         members = {
-            index: Member(task.textures[index], each, curve, self._config, target_db, self._quantizer, self._worked)
+            index: Member(task.textures[index], each, curve, self._config, target_db, self._worked)
             for each in fitted
             for index, curve in zip(each.members, each.curves, strict=True)
         }

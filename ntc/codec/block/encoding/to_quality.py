@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import LARGEST_SET_WORDS, LARGEST_SIZES, LARGEST_WORDS, BlockConfig
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, fitted_groups
-from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.rate import FEWEST_COEFFICIENTS, config_for_words, largest_words
 from ntc.codec.block.encoding.sharing import RateCurve, best_block_words, price_at_error
 from ntc.codec.block.encoding.tables import coefficient_energies, rate_curve
@@ -66,14 +65,13 @@ class Member:
     curve: RateCurve
     config: BlockConfig
     target_db: float
-    quantizer: TrellisQuantizer
     worked: Callable[[int], None]
     """As `encode_member` takes it."""
 
     def encode(self, asked_db: float) -> Try:
         """Encode in the words at which the rate curve promises `asked_db`."""
         words = self.curve.at(price_at_error(self.curve, _curve_error(asked_db)))[0]
-        found = encode_member(self.source, words, self.fitted, self.config, self.quantizer, self.worked)
+        found = encode_member(self.source, words, self.fitted, self.config, self.worked)
         return Try(asked_db, found)
 
     def correct(self, first: Try) -> Try:

@@ -17,7 +17,16 @@ from ntc.codec.encoding import BitsTarget, EncodingChoices
 from ntc.codec.maps import MAP_CHANNELS, MAPS
 from ntc.codec.model import CodecSettings, Grouping, Pack
 from ntc.codec.reference import decode_image
-from ntc.codec.registry import FIRST_NAME, MODULES, SUMMARIES, CodecName, chosen_codec, codec_named, codec_of
+from ntc.codec.registry import (
+    FIRST_NAME,
+    FORMER_FORMATS,
+    MODULES,
+    SUMMARIES,
+    CodecName,
+    chosen_codec,
+    codec_named,
+    codec_of,
+)
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError, TrainingCancelledError
 from ntc.pack.file import read_pack, write_pack
@@ -57,9 +66,11 @@ def empty_file(folder: Path, settings: CodecSettings) -> Path:
 
 def test_there_is_a_codec_in_every_folder_and_no_other() -> None:
     found = {path.parent.name for path in (ROOT / "ntc" / "codec").glob("*/codec.py")}
-    assert found == set(MODULES)
+    former = {name.replace("-", "_") for name in FORMER_FORMATS}
+    assert found == set(MODULES) | former
+    assert set(FORMER_FORMATS.values()) <= set(MODULES)
     assert FIRST_NAME in MODULES
-    assert set(SUMMARIES) == set(get_args(CodecName)) == found
+    assert set(SUMMARIES) == set(get_args(CodecName)) == set(MODULES)
     with pytest.raises(KeyError):
         codec_named("wavelet")
 

@@ -48,8 +48,9 @@ def texels_of(pack: Pack, index: int, level: int) -> NDArray[np.float64]:
     texture, config = own.textures[index], own.config
     decoder = own.decoders[texture.group]
     geometry = latent_levels(texture.width, texture.height, config)[level]
-    values = reference.block_values(texture, reference.texture_codes(texture, config, level), decoder, config)
-    return image_of(values, geometry, config.block_side).astype(np.float64)
+    stored = reference.texture_codes(texture, config, level)
+    values = reference.block_values(texture, stored, decoder, config, geometry.mip_of_cell)
+    return image_of(values, geometry, config).astype(np.float64)
 
 
 @every_codec

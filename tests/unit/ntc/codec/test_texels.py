@@ -166,7 +166,7 @@ def test_angles_are_those_between_the_vectors(degrees: float) -> None:
 
 
 def test_each_map_has_its_own_psnr_and_the_table_shows_them() -> None:
-    config = BlockConfig(coefficients=8, modes=2, output_channels=6, maps=MAPS)
+    config = BlockConfig(coefficients=8, modes=8, output_channels=6, maps=MAPS)
     pack = random_block_pack(((8, 8),), (0,), config)
     pixels = np.full((8, 8, 6), 100, np.uint8)
     decoded = pixels.copy()

@@ -28,7 +28,7 @@ from tests.support.packs.checks import assert_equal, check_pack
 Change = Callable[[PackBytes], None]
 Pieces = dict[str, PackBytes]
 SIZES = ((8, 8), (12, 4), (5, 7))
-SMALL = BlockConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=4)
+SMALL = BlockConfig(block_side=4, block_words=(2,), mean_words=2.0, coefficients=10, modes=8)
 SIZES_OF_CODES = replace(SMALL, block_words=(1, 2, 3))
 SETS = replace(SMALL, output_channels=8, maps=("base", "normal", "roughness", "metalness", "occlusion"))
 KINDS: list[tuple[MapName, ...]] = [SETS.maps, ("base",), ("normal", "occlusion")]
@@ -75,7 +75,7 @@ def refuse(folder: Path, file: bytes, *words: str) -> None:
         BlockConfig(),
         SMALL,
         SIZES_OF_CODES,
-        BlockConfig(block_words=(16,), mean_words=16.0, modes=1, coefficients=192, levels=1),
+        BlockConfig(block_words=(16,), mean_words=16.0, modes=8, coefficients=192, levels=1),
         BlockConfig(block_words=(1,), mean_words=1.0, modes=64, coefficients=1, output_channels=1),
         BlockConfig(output_channels=4),
         BlockConfig(output_channels=12, maps=MAPS),
@@ -135,11 +135,11 @@ def test_files_hold_what_the_format_says(tmp_path: Path, pieces: Pieces) -> None
         assert len(read_pack(path).textures) == 3
         assert set(expected_tensors(parse_metadata(json.dumps(own.metadata)))) == set(own.tensors)
     assert pieces["block"].metadata["codec"] == {
-        "kind": "block", "block_side": 4, "block_words": [2], "mean_words": 2.0, "coefficients": 10, "modes": 4,
-        "output_channels": 3, "levels": None,
+        "kind": "block", "format": 2, "mips": 2, "block_side": 4, "block_words": [2], "mean_words": 2.0,
+        "coefficients": 10, "modes": 8, "output_channels": 3, "levels": None,
     }  # fmt: skip
-    # 2 x 2 blocks, then 1, of two words.
-    assert pieces["block"].tensors["latents.0"]["shape"] == [10, 4]
+    # 2 x 2 blocks of two words, for both mips.
+    assert pieces["block"].tensors["latents.0"]["shape"] == [8, 4]
 
 
 def test_files_of_codec_grid_name_no_kind_and_may(tmp_path: Path, pieces: Pieces) -> None:
@@ -357,12 +357,13 @@ def maps_of_texture(index: int, maps: Any) -> Change:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (put("decoder.0.basis_scale", 0, struct.pack("<f", float("nan"))), ("decoder.0.basis_scale", "NaN")),
-        (put("decoder.0.basis_scale", 4, struct.pack("<f", 1e30)), ("decoder.0.basis_scale", "beyond 16")),
+        (put("decoder.0.basis_scale", 1, b"\xff"), ("decoder.0.basis_scale", "beyond 192")),
+        (put("decoder.0.channels", 9, b"\x03"), ("decoder.0.channels", "of channel 3")),
+        (put("decoder.0.edges", 0, b"\x04"), ("decoder.0.edges", "4 bits a texel")),
         (put("latents.2.mean", 0, struct.pack("<f", float("inf"))), ("latents.2.mean", "NaN or infinity")),
         (put("latents.1.axes", 32, struct.pack("<f", -1e9)), ("latents.1.axes", "beyond 16")),
         (lambda p: p.tensors["decoder.0.basis"].update(dtype="U8"), ("decoder.0.basis", "expected I8")),
-        (lambda p: p.tensors["latents.0"].update(shape=[40]), ("latents.0", "expected U8 [any, 4]")),
+        (lambda p: p.tensors["latents.0"].update(shape=[32]), ("latents.0", "expected U8 [any, 4]")),
         (lambda p: p.tensors.pop("latents.1.axes"), ()),
         (codec("kind", "wavelet"), ("metadata.codec.kind",)),
         (codec("kind", None), ("metadata.codec.kind",)),
@@ -371,9 +372,9 @@ def maps_of_texture(index: int, maps: Any) -> Change:
         (lambda p: p.metadata["codec"].pop("modes"), ("metadata.codec has fields",)),
         (codec("hidden_width", 64), ("metadata.codec has fields",)),
         (codec("modes", 3), ("codec.modes",)),
-        (codec("modes", 8), ("decoder.0.scales",)),
+        (codec("modes", 16), ("decoder.0.scales",)),
         (codec("block_words", [10**9]), ("codec.block_words",)),
-        (codec("block_words", [1]), ("latents.0", "10 words, not the 5")),
+        (codec("block_words", [1]), ("latents.0", "8 words, not the 4")),
         (codec("block_words", [3]), ("latents.0", "too few")),
         (codec("block_words", [1, 2, 3, 4, 5]), ("codec.block_words",)),
         (codec("block_words", 2), ("codec.block_words",)),
@@ -449,7 +450,7 @@ def test_what_decodes_differently_is_found() -> None:
     assert same_shape(old, other)
     assert changed_textures(old, other) == {1}
     first, second = block_parts(old).decoders
-    brighter = replace(first, basis_scale=first.basis_scale * np.float32(2.0))
+    brighter = replace(first, basis_scale=first.basis_scale + np.uint8(16))
     assert changed_textures(old, replace(old, decoders=(brighter, second))) == {0, 2}
     assert not same_shape(old, random_pack())
 

@@ -64,6 +64,17 @@ def test_jobs_go_on_from_a_block_pack_in_its_own_codec(scene: Scene, job: Traini
     assert request.dirty == dirty
 
 
+def test_a_pack_of_a_former_format_is_encoded_anew_as_a_whole(scene: Scene) -> None:
+    old = read_pack(Path("tests/unit/ntc/codec/block/format_1/colours.ntc"))
+    shown = [
+        replace(own, pixel_hash=image.pixel_hash) for own, image in zip(old.textures, scene.textures, strict=False)
+    ]
+    pack = replace(old, textures=tuple(shown))
+    request = checked_request(prepare(RetrainGroups(SETTINGS, frozenset({1})), scene, pack, JobReport()))
+    assert (request.codec.kind, request.start, request.dirty) == ("block", None, {0, 1})
+    assert request.grouping == pack.grouping
+
+
 def test_a_scene_is_encoded_in_blocks_at_two_bits(scene: Scene) -> None:
     request = prepare(EncodeScene(SETTINGS), scene, random_block_pack(), JobReport())
     assert request.start is None

@@ -124,6 +124,7 @@ NTC_FUNCTION uint product_high(uint a, uint b) {
 }
 NTC_FUNCTION float floor(float value) { return ::floorf(value); }
 NTC_FUNCTION float abs(float value) { return ::fabsf(value); }
+NTC_FUNCTION float exp2(float value) { return ::exp2f(value); }
 NTC_FUNCTION float round_even(float value) { return ::rintf(value); }
 template <typename T> NTC_FUNCTION T larger(T a, T b) { return a < b ? b : a; }
 template <typename T> NTC_FUNCTION T smaller(T a, T b) { return b < a ? b : a; }

@@ -1,0 +1,49 @@
+"""Which modes suit blocks, edge parts included, by the errors that are expected of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.blocks import Array, Axes
+from ntc.codec.block.encoding.edges import edge_kinds, fitted_edges
+from ntc.codec.block.encoding.quantizer import expected_errors
+from ntc.codec.block.encoding.transform import Tables
+from ntc.codec.block.model import BlockDecoder
+
+CANDIDATES = 2
+"""Modes that are searched for each block: with more of them, pictures were not nearer."""
+
+
+@dataclass(frozen=True, eq=False)
+class Choices:
+    """What is expected of some blocks."""
+
+    errors: Array
+    """[blocks, sizes] float32: least expected squared error, in units of the axes."""
+    modes: NDArray[np.uint8]
+    """[blocks, sizes, CANDIDATES] modes of the least expected errors."""
+
+
+def left_out(blocks: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+    """[blocks] squared error of what the basis cannot show of `blocks`, whatever their coefficients `values` become."""
+    return (blocks.square().sum(1) - values.square().sum(1)).clamp_(min=0.0)
+
+
+def block_choices(blocks: Array, axes: Axes, tables: Tables, decoder: BlockDecoder, config: BlockConfig) -> Choices:
+    """Choices for normalised `blocks` [blocks, texels x channels] of a texture with `axes`."""
+    sizes = len(config.block_words)
+    expected = torch.full((len(blocks), sizes, config.modes), torch.inf)
+    fits = torch.from_numpy((decoder.fitting_edges(config) == decoder.edges).all(2))
+    for kind in edge_kinds(decoder):
+        rest = torch.from_numpy(fitted_edges(blocks, axes, kind.bits, config).rest)
+        values = rest @ tables.projection
+        modes = torch.from_numpy(kind.modes)
+        # The polynomials that errors come from may fall below 0.
+        own = expected_errors(values, tables.depths[:, modes], tables.scales[modes]).clamp_(min=0.0)
+        own += left_out(rest, values)[:, None, None]
+        expected[:, :, modes] = torch.where(fits[:, modes], own, torch.inf)
+    least = expected.topk(min(CANDIDATES, config.modes), dim=2, largest=False)
+    return Choices(least.values[..., 0].numpy(), least.indices.numpy().astype(np.uint8))

@@ -1,0 +1,174 @@
+"""The search for a block's best path through the trellis and the writing of its code, compiled by numba, a block at a time."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from ntc.codec.block.codes import first_branches
+from ntc.codec.block.config import LARGEST_DEPTH, BlockConfig
+from ntc.codec.block.encoding.quantizer import LOOKUP_CELLS, LOOKUP_RANGE
+from ntc.codec.block.model import BlockDecoder, scale_values
+from ntc.codec.block.trellis import BRANCHES, STATES, level_table
+
+_SUBSETS = np.array([subset for branches in BRANCHES for _, subset in branches], np.int64)
+"""By state and branch."""
+_LOWER = STATES // 2
+
+
+class SearchTables(NamedTuple):
+    """What the search reads: for one size of codes, by mode, its coefficients with bits alone."""
+
+    counts: NDArray[np.int64]
+    """[modes]."""
+    rows: NDArray[np.int64]
+    """[modes, most] coefficients that have bits."""
+    depths: NDArray[np.int64]
+    """[modes, most]."""
+    scales: NDArray[np.float32]
+    """[modes, most]."""
+    first: NDArray[np.int64]
+    """[modes] first branch bit."""
+    nearest: NDArray[np.uint8]
+    """[depths, cells, subsets] number of the level nearest to a value."""
+    levels: NDArray[np.float32]
+    """[depths, numbers]."""
+
+
+def search_tables(decoder: BlockDecoder, config: BlockConfig, size: int) -> SearchTables:
+    """Tables for codes of size class `size`."""
+    depths = decoder.depths(config)[size].astype(np.int64)
+    scales = scale_values(decoder.scales).astype(np.float32)
+    counts = (depths > 0).sum(1)
+    rows = np.argsort(depths == 0, axis=1, kind="stable")[:, : max(1, counts.max())]
+    modes = np.arange(len(depths))[:, None]
+    levels = level_table()
+    return SearchTables(
+        counts,
+        rows,
+        depths[modes, rows],
+        scales[modes, rows],
+        first_branches(decoder, config)[size],
+        nearest_levels(levels),
+        levels.astype(np.float32),
+    )
+
+
+def nearest_levels(levels: NDArray[np.float64]) -> NDArray[np.uint8]:
+    """[depths, cells, subsets] uint8: number of the level of a subset that is nearest to a value, which lies in a cell of the
+    range."""
+    centres = (np.arange(LOOKUP_CELLS) + 0.5) * (2.0 * LOOKUP_RANGE / LOOKUP_CELLS) - LOOKUP_RANGE
+    nearest = np.zeros((LARGEST_DEPTH + 1, LOOKUP_CELLS, 4), np.uint8)
+    for depth in range(1, LARGEST_DEPTH + 1):
+        for subset in range(4):
+            own = levels[depth, subset : 2 << depth : 4]
+            nearest[depth, :, subset] = np.searchsorted((own[1:] + own[:-1]) / 2.0, centres) * 4 + subset
+    return nearest
+
+
+@njit(nogil=True, cache=True)
+def _start_state(word: NDArray[np.uint32], before: int) -> int:
+    state = 0
+    for bit in range(before - 3, before):
+        state = 2 * state + ((word[bit >> 5] >> np.uint32(bit & 31)) & 1)
+    return state
+
+
+@njit(nogil=True, cache=True)
+def _weigh_levels(
+    value: float,
+    depth: int,
+    scale: float,
+    nearest: NDArray[np.uint8],
+    levels: NDArray[np.float32],
+    numbers: NDArray[np.uint8],
+    error: NDArray[np.float32],
+) -> None:
+    """Write the level nearest to `value` in each subset into `numbers`, and its squared error into `error`."""
+    unit = value / scale
+    cell = int((unit + np.float32(LOOKUP_RANGE)) * np.float32(LOOKUP_CELLS / (2.0 * LOOKUP_RANGE)))
+    cell = min(max(cell, 0), LOOKUP_CELLS - 1)
+    for subset in range(4):
+        number = nearest[depth, cell, subset]
+        numbers[subset] = number
+        difference = (levels[depth, number] - unit) * scale
+        error[subset] = difference * difference
+
+
+@njit(nogil=True, cache=True)
+def _step(
+    cost: NDArray[np.float32], following: NDArray[np.float32], error: NDArray[np.float32], came: NDArray[np.uint8]
+) -> None:
+    """Go through the trellis by one coefficient: `cost` by state, and in `came` from which half of the states it was reached."""
+    for state in range(STATES):
+        one, other = state >> 1, (state >> 1) + _LOWER
+        first = cost[one] + error[_SUBSETS[2 * one + (state & 1)]]
+        second = cost[other] + error[_SUBSETS[2 * other + (state & 1)]]
+        came[state] = second < first
+        following[state] = min(first, second)
+    for state in range(STATES):
+        cost[state] = following[state]
+
+
+@njit(nogil=True, cache=True)
+def _write(word: NDArray[np.uint32], place: int, value: int, width: int) -> None:
+    """Set `width` bits, which are 0, to `value`."""
+    shifted = np.uint64(value) << np.uint64(place & 31)
+    word[place >> 5] |= np.uint32(shifted & np.uint64(0xFFFFFFFF))
+    if (place & 31) + width > 32:
+        word[(place >> 5) + 1] |= np.uint32(shifted >> np.uint64(32))
+
+
+@njit(nogil=True, cache=True)
+def _without_bits(value: NDArray[np.float32], rows: NDArray[np.int64]) -> float:
+    """Squares of the coefficients that have no bits and are decoded as 0."""
+    total = np.float32(0.0)
+    for k in range(len(value)):
+        total += value[k] * value[k]
+    for row in rows:
+        total -= value[row] * value[row]
+    return float(max(total, np.float32(0.0)))
+
+
+@njit(nogil=True, cache=True)
+def write_codes(
+    values: NDArray[np.float32],
+    modes: NDArray[np.int64],
+    words: NDArray[np.uint32],
+    errors: NDArray[np.float32],
+    counts: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    depths: NDArray[np.int64],
+    scales: NDArray[np.float32],
+    first: NDArray[np.int64],
+    nearest: NDArray[np.uint8],
+    levels: NDArray[np.float32],
+) -> None:
+    """Writes branch and index bits of coefficients `values` [blocks, coefficients] into codes `words` [blocks, words], which hold
+    modes and edge parts already, and squared errors into `errors` [blocks]. The other arguments are a `SearchTables`."""
+    came = np.empty((rows.shape[1], STATES), np.uint8)
+    numbers = np.empty((rows.shape[1], 4), np.uint8)
+    cost, following = np.empty(STATES, np.float32), np.empty(STATES, np.float32)
+    error = np.empty(4, np.float32)
+    for block in range(len(values)):
+        mode = modes[block]
+        count, before = counts[mode], first[mode]
+        cost[:] = np.inf
+        cost[_start_state(words[block], before)] = 0.0
+        rest = before + count
+        for k in range(count):
+            value, depth = values[block, rows[mode, k]], depths[mode, k]
+            _weigh_levels(value, depth, scales[mode, k], nearest, levels, numbers[k], error)
+            _step(cost, following, error, came[k])
+            rest += depth - 1
+        state = int(cost.argmin())
+        errors[block] = cost[state] + _without_bits(values[block], rows[mode, :count])
+        for k in range(count - 1, -1, -1):
+            branch = int(state & 1)
+            state = (state >> 1) + _LOWER * came[k, state]
+            number, width = numbers[k, _SUBSETS[2 * state + branch]], depths[mode, k] - 1
+            _write(words[block], before + k, branch, 1)
+            rest -= width
+            if width:
+                _write(words[block], rest, number >> 2, width)

@@ -1,0 +1,144 @@
+"""Edge parts of blocks: two colours and an index a texel, found by least squares. They mend flat graphics, which no transform codes
+well."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.block.codes import EdgePart
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.blocks import Array, Axes
+from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.reference import edge_values
+
+compiled: Any
+try:
+    from ntc.codec.block.encoding import compiled_edges as compiled
+except ImportError:
+    compiled = None
+
+ROUNDS = 4
+"""Alternations between the indices of texels and the colours that fit them."""
+POWER_ROUNDS = 6
+"""Of the iteration that finds a block's principal direction."""
+
+
+class EdgeKind(NamedTuple):
+    """Modes of a decoder that have the same edge parts."""
+
+    bits: tuple[int, ...]
+    """By plane: index bits a texel; 0: no edge part."""
+    modes: NDArray[np.int64]
+
+
+def edge_kinds(decoder: BlockDecoder) -> list[EdgeKind]:
+    """Those of `decoder`, that of modes without edge parts first."""
+    rows = [tuple(row) for row in decoder.edges.tolist()]
+    found = sorted(set(rows))
+    return [EdgeKind(bits, np.array([mode for mode, own in enumerate(rows) if own == bits])) for bits in found]
+
+
+class EdgeFit(NamedTuple):
+    """Blocks with edge parts."""
+
+    parts: tuple[EdgePart, ...]
+    """By plane."""
+    rest: Array
+    """[blocks, texels x channels] what is left for the transform, normalised."""
+
+
+def fitted_edges(blocks: Array, axes: Axes, bits: tuple[int, ...], config: BlockConfig) -> EdgeFit:
+    """Edge parts of `bits` by plane for normalised `blocks` [blocks, texels x channels]."""
+    shown = blocks.reshape(-1, config.block_texels, config.output_channels)
+    if not any(bits):
+        return EdgeFit(tuple(_no_part(config, channels) for channels in config.planes), blocks)
+    values = axes.mean[0] + shown @ axes.axes.T
+    weights = np.linalg.norm(axes.inverse, axis=1)
+    # What edge parts show takes the place of the mean.
+    rest, parts = values - axes.mean[0], []
+    for channels, own in zip(config.planes, bits, strict=True):
+        columns = list(channels)
+        if not own:
+            parts.append(_no_part(config, channels))
+            continue
+        colours, indices = two_colours(values[..., columns] * np.float32(255.0), weights[columns], own)
+        part = EdgePart(np.arange(len(blocks)), np.full(len(blocks), own), colours, indices)
+        rest[..., columns] = values[..., columns] - edge_values(part, config, 0).astype(np.float32)
+        parts.append(part)
+    return EdgeFit(tuple(parts), (rest @ axes.inverse).reshape(blocks.shape).astype(np.float32))
+
+
+def _no_part(config: BlockConfig, channels: tuple[int, ...]) -> EdgePart:
+    none = np.zeros(0, np.int64)
+    texels = np.zeros((0, config.block_texels), np.uint8)
+    return EdgePart(none, none, np.zeros((0, 2, len(channels)), np.uint8), texels)
+
+
+def two_colours(values: Array, weights: NDArray[np.floating], bits: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Return (colours [blocks, 2, channels] uint8, indices [blocks, texels] uint8) nearest to `values` [blocks, texels, channels].
+
+    Values are in steps of 8 bits; `weights` [channels] are those of their errors. Compiled where numba is installed.
+    """
+    squares = np.square(weights / max(float(weights.max()), 1e-9)).astype(np.float32)
+    if compiled is None:
+        return two_colours_by_numpy(values, squares, bits)
+    colours = np.zeros((len(values), 2, values.shape[2]), np.uint8)
+    indices = np.zeros(values.shape[:2], np.uint8)
+    compiled.fit_two_colours(np.ascontiguousarray(values), squares, (1 << bits) - 1, colours, indices)
+    return colours, indices
+
+
+def two_colours_by_numpy(values: Array, squares: Array, bits: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """As `two_colours`, without compiled code; `squares` [channels] are those of the weights."""
+    largest = (1 << bits) - 1
+    mean = values.mean(1, keepdims=True)
+    centred = values - mean
+    direction = _principal(centred * np.sqrt(squares))
+    place = np.einsum("btc,bc->bt", centred * np.sqrt(squares), direction)
+    shares = np.stack([place.argmin(1), place.argmax(1)], axis=1)
+    colours = np.take_along_axis(values, shares[..., None], axis=1)
+    best = np.full(len(values), np.inf, np.float32)
+    found = np.zeros((len(values), 2, values.shape[2]), np.uint8)
+    indices = np.zeros(values.shape[:2], np.uint8)
+    for _ in range(ROUNDS):
+        stored = np.clip(np.rint(colours), 0.0, 255.0).astype(np.float32)
+        step = stored[:, 1] - stored[:, 0]
+        length = np.maximum((step * step * squares).sum(1), 1e-9)
+        share = np.einsum("btc,bc->bt", values - stored[:, :1], step * squares) / length[:, None]
+        number = np.clip(np.rint(share * largest), 0, largest)
+        share = (number / largest).astype(np.float32)
+        shown = stored[:, :1] + share[..., None] * step[:, None]
+        error = (np.square(values - shown) * squares).sum((1, 2))
+        better = error < best
+        best = np.where(better, error, best)
+        found[better], indices[better] = stored[better].astype(np.uint8), number[better].astype(np.uint8)
+        colours = _colours_for(values, share, stored)
+    return found, indices
+
+
+def _principal(centred: Array) -> Array:
+    """[blocks, channels] about the direction of greatest variance of `centred` [blocks, texels, channels]."""
+    covariance = np.einsum("btc,btd->bcd", centred, centred)
+    direction = covariance.sum(2) + 1e-6
+    for _ in range(POWER_ROUNDS):
+        direction = np.einsum("bcd,bd->bc", covariance, direction)
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True) + 1e-12
+    return np.asarray(direction, np.float32)
+
+
+def _colours_for(values: Array, share: Array, before: Array) -> Array:
+    """[blocks, 2, channels]: colours of least squared error for the `share` [blocks, texels] of the second one in each texel."""
+    rest = 1.0 - share
+    first, both, second = (rest * rest).sum(1), (rest * share).sum(1), (share * share).sum(1)
+    determinant = first * second - both * both
+    to_first, to_second = np.einsum("bt,btc->bc", rest, values), np.einsum("bt,btc->bc", share, values)
+    safe = np.where(determinant > 1e-4, determinant, 1.0)[:, None]
+    found = np.stack(
+        [
+            (second[:, None] * to_first - both[:, None] * to_second) / safe,
+            (first[:, None] * to_second - both[:, None] * to_first) / safe,
+        ],
+        axis=1,
+    )
+    return np.where((determinant > 1e-4)[:, None, None], found, before).astype(np.float32)

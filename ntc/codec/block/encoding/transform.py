@@ -1,0 +1,101 @@
+"""The transform as the encoder reads it: rows of the basis, fitted to blocks, and tables of a decoder. Torch on the CPU, float32."""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockConfig
+from ntc.codec.block.encoding.blocks import Sample
+from ntc.codec.block.model import BlockDecoder, averaged_rows, scale_values
+
+LARGEST_NUMBER = 127.0
+"""Of a row of the basis."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tables:
+    """A decoder's tables as the encoder reads them."""
+
+    projection: torch.Tensor
+    """[values of a block, coefficients] float32: blocks times this are the coefficients of least squared error."""
+    depths: torch.Tensor
+    """[sizes, modes, coefficients] int64."""
+    scales: torch.Tensor
+    """[modes, coefficients] float32."""
+
+    @classmethod
+    def of(cls, decoder: BlockDecoder, config: BlockConfig) -> "Tables":
+        """Those of `decoder`."""
+        depths = torch.from_numpy(decoder.depths(config).astype(np.int64))
+        scales = torch.from_numpy(scale_values(decoder.scales).astype(np.float32))
+        basis = Basis(decoder.basis, decoder.channels, decoder.basis_scale)
+        return cls(basis.projection(config), depths, scales)
+
+
+@dataclass(frozen=True, eq=False)
+class Basis:
+    """The rows of a transform, as `BlockDecoder` has them."""
+
+    rows: NDArray[np.int8]
+    channels: NDArray[np.uint8]
+    scale: NDArray[np.uint8]
+
+    def projection(self, config: BlockConfig) -> torch.Tensor:
+        """[values of a block, coefficients] float32: blocks times this are the coefficients of least squared error under the rounded
+        rows."""
+        rows = self.rows.astype(np.float64) * scale_values(self.scale)[:, None]
+        found = np.zeros((config.block_texels, config.output_channels, len(rows)))
+        for channel in range(config.output_channels):
+            own = np.nonzero(self.channels == channel)[0]
+            # The rows are orthogonal but for their rounding.
+            found[:, channel, own] = np.linalg.solve(rows[own] @ rows[own].T, rows[own]).T
+        return torch.from_numpy(found.reshape(config.block_values, -1).astype(np.float32))
+
+
+def fitted_basis(samples: Sequence[Sample], config: BlockConfig) -> Basis:
+    """Leading principal directions of each channel's blocks about 0, rounded to 8 bits.
+
+    Each row is of one channel: channels of different textures are alike in no common way.
+    """
+    blocks = np.concatenate([sample.blocks for sample in samples])
+    images = torch.from_numpy(blocks).view(-1, config.block_texels, config.output_channels)
+    variances, vectors = [], []
+    for channel in range(config.output_channels):
+        values = images[..., channel].double()
+        found, directions = torch.linalg.eigh(values.T @ values / len(values))
+        variances.append(found.numpy())
+        vectors.append(directions.numpy().T)
+    rows, variance = np.concatenate(vectors), np.concatenate(variances)
+    kept = np.argsort(-variance, kind="stable")[: config.coefficients]
+    rows = rows[kept] * np.where(rows[kept].sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+    channels = kept // config.block_texels
+    # Rows of a plane lie together; those come first that coarse mips show.
+    plane = np.array([place for place, own in enumerate(config.planes) for _ in own])[_in_planes(config)]
+    shown = np.square(averaged_rows(rows, config, config.mips - 1)).sum(1) * variance[kept]
+    order = np.lexsort((np.arange(len(kept)), -shown, plane[channels]))
+    whole = rows[order]
+    largest = np.maximum(np.abs(whole).max(1) / LARGEST_NUMBER, 1e-6)
+    scale = np.ceil(np.log2(largest) * SCALE_STEPS_PER_OCTAVE - 1e-9) + SCALE_ORIGIN
+    stored = np.clip(scale, 0, 255).astype(np.uint8)
+    rounded = np.clip(np.rint(whole / scale_values(stored)[:, None]), -LARGEST_NUMBER, LARGEST_NUMBER)
+    return Basis(rounded.astype(np.int8), channels[order].astype(np.uint8), stored)
+
+
+def _in_planes(config: BlockConfig) -> NDArray[np.int64]:
+    """[channels] place of each channel among those of all planes, one plane after the other."""
+    return np.argsort([channel for own in config.planes for channel in own])
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Torch on one thread: the same numbers on every machine, and the other cores are left alone."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

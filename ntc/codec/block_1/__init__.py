@@ -1,0 +1,1 @@
+"""Format 1 of codec `block`, which is read but no longer written."""

@@ -1,0 +1,83 @@
+"""Edge parts of codec `block`: two colours and an index a texel, and what flat graphics gain by them."""
+
+import itertools
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.codec.block import reference
+from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.edges import two_colours, two_colours_by_numpy
+from ntc.codec.block.encoding.encoder import encode_group
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.encoding.stages import BlockEncoder
+from ntc.codec.encoding import EncodingTask, texture_set
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture, hash_pixels
+from tests.unit.ntc.codec.block.test_block import smooth_texture
+
+
+def flat_graphic(side: int, seed: int = 0, colours: int = 6) -> SourceTexture:
+    """Overlapping discs and rectangles of a few colours, without any gradient."""
+    random = np.random.default_rng(seed)
+    palette = random.integers(0, 256, (colours, 3)).astype(np.uint8)
+    pixels = np.empty((side, side, 3), np.uint8)
+    pixels[:] = palette[0]
+    y, x = np.mgrid[0:side, 0:side]
+    for number in range(40):
+        cx, cy, radius = random.uniform(0, side), random.uniform(0, side), random.uniform(2, side / 6)
+        disc = (x - cx) ** 2 + (y - cy) ** 2 < radius**2
+        square = (np.abs(x - cx) < radius) & (np.abs(y - cy) < radius / 2)
+        pixels[disc if number % 2 else square] = palette[number % colours]
+    return SourceTexture(f"flat {seed}", pixels, hash_pixels(pixels))
+
+
+def quality_at(source: SourceTexture, bits: float) -> float:
+    """PSNR of mip 0 at `bits` a texel."""
+    config = config_for_bits(bits, texture_set([source], 1))
+    grouping = Grouping("single", (0,))
+    encoder = BlockEncoder(EncodingTask((source,), grouping, config, BlockOptions(), (0,)))
+    for _ in encoder.pieces():
+        pass
+    (group,) = encoder.encoded((0,))
+    return group.textures[0].psnr_db or 0.0
+
+
+@pytest.mark.parametrize("source", [flat_graphic(96), flat_graphic(64, 3, 3), smooth_texture(64, 64)])
+def test_more_bits_never_make_a_texture_worse(source: SourceTexture) -> None:
+    found = [quality_at(source, bits) for bits in (2.0, 3.0, 4.0, 6.0, 8.0)]
+    assert all(more >= less - 0.05 for less, more in itertools.pairwise(found)), found
+
+
+def test_flat_graphics_take_edge_parts_and_waves_do_not() -> None:
+    config = BlockConfig(coefficients=60, modes=16)
+    flat, _ = encode_group([flat_graphic(128)], config)
+    waves, _ = encode_group([smooth_texture(128, 128)], config)
+    assert flat.edges.any()
+    assert not waves.edges.any()
+
+
+def test_blocks_of_two_colours_are_exact_at_both_mips() -> None:
+    pixels = np.zeros((64, 64, 3), np.uint8)
+    pixels[(np.indices((64, 64)) // 3).sum(0) % 2 == 0] = (200, 30, 90)
+    source = SourceTexture("checks", pixels, hash_pixels(pixels), color_space="linear")
+    config = BlockConfig(block_words=(4, 5), mean_words=5.0, coefficients=24, modes=8)
+    decoder, (texture,) = encode_group([source], config)
+    np.testing.assert_array_equal(reference.decode_image(texture, decoder, config), pixels)
+    halved = pixels.reshape(32, 2, 32, 2, 3).mean(axis=(1, 3))
+    assert np.abs(reference.decode_image(texture, decoder, config, 1) - halved).max() <= 1.0
+
+
+def _error(values: NDArray[np.float32], colours: NDArray[np.uint8], indices: NDArray[np.uint8], bits: int) -> float:
+    ends = colours.astype(np.float64)
+    shares = (indices / ((1 << bits) - 1))[..., None]
+    return float(np.square(ends[:, None, 0] + (ends[:, None, 1] - ends[:, None, 0]) * shares - values).mean())
+
+
+@pytest.mark.parametrize("bits", [1, 2, 3])
+def test_compiled_and_numpy_find_colours_that_are_as_good(bits: int) -> None:
+    values = np.random.default_rng(bits).uniform(0, 255, (50, 64, 3)).astype(np.float32)
+    found = _error(values, *two_colours(values, np.ones(3), bits), bits)
+    expected = _error(values, *two_colours_by_numpy(values, np.ones(3, np.float32), bits), bits)
+    assert found == pytest.approx(expected, rel=0.01)
