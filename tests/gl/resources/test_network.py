@@ -22,8 +22,6 @@ from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, cod
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import Precision
 
-pytestmark = pytest.mark.driver
-
 SIZE = (37, 50)
 PLAIN = GridConfig(hidden_width=12, positional_octaves=1)
 ADAPTED = GridConfig(
@@ -62,6 +60,7 @@ def decoded(
 
 
 @pytest.mark.once
+@pytest.mark.driver
 @pytest.mark.parametrize(("codec", "precision"), [(PLAIN, "fp32"), (ADAPTED, "fp16")], ids=["plain", "adapted"])
 def test_variants_give_the_same_numbers(graphics: GraphicsContext, codec: GridConfig, precision: Precision) -> None:
     expected = decoded(graphics, codec, precision, SOFTWARE)[0]
