@@ -13,6 +13,7 @@ from ntc.errors import InputError
 from viewer import cli
 from viewer.cli.arguments import parse_arguments
 from viewer.cli.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
+from viewer.cli.render import chosen_lighting
 
 
 def options_of(arguments: Sequence[str]) -> Any:
@@ -71,6 +72,14 @@ def test_render_takes_what_the_design_lists() -> None:
         overlay="divergence",
         require_gpu=True,
     )
+
+
+@pytest.mark.parametrize(("azimuth", "turned"), [("0", 0.0), ("359.5", 359.5), ("400", 40.0), ("-90", 270.0)])
+def test_the_sun_may_be_turned_more_than_once(azimuth: str, turned: float) -> None:
+    lighting = chosen_lighting(options_of(["render", "--out", "o", "--sun", azimuth, "30"]))
+    assert (lighting.sun_azimuth, lighting.sun_elevation) == (turned, 30.0)
+    with pytest.raises(InputError, match="sun azimuth nan"):
+        chosen_lighting(options_of(["render", "--out", "o", "--sun", "nan", "30"]))
 
 
 def test_encode_decode_and_info() -> None:
