@@ -177,8 +177,9 @@ class _Value:
 def value() -> _Value:
     """Arrays of several types and sizes, one not contiguous."""
     random = np.random.default_rng(0)
-    parts = tuple(_Inner(random.random((3, n), np.float32)[::2]) for n in (1, LARGEST_INSIDE))
-    return _Value(math.inf, parts, random.integers(0, 256, (LARGEST_INSIDE + 1, 3), np.uint8), np.zeros((0, 2)))
+    cut = [_Inner(random.random((3, n), np.float32)[::2]) for n in (1, LARGEST_INSIDE)]
+    whole = _Inner(random.random(LARGEST_INSIDE + 1, np.float32))
+    return _Value(math.inf, (*cut, whole), random.integers(0, 256, (LARGEST_INSIDE + 1, 3), np.uint8), np.zeros((0, 2)))
 
 
 def test_what_is_sent_arrives_and_the_memory_has_no_name_once_it_is_open() -> None:
@@ -186,7 +187,8 @@ def test_what_is_sent_arrives_and_the_memory_has_no_name_once_it_is_open() -> No
     parcel, block = sent(given)
     assert block is not None
     assert blocks() == [block.name]
-    assert parcel.sizes == (given.bytes.nbytes,), "what is small, and what is not contiguous, goes inside the message"
+    large = (given.parts[2].values.nbytes, given.bytes.nbytes)
+    assert parcel.sizes == large, "what is small, and what is not contiguous, goes inside the message"
     found = received(parcel)
     assert blocks() == []
     block.close()

@@ -89,7 +89,9 @@ def test_padded_matrix_columns() -> None:
     columns = np.array([[1, 2, 3, 99], [4, 5, 6, 99], [7, 8, 9, 99]], np.uint8)
     view = builder.view(columns.tobytes())
     index = builder.add("accessors", bufferView=view, componentType=5121, count=1, type="MAT3")
+    none = builder.add("accessors", bufferView=view, componentType=5121, count=0, type="MAT3")
     np.testing.assert_array_equal(accessors(builder).raw(index, "test", ("MAT3",)), [[1, 2, 3, 4, 5, 6, 7, 8, 9]])
+    assert accessors(builder).raw(none, "test", ("MAT3",)).shape == (0, 9)
 
 
 @pytest.mark.parametrize(
