@@ -7,6 +7,8 @@ from typing import Any
 from ntc.codec.maps import BASE_ALONE, PLANES
 from viewer.scene.model import LoadReport, Material, Scene
 
+ONE = {"meshes": "mesh", "triangles drawn": "triangle drawn", "vertices": "vertex"}
+"""Singular of the counts whose plural has more than an s."""
 MAX_LINES = 200
 """Most distinct lines of one kind that a report keeps; the rest is counted."""
 
@@ -73,7 +75,7 @@ def report_lines(scene: Scene) -> list[str]:
     report = scene.report
     low, high = (", ".join(f"{value:.3g}" for value in corner) for corner in scene.bounds)
     lines = [
-        f"{scene.path or scene.name}: " + ", ".join(f"{count} {what}" for what, count in report.used.items()),
+        f"{scene.path or scene.name}: " + ", ".join(_counted(count, what) for what, count in report.used.items()),
         f"bounds: {low} to {high}",
     ]
     for title, entries in (
@@ -91,6 +93,13 @@ def report_lines(scene: Scene) -> list[str]:
         lines.append("textures:")
         lines.extend(_texture_line(index, scene) for index in range(len(scene.textures)))
     return lines
+
+
+def _counted(count: int, plural: str) -> str:
+    """Return a count of the report with its noun: `1 mesh`, `2 meshes`."""
+    if count != 1:
+        return f"{count} {plural}"
+    return f"1 {ONE.get(plural, plural.removesuffix('s'))}"
 
 
 def _material_json(material: Material) -> dict[str, Any]:
