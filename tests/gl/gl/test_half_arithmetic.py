@@ -23,8 +23,6 @@ from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.resources.decoding_shaders import precision_defines
 from viewer.state.view_state import Precision
 
-pytestmark = pytest.mark.driver
-
 PLAIN = GridConfig(hidden_width=16, output_channels=4)
 ADAPTED = GridConfig(
     hidden_width=16, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, weight_bits=16
@@ -34,6 +32,7 @@ MODES: tuple[Precision, ...] = ("fp16-arithmetic", "fp16-accumulate")
 KINDS = ("emulated", "native")
 
 
+@pytest.mark.driver
 def test_the_probe_names_an_extension_or_none(graphics: GraphicsContext) -> None:
     assert half_arithmetic(graphics.gl) in (None, *HALF_EXTENSIONS)
     if "llvmpipe" in graphics.info.renderer and "half" not in os.environ.get("MESA_EXTENSION_OVERRIDE", ""):
@@ -110,7 +109,7 @@ def differences(
     return first, second, third
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["emulated", pytest.param("native", marks=pytest.mark.driver)])
 @pytest.mark.parametrize("precision", MODES)
 @pytest.mark.parametrize("codec", [PLAIN, ADAPTED], ids=["plain", "adapted"])
 @pytest.mark.computes
