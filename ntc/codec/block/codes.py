@@ -126,6 +126,16 @@ def _edge_part(
     return EdgePart(blocks, width, colours, indices.astype(np.uint8))
 
 
+def edge_parts(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> tuple[EdgePart, ...]:
+    """Return the edge parts of `stored`, by plane."""
+    modes = (stored.codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)
+    with_parts = np.nonzero(decoder.fitting_edges(config)[stored.sizes, modes].any(axis=1))[0]
+    bits, sizes = _spread(stored.codes[with_parts]), stored.sizes[with_parts]
+    planes = range(len(config.planes))
+    found = [_edge_part(bits, modes[with_parts], sizes, decoder, config, plane) for plane in planes]
+    return tuple(part._replace(blocks=with_parts[part.blocks]) for part in found)
+
+
 def unpacked_codes(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> UnpackedCodes:
     """`stored` taken apart."""
     bits = _spread(stored.codes)
@@ -135,7 +145,7 @@ def unpacked_codes(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfi
     rest = np.where(active, places.depths.astype(np.int64) - 1, 0)
     branches = np.where(active, _numbers(bits, places.branches, 1), 0)
     others = _numbers(bits, places.others, LARGEST_DEPTH - 1) & ((1 << rest) - 1)
-    edges = tuple(_edge_part(bits, modes, sizes, decoder, config, plane) for plane in range(len(config.planes)))
+    edges = edge_parts(stored, decoder, config)
     indices = (others * 2 + branches).astype(np.uint32)
     return UnpackedCodes(modes, places.depths, start_states(bits, places.first), indices, edges)
 

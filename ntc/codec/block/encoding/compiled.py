@@ -172,3 +172,41 @@ def write_codes(
             rest -= width
             if width:
                 _write(words[block], rest, number >> 2, width)
+
+
+@njit(nogil=True, cache=True)
+def _read(word: NDArray[np.uint32], place: int, width: int) -> int:
+    """Return the number of `width` bits at `place`."""
+    found = np.uint64(word[place >> 5]) >> np.uint64(place & 31)
+    if (place & 31) + width > 32:
+        found |= np.uint64(word[(place >> 5) + 1]) << np.uint64(32 - (place & 31))
+    return int(found & ((np.uint64(1) << np.uint64(width)) - np.uint64(1)))
+
+
+@njit(nogil=True, cache=True)
+def read_codes(
+    words: NDArray[np.uint32],
+    modes: NDArray[np.int64],
+    values: NDArray[np.float64],
+    counts: NDArray[np.int64],
+    rows: NDArray[np.int64],
+    depths: NDArray[np.int64],
+    scales: NDArray[np.float64],
+    first: NDArray[np.int64],
+    levels: NDArray[np.float64],
+) -> None:
+    """Write the coefficients of codes `words` [blocks, words] of `modes` [blocks] into `values` [blocks, coefficients], which are 0.
+    The other arguments are those of a `SearchTables`."""
+    for block in range(len(words)):
+        mode = modes[block]
+        count, before = counts[mode], first[mode]
+        state, rest = _start_state(words[block], before), before + count
+        for k in range(count):
+            depth = depths[mode, k]
+            branch = _read(words[block], before + k, 1)
+            number = _SUBSETS[2 * state + branch]
+            if depth > 1:
+                number += 4 * _read(words[block], rest, depth - 1)
+            values[block, rows[mode, k]] = levels[depth, number] * scales[mode, k]
+            state = (2 * state + branch) & (STATES - 1)
+            rest += depth - 1

@@ -11,10 +11,10 @@ import torch
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
+from ntc.codec.block.encoding.measuring import finest_image
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block.reference import decode_image
 from ntc.codec.block.universal import universal_decoder
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import Interruption, no_interruption
@@ -93,5 +93,5 @@ def encode_member(
     """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told how many
     blocks have been encoded since it was called last."""
     found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked)
-    decoded = decode_image(found, fitted.decoder, config)[..., found.places(config)]
+    decoded = finest_image(found, fitted.decoder, config)[..., found.places(config)]
     return measured_texture(found, decoded, source.pixels)

@@ -11,11 +11,11 @@ import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
+from ntc.codec.block.encoding.measuring import finest_image
 from ntc.codec.block.encoding.rate import block_count
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block.reference import decode_image
 from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
 from ntc.codec.model import Decoder, EncodedTexture
 from ntc.codec.quality import measured_texture, mse_of_psnr
@@ -190,7 +190,7 @@ class BlockEncoder(Encoder):
         measured = []
         for texture, index in zip(textures, members, strict=True):
             self._task.interruption()
-            decoded = decode_image(cast(BlockTexture, texture), cast(BlockDecoder, decoder), self._config)
+            decoded = finest_image(cast(BlockTexture, texture), cast(BlockDecoder, decoder), self._config)
             pixels = self._task.textures[index].pixels
             measured.append(measured_texture(texture, decoded[..., texture.places(self._config)], pixels))
         return tuple(measured)

@@ -10,6 +10,7 @@ from ntc.codec.block import reference
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.edges import two_colours, two_colours_by_numpy
 from ntc.codec.block.encoding.encoder import encode_group
+from ntc.codec.block.encoding.measuring import finest_image
 from ntc.codec.block.encoding.rate import config_for_bits
 from ntc.codec.block.encoding.stages import BlockEncoder
 from ntc.codec.encoding import EncodingTask, texture_set
@@ -56,6 +57,16 @@ def test_flat_graphics_take_edge_parts_and_waves_do_not() -> None:
     waves, _ = encode_group([smooth_texture(128, 128)], config)
     assert flat.edges.any()
     assert not waves.edges.any()
+
+
+@pytest.mark.parametrize("source", [flat_graphic(96), smooth_texture(40, 24)])
+def test_what_measures_quality_decodes_as_the_reference_does(source: SourceTexture) -> None:
+    config = BlockConfig(coefficients=60, modes=16)
+    decoder, (texture,) = encode_group([source], config)
+    found = finest_image(texture, decoder, config).astype(int)
+    difference = np.abs(found - reference.decode_image(texture, decoder, config))
+    assert difference.max() <= 1
+    assert (difference > 0).mean() < 1e-3
 
 
 def test_blocks_of_two_colours_are_exact_at_both_mips() -> None:
