@@ -156,7 +156,7 @@ def test_a_group_never_ends_worse(shared: TrainingWorker, trained: Pack) -> None
     end, reports = finished(shared, request)
     (outcome,) = end.outcomes
     assert outcome.kept_old
-    assert "the old one was kept" in outcome.line()
+    assert "left unchanged at" in outcome.line()
     assert same(pack_of(end), trained)
     final = [report for report in reports if isinstance(report, GroupSnapshot)][-1]
     assert final.final
