@@ -142,10 +142,11 @@ vec4 transform_square(Code code, int texel, vec4 weights) {
         // The other bits of four coefficients lie one after the other, at most 24.
         uint first = entries.x & 1023u;
         uint others = code_bits(code, int(first));
+        // An empty entry would shift by a negative number, which C++ leaves undefined.
         sum += shown_by(code, entries.x, branches, others, texel, weights);
-        sum += shown_by(code, entries.y, branches >> 1, others >> ((entries.y & 1023u) - first), texel, weights);
-        sum += shown_by(code, entries.z, branches >> 2, others >> ((entries.z & 1023u) - first), texel, weights);
-        sum += shown_by(code, entries.w, branches >> 3, others >> ((entries.w & 1023u) - first), texel, weights);
+        sum += shown_by(code, entries.y, branches >> 1, others >> (((entries.y & 1023u) - first) & 31u), texel, weights);
+        sum += shown_by(code, entries.z, branches >> 2, others >> (((entries.z & 1023u) - first) & 31u), texel, weights);
+        sum += shown_by(code, entries.w, branches >> 3, others >> (((entries.w & 1023u) - first) & 31u), texel, weights);
     }
     return sum;
 }

@@ -60,7 +60,7 @@ def test_bad_input_is_one_line(
 def test_stability_is_studied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "o"
     arguments = ["study", "stability", "--out", str(out), "--texels", "20", "--bound-texels", "4000", "--size", "32x18"]
-    assert cli.main([*arguments, "--grouping", "single", "--precisions", "fp32"]) == 0
+    assert cli.main([*arguments, "--grouping", "clustered", "--precisions", "fp32"]) == 0
     record = json.loads((out / "stability.json").read_text())
     paths = {row["path"] for row in record["rows"]}
     assert paths == {"texels", "deferred", "deferred, shared", "binned", "forward", "cached"}
