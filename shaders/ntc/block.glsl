@@ -20,9 +20,14 @@ uint table_word(int word) {
     return (word & 1) == 0 ? pair.x : pair.y;
 }
 
+// Which of the mips of a code a level shows, 0 to 3, whatever a damaged record says.
+int code_mip(LevelRecord level) {
+    return level.mip_of_cell & 3;
+}
+
 // Texels of a block along one side in a mip.
 int block_side(LevelRecord level) {
-    return BLOCK_SIDE >> level.mip_of_cell;
+    return BLOCK_SIDE >> code_mip(level);
 }
 
 // Where the code of a block lies, and how the plane is read from it.
@@ -38,7 +43,7 @@ Code code_of(int decoder, LevelRecord level, ivec2 block) {
     int number = block.y * level.width + block.x;
     Code code;
     code.tables = decoder * TABLE_BLOCKS;
-    code.mip = level.mip_of_cell;
+    code.mip = code_mip(level);
     code.first_word = level.first_cell;
     int size_class = 0;
 #if CODE_SIZES > 1
@@ -84,7 +89,7 @@ float code_byte(Code code, int at) {
 float coefficient_of(uint entry, uint branches, uint others) {
     uint depth = (entry >> 10) & 7u;
     uint subset = (TRELLIS_SUBSETS >> (2u * (branches & 15u))) & 3u;
-    uint number = 4u * (others & ((1u << (depth - 1u)) - 1u)) + subset;
+    uint number = 4u * (others & ((1u << ((depth - 1u) & 31u)) - 1u)) + subset;
     float share = float(2u * number + 1u) * uintBitsToFloat((126u - depth) << 23) - 1.0;
     float size = abs(share);
     vec2 curve = depth < DEEP_DEPTH ? SHALLOW_CURVE : DEEP_CURVE;

@@ -70,8 +70,10 @@ def test_it_is_listed_verified_compacted_and_taken_out(
 
 
 def test_new_textures_take_decoders_that_are_there(
-    scene: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
+    library = tmp_path / "library"
+    assert cli.main(["library", "add", str(library), str(scene.parent / "packs" / "apart.ntc")]) == 0
     images = tmp_path / "images"
     images.mkdir()
     for number in range(3):

@@ -66,7 +66,13 @@ def sizes_within(errors: Array, block_words: Sequence[int], words: float) -> NDA
         middle = (low * high) ** 0.5
         enough = lengths[sizes_at_price(errors, block_words, middle)].mean() <= words
         low, high = (low, middle) if enough else (middle, high)
-    return sizes_at_price(errors, block_words, high)
+    found, larger = (sizes_at_price(errors, block_words, price) for price in (high, low))
+    # Blocks that are alike all change size at one price: as many of them as there are words left take the larger one.
+    blocks = np.flatnonzero(larger > found)
+    more = lengths[larger[blocks]] - lengths[found[blocks]]
+    affordable = np.cumsum(more) <= words * len(errors) - lengths[found].sum()
+    found[blocks[affordable]] = larger[blocks[affordable]]
+    return found
 
 
 def _prices(errors: Array) -> tuple[float, float]:
@@ -90,7 +96,11 @@ def share_words(curves: Sequence[RateCurve], words: float, sharing: Sharing = DE
             enough = float(np.array([each for each, _ in given]) @ blocks) <= words
             low, high = (low, middle) if enough else (middle, high)
         given = [curve.at(high / weight) for curve, weight in zip(curves, weights, strict=True)]
-        found = tuple(each for each, _ in given)
+        least = np.array([each for each, _ in given])
+        more = np.array([curve.at(low / weight)[0] for curve, weight in zip(curves, weights, strict=True)]) - least
+        # Textures whose blocks are alike change at one price: what is left is shared out in proportion.
+        share = (words - float(least @ blocks)) / max(float(more @ blocks), 1e-9)
+        found = tuple((least + min(max(share, 0.0), 1.0) * more).tolist())
         errors = np.array([max(error, LEAST_ERROR) for _, error in given])
         # Half of the way, for weights and errors answer each other.
         balances = np.sqrt(balances * errors**-balance)

@@ -15,7 +15,14 @@ from safetensors import safe_open
 from ntc.codec.block.config import LARGEST_WORDS, BlockConfig, BlockOptions
 from ntc.codec.block.encoding.frozen import encode_with_decoders
 from ntc.codec.block.encoding.rate import block_count, config_for_bits, config_for_bytes, side_bits, texel_count
-from ntc.codec.block.encoding.sharing import RateCurve, Sharing, best_block_words, price_at_error, share_words
+from ntc.codec.block.encoding.sharing import (
+    RateCurve,
+    Sharing,
+    best_block_words,
+    price_at_error,
+    share_words,
+    sizes_within,
+)
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.storage import level_codes
 from ntc.codec.block.tensors import decoder_shapes, decoder_tensors, read_decoder
@@ -195,6 +202,14 @@ def test_textures_and_blocks_share_words_by_what_they_are_worth() -> None:
     assert sizes[:, :4].mean() > sizes[:, 4:].mean() + 1.0
     mean = np.array(config.block_words)[sizes].mean()
     assert config.mean_words - 0.1 < mean <= config.mean_words
+
+
+def test_blocks_that_are_alike_share_out_all_words() -> None:
+    errors = np.tile(np.array([[8.0, 4.0, 1.0]], np.float32), (100, 1))
+    lengths = np.array([2, 4, 6])
+    for words in (2.0, 3.1, 4.0, 5.5, 6.0, 9.0):
+        mean = lengths[sizes_within(errors, (2, 4, 6), words)].mean()
+        assert min(words, 6.0) - 0.05 < mean <= words
 
 
 PAIR = Grouping("single", (0, 0))
