@@ -94,7 +94,8 @@ float coefficient_of(uint entry, uint branches, uint others) {
     float size = abs(share);
     vec2 curve = depth < DEEP_DEPTH ? SHALLOW_CURVE : DEEP_CURVE;
     float level = share * (1.0 + size * (curve.x + size * curve.y));
-    return level * exp2(float(int(entry >> 23) - STEPS_ORIGIN) * (1.0 / STEPS_PER_OCTAVE));
+    float steps = float(int(entry >> 23) - STEPS_ORIGIN);
+    return level * exp2(steps * (1.0 / STEPS_PER_OCTAVE));
 }
 
 // Four numbers of a row of the basis: those of a texel and of its neighbours on the right, below, and on the right below.
