@@ -28,6 +28,10 @@ Words = NDArray[np.uint32]
 AT_ONCE = 4
 """Coefficients that shaders read at once."""
 DEPTH_BITS = 3
+PLANE_SHIFT = 5
+"""Lowest bit of the plane in an entry of a list, above depth and component."""
+NO_PLANE = 3
+"""Plane of entries without bits: none of those that a codec has."""
 DEPTH_MASK = np.uint32(7)
 SET_MASK = np.uint32(127)
 CHANNEL_TYPES = ("float", "vec2", "vec3", "vec4")
@@ -93,8 +97,10 @@ class BlockTables(GpuTables):
         words = ((scales + (mask + 1) // 2) & ~mask) | depths
         if self._config.has_sets:
             words |= _row_places(self._config)[decoder.row_channels] << DEPTH_BITS
-        active = np.where(depths > 0, words, 0).astype(np.uint32)
-        return self._padded(active, axis=2).reshape(-1, AT_ONCE)
+        # Entries without bits belong to no plane: as 0 they would count as plane 0, whose pixels would load rows for them.
+        empty = NO_PLANE << PLANE_SHIFT if self._config.has_sets else 0
+        active = np.where(depths > 0, words, empty).astype(np.uint32)
+        return self._padded(active, axis=2, value=empty).reshape(-1, AT_ONCE)
 
     def _basis(self, decoder: BlockDecoder) -> Words:
         config = self._config
@@ -110,10 +116,11 @@ class BlockTables(GpuTables):
             -1, AT_ONCE
         )
 
-    def _padded(self, words: Words, axis: int) -> Words:
-        """`words` with zeros for the coefficients that the last four lack."""
+    def _padded(self, words: Words, axis: int, value: int = 0) -> Words:
+        """Return `words` with `value` for the coefficients that the last four lack."""
         missing = self.list_blocks * AT_ONCE - words.shape[axis]
-        return np.pad(words, [(0, missing if number == axis else 0) for number in range(words.ndim)])
+        widths = [(0, missing if number == axis else 0) for number in range(words.ndim)]
+        return np.pad(words, widths, constant_values=value)
 
     def shared_data(self) -> bytes:
         return trellis_blocks().tobytes()

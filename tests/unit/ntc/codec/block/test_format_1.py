@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from ntc.codec import reference
+from ntc.codec.block_1.gpu import BlockTables
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
@@ -47,3 +48,15 @@ def test_a_pack_names_its_format_by_a_field_alone(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="kind"):
         read_pack(named)
     assert json.loads(json.dumps(parts.metadata))["codec"]["kind"] == "block"
+
+
+def test_entries_without_bits_belong_to_no_plane() -> None:
+    """Otherwise every pixel of base colour would load rows of the basis for them."""
+    pack = read_pack(FOLDER / "sets.ntc")
+    tables = codec_of(pack.config).gpu_tables(pack.config)
+    assert isinstance(tables, BlockTables)
+    entries = np.frombuffer(tables.decoder_data(pack.decoders[0]), "<u4")[: 4 * tables.basis]
+    without = entries & 7 == 0
+    assert without.any()
+    assert set(((entries[without] >> 5) & 3).tolist()) == {3}
+    assert (((entries[~without] >> 5) & 3) < 3).all()
