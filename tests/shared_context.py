@@ -5,6 +5,7 @@ and again: memory accounts, limits and simulated losses are new each time, objec
 Tests that ask for a device or a window system still get a context of their own.
 """
 
+import os
 from collections.abc import Mapping
 from typing import Final
 
@@ -13,6 +14,7 @@ import pytest
 
 from viewer.gl import context as context_module
 from viewer.gl.context import GraphicsContext, wrap_context
+from viewer.gl.devices import DEVICE_VARIABLE
 from viewer.gl.functions import GlFunctions
 from viewer.gl.program import Defines, ProgramFactory, ShaderLibrary
 from viewer.gl.systems import SYSTEM, GraphicsSystem
@@ -28,7 +30,7 @@ _MADE: Final[dict[object, ProgramFactory]] = {}
 
 def shared_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:
     """Return the shared context, current and in a new wrapping. Other devices and systems have contexts of their own."""
-    if device is not None or system is not SYSTEM:
+    if device is not None or DEVICE_VARIABLE in os.environ or system is not SYSTEM:
         return _create(device, system)
     if not _SHARED:
         _SHARED.append(_create())

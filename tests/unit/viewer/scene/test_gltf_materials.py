@@ -222,7 +222,7 @@ def test_report_of_a_scene() -> None:
     scene = with_material(builder, builder.material(builder.image(png(noise()), name="oak\n"), alphaMode="BLEND"))
     lines = "\n".join(report_lines(scene))
     for part in (
-        "1 triangles",
+        "1 triangle",
         "alphaMode BLEND",
         "alpha-hashed, at rest as the mean of 16 samples",
         "extension KHR_materials_sheen",
