@@ -288,28 +288,23 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
     int lower = int(floor(lod));
     float share = lod - float(lower);
     LevelRecord near = levels[record.first_level + lower];
-    LevelRecord far = levels[record.first_level + (share > 0.0 ? lower + 1 : lower)];
-    Footprint near_footprint = footprint_at(near, at, wrap);
-    Footprint far_footprint = footprint_at(far, at, wrap);
-    Parts near_parts = parts_of(near, near_footprint);
-    Parts far_parts = parts_of(far, far_footprint);
+    Parts near_parts = parts_of(near, footprint_at(near, at, wrap));
     int near_count = near_parts.count.x * near_parts.count.y;
-    int count = near_count + (share > 0.0 ? far_parts.count.x * far_parts.count.y : 0);
+    int count = near_count;
+    if (share > 0.0) {
+        LevelRecord far = levels[record.first_level + lower + 1];
+        Parts far_parts = parts_of(far, footprint_at(far, at, wrap));
+        count += far_parts.count.x * far_parts.count.y;
+    }
     Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0));
     // One loop over the parts in both mips: neighbouring pixels that cross a block's edge in different mips do so at once.
+    // A part finds its footprint again: to keep both through the loop takes more registers than some GPUs have.
     for (int number = 0; number < (wanted ? count : 0); ++number) {
         bool second = number >= near_count;
-        LevelRecord level = near;
-        Footprint footprint = near_footprint;
-        Parts parts = near_parts;
-        if (second) {
-            level = far;
-            footprint = far_footprint;
-            parts = far_parts;
-        }
-        float weight = second ? share : 1.0 - share;
+        LevelRecord level = levels[record.first_level + (second ? lower + 1 : lower)];
+        Footprint footprint = footprint_at(level, at, wrap);
         int part = second ? number - near_count : number;
-        sum = add_part(sum, weight, record.decoder, level, footprint, parts, part);
+        sum = add_part(sum, second ? share : 1.0 - share, record.decoder, level, footprint, parts_of(level, footprint), part);
     }
     return block_value(record, sum);
 }
