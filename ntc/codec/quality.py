@@ -13,6 +13,9 @@ from ntc.codec.mips import normal_vectors
 from ntc.codec.model import EncodedTexture
 from ntc.errors import InputError
 
+VALUES_AT_ONCE = 1 << 20
+"""Values whose differences are in memory at a time."""
+
 
 def finite_or_none(value: float | None) -> float | None:
     """Return `value`, or None where JSON cannot hold it: the PSNR of equal images is infinite."""
@@ -21,8 +24,15 @@ def finite_or_none(value: float | None) -> float | None:
 
 def mean_square_error(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> float:
     """Return the mean of squared differences, in units of 8-bit steps squared. `a` and `b` have one shape."""
-    difference = a.astype(np.float64) - b.astype(np.float64)
-    return float(np.mean(difference * difference)) if difference.size else 0.0
+    if not a.size:
+        return 0.0
+    total, rows = 0, max(1, VALUES_AT_ONCE * len(a) // a.size)
+    for start in range(0, len(a), rows):
+        difference = a[start : start + rows].astype(np.int32)
+        difference -= b[start : start + rows]
+        difference *= difference
+        total += int(difference.sum(dtype=np.int64))
+    return total / a.size
 
 
 def psnr_of_mse(mean_square: float) -> float:

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,15 +14,24 @@ from ntc.codec.maps import SRGB_MAPS, channel_places, map_slices
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
 
+compiled: Any
+try:
+    from ntc.codec.block.encoding import compiled_texels as compiled
+except ImportError:
+    compiled = None
+
 Array = NDArray[np.float32]
+Number = TypeVar("Number", bound=np.generic)
 SAMPLED_BLOCKS = 24_000
 """Blocks that a group's tables are fitted to."""
+ROWS_AT_ONCE = 1 << 16
+"""Texels whose products are summed at a time."""
 LEAST_CONTRAST = 1e-4
 """Axes of a constant texture are this long, so that nothing is divided by zero."""
 _PAD_MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
 
 
-def blocks_of(image: NDArray[np.float32], side: int, wrap: tuple[WrapMode, WrapMode]) -> NDArray[np.float32]:
+def blocks_of(image: NDArray[Number], side: int, wrap: tuple[WrapMode, WrapMode]) -> NDArray[Number]:
     """[rows * columns, side * side, C]: `image` [H, W, C] in blocks, filled up beyond its edges by what its wrap modes (u, v) show."""
     height, width, channels = image.shape
     pad_v, pad_u = (0, -height % side), (0, -width % side)
@@ -51,11 +61,43 @@ class Axes:
 
 @dataclass(frozen=True, eq=False)
 class PreparedTexture:
-    """A texture in blocks of normalised values."""
+    """A texture in blocks."""
 
     axes: Axes
-    blocks: Array
-    """[blocks of all levels, texels x channels]: (value - mean) in units of the axes."""
+    texels: NDArray[np.uint8]
+    """[blocks of all levels, texels, channels] 8-bit values; 0 in channels that the texture lacks."""
+
+    def normalised(self, rows: slice | NDArray[np.int64]) -> Array:
+        """[blocks, texels x channels]: (value - mean) in units of the axes, of the blocks `rows`."""
+        texels, axes = np.ascontiguousarray(self.texels[rows]), self.axes
+        if compiled is None:
+            found = (texels.astype(np.float32) / np.float32(255.0) - axes.mean[0]) @ axes.inverse
+            return np.asarray(found.reshape(len(texels), -1), np.float32)
+        out = np.empty((len(texels), texels.shape[1] * texels.shape[2]), np.float32)
+        compiled.normalise(texels, axes.mean[0], np.ascontiguousarray(axes.inverse), out)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Moments:
+    """First and second moments of values in [0, 1]."""
+
+    mean: NDArray[np.float64]
+    """[channels]."""
+    products: NDArray[np.float64]
+    """[channels, channels] means of products."""
+
+    @classmethod
+    def of(cls, pixels: NDArray[np.uint8]) -> "_Moments":
+        """Those of `pixels` [H, W, channels], from exact sums."""
+        channels = pixels.shape[2]
+        rows, count = pixels.reshape(-1, channels), pixels.size // channels
+        sums, products = np.zeros(channels), np.zeros((channels, channels))
+        for start in range(0, count, ROWS_AT_ONCE):
+            part = rows[start : start + ROWS_AT_ONCE].astype(np.float64)
+            sums += part.sum(0)
+            products += part.T @ part
+        return cls(sums / (255.0 * count), products / (255.0**2 * count))
 
 
 def _turned_channels(config: BlockConfig) -> list[list[int]]:
@@ -67,15 +109,14 @@ def _turned_channels(config: BlockConfig) -> list[list[int]]:
     return found
 
 
-def _principal_axes(pixels: Array, weights: NDArray[np.float64], config: BlockConfig) -> Axes:
-    """Axes of `pixels` [N, C] whose squared errors are worth `weights` [C].
+def _principal_axes(moments: _Moments, weights: NDArray[np.float64], config: BlockConfig) -> Axes:
+    """Axes of values with `moments` whose squared errors are worth `weights` [channels].
 
     Of one length after weighting, so that an error has the same weight in every direction.
     """
-    mean = pixels.mean(0, dtype=np.float64)
+    mean = moments.mean
     roots = np.sqrt(weights)
-    centred = (pixels - mean) * roots
-    covariance = centred.T @ centred / len(pixels)
+    covariance = (moments.products - np.outer(mean, mean)) * np.outer(roots, roots)
     vectors, total = np.zeros_like(covariance), 0.0
     for channels in _turned_channels(config):
         own = np.ix_(channels, channels)
@@ -97,30 +138,33 @@ def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTextu
     levels = latent_levels(width, height, config)
     mips = mip_chain(source.pixels, source.color_space, source.maps)[: len(levels)]
     places = list(channel_places(source.maps, source.channels, config.maps, config.output_channels))
-    values, weights = [], np.ones(config.output_channels)
+    values, weights = list[NDArray[np.uint8]](), np.ones(config.output_channels)
     weights[places] = source.map_weights.of_channels(source.maps, source.channels)
     for mip in mips:
+        if places == list(range(config.output_channels)):
+            values.append(mip)
+            continue
         # A channel that the texture lacks is 0 everywhere, which costs no bits.
-        value = np.zeros((*mip.shape[:2], config.output_channels), np.float32)
-        value[..., places] = mip.astype(np.float32) / np.float32(255.0)
+        value = np.zeros((*mip.shape[:2], config.output_channels), np.uint8)
+        value[..., places] = mip
         values.append(value)
-    axes = _principal_axes(values[0].reshape(-1, config.output_channels), weights, config)
+    axes = _principal_axes(_Moments.of(values[0]), weights, config)
     for number in range(1, config.mips):
         axes.mean[number] = axes.mean[0] + _offset(values, levels, number)
     own = [number for number, level in enumerate(levels) if level.has_own_cells]
-    side = config.block_side
-    blocks = [blocks_of((values[number] - axes.mean[0]) @ axes.inverse, side, source.wrap) for number in own]
-    return PreparedTexture(axes, np.concatenate(blocks).reshape(-1, config.block_values))
+    return PreparedTexture(
+        axes, np.concatenate([blocks_of(values[number], config.block_side, source.wrap) for number in own])
+    )
 
 
-def _offset(values: Sequence[Array], levels: Sequence[LatentLevel], mip: int) -> Array:
+def _offset(values: Sequence[NDArray[np.uint8]], levels: Sequence[LatentLevel], mip: int) -> Array:
     """[channels]: by how much mips that codes hold as their mip `mip` are above the average of stored values, for colours are
     averaged in linear light."""
     sums, count = np.zeros(values[0].shape[2]), 0
     for number, level in enumerate(levels):
         if level.mip_of_cell == mip:
             finer, texels = values[number - mip], values[number].shape[0] * values[number].shape[1]
-            sums += texels * (values[number].mean((0, 1), np.float64) - finer.mean((0, 1), np.float64))
+            sums += texels * (_Moments.of(values[number]).mean - _Moments.of(finer).mean)
             count += texels
     return np.asarray(sums / max(1, count), np.float32)
 
@@ -146,6 +190,6 @@ def sample_textures(
     samples = []
     for source in sources:
         texture = prepare_texture(source, config)
-        chosen = random.permutation(len(texture.blocks))[:each]
-        samples.append(Sample(texture.blocks[chosen], texture.axes, len(texture.blocks)))
+        chosen = random.permutation(len(texture.texels))[:each]
+        samples.append(Sample(texture.normalised(chosen), texture.axes, len(texture.texels)))
     return tuple(samples)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes
 from ntc.codec.block.encoding.edges import edge_kinds, fitted_edges
-from ntc.codec.block.encoding.quantizer import expected_errors
+from ntc.codec.block.encoding.quantizer import compiled, expected_errors
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder
 
@@ -35,15 +35,27 @@ def left_out(blocks: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
 def block_choices(blocks: Array, axes: Axes, tables: Tables, decoder: BlockDecoder, config: BlockConfig) -> Choices:
     """Choices for normalised `blocks` [blocks, texels x channels] of a texture with `axes`."""
     sizes = len(config.block_words)
-    expected = torch.full((len(blocks), sizes, config.modes), torch.inf)
+    kinds = edge_kinds(decoder)
+    if len(kinds) > 1:
+        expected = torch.full((len(blocks), sizes, config.modes), torch.inf)
     fits = torch.from_numpy((decoder.fitting_edges(config) == decoder.edges).all(2))
-    for kind in edge_kinds(decoder):
+    for kind in kinds:
         rest = torch.from_numpy(fitted_edges(blocks, axes, kind.bits, config).rest)
-        values = rest @ tables.projection
+        values = tables.project(rest)
         modes = torch.from_numpy(kind.modes)
         # The polynomials that errors come from may fall below 0.
         own = expected_errors(values, tables.depths[:, modes], tables.scales[modes]).clamp_(min=0.0)
         own += left_out(rest, values)[:, None, None]
+        if len(kinds) == 1 and bool(fits.all()):
+            expected = own
+            break
         expected[:, :, modes] = torch.where(fits[:, modes], own, torch.inf)
-    least = expected.topk(min(CANDIDATES, config.modes), dim=2, largest=False)
+    if compiled is not None:
+        errors, chosen = (
+            np.empty((len(blocks), sizes), np.float32),
+            np.empty((len(blocks), sizes, CANDIDATES), np.uint8),
+        )
+        compiled.two_least(expected.numpy(), errors, chosen)
+        return Choices(errors, chosen)
+    least = expected.topk(CANDIDATES, dim=2, largest=False)
     return Choices(least.values[..., 0].numpy(), least.indices.numpy().astype(np.uint8))

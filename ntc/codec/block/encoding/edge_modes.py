@@ -78,7 +78,7 @@ class _Trial:
         self.bits = bits
         fits = [fitted_edges(sample.blocks, sample.axes, bits, config).rest for sample in samples]
         self._rest = torch.from_numpy(np.concatenate(fits))
-        self._values = self._rest @ tables.projection
+        self._values = tables.project(self._rest)
 
     def fitted(self, least: NDArray[np.float32], config: BlockConfig) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """(scales [coefficients], expected errors [blocks, sizes]) of a mode for the blocks that gain by it beside `least`."""

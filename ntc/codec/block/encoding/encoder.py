@@ -6,9 +6,9 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ntc.codec.block.codes import bits_before_branches
+from ntc.codec.block.codes import EdgePart, bits_before_branches
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import PreparedTexture, prepare_texture, sample_textures
+from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepare_texture, sample_textures
 from ntc.codec.block.encoding.choices import Choices, block_choices, left_out
 from ntc.codec.block.encoding.edges import edge_kinds, fitted_edges
 from ntc.codec.block.encoding.search import coded
@@ -39,7 +39,7 @@ def encode_texture(
     texture = prepare_texture(source, config)
     with one_thread():
         tables = Tables.of(decoder, config)
-        starts = range(0, len(texture.blocks), BLOCKS_AT_ONCE)
+        starts = range(0, len(texture.texels), BLOCKS_AT_ONCE)
         parts = [slice(start, start + BLOCKS_AT_ONCE) for start in starts]
         choices = [_choices(texture, part, tables, decoder, config, worked) for part in parts]
         levels = latent_levels(*source.size, config)
@@ -75,7 +75,7 @@ def _choices(
     worked: Callable[[int], None],
 ) -> Choices:
     worked(0)
-    return block_choices(texture.blocks[part], texture.axes, tables, decoder, config)
+    return block_choices(texture.normalised(part), texture.axes, tables, decoder, config)
 
 
 def _codes(
@@ -94,37 +94,57 @@ def _codes(
         own = np.nonzero(sizes == size)[0]
         for start in range(0, len(own), BLOCKS_AT_ONCE):
             rows = own[start : start + BLOCKS_AT_ONCE]
-            least = np.full(len(rows), np.inf)
-            for candidates in modes[rows].T.astype(np.int64):
-                _improve(found, least, rows, candidates, size, texture, tables, decoder, config)
+            blocks = texture.normalised(rows)
+            found[rows] = _best_codes(blocks, modes[rows].astype(np.int64), size, texture.axes, tables, decoder, config)
             worked(len(rows))
     return found
 
 
-def _improve(
-    found: NDArray[np.uint32],
-    least: NDArray[np.float64],
-    rows: NDArray[np.int64],
+def _best_codes(
+    blocks: Array,
     modes: NDArray[np.int64],
     size: int,
-    texture: PreparedTexture,
+    axes: Axes,
     tables: Tables,
     decoder: BlockDecoder,
     config: BlockConfig,
-) -> None:
-    """Write the codes of blocks `rows` in `modes` into `found` where their errors are below `least`, which then holds them."""
+) -> NDArray[np.uint32]:
+    """[blocks, words of the largest code] uint32: codes of size class `size` for normalised `blocks`.
+
+    Each takes the one of its candidates `modes` [blocks, CANDIDATES] that has the least error."""
+    found = np.zeros((len(blocks), config.block_words[-1]), np.uint32)
+    least = np.full(len(blocks), np.inf)
     for kind in edge_kinds(decoder):
-        own = np.nonzero(np.isin(modes, kind.modes))[0]
-        fit = fitted_edges(texture.blocks[rows[own]], texture.axes, kind.bits, config)
+        suits = np.isin(modes, kind.modes)
+        rows = np.nonzero(suits.any(1))[0]
+        if not len(rows):
+            continue
+        fit = fitted_edges(blocks[rows], axes, kind.bits, config)
         rest = torch.from_numpy(fit.rest)
-        values = rest @ tables.projection
-        chosen = modes[own]
-        bits = bits_before_branches(chosen, np.full(len(own), size), fit.parts, decoder, config)
-        words, errors = coded(values.numpy(), chosen, size, bits, decoder, config)
-        errors = errors + left_out(rest, values).numpy()
-        better = errors < least[own]
-        least[own[better]] = errors[better]
-        found[rows[own[better]]] = words[better]
+        values = tables.project(rest)
+        lost = left_out(rest, values).numpy()
+        for candidate in range(modes.shape[1]):
+            # Where all of them have edge parts of this kind, as is usual, nothing is copied.
+            own = np.nonzero(suits[rows, candidate])[0]
+            every = len(own) == len(rows)
+            parts = fit.parts if every else tuple(_parts_of(part, own) for part in fit.parts)
+            chosen = modes[rows[own], candidate]
+            bits = bits_before_branches(chosen, np.full(len(own), size), parts, decoder, config)
+            given = values.numpy() if every else values.numpy()[own]
+            words, errors = coded(given, chosen, size, bits, decoder, config)
+            errors = errors + lost[own]
+            better = errors < least[rows[own]]
+            taken = rows[own[better]]
+            least[taken] = errors[better]
+            found[taken] = words[better]
+    return found
+
+
+def _parts_of(part: EdgePart, blocks: NDArray[np.int64]) -> EdgePart:
+    """Those of `blocks`, where all blocks have a part or none has; numbered anew."""
+    if not len(part.blocks):
+        return part
+    return EdgePart(np.arange(len(blocks)), part.bits[blocks], part.colours[blocks], part.indices[blocks])
 
 
 def encode_group(

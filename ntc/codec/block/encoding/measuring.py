@@ -1,11 +1,16 @@
 """Mip 0 of an encoded texture for the measure of its quality, decoded in float64 by compiled code."""
 
+from collections.abc import Sequence
+
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
-from ntc.codec.block.codes import edge_parts
+from ntc.codec.block.codes import EdgePart, edge_parts
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.blocks import compiled as compiled_texels
 from ntc.codec.block.encoding.search import compiled
+from ntc.codec.block.encoding.transform import one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
 from ntc.codec.block.reference import decode_image, edge_values, image_of, texture_codes
 from ntc.codec.block.storage import BlockCodes
@@ -17,14 +22,15 @@ BLOCKS_AT_ONCE = 1 << 14
 
 def finest_image(texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.uint8]:
     """Return [h, w, output channels] uint8: mip 0, but for rounding what `reference.decode_image` gives."""
-    if compiled is None:
+    if compiled is None or compiled_texels is None:
         return decode_image(texture, decoder, config)
     stored = texture_codes(texture, config, 0)
     geometry = latent_levels(texture.width, texture.height, config)[0]
     parts = []
-    for start in range(0, geometry.cells, BLOCKS_AT_ONCE):
-        own = slice(start, min(start + BLOCKS_AT_ONCE, geometry.cells))
-        parts.append(_blocks(texture, BlockCodes(stored.codes[own], stored.sizes[own]), decoder, config))
+    with one_thread():
+        for start in range(0, geometry.cells, BLOCKS_AT_ONCE):
+            own = slice(start, min(start + BLOCKS_AT_ONCE, geometry.cells))
+            parts.append(_blocks(texture, BlockCodes(stored.codes[own], stored.sizes[own]), decoder, config))
     return np.asarray(image_of(np.concatenate(parts), geometry, config), np.uint8)
 
 
@@ -42,14 +48,34 @@ def _blocks(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, co
         compiled.read_codes(stored.codes[own], modes[own], found, *shape, levels)
         coefficients[own] = found
     rows = decoder.basis * scale_values(decoder.basis_scale)[:, None]
-    transformed = np.zeros((len(modes), config.block_texels, config.output_channels))
+    transformed = np.zeros((config.output_channels, len(modes), config.block_texels))
     for channel in range(config.output_channels):
         own = np.nonzero(decoder.channels == channel)[0]
-        transformed[..., channel] = coefficients[:, own] @ rows[own]
-    values = transformed @ texture.axes.T.astype(np.float64)
+        torch.mm(
+            torch.from_numpy(coefficients[:, own]),
+            torch.from_numpy(rows[own]),
+            out=torch.from_numpy(transformed[channel]),
+        )
+    shown = np.empty((len(modes), config.block_texels, config.output_channels), np.uint8)
+    compiled_texels.show(transformed, texture.mean[0].astype(np.float64), texture.axes.astype(np.float64), shown)
+    parts = edge_parts(stored, decoder, config)
+    with_parts = np.unique(np.concatenate([part.blocks for part in parts]))
+    if len(with_parts):
+        shown[with_parts] = _with_edges(texture, transformed[:, with_parts], parts, with_parts, config)
+    return shown
+
+
+def _with_edges(
+    texture: BlockTexture,
+    transformed: NDArray[np.float64],
+    parts: Sequence[EdgePart],
+    blocks: NDArray[np.int64],
+    config: BlockConfig,
+) -> NDArray[np.uint8]:
+    """Return [blocks, texels, channels] uint8 of `blocks`, which have edge `parts`."""
+    values = transformed.transpose(1, 2, 0) @ texture.axes.T.astype(np.float64)
     base = np.zeros_like(values) + texture.mean[0]
-    for channels, part in zip(config.planes, edge_parts(stored, decoder, config), strict=True):
-        texels = np.arange(config.block_texels)
-        base[np.ix_(part.blocks, texels, np.array(channels, np.int64))] = edge_values(part, config, 0)
-    values += base
-    return np.rint(np.clip(values, 0.0, 1.0) * 255.0).astype(np.uint8)
+    for channels, part in zip(config.planes, parts, strict=True):
+        places = np.ix_(np.searchsorted(blocks, part.blocks), np.arange(config.block_texels), np.array(channels))
+        base[places] = edge_values(part, config, 0)
+    return np.rint(np.clip(values + base, 0.0, 1.0) * 255.0).astype(np.uint8)

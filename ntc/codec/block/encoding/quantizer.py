@@ -1,12 +1,19 @@
 """The search for a block's best path through the trellis (`ntc.codec.block.trellis`), many blocks side by side, in torch."""
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 import torch
 
 from ntc.codec.block.config import LARGEST_DEPTH
 from ntc.codec.block.trellis import BRANCHES, STATES, level_table
+
+compiled: Any
+try:
+    from ntc.codec.block.encoding import compiled_modes as compiled
+except ImportError:
+    compiled = None
 
 LOOKUP_RANGE = 8.5
 """Coefficients beyond this many times their scale take the outermost levels."""
@@ -73,13 +80,17 @@ def best_modes(
 ) -> torch.Tensor:
     """[blocks] int64: the mode in which each block has about the least squared error.
 
-    `expected` [blocks, modes] errors name a few modes, and the table of errors chooses among them; `depths` [blocks, modes,
-    coefficients] or [1, modes, coefficients] int64, `scales` [modes, coefficients] float32.
+    `expected` [blocks, modes] errors name two modes, and the table of errors chooses among them; `depths` [modes, coefficients] int64,
+    `scales` [modes, coefficients] float32.
     """
-    shortlist = expected.topk(min(SHORTLIST, expected.shape[1]), dim=1, largest=False).indices
-    rows = torch.arange(len(values)) if len(depths) > 1 else torch.zeros(len(values), dtype=torch.int64)
-    found = [_looked_up(values, depths[rows, modes], scales[modes]) for modes in shortlist.unbind(1)]
-    return shortlist.gather(1, torch.stack(found, dim=1).argmin(1, keepdim=True))[:, 0]
+    if compiled is not None:
+        found = np.empty(len(values), np.int64)
+        table = (error_table().numpy(), np.float32(LOOKUP_RANGE), LOOKUP_CELLS)
+        compiled.better_of_two(values.numpy(), expected.numpy(), depths.numpy(), scales.numpy(), *table, found)
+        return torch.from_numpy(found)
+    shortlist = expected.topk(SHORTLIST, dim=1, largest=False).indices
+    errors = [_looked_up(values, depths[modes], scales[modes]) for modes in shortlist.unbind(1)]
+    return shortlist.gather(1, torch.stack(errors, dim=1).argmin(1, keepdim=True))[:, 0]
 
 
 def _looked_up(values: torch.Tensor, depths: torch.Tensor, scales: torch.Tensor) -> torch.Tensor:

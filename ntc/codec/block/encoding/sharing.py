@@ -88,7 +88,8 @@ def share_words(curves: Sequence[RateCurve], words: float, sharing: Sharing = DE
     texels_worth = np.ones(len(curves)) if worth is None else np.array(worth, np.float64) / np.mean(worth)
     weights, balances = texels_worth, np.ones(len(curves))
     found: tuple[float, ...] = ()
-    for _ in range(BALANCE_ROUNDS if balance else 1):
+    rounds = BALANCE_ROUNDS if balance else 1
+    for number in range(rounds):
         low, high = 1e-16, 16.0
         for _ in range(BISECTIONS):
             middle = (low * high) ** 0.5
@@ -97,14 +98,16 @@ def share_words(curves: Sequence[RateCurve], words: float, sharing: Sharing = DE
             low, high = (low, middle) if enough else (middle, high)
         given = [curve.at(high / weight) for curve, weight in zip(curves, weights, strict=True)]
         least = np.array([each for each, _ in given])
+        if number < rounds - 1:
+            errors = np.array([max(error, LEAST_ERROR) for _, error in given])
+            # Half of the way, for weights and errors answer each other.
+            balances = np.sqrt(balances * errors**-balance)
+            weights = texels_worth * balances
+            continue
         more = np.array([curve.at(low / weight)[0] for curve, weight in zip(curves, weights, strict=True)]) - least
         # Textures whose blocks are alike change at one price: what is left is shared out in proportion.
         share = (words - float(least @ blocks)) / max(float(more @ blocks), 1e-9)
         found = tuple((least + min(max(share, 0.0), 1.0) * more).tolist())
-        errors = np.array([max(error, LEAST_ERROR) for _, error in given])
-        # Half of the way, for weights and errors answer each other.
-        balances = np.sqrt(balances * errors**-balance)
-        weights = texels_worth * balances
     return found
 
 

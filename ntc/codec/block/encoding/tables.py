@@ -13,7 +13,7 @@ from ntc.codec.block.encoding.choices import block_choices
 from ntc.codec.block.encoding.edge_modes import with_edge_modes
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
 from ntc.codec.block.encoding.sharing import RateCurve
-from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread
+from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
 from ntc.codec.block.model import BlockDecoder, stored_scales
 
 MODE_ROUNDS = 6
@@ -28,13 +28,11 @@ FEWEST_BLOCKS = 16
 
 def _fitted_scales(squares: torch.Tensor, chosen: NDArray[np.int64], modes: int) -> NDArray[np.uint8]:
     """[modes, coefficients] stored scales for the blocks that chose each mode."""
-    total = squares.mean(0).numpy().astype(np.float64)
-    scales = []
-    for mode in range(modes):
-        own = squares[torch.from_numpy(chosen == mode)]
-        variance = own.mean(0).numpy().astype(np.float64) if len(own) >= FEWEST_BLOCKS else total
-        scales.append(stored_scales(np.sqrt(np.maximum(variance, 1e-9))))
-    return np.stack(scales)
+    classes = torch.from_numpy(chosen)
+    sums = torch.zeros(modes, squares.shape[1], dtype=torch.float32).index_add_(0, classes, squares).double().numpy()
+    counts = np.bincount(chosen, minlength=modes)[:, None]
+    means = np.where(counts >= FEWEST_BLOCKS, sums / np.maximum(counts, 1), sums.sum(0) / len(chosen))
+    return stored_scales(np.sqrt(np.maximum(means, 1e-9)))
 
 
 def _first_classes(features: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
@@ -64,7 +62,7 @@ def _modes(
         tables = Tables.of(replace(decoder, scales=scales), config)
         depths = tables.depths[middle : middle + 1]
         expected = expected_errors(coefficients, depths, tables.scales)[:, 0]
-        chosen = best_modes(coefficients, expected, depths, tables.scales).numpy()
+        chosen = best_modes(coefficients, expected, depths[0], tables.scales).numpy()
         scales = _fitted_scales(squares, chosen, config.modes)
     return scales
 
@@ -75,7 +73,7 @@ def fit_decoder(samples: Sequence[Sample], config: BlockConfig, seed: int = 0) -
     blocks = np.concatenate([sample.blocks for sample in samples])
     with one_thread():
         basis = fitted_basis(samples, config)
-        coefficients = torch.from_numpy(blocks) @ basis.projection(config)
+        coefficients = projected(torch.from_numpy(blocks), basis.projections(config))
         scales = np.zeros((config.modes, config.coefficients), np.uint8)
         edges = np.zeros((config.modes, len(config.planes)), np.uint8)
         decoder = BlockDecoder(basis.rows, basis.channels, basis.scale, scales, edges)
@@ -95,6 +93,6 @@ def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> Ra
 def coefficient_energies(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> Array:
     """[coefficients] float32: mean squared error of a texture's values that each coefficient stands for."""
     with one_thread():
-        values = torch.from_numpy(sample.blocks) @ Tables.of(decoder, config).projection
+        values = Tables.of(decoder, config).project(torch.from_numpy(sample.blocks))
         energies: Array = values.square().mean(0).numpy() * np.float32(sample.axes.contrast**2 / config.block_values)
     return energies

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import torch
@@ -20,8 +21,8 @@ LARGEST_NUMBER = 127.0
 class Tables:
     """A decoder's tables as the encoder reads them."""
 
-    projection: torch.Tensor
-    """[values of a block, coefficients] float32: blocks times this are the coefficients of least squared error."""
+    projections: "tuple[Projection, ...]"
+    """By channel."""
     depths: torch.Tensor
     """[sizes, modes, coefficients] int64."""
     scales: torch.Tensor
@@ -33,7 +34,11 @@ class Tables:
         depths = torch.from_numpy(decoder.depths(config).astype(np.int64))
         scales = torch.from_numpy(scale_values(decoder.scales).astype(np.float32))
         basis = Basis(decoder.basis, decoder.channels, decoder.basis_scale)
-        return cls(basis.projection(config), depths, scales)
+        return cls(basis.projections(config), depths, scales)
+
+    def project(self, blocks: torch.Tensor) -> torch.Tensor:
+        """[blocks, coefficients] float32: the coefficients of least squared error of `blocks` [blocks, texels x channels]."""
+        return projected(blocks, self.projections)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,16 +49,34 @@ class Basis:
     channels: NDArray[np.uint8]
     scale: NDArray[np.uint8]
 
-    def projection(self, config: BlockConfig) -> torch.Tensor:
-        """[values of a block, coefficients] float32: blocks times this are the coefficients of least squared error under the rounded
-        rows."""
+    def projections(self, config: BlockConfig) -> "tuple[Projection, ...]":
+        """Those of all channels under the rounded rows."""
         rows = self.rows.astype(np.float64) * scale_values(self.scale)[:, None]
-        found = np.zeros((config.block_texels, config.output_channels, len(rows)))
+        found = []
         for channel in range(config.output_channels):
             own = np.nonzero(self.channels == channel)[0]
             # The rows are orthogonal but for their rounding.
-            found[:, channel, own] = np.linalg.solve(rows[own] @ rows[own].T, rows[own]).T
-        return torch.from_numpy(found.reshape(config.block_values, -1).astype(np.float32))
+            matrix = np.linalg.solve(rows[own] @ rows[own].T, rows[own]).T
+            found.append(Projection(torch.from_numpy(own), torch.from_numpy(matrix.astype(np.float32))))
+        return tuple(found)
+
+
+class Projection(NamedTuple):
+    """From a channel's texels to the coefficients of its rows."""
+
+    rows: torch.Tensor
+    """[rows] int64 numbers of the channel's coefficients."""
+    matrix: torch.Tensor
+    """[texels, rows] float32: texels times this are the coefficients of least squared error."""
+
+
+def projected(blocks: torch.Tensor, projections: Sequence[Projection]) -> torch.Tensor:
+    """[blocks, coefficients] float32 of `blocks` [blocks, texels x channels]."""
+    images = blocks.view(len(blocks), -1, len(projections))
+    found = torch.zeros(len(blocks), sum(len(each.rows) for each in projections))
+    for channel, own in enumerate(projections):
+        found[:, own.rows] = images[..., channel] @ own.matrix
+    return found
 
 
 def fitted_basis(samples: Sequence[Sample], config: BlockConfig) -> Basis:

@@ -1,0 +1,70 @@
+"""The choice of modes by errors that are expected, compiled by numba."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(nogil=True, cache=True)
+def _two_least(errors: NDArray[np.float32]) -> tuple[int, int]:
+    """Return places of the least and the second least of `errors`."""
+    first, second = 0, 1
+    if errors[1] < errors[0]:
+        first, second = 1, 0
+    for place in range(2, len(errors)):
+        if errors[place] < errors[second]:
+            second = place
+            if errors[place] < errors[first]:
+                first, second = place, first
+    return first, second
+
+
+@njit(nogil=True, cache=True)
+def two_least(expected: NDArray[np.float32], errors: NDArray[np.float32], modes: NDArray[np.uint8]) -> None:
+    """Write the least of `expected` [blocks, sizes, modes] into `errors` [blocks, sizes], and the two modes of the least ones into
+    `modes` [blocks, sizes, 2]."""
+    for block in range(expected.shape[0]):
+        for size in range(expected.shape[1]):
+            first, second = _two_least(expected[block, size])
+            errors[block, size] = expected[block, size, first]
+            modes[block, size, 0], modes[block, size, 1] = first, second
+
+
+@njit(nogil=True, cache=True)
+def _looked_up(
+    values: NDArray[np.float32],
+    depths: NDArray[np.int64],
+    scales: NDArray[np.float32],
+    table: NDArray[np.float32],
+    reach: np.float32,
+    cells: int,
+) -> float:
+    """Return the sum over coefficients of `table` [depths x cells], squared errors in units of scales."""
+    total, share = np.float32(0.0), np.float32(cells) / (np.float32(2.0) * reach)
+    for k in range(len(values)):
+        unit = values[k] / scales[k]
+        cell = int((min(max(unit, -reach), reach) + reach) * share)
+        error = table[depths[k] * cells + min(cell, cells - 1)]
+        beyond = max(abs(unit) - reach, np.float32(0.0))
+        total += (error + beyond * beyond) * scales[k] * scales[k]
+    return float(total)
+
+
+@njit(nogil=True, cache=True)
+def better_of_two(
+    values: NDArray[np.float32],
+    expected: NDArray[np.float32],
+    depths: NDArray[np.int64],
+    scales: NDArray[np.float32],
+    table: NDArray[np.float32],
+    reach: np.float32,
+    cells: int,
+    found: NDArray[np.int64],
+) -> None:
+    """Write into `found` [blocks] which of the two modes of the least `expected` [blocks, modes] has the smaller error of `values`
+    [blocks, coefficients] by `table`; `depths` and `scales` [modes, coefficients]."""
+    for block in range(len(values)):
+        first, second = _two_least(expected[block])
+        one = _looked_up(values[block], depths[first], scales[first], table, reach, cells)
+        other = _looked_up(values[block], depths[second], scales[second], table, reach, cells)
+        found[block] = second if other < one else first

@@ -1,0 +1,52 @@
+"""Texels of blocks in units of a texture's axes and back, compiled by numba."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+
+@njit(nogil=True, cache=True)
+def _used(matrix: NDArray[np.floating]) -> NDArray[np.int64]:
+    """Return [columns, 2]: first row that is not 0 in each column of `matrix`, and the one after the last."""
+    found = np.zeros((matrix.shape[1], 2), np.int64)
+    for column in range(matrix.shape[1]):
+        found[column, 0] = column
+        for row in range(matrix.shape[0]):
+            if matrix[row, column] != 0.0:
+                found[column, 0] = min(found[column, 0], row)
+                found[column, 1] = row + 1
+    return found
+
+
+@njit(nogil=True, cache=True)
+def normalise(
+    texels: NDArray[np.uint8], mean: NDArray[np.float32], inverse: NDArray[np.float32], out: NDArray[np.float32]
+) -> None:
+    """Write (value - `mean`) @ `inverse` of 8-bit `texels` [blocks, texels, channels] into `out` [blocks, texels x channels]."""
+    channels, used = texels.shape[2], _used(inverse)
+    centred = np.zeros(channels, np.float32)
+    for block in range(texels.shape[0]):
+        for texel in range(texels.shape[1]):
+            for channel in range(channels):
+                centred[channel] = np.float32(texels[block, texel, channel]) / np.float32(255.0) - mean[channel]
+            for channel in range(channels):
+                total = np.float32(0.0)
+                for row in range(used[channel, 0], used[channel, 1]):
+                    total += centred[row] * inverse[row, channel]
+                out[block, texel * channels + channel] = total
+
+
+@njit(nogil=True, cache=True)
+def show(
+    transformed: NDArray[np.float64], mean: NDArray[np.float64], axes: NDArray[np.float64], out: NDArray[np.uint8]
+) -> None:
+    """Write `mean` + `axes` @ `transformed` [channels, blocks, texels] as 8-bit values into `out` [blocks, texels, channels]."""
+    channels, used = transformed.shape[0], _used(axes.T)
+    for block in range(out.shape[0]):
+        for texel in range(out.shape[1]):
+            for channel in range(channels):
+                value = mean[channel]
+                for column in range(used[channel, 0], used[channel, 1]):
+                    value += axes[channel, column] * transformed[column, block, texel]
+                value = min(max(value, 0.0), 1.0)
+                out[block, texel, channel] = np.uint8(np.rint(value * 255.0))
