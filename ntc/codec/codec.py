@@ -10,7 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import UNIVERSAL, Precision, WrapMode
-from ntc.codec.encoding import BitsTarget, Encoder, EncodingChoices, EncodingOptions, EncodingTask, TextureSet
+from ntc.codec.encoding import (
+    BitsTarget,
+    Encoder,
+    EncodingChoices,
+    EncodingOptions,
+    EncodingTask,
+    Sizes,
+    Target,
+    TextureSet,
+)
 from ntc.codec.gpu import GpuTables
 from ntc.codec.maps import MapName
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
@@ -236,6 +245,26 @@ class Codec(ABC):
     def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
         """Return the options of one of many jobs, which has one core to itself."""
         return self.options_for(choices)
+
+    def encoding_work(
+        self, groups: Sequence[Sizes], settings: CodecSettings, target: Target | None, ships: bool
+    ) -> float:
+        """Return how much work it is to encode groups of textures of these sizes to `target`: in proportion to the time, in a unit of
+        the codec's own. `ships`: their decoder is the one that ships with the program."""
+        del target, ships
+        return float(sum(width * height for sizes in groups for width, height in sizes) * settings.output_channels)
+
+    def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:
+        """Return the least and most bits per texel of mip 0 that the latents of a texture of `size` can take in a pack of these
+        settings; None where a texture cannot be encoded anew with other bits than the others."""
+        del settings, size
+        return None
+
+    def anew_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
+        """Return the options that encode one texture of `pack` anew with `bits` bits per texel, and leave all others as they are.
+        Raises InputError for bits out of reach."""
+        del texture, bits
+        raise InputError(f"codec {pack.config.kind}: cannot encode one texture anew; retrain its group")
 
     @abstractmethod
     def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:

@@ -268,6 +268,11 @@ class Encoder(ABC):
     settings: CodecSettings
     """Settings of the resulting pack; final when `pieces` has ended."""
 
+    @property
+    def replaces(self) -> bool:
+        """True where results replace the groups of `EncodingTask.start` although their error is larger: fewer bits were asked for."""
+        return False
+
     @abstractmethod
     def pieces(self) -> Generator[Piece]:
         """Do the work, stage after stage; gives a piece after each step or texture. Whoever stops asking ends it."""

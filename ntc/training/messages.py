@@ -31,6 +31,8 @@ class GroupSnapshot:
     decoder: Decoder
     final: bool = False
     """True if training of this group has ended with this."""
+    settings: CodecSettings | None = None
+    """Settings of the resulting pack, where they are found while encoding; None: those of the request."""
 
 
 def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
@@ -62,7 +64,12 @@ def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
     textures = tuple(_in_group(given.get(index, encoded), groups[index]) for index, encoded in enumerate(pack.textures))
     grouping = replace(pack.grouping, groups=tuple(groups)) if tuple(groups) != pack.grouping.groups else pack.grouping
     return replace(
-        pack, grouping=grouping, textures=textures, decoders=tuple(decoders[group] for group in used), path=None
+        pack,
+        config=snapshot.settings or pack.config,
+        grouping=grouping,
+        textures=textures,
+        decoders=tuple(decoders[group] for group in used),
+        path=None,
     )
 
 

@@ -208,11 +208,13 @@ class Trainer:
     def _send(self, found: EncodedGroup, textures: tuple[EncodedTexture, ...], decoder: Decoder, final: bool) -> None:
         self._versions[found.group] += 1
         version = self._versions[found.group]
-        self._host.snapshot(GroupSnapshot(version, found.group, found.members, textures, decoder, final))
+        other = None if self.settings == self._request.codec else self.settings
+        self._host.snapshot(GroupSnapshot(version, found.group, found.members, textures, decoder, final, other))
 
     def _end_group(self, found: EncodedGroup) -> None:
         """Measure a group and send its final snapshot: what it was before, where nothing better was found."""
         textures, decoder, start, before = found.textures, found.decoder, self._request.start, None
+        kept_old = False
         if any(texture.psnr_db is None for texture in textures):
             textures = self._encoder.measured(textures, decoder, found.members)
         after = _mean_square(textures)
@@ -222,12 +224,12 @@ class Trainer:
                 tuple(start.textures[index] for index in found.members), old_decoder, found.members
             )
             before = _mean_square(old)
-            if after > before:
+            kept_old = after > before and not self._encoder.replaces
+            if kept_old:
                 decoder, textures = old_decoder, tuple(replace(texture, group=found.group) for texture in old)
         textures = tuple(replace(texture, group=found.group) for texture in textures)
         self._send(found, textures, decoder, final=True)
         before_db = None if before is None else psnr_of_mse(before)
-        kept_old = before is not None and after > before
         self._outcomes[found.group] = GroupOutcome(found.group, before_db, psnr_of_mse(after), kept_old)
 
     def _reason(self, outcomes: Sequence[GroupOutcome]) -> EndReason:

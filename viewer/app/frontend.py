@@ -246,7 +246,7 @@ class Frontend:
         """Seconds until the window changes by itself; infinite where it does not."""
         tooltip, training = self.interface.rects.tooltips.seconds_until_due, self._context.training
         explains = math.inf if tooltip is None else max(tooltip, 0.0)
-        if self.live.is_computing or training.active is not None or training.saving:
+        if self.live.is_computing or training.active is not None or training.saving or training.rates.is_busy:
             return min(POLL_SECONDS, explains)
         if not self.session.window.flickers:
             return explains
@@ -330,7 +330,8 @@ class Frontend:
             # Before the first report only the passing seconds show that the training works.
             passed = int(time.monotonic() - run.began) if run.progress is None else 0
             under_way = (run.state, run.progress, run.notes, passed)
-        return (*under_way, self.session.window.log.count, log.runs, log.undecided, training.saving)
+        decided = (log.runs, log.undecided, training.saving, training.plan, training.rates.version)
+        return (*under_way, self.session.window.log.count, *decided)
 
     def _figures_are_wanted(self) -> bool:
         """Return True where something shows the comparison of A and B."""

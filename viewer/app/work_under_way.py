@@ -59,8 +59,8 @@ def training_work(training: LiveTraining) -> Iterator[Work]:
         state = STATES[run.state]
         if progress is None:
             state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-        share = progress.step / max(1, progress.steps) if progress is not None else None
-        left = progress.seconds_left if progress is not None and not state else None
+        share = progress.share if progress is not None else None
+        left = run.seconds_left if not state else None
         # A run that is being cancelled cannot be cancelled again.
         cancel = "training.cancel" if run.state != "cancelling" else ""
         yield Work(f"{title}, {state}" if state else title, share, left, cancel)

@@ -12,7 +12,7 @@ from viewer.state.session import CANCEL, Choice, Question, Session
 from viewer.training.live_training import Decision, LiveTraining
 from viewer.training.preparation import job_title
 
-KEEP, DISCARD = "Keep", "Discard"
+KEEP, DISCARD, STOP = "Keep", "Discard", "Stop encoding"
 
 
 def asks_about_runs(context: Context, before: str, command_id: str, *values: Any) -> bool:
@@ -20,10 +20,15 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
 
     `before` names what is about to happen. The command is run with `values` and the decision once the user has answered.
     """
-    lines = _undecided(context.training)
+    training, scene = context.training, context.session.scene
+    lines = _undecided(training)
     if not lines:
         return False
-    scene = context.session.scene
+    if not training.undecided_runs and training.active is not None and training.active.pack_so_far() is None:
+        stop = Choice(STOP, command_id, (*values, "discard"))
+        text = "\n".join((*lines, "What is encoded so far is lost."))
+        ask(context.session, Question(f"{scene.name}: stop encoding before {before}?", text, (stop, Choice(CANCEL))))
+        return True
     where = "in the data folder, until the next start"
     if scene.path is not None:
         where = "in the data folder" if is_builtin(scene.path) else f"beside {scene.path.name}"
@@ -48,8 +53,10 @@ def _undecided(training: LiveTraining) -> tuple[str, ...]:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
         lines.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
     if training.active is not None:
+        left = training.active.seconds_left
+        time_left = "" if left is None else f", about {max(left, 1.0):.0f} s left"
         picture = "" if training.active.pack_so_far() is not None else ", no pack to save yet"
-        lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way{picture}")
+        lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way{time_left}{picture}")
     return tuple(lines)
 
 

@@ -3,12 +3,12 @@
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from ntc.codec.config import GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
-from ntc.codec.registry import CodecName, codec_named
+from ntc.codec.registry import FORMER_FORMATS, MODULES, codec_named, codec_of
 from ntc.errors import InputError
 from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, gesture, switch
@@ -19,15 +19,17 @@ from viewer.state.pack_files import base_pack_name, match_scene
 from viewer.state.session import CANCEL, Choice, Question, Session
 from viewer.state.view_state import REFERENCE, Side, is_image_source
 from viewer.training.live_training import Decision, LiveTraining
-from viewer.training.preparation import EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
+from viewer.training.preparation import EncodeAnew, EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
 from viewer.training.settings import (
     AUTO,
-    LARGEST_BITS,
+    FULL,
     SIZES,
+    SettingName,
     TrainingSettings,
     budget_text,
     parse_budget,
     read_clusters,
+    with_setting,
 )
 
 NEW_GROUP = "new"
@@ -35,16 +37,12 @@ WORST = "worst"
 ALL = "all"
 _DEFAULT = TrainingSettings()
 _BUDGET = budget_text(_DEFAULT.budget)
+FORMER = "this pack has a former format; encode the scene anew"
+AS_CHOSEN = "default: as chosen in the panel Training"
 Strategy = Annotated[GroupingName, Arg("which textures share a decoder")]
 GroupCount = Annotated[str, Arg(f"number of groups, or {AUTO}")]
-Size = Annotated[
-    int, Arg("largest texture size in texels; larger textures are reduced first", minimum=SIZES[0], maximum=SIZES[1])
-]
 Budget = Annotated[str, Arg("length of the training: 500steps, 30s or 35dB")]
 Recipe = Annotated[RecipeName, Arg("training recipe; codec block has none")]
-CodecChoice = Literal["auto", CodecName]
-Codec = Annotated[CodecChoice, Arg(f"{AUTO}: block for best, grid for paper and for a budget of steps")]
-Bits = Annotated[float, Arg("target bitrate of codec block in bits per texel", minimum=0.01, maximum=LARGEST_BITS)]
 Groups = Annotated[str, Arg(f"groups such as 0,3,5, or {ALL}, or {WORST}")]
 Texture = Annotated[str, Arg("name of the texture in the pack, or its number")]
 Group = Annotated[str, Arg(f"number of the group, or {NEW_GROUP}")]
@@ -132,28 +130,103 @@ def _no_base(context: Context) -> str:
     return _training_is_busy(context) or ("" if known else "there is no pack to continue from; encode the scene first")
 
 
+ENCODE_SETTINGS: tuple[SettingName, ...] = ("grouping", "groups", "size", "budget", "recipe", "codec", "target")
+"""Settings that the command training.encode takes, in this order."""
+
+
 @command(
     "training.encode",
     "Encode the scene",
-    "encode the open scene into a new pack; codec block shows it within seconds, codec grid trains step by step",
+    "encode the open scene into a new pack, as chosen in the panel Training; values replace the chosen ones",
     "Train",
     unavailable=_training_is_busy,
 )
 def encode(
     context: Context,
-    strategy: Strategy = _DEFAULT.strategy,
-    k: GroupCount = AUTO,
-    size: Size = _DEFAULT.texture_size,
-    budget: Budget = _BUDGET,
-    recipe: Recipe = _DEFAULT.recipe,
-    codec: Codec = "auto",
-    bits: Bits = _DEFAULT.bits,
+    strategy: Annotated[
+        str, Arg(f"grouping: which textures share a decoder; {AS_CHOSEN}", lambda _session: get_args(GroupingName))
+    ] = "",
+    k: Annotated[str, Arg(f"number of groups, or {AUTO}")] = "",
+    size: Annotated[str, Arg(f"largest texture size, {SIZES[0]} to {SIZES[1]} texels, or {FULL}")] = "",
+    budget: Annotated[str, Arg("length of a training: 500steps, 30s or 35dB; codec block needs none")] = "",
+    recipe: Annotated[str, Arg("training recipe; codec block has none", lambda _session: get_args(RecipeName))] = "",
+    codec: Annotated[
+        str, Arg(f"{AUTO}: block for best, grid for paper and for a budget of steps", lambda _session: (AUTO, *MODULES))
+    ] = "",
+    target: Annotated[str, Arg("what to reach: 4bits (per texel), 40dB (each texture) or 2.8MB (file)")] = "",
 ) -> Effect:
-    settings = replace(_settings(budget, recipe), strategy=strategy, clusters=read_clusters(k), texture_size=size)
-    kind: CodecName | None = None if codec == "auto" else codec
-    if kind is not None and recipe != _DEFAULT.recipe and not codec_named(kind).trains:
-        raise InputError(f"recipe {recipe}: trains codec grid; leave it out, or take codec grid")
-    return _start(context, EncodeScene(replace(settings, codec=kind, bits=bits)))
+    settings = _runs(context).plan
+    texts = zip(ENCODE_SETTINGS, (strategy, k, size, budget, recipe, codec, target), strict=True)
+    for name, text in texts:
+        settings = with_setting(settings, name, str(text)) if name != "recipe" and text != "" else settings
+    if recipe:
+        settings = with_setting(settings, "recipe", recipe)
+        if settings.codec is not None and recipe != _DEFAULT.recipe and not codec_named(settings.codec).trains:
+            raise InputError(f"recipe {recipe}: trains codec grid; leave it out, or take codec grid")
+    return _start(context, EncodeScene(settings))
+
+
+@command(
+    "training.choose",
+    "Choose how to encode",
+    "set how the next encoding is done: the offer, the panel Training and training.encode follow",
+    "Train",
+)
+def choose(
+    context: Context,
+    setting: Annotated[SettingName, Arg("what to set")],
+    value: Annotated[str, Arg(f"value as training.encode takes it; {AUTO} takes the default")],
+) -> None:
+    training = _runs(context)
+    training.plan = with_setting(training.plan, setting, value)
+
+
+@command(
+    "training.measure-rates",
+    "Measure what bits give",
+    "measure the quality of the largest textures at several bitrates, and the speed of this machine",
+    "Train",
+)
+def measure_rates(context: Context) -> None:
+    _runs(context).measure_rates(context.session.scene)
+
+
+def _cannot_encode_anew(context: Context) -> str:
+    if reason := _no_base(context):
+        return reason
+    pack = _base(context)
+    if pack.config.kind in FORMER_FORMATS:
+        return FORMER
+    own = pack.textures[0]
+    can = codec_of(pack.config).texture_bits(pack.config, (own.width, own.height)) is not None
+    return "" if can else "the codec of this pack cannot encode one texture anew; retrain its group"
+
+
+@command(
+    "training.anew",
+    "Encode texture anew",
+    "encode one texture of the shown pack with other bits per texel; all others stay unchanged",
+    "Train",
+    unavailable=_cannot_encode_anew,
+)
+def encode_anew(
+    context: Context, texture: Texture, bits: Annotated[float, Arg("bits per texel of mip 0", None, 0.01, 1000.0)]
+) -> Effect:
+    pack = _base(context)
+    index = _texture(texture, pack)
+    codec_of(pack.config).anew_options(pack, index, bits)
+    effect = _start(context, EncodeAnew(_DEFAULT, index, bits))
+    _show_where(context, pack, (), {index})
+    return effect
+
+
+def _not_retrainable(context: Context) -> str:
+    if reason := _no_base(context):
+        return reason
+    if (config := _base(context).config).kind in FORMER_FORMATS:
+        return FORMER
+    trains = codec_of(config).trains
+    return "" if trains else "the codec of this pack is not trained; encode a texture with other bits (training.anew)"
 
 
 @command(
@@ -161,7 +234,7 @@ def encode(
     "Retrain groups",
     "continue training some groups of the shown pack; all others stay unchanged",
     "Train",
-    unavailable=_no_base,
+    unavailable=_not_retrainable,
 )
 def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> Effect:
     pack = _base(context)

@@ -1,6 +1,6 @@
 """The textures of a scene as the codec wants them, and smaller copies of them."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 from typing import Literal
 
@@ -78,13 +78,21 @@ def _source(
     return whole if size is None else reduce_texture(whole, size)
 
 
-def source_textures(scene: Scene, size: int | None, maps: MapChoice = "base") -> tuple[SourceTexture, ...]:
+def source_textures(
+    scene: Scene, size: int | None, maps: MapChoice = "base", only: Collection[int] | None = None
+) -> tuple[SourceTexture, ...]:
     """Textures of `scene` in the order of their ids, reduced to at most `size` texels a side unless it is None.
+
+    With `only`, those of these ids.
 
     `base` gives base colours (RGB): textures without one, whose ids are the last, are left out. `all` gives all textures with all
     their maps; the hash of a material set is then `SceneTexture.set_hash`. Wrap modes are those of the first material that uses
     the texture. Alpha is not part of them: it stays a plain texture. Raises InputError for a size below 1.
     """
     wraps = _wraps(scene)
-    chosen = [index for index, texture in enumerate(scene.textures) if has_source(texture, maps)]
+    chosen = [
+        index
+        for index, texture in enumerate(scene.textures)
+        if has_source(texture, maps) and (only is None or index in only)
+    ]
     return tuple(map_in_threads(lambda index: _source(scene, index, wraps, size, maps), chosen))

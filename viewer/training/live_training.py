@@ -1,5 +1,6 @@
 """Training beside the window: prepares a run, passes its snapshots on as events, keeps the log. No OpenGL, no torch, no session."""
 
+import math
 import time
 from collections.abc import Container, Iterable
 from concurrent.futures import CancelledError
@@ -19,6 +20,7 @@ from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed
 from viewer.state.pack_files import unused_name
 from viewer.training.kept_runs import KeptRuns
 from viewer.training.preparation import AheadPreparation, EncodeScene, TrainingJob, job_title, prepare
+from viewer.training.rates import MOST_SAMPLED, Rates, chosen_textures
 from viewer.training.run_keeper import RunKeeper, WaitingRuns
 from viewer.training.run_log import ActiveRun, Curves, Run, RunLog, State
 from viewer.training.settings import TrainingSettings
@@ -47,6 +49,10 @@ class LiveTraining:
         """The run under way. To be read only."""
         self.curves: Curves | None = None
         """Curves of the run under way, else of the last one."""
+        self.plan = TrainingSettings()
+        """How the next encoding is to be done, for the offer, the panel and the menu alike. Commands change it."""
+        self.rates = Rates()
+        """Rate curves of the scene's textures."""
         self._scene: Scene | None = None
         """The scene of the runs: their packs are written for no other."""
         self._worker = TrainingWorker()
@@ -85,6 +91,8 @@ class LiveTraining:
         self.enter(scene)
         name, pack = base if base is not None and not isinstance(job, EncodeScene) else (None, None)
         self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
+        if isinstance(job, EncodeScene) and (forecast := self.rates.forecast(job.settings, scene)) is not None:
+            self.active.expected_seconds = forecast.seconds
         self.log.undecided = None
         self.curves = self.active.curves
         worker, ahead = self._worker, self._ahead
@@ -107,6 +115,8 @@ class LiveTraining:
         if self._scene is not None:
             self.leave_scene("later")
         self._scene = scene
+        # Numbers of textures mean others in another scene.
+        self.plan = replace(self.plan, only=None)
         if was_under_way:
             self._emit(Notification("training was stopped because another scene was opened"))
         if line := self.waiting.look(scene):
@@ -127,7 +137,13 @@ class LiveTraining:
         """Start the process, and prepare the encoding that a scene without a pack is offered, so that it begins at once when it is
         asked for. No effect while a run is under way, where that was done for the scene, and where memory is short."""
         if self.active is None:
-            self._ahead.begin(EncodeScene(TrainingSettings()), scene, self._worker)
+            self._ahead.begin(EncodeScene(self.plan), scene, self._worker)
+            self.measure_rates(scene)
+
+    def measure_rates(self, scene: Scene) -> None:
+        """Measure what bits give in the largest textures that the next encoding takes, and the speed of this machine."""
+        ids = sorted(chosen_textures(self.plan, scene), key=lambda index: -math.prod(scene.textures[index].size))
+        self.rates.want(scene, reversed(ids[:MOST_SAMPLED]), self.plan.chosen_maps)
 
     def pause(self) -> None:
         """Pause the run. Raises InputError where none trains."""
@@ -248,7 +264,7 @@ class LiveTraining:
     @property
     def is_due(self) -> bool:
         """True if a window at rest should draw a frame, because there may be news."""
-        busy = self.active is not None or self._keeper.busy
+        busy = self.active is not None or self._keeper.busy or self.rates.is_busy
         return busy and time.monotonic() - self._last_tick >= SECONDS_BETWEEN_TICKS
 
     def tick(self, scene: Scene, shown: frozenset[str], names: Container[str] = ()) -> None:
@@ -263,6 +279,8 @@ class LiveTraining:
         self.enter(scene)
         self._take_saved(names)
         self._ahead.forget_other(scene)
+        self.rates.enter(scene)
+        self.rates.tick(may_start=self.active is None)
         run = self.active
         if run is None:
             return
@@ -314,7 +332,7 @@ class LiveTraining:
                 self._end(run, "failed", run.pack_so_far(), (report.line,))
 
     def _publish_snapshots(self, run: ActiveRun) -> None:
-        is_new = run.groups_seen and run.pack is not run.published
+        is_new = run.groups_seen and run.pack is not run.published and run.is_showable
         self._keeper.keep_so_far(run)
         if is_new and run.pack is not None and time.monotonic() - run.published_at >= SECONDS_BETWEEN_UPDATES:
             self._publish(run, run.pack)
@@ -335,6 +353,8 @@ class LiveTraining:
             rest = "its latest pack is kept: accept or discard it" if pack is not None else "it made no pack"
             self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
+        if run.request is not None and run.progress is not None:
+            self.rates.note_run(run.request, run.progress.elapsed_seconds)
         worse = sum(outcome.kept_old for outcome in finished.outcomes)
         groups = counted(len(finished.outcomes), "group")
         kept = f"; {worse} of {groups} left unchanged: training gave no better result" if worse else ""
@@ -386,5 +406,6 @@ class LiveTraining:
         for job in self._stopping:
             job.join(SECONDS_TO_STOP)
         self._ahead.end()
+        self.rates.close()
         self._worker.close()
         self.active = None

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ntc.codec.config import UNIVERSAL, GroupingConfig
-from ntc.codec.encoding import texture_set
-from ntc.codec.maps import BASE_ALONE
+from ntc.codec.encoding import file_header_bytes, texture_set
+from ntc.codec.maps import BASE_ALONE, MAP_CHANNELS
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.registry import FORMER_FORMATS, codec_named, codec_of
 from ntc.codec.textures import SourceTexture
@@ -14,10 +14,11 @@ from ntc.errors import InputError
 from ntc.training.messages import TrainingRequest, moved_texture, unchanged_groups
 from ntc.worker.client import TrainingWorker
 from viewer.jobs.job import Job, JobReport
+from viewer.scene.images import reduced_size
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
+from viewer.scene.source_textures import reduce_texture, source_textures
 from viewer.training.grouping_process import GroupingProcess
-from viewer.training.settings import DEFAULT_BUDGET, TrainingSettings, budget_text
+from viewer.training.settings import DEFAULT_BUDGET, TrainingSettings, budget_text, target_text
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,17 @@ class RetrainGroups:
 
     settings: TrainingSettings
     groups: frozenset[int]
+
+
+@dataclass(frozen=True)
+class EncodeAnew:
+    """Encode one texture of a pack with other bits, under the decoder that it has; all others stay."""
+
+    settings: TrainingSettings
+    texture: int
+    """Index of the texture in the pack."""
+    bits: float
+    """Bits per texel of its latents."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +65,7 @@ class Regroup:
     settings: TrainingSettings
 
 
-TrainingJob = EncodeScene | RetrainGroups | MoveTexture | Regroup
+TrainingJob = EncodeScene | RetrainGroups | EncodeAnew | MoveTexture | Regroup
 
 
 def job_title(job: TrainingJob) -> str:
@@ -64,6 +76,8 @@ def job_title(job: TrainingJob) -> str:
         case RetrainGroups():
             numbers = ", ".join(map(str, sorted(job.groups)[:6])) + (" ..." if len(job.groups) > 6 else "")
             return f"retrain group{'s' if len(job.groups) > 1 else ''} {numbers}"
+        case EncodeAnew():
+            return f"texture {job.texture} at {job.bits:.2g} bits"
         case MoveTexture():
             return f"move texture {job.texture} to group {job.group}"
         case Regroup():
@@ -73,15 +87,19 @@ def job_title(job: TrainingJob) -> str:
 def settings_text(job: TrainingJob) -> str:
     """Return the settings that the title does not name: size, codec, recipe, budget."""
     settings, budget = job.settings, budget_text(job.settings.budget)
+    if isinstance(job, EncodeAnew):
+        return f"{job.bits:.2f} bits per texel"
     if not isinstance(job, EncodeScene):
         return f"{settings.recipe}, {budget}"
     kind = settings.codec_kind
-    codec, how = codec_named(kind), ""
-    if codec.trains:
-        how = f"{settings.recipe}, "
-    elif codec.default_target is not None:
-        how = f"{settings.bits:g} bits per texel, "
-    return f"{settings.texture_size} texels, {kind}, {how}{budget}"
+    if codec_named(kind).trains:
+        return f"{_size_text(settings)}, {kind}, {settings.recipe}, {budget}"
+    target = "" if settings.target is None else f", {target_text(settings.target, spaced=True)}"
+    return f"{_size_text(settings)}, {kind}{target}"
+
+
+def _size_text(settings: TrainingSettings) -> str:
+    return "full size" if settings.texture_size is None else f"{settings.texture_size} texels"
 
 
 def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport) -> TrainingRequest:
@@ -113,6 +131,10 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
             )
     else:
         textures = _textures_of(base, scene, report)
+    if isinstance(job, EncodeAnew):
+        own = codec_of(base.config).anew_options(base, job.texture, job.bits)
+        group = base.textures[job.texture].group
+        return TrainingRequest(textures, grouping, base.config, own, None, base, frozenset({group}))
     if base.config.kind in FORMER_FORMATS:
         return _in_present_format(job.settings, textures, grouping, base)
     dirty = job.groups if isinstance(job, RetrainGroups) else None
@@ -122,11 +144,11 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
 
 def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:
     codec = codec_named(settings.codec_kind)
-    # The decoder that ships serves base colours alone.
-    maps: MapChoice = codec.default_maps if settings.strategy != UNIVERSAL else "base"
+    maps, size = settings.chosen_maps, settings.texture_size
     with GroupingProcess(_grouping_config(settings)) as process:
         textures = tuple(
-            _reduced(texture, settings.texture_size, report) for texture in source_textures(scene, None, maps)
+            texture if size is None else _reduced(texture, size, report)
+            for texture in source_textures(scene, None, maps, settings.only)
         )
         if not textures:
             raise InputError(
@@ -134,7 +156,9 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
             )
         _check_clusters(settings, textures)
         grouping = process.find(textures, scene.path, report)
-    config = codec.settings_for(texture_set(textures, grouping.stored_decoders), settings.choices)
+    header = file_header_bytes(textures, grouping)
+    known = texture_set(textures, grouping.stored_decoders, header_bytes=header)
+    config = codec.settings_for(known, settings.choices)
     options = codec.live_options_for(settings.choices)
     return TrainingRequest(textures, grouping, config, options, settings.budget)
 
@@ -189,6 +213,20 @@ SECONDS_BETWEEN_CHECKS = 0.02
 SECONDS_TO_END = 3.0
 
 
+COPIES = 2
+"""Copies of the prepared textures: here, and in the process that encodes."""
+
+
+def _pixel_bytes(settings: TrainingSettings, scene: Scene) -> int:
+    """Return the bytes of the prepared textures of an encoding."""
+    sizes = [
+        texture.size if settings.texture_size is None else reduced_size(*texture.size, settings.texture_size)
+        for texture in scene.textures
+    ]
+    channels = [sum(MAP_CHANNELS[name] for name in texture.maps) for texture in scene.textures]
+    return sum(width * height * count for (width, height), count in zip(sizes, channels, strict=True))
+
+
 def free_memory() -> int | None:
     """Return the bytes that programs can still have; None where the system does not say."""
     try:
@@ -221,7 +259,7 @@ class AheadPreparation:
         self.forget()
         self._job, self._scene = job, scene
         memory = free_memory()
-        if memory is not None and memory < LEAST_MEMORY:
+        if memory is not None and memory < LEAST_MEMORY + COPIES * _pixel_bytes(job.settings, scene):
             return
 
         def begin(report: JobReport) -> TrainingRequest:

@@ -1,6 +1,7 @@
 """Training runs of the window: the one under way, and the log of those that have ended."""
 
 import math
+import time
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -171,6 +172,8 @@ class RunLog:
 
 State = Literal["idle", "preparing", "training", "pausing", "paused", "cancelling"]
 MOST_NOTES = 20
+LEAST_SHARE = 0.15
+"""Share of the work from which on its own progress tells the time left best."""
 
 
 @dataclass
@@ -185,6 +188,8 @@ class ActiveRun:
     began: float
     """Monotonic seconds."""
     state: State = "preparing"
+    expected_seconds: float | None = None
+    """Forecast of the whole time in seconds, made when it began; None without one."""
     request: TrainingRequest | None = None
     """None while it is prepared."""
     pack: Pack | None = None
@@ -192,6 +197,8 @@ class ActiveRun:
     groups_seen: frozenset[int] = frozenset()
     """Groups of which a snapshot has come."""
     progress: TrainingProgress | None = None
+    progress_at: float = 0.0
+    """Monotonic seconds at which `progress` came."""
     first_picture_seconds: float | None = None
     """Time in seconds from the request to the first snapshot."""
     curves: Curves = field(default_factory=Curves)
@@ -217,7 +224,7 @@ class ActiveRun:
 
     def add_progress(self, progress: TrainingProgress) -> None:
         """Take in a report of the worker."""
-        self.progress = progress
+        self.progress, self.progress_at = progress, time.monotonic()
         self.curves.add(progress)
         if progress.note:
             self.notes = (*self.notes, progress.note)[-MOST_NOTES:]
@@ -227,6 +234,25 @@ class ActiveRun:
         assert self.pack is not None
         self.pack = apply_snapshot(self.pack, snapshot)
         self.groups_seen |= {snapshot.group}
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time left in seconds; None while it is unknown. It runs on between two reports of the worker."""
+        progress, now = self.progress, time.monotonic()
+        if progress is None or (progress.share < LEAST_SHARE and self.expected_seconds is not None):
+            elapsed = now - self.began if progress is None else progress.elapsed_seconds + now - self.progress_at
+            return None if self.expected_seconds is None else max(self.expected_seconds - elapsed, 0.0)
+        return max(progress.seconds_left - (now - self.progress_at), 0.0) if progress.share > 0.0 else None
+
+    @property
+    def is_showable(self) -> bool:
+        """True where all groups of the pack decode by its settings: those of a quality are found while encoding."""
+        request = self.request
+        return (
+            request is not None
+            and self.pack is not None
+            and (self.pack.config == request.codec or self.groups_seen >= (request.dirty or frozenset()))
+        )
 
     def pack_so_far(self) -> Pack | None:
         """Return the pack of the snapshots, if every group that was to be trained has had one."""

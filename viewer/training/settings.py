@@ -1,22 +1,27 @@
 """Settings of a training in the window with their defaults, and how the user types them."""
 
 import re
-from dataclasses import dataclass
-from typing import Literal, get_args
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import Any, Final, Literal, get_args
 
-from ntc.codec.config import GroupingName
+from ntc.codec.config import UNIVERSAL, GroupingName
 from ntc.codec.encoding import (
-    DEFAULT_BITS,
     BitsTarget,
     Budget,
     EncodingChoices,
     QualityBudget,
+    QualityTarget,
     RecipeName,
+    SizeTarget,
     StepBudget,
+    Target,
     TimeBudget,
 )
-from ntc.codec.registry import chosen_codec, codec_named
+from ntc.codec.registry import MODULES, chosen_codec, codec_named
 from ntc.errors import InputError
+from viewer.scene.source_textures import MapChoice
 
 BudgetUnit = Literal["steps", "s", "dB"]
 BUDGET_UNITS: tuple[BudgetUnit, ...] = get_args(BudgetUnit)
@@ -27,8 +32,14 @@ MOST_CLUSTERS = 100_000
 DEFAULT_BUDGET = TimeBudget(30.0)
 AUTO = "auto"
 """The number of groups where the grouping is to choose it; the codec where recipe and budget are to."""
-LARGEST_BITS = 1000.0
-"""More are refused before anything is prepared; how many can be had depends on the textures."""
+FULL = "full"
+"""Typed size of textures that are not reduced."""
+TargetUnit = Literal["bits", "dB", "MB"]
+TARGET_UNITS: tuple[TargetUnit, ...] = get_args(TargetUnit)
+TARGET_RANGES: Final[Mapping[TargetUnit, tuple[float, float]]] = MappingProxyType(
+    {"bits": (0.01, 1000.0), "dB": (1.0, 58.9), "MB": (0.001, 1e6)}
+)
+"""What can be asked for; what can be reached depends on the textures."""
 
 
 def parse_budget(text: str) -> Budget:
@@ -57,21 +68,61 @@ def budget_text(budget: Budget) -> str:
     return f"{budget.seconds:g}s" if isinstance(budget, TimeBudget) else f"{budget.psnr_db:g}dB"
 
 
+def make_target(value: float, unit: TargetUnit) -> Target:
+    """Return a target in a unit. Raises InputError for a value out of range."""
+    low, high = TARGET_RANGES[unit]
+    if not low <= value <= high:
+        raise InputError(f"target {value:g} {unit}: must be {low:g} to {high:g} {unit}")
+    if unit == "bits":
+        return BitsTarget(value)
+    return QualityTarget(value) if unit == "dB" else SizeTarget(value)
+
+
+def parse_target(text: str) -> Target | None:
+    """Return the target written as `4bits` or `4`, `40dB` or `2.8MB`; None for `auto`. Raises InputError."""
+    if text == AUTO:
+        return None
+    found = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*(bits|dB|MB)?\s*", text, re.IGNORECASE)
+    if found is None:
+        raise InputError(f"target {text!r}: must be bits per texel, a PSNR or a file size: 4bits, 40dB or 2.8MB")
+    unit = (found[2] or "bits").lower()
+    return make_target(float(found[1]), next(each for each in TARGET_UNITS if each.lower() == unit))
+
+
+def target_parts(target: Target) -> tuple[float, TargetUnit]:
+    """Return a target as (value, unit)."""
+    if isinstance(target, BitsTarget):
+        return target.bits, "bits"
+    return (target.psnr_db, "dB") if isinstance(target, QualityTarget) else (target.megabytes, "MB")
+
+
+def target_text(target: Target | None, spaced: bool = False) -> str:
+    """Return a target as it is typed, or with a space as a person reads it."""
+    if target is None:
+        return AUTO
+    value, unit = target_parts(target)
+    return f"{value:g}{' ' if spaced else ''}{unit}"
+
+
 @dataclass(frozen=True)
 class TrainingSettings:
-    """Settings of one training. The defaults are small and quick."""
+    """Settings of one training. The defaults are those of `ntc-viewer encode`."""
 
     strategy: GroupingName = "clustered"
     clusters: int | None = None
     """Groups; None: as many as the grouping chooses."""
-    texture_size: int = 256
-    """Most texels of a texture along one side; smaller ones stay as they are."""
+    texture_size: int | None = None
+    """Most texels of a texture along one side; smaller ones stay as they are. None: full size."""
     recipe: RecipeName = "best"
     budget: Budget = DEFAULT_BUDGET
     codec: str | None = None
     """Codec of a pack from nothing. None: recipe and budget decide."""
-    bits: float = DEFAULT_BITS
-    """Bits per texel to come nearest to, of a pack from nothing, in a codec that is encoded to a target."""
+    target: Target | None = None
+    """Target of a pack from nothing, in a codec that takes one. None: what the codec takes for these maps."""
+    maps: MapChoice | None = None
+    """Whole materials or base colours alone; None: what codec and grouping take."""
+    only: frozenset[int] | None = None
+    """Ids of the scene's textures to encode; None: all."""
 
     @property
     def codec_kind(self) -> str:
@@ -80,10 +131,16 @@ class TrainingSettings:
         return self.codec or chosen_codec(EncodingChoices(self.recipe, steps))
 
     @property
+    def chosen_maps(self) -> MapChoice:
+        """Maps to encode."""
+        # The decoder that ships serves base colours alone.
+        return self.maps or (codec_named(self.codec_kind).default_maps if self.strategy != UNIVERSAL else "base")
+
+    @property
     def choices(self) -> EncodingChoices:
         """Choices for the codec."""
-        target = None if codec_named(self.codec_kind).default_target is None else BitsTarget(self.bits)
-        return EncodingChoices(self.recipe, target=target)
+        takes_target = codec_named(self.codec_kind).default_target is not None
+        return EncodingChoices(self.recipe, target=self.target if takes_target else None)
 
     @property
     def grouping_text(self) -> str:
@@ -98,3 +155,60 @@ def read_clusters(text: str) -> int | None:
     if not text.isdecimal() or not 1 <= int(text) <= MOST_CLUSTERS:
         raise InputError(f"k {text!r}: must be a whole number from 1, or {AUTO}")
     return int(text)
+
+
+def read_size(text: str) -> int | None:
+    """Return the largest texture size in texels; None for `full`. Raises InputError."""
+    if text == FULL:
+        return None
+    low, high = SIZES
+    if not text.isdecimal() or not low <= int(text) <= high:
+        raise InputError(f"size {text!r}: must be {low} to {high} texels, or {FULL}")
+    return int(text)
+
+
+def _one_of(what: str, choices: tuple[str, ...], text: str) -> str:
+    if text not in choices:
+        raise InputError(f"{what} {text!r}: must be one of {', '.join(choices)}")
+    return text
+
+
+def _auto(text: str) -> str | None:
+    return None if text == AUTO else text
+
+
+def _read_only(text: str) -> frozenset[int] | None:
+    parts = text.replace(",", " ").split()
+    if text in (AUTO, "all"):
+        return None
+    if not parts or not all(part.isdecimal() for part in parts):
+        raise InputError(f"textures {text!r}: must be numbers of textures such as 0,3,5, or all")
+    return frozenset(map(int, parts))
+
+
+SettingName = Literal["grouping", "groups", "size", "budget", "recipe", "codec", "target", "maps", "textures"]
+_READERS: Final[Mapping[SettingName, tuple[str, Callable[[str], Any]]]] = MappingProxyType(
+    {
+        "grouping": ("strategy", lambda text: _one_of("grouping", get_args(GroupingName), text)),
+        "groups": ("clusters", read_clusters),
+        "size": ("texture_size", read_size),
+        "budget": ("budget", parse_budget),
+        "recipe": ("recipe", lambda text: _one_of("recipe", get_args(RecipeName), text)),
+        "codec": ("codec", lambda text: _auto(_one_of("codec", (AUTO, *MODULES), text))),
+        "target": ("target", parse_target),
+        "maps": ("maps", lambda text: _auto(_one_of("maps", (AUTO, *get_args(MapChoice)), text))),
+        "textures": ("only", _read_only),
+    }
+)
+"""Field of TrainingSettings and reader of the typed value, by name."""
+
+
+def with_setting(settings: TrainingSettings, name: SettingName, text: str) -> TrainingSettings:
+    """Return `settings` with one value as it is typed. Raises InputError for a value that is wrong."""
+    field, read = _READERS[name]
+    changed = replace(settings, **{field: read(text)})
+    if name == "codec" and changed.codec is not None and not codec_named(changed.codec).trains:
+        # Recipes and steps are for codecs that train.
+        budget = DEFAULT_BUDGET if isinstance(changed.budget, StepBudget) else changed.budget
+        changed = replace(changed, recipe=TrainingSettings.recipe, budget=budget)
+    return changed

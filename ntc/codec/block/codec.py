@@ -1,6 +1,7 @@
 """Codec `block`: codes of texel blocks under a linear transform that a group shares (docs/reference/codecs.md)."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any, Final, cast
 
@@ -9,7 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block import tensors as files
 from ntc.codec.block.config import BlockConfig, BlockOptions
-from ntc.codec.block.encoding.rate import settings_for_target
+from ntc.codec.block.encoding.rate import bits_of_words, encoding_work, settings_for_target, words_of_bits
 from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block.reference import decode_image, lookup_values
@@ -26,13 +27,16 @@ from ntc.codec.encoding import (
     EncodingOptions,
     EncodingTask,
     QualityTarget,
+    Sizes,
     SizeTarget,
+    Target,
     TextureSet,
 )
 from ntc.codec.gpu import GpuTables
 from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
 
 DEFAULT_TARGET: Final = BitsTarget(DEFAULT_BITS)
 
@@ -131,7 +135,7 @@ class BlockCodec(Codec):
     def settings_for(self, textures: TextureSet, choices: EncodingChoices) -> CodecSettings:
         return settings_for_target(textures, choices.target or self.target_of(textures.maps))
 
-    def options_for(self, choices: EncodingChoices) -> EncodingOptions:
+    def options_for(self, choices: EncodingChoices) -> BlockOptions:
         target = choices.target
         return BlockOptions(
             choices.seed,
@@ -140,10 +144,31 @@ class BlockCodec(Codec):
         )
 
     def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
-        return BlockOptions(choices.seed, groups_apart=True)
+        return replace(self.options_for(choices), groups_apart=True)
 
     def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
         return BlockOptions(choices.seed, threads=1)
+
+    def encoding_work(
+        self, groups: Sequence[Sizes], settings: CodecSettings, target: Target | None, ships: bool
+    ) -> float:
+        return encoding_work(groups, cast(BlockConfig, settings), isinstance(target, QualityTarget), ships)
+
+    def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:
+        config = cast(BlockConfig, settings)
+        low, high = (bits_of_words(config.block_words[place], size, config) for place in (0, -1))
+        return low, high
+
+    def anew_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
+        own, config = pack.textures[texture], cast(BlockConfig, pack.config)
+        size = (own.width, own.height)
+        low, high = (bits_of_words(config.block_words[place], size, config) for place in (0, -1))
+        # Typed bits have few digits.
+        if not low - 0.01 <= bits <= high + 0.01:
+            raise InputError(
+                f"bits {bits:g}: codes of this pack take {low:.2f} to {high:.2f} bits per texel; encode the scene anew for others"
+            )
+        return BlockOptions(texture_words=((texture, words_of_bits(min(max(bits, low), high), size, config)),))
 
     def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:
         return {"seed": options.seed}

@@ -187,3 +187,6 @@ class BlockOptions(EncodingOptions):
     """How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
     threads: int | None = None
     """Most threads; None: as many as pay."""
+    texture_words: tuple[tuple[int, float], ...] = ()
+    """(texture, words a block on average) of textures to encode anew under the decoders of the pack that the encoding starts from.
+    All other textures stay as they are. Empty: encode all textures of the groups, with tables of their own."""

@@ -13,7 +13,9 @@ from viewer.state.view_state import REFERENCE
 from viewer.training.preparation import job_title
 from viewer.training.run_log import ActiveRun, Curves, Run, mean_of_psnr
 from viewer.training.settings import TrainingSettings
+from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
+from viewer.ui.panels.encode_form import EncodeForm
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
 from viewer.ui.widgets import (
@@ -25,7 +27,6 @@ from viewer.ui.widgets import (
     em,
     headings,
     shortened,
-    wrapped_disabled,
 )
 
 GAP = 4.0
@@ -303,7 +304,11 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
     state, progress = STATES[run.state], run.progress
     if progress is None:
         return f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-    return f"{progress.work} {progress.step} of {progress.steps}, {state or duration(progress.seconds_left) + ' left'}"
+    left = run.seconds_left
+    rest = state or (f"{duration(left)} left" if left is not None else f"{duration(progress.elapsed_seconds)} so far")
+    # The work that is under way: 1 of 1, not 0 of 1.
+    step = min(progress.step + (0 if codec_named(run.codec_kind or "block").trains else 1), progress.steps)
+    return f"{progress.work} {step} of {progress.steps}, {progress.share:.0%}, {rest}".replace("%,", " %,")
 
 
 def _log(ui: UiFrame) -> None:
@@ -348,6 +353,7 @@ class EncodeOffer:
 
     def __init__(self) -> None:
         self._answered_for: object = None
+        self._form = EncodeForm("offer")
 
     def draw(self, ui: UiFrame, area: Area) -> None:
         """Draw the offer at the upper edge of `area`, where it applies."""
@@ -374,7 +380,6 @@ class EncodeOffer:
             | imgui.WindowFlags_.no_nav
         )
         if imgui.begin("##offer", None, flags)[0]:
-            settings = TrainingSettings()
             imgui.push_text_wrap_pos(min(em(30.0), max(area.width - em(4.0), em(10.0))))
             imgui.text_wrapped("This scene has no pack.")
             kept = ui.training.waiting.of(ui.session.scene)
@@ -382,13 +387,9 @@ class EncodeOffer:
                 ui.emit("training.kept-back", "open", ui.training.waiting.runs.index(kept[0]) + 1)
             if kept:
                 ui.rects.note("Open what was kept back")
-            wrapped_disabled(
-                f"textures up to {settings.texture_size} texels wide, {settings.bits:g} bits per texel; more in the panel Training"
-            )
+            self._form.draw(ui)
             imgui.pop_text_wrap_pos()
-            if imgui.button("Encode it now"):
-                ui.emit("training.encode")
-            ui.rects.note("Encode it now")
+            command_button(ui, "Encode it now", "training.encode", missing=self._form.problem)
             imgui.same_line()
             if imgui.button("Not now"):
                 self._answered_for = ui.session.scene

@@ -1,6 +1,5 @@
 """Forms of a training, and the buttons that run them as commands."""
 
-import math
 from typing import get_args
 
 from imgui_bundle import ImVec2, imgui
@@ -8,23 +7,17 @@ from imgui_bundle import ImVec2, imgui
 from ntc.codec.config import GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
-from ntc.codec.registry import MODULES, codec_named
+from ntc.codec.registry import codec_named
 from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr
-from viewer.training.settings import AUTO, BUDGET_UNITS, LARGEST_BITS, TrainingSettings, make_budget
+from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, budget_text, make_budget
 from viewer.ui.controls import check_box, command_button
 from viewer.ui.facts import UiFrame
+from viewer.ui.panels.encode_form import NUMBER, UNIT_NAMES, USUAL_BUDGETS, EncodeForm, labelled
 from viewer.ui.widgets import beside, combo, counted, em, list_width, text_width, wrapped_disabled
 
-SIZES = ("64", "128", "256", "512", "1024", "2048", "4096")
-USUAL_VALUES = {"s": "30", "steps": "1000", "dB": "35"}
-UNIT_NAMES = {"s": "seconds", "steps": "steps", "dB": "dB PSNR"}
 LIST_HEIGHT = 8.5
-"""Height of the list of groups in font sizes, the unit of all widths here."""
-LABEL_PLACE = 6.0
-"""Left edge of the fields."""
-NUMBER = 4.5
-"""Width of a field for a number."""
+"""Height of the list of groups in font sizes."""
 
 
 def _field(label: str, text: str, width: float, ui: UiFrame) -> str:
@@ -34,24 +27,16 @@ def _field(label: str, text: str, width: float, ui: UiFrame) -> str:
     return changed
 
 
-def _labelled(text: str) -> None:
-    imgui.align_text_to_frame_padding()
-    imgui.text(text)
-    imgui.same_line(em(LABEL_PLACE))
-
-
 class TrainingForms:
     """Forms with what the user has filled in."""
 
     def __init__(self, defaults: TrainingSettings) -> None:
+        self._encoding = EncodeForm("panel")
         self._strategy: str = defaults.strategy
         self._clusters = AUTO
-        self._size = str(defaults.texture_size)
         self._recipe: str = defaults.recipe
-        self._codec: str = defaults.codec_kind
-        self._bits = f"{defaults.bits:g}"
         self._unit = "s"
-        self._value = USUAL_VALUES["s"]
+        self._value = USUAL_BUDGETS["s"]
         self._groups: set[int] = set()
         self._pointed_out: set[int] = set()
         """Groups under the mouse, which the picture highlights."""
@@ -73,8 +58,9 @@ class TrainingForms:
             self._groups = self._groups if same else set()
             self._pack = pack
         if imgui.begin_tab_bar("training forms"):
+            trains = codec_named(pack.config.kind).trains
             for label, form in (
-                ("Retrain", self._retrain),
+                ("Retrain" if trains else "Bits", self._retrain if trains else _bits),
                 ("Move", self._move),
                 ("Regroup", self._regroup),
                 ("Encode", self._encode_anew),
@@ -82,30 +68,27 @@ class TrainingForms:
                 shown = imgui.begin_tab_item(label)[0]
                 ui.rects.note(f"tab {label}")
                 if shown:
-                    if label != "Encode":
+                    if label not in ("Encode", "Bits"):
                         wrapped_disabled(f"Continues from {name}: {counted(pack.grouping.group_count, 'group')}.")
                     form(pack, ui)
                     imgui.end_tab_item()
             imgui.end_tab_bar()
 
     def _length(self, codec: str, ui: UiFrame) -> str | None:
-        """Draw the budget, and the recipe of a codec that trains. Return the budget as a command takes it, None for a wrong one."""
-        _labelled("budget")
+        """Draw budget and recipe of a codec that trains. Return the budget as a command takes it, None for a wrong one."""
+        if not codec_named(codec).trains:
+            return budget_text(TrainingSettings.budget)
+        labelled("budget")
         self._value = _field("budget", self._value, NUMBER, ui)
         imgui.same_line()
         imgui.set_next_item_width(list_width(*UNIT_NAMES.values()))
-        trains = codec_named(codec).trains
-        if not trains and self._unit == "steps":
-            self._unit, self._value = "s", USUAL_VALUES["s"]
-        names = tuple(UNIT_NAMES[unit] for unit in BUDGET_UNITS if trains or unit != "steps")
-        chosen = combo("budget unit", UNIT_NAMES[self._unit], names, ui.rects)
+        chosen = combo("budget unit", UNIT_NAMES[self._unit], tuple(UNIT_NAMES.values()), ui.rects)
         unit = next(unit for unit in BUDGET_UNITS if UNIT_NAMES[unit] == chosen)
         if unit != self._unit:
-            self._unit, self._value = unit, USUAL_VALUES[unit]
-        if trains:
-            beside(list_width(*get_args(RecipeName)))
-            imgui.set_next_item_width(list_width(*get_args(RecipeName)))
-            self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
+            self._unit, self._value = unit, USUAL_BUDGETS[unit]
+        beside(list_width(*get_args(RecipeName)))
+        imgui.set_next_item_width(list_width(*get_args(RecipeName)))
+        self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
         try:
             make_budget(float(self._value), unit)
         except (InputError, ValueError):
@@ -114,7 +97,7 @@ class TrainingForms:
         return f"{self._value.strip()}{unit}"
 
     def _grouping(self, ui: UiFrame) -> None:
-        _labelled("grouping")
+        labelled("grouping")
         imgui.set_next_item_width(list_width(*get_args(GroupingName)))
         self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), ui.rects)
         if self._strategy in ("clustered", "random", "covisible"):
@@ -134,37 +117,8 @@ class TrainingForms:
         return self._clusters.strip() or AUTO
 
     def _encode(self, ui: UiFrame) -> None:
-        self._grouping(ui)
-        _labelled("textures")
-        imgui.set_next_item_width(list_width(*SIZES))
-        self._size = combo("size", self._size, SIZES, ui.rects)
-        beside(text_width("texels at most"))
-        imgui.text("texels at most")
-        bits = self._codec_and_bits(ui)
-        budget = self._length(self._codec, ui)
-        recipe = self._recipe if codec_named(self._codec).trains else "best"
-        how = (int(self._size), budget, recipe, self._codec, bits)
-        self._button(ui, "Encode this scene", "training.encode", self._strategy, self._k, *how)
-
-    def _codec_and_bits(self, ui: UiFrame) -> float | None:
-        """Draw codec and bits per texel. Return the bits, None for wrong ones; a codec without a target ignores them."""
-        _labelled("codec")
-        imgui.set_next_item_width(list_width(*MODULES))
-        self._codec = combo("codec", self._codec, tuple(MODULES), ui.rects)
-        if codec_named(self._codec).default_target is None:
-            return TrainingSettings.bits
-        imgui.same_line()
-        self._bits = _field("bits", self._bits, NUMBER, ui)
-        beside(text_width("bits per texel"))
-        imgui.text("bits per texel")
-        try:
-            bits = float(self._bits)
-        except ValueError:
-            bits = math.nan
-        if 0.0 < bits <= LARGEST_BITS:
-            return bits
-        wrapped_disabled(f"The bitrate must be a number above 0, up to {LARGEST_BITS:g}.")
-        return None
+        self._encoding.draw(ui)
+        command_button(ui, "Encode this scene", "training.encode", missing=self._encoding.problem, size=ImVec2(-1, 0))
 
     def _encode_anew(self, _pack: Pack, ui: UiFrame) -> None:
         wrapped_disabled("The result is a new pack.")
@@ -202,14 +156,14 @@ class TrainingForms:
     def _move(self, pack: Pack, ui: UiFrame) -> None:
         self._texture = min(self._texture, len(pack.textures) - 1)
         labels = tuple(f"{index} {t.name} (group {t.group})" for index, t in enumerate(pack.textures))
-        _labelled("texture")
+        labelled("texture")
         imgui.set_next_item_width(-1)
         self._texture = labels.index(combo("texture", labels[self._texture], labels, ui.rects))
         own = pack.textures[self._texture].group
         targets = (*(str(group) for group in range(pack.grouping.group_count) if group != own), "new")
         if self._group not in targets:
             self._group = targets[0]
-        _labelled("to group")
+        labelled("to group")
         imgui.set_next_item_width(list_width(*targets))
         self._group = combo("to group", self._group, targets, ui.rects)
         budget = self._length(pack.config.kind, ui)
@@ -220,6 +174,13 @@ class TrainingForms:
         self._grouping(ui)
         budget = self._length(pack.config.kind, ui)
         self._button(ui, "Regroup and train", "training.regroup", self._strategy, self._k, budget, self._recipe)
+
+
+def _bits(_pack: Pack, ui: UiFrame) -> None:
+    wrapped_disabled(
+        "Choose a texture in the panel Textures to see what bits are worth to it, and to encode it with other bits."
+    )
+    command_button(ui, "Show the panel Textures", "window.panel", "Textures", True, size=ImVec2(-1, 0))
 
 
 def _group_lines(pack: Pack) -> list[str]:

@@ -11,6 +11,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepare_texture, sample_textures
 from ntc.codec.block.encoding.choices import Choices, block_choices, left_out
 from ntc.codec.block.encoding.edges import edge_kinds, fitted_edges
+from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK
 from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
 from ntc.codec.block.encoding.tables import fit_decoder
@@ -30,11 +31,11 @@ def encode_texture(
     config: BlockConfig,
     words: float,
     group: int = 0,
-    worked: Callable[[int], None] = lambda _: None,
+    worked: Callable[[float], None] = lambda _: None,
 ) -> BlockTexture:
     """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that.
 
-    `worked` is called often, with the blocks that have been encoded since; what it raises ends the encoding.
+    `worked` is called often, with the work that was done since, in blocks (`rate.encoding_work`); what it raises ends the encoding.
     """
     texture = prepare_texture(source, config)
     with one_thread():
@@ -72,10 +73,13 @@ def _choices(
     tables: Tables,
     decoder: BlockDecoder,
     config: BlockConfig,
-    worked: Callable[[int], None],
+    worked: Callable[[float], None],
 ) -> Choices:
-    worked(0)
-    return block_choices(texture.normalised(part), texture.axes, tables, decoder, config)
+    worked(0.0)
+    blocks = texture.normalised(part)
+    found = block_choices(blocks, texture.axes, tables, decoder, config)
+    worked(CHOICES_WORK * len(blocks))
+    return found
 
 
 def _codes(
@@ -85,7 +89,7 @@ def _codes(
     tables: Tables,
     decoder: BlockDecoder,
     config: BlockConfig,
-    worked: Callable[[int], None],
+    worked: Callable[[float], None],
 ) -> NDArray[np.uint32]:
     """[blocks, words of the largest code] uint32 for size classes `sizes` and candidates `modes` [blocks, CANDIDATES]: of the
     candidates, each block takes the one of least error."""
@@ -96,7 +100,7 @@ def _codes(
             rows = own[start : start + BLOCKS_AT_ONCE]
             blocks = texture.normalised(rows)
             found[rows] = _best_codes(blocks, modes[rows].astype(np.int64), size, texture.axes, tables, decoder, config)
-            worked(len(rows))
+            worked(CODES_WORK * len(rows))
     return found
 
 

@@ -12,6 +12,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
 from ntc.codec.block.encoding.measuring import finest_image
+from ntc.codec.block.encoding.rate import MEASURE_WORK, block_count
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
@@ -36,13 +37,19 @@ class FittedGroup:
 
 
 def fitted_group(
-    textures: Sequence[SourceTexture], grouping: Grouping, group: int, config: BlockConfig, seed: int
+    textures: Sequence[SourceTexture],
+    grouping: Grouping,
+    group: int,
+    config: BlockConfig,
+    seed: int,
+    worked: Callable[[float], None] = lambda _share: None,
 ) -> FittedGroup:
-    """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled."""
+    """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled. `worked`
+    is told the share of the work that was done since."""
     members = grouping.members(group)
     samples = sample_textures([textures[index] for index in members], config, seed)
     ships = grouping.name == UNIVERSAL
-    decoder = universal_decoder(config.output_channels) if ships else fit_decoder(samples, config, seed)
+    decoder = universal_decoder(config.output_channels) if ships else fit_decoder(samples, config, seed, worked)
     return FittedGroup(group, members, decoder, tuple(rate_curve(sample, decoder, config) for sample in samples))
 
 
@@ -88,10 +95,12 @@ def encode_member(
     words: float,
     fitted: FittedGroup,
     config: BlockConfig,
-    worked: Callable[[int], None],
+    worked: Callable[[float], None],
 ) -> BlockTexture:
-    """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told how many
-    blocks have been encoded since it was called last."""
+    """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the work
+    that was done since it was called last, in blocks."""
     found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked)
     decoded = finest_image(found, fitted.decoder, config)[..., found.places(config)]
-    return measured_texture(found, decoded, source.pixels)
+    measured = measured_texture(found, decoded, source.pixels)
+    worked(MEASURE_WORK * block_count([source.size], config))
+    return measured

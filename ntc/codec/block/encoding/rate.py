@@ -1,6 +1,7 @@
 """The settings of codec `block` that come to a target: bits a texel, a size, or a quality. Needs no torch."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -13,6 +14,7 @@ from ntc.codec.block.config import (
     LARGEST_WORDS,
     BlockConfig,
 )
+from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS
 from ntc.codec.block.universal import UNIVERSAL_CONFIG
 from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
 from ntc.codec.latents import latent_cell_count, latent_levels
@@ -59,6 +61,37 @@ def texel_count(sizes: Sizes, config: BlockConfig) -> int:
 def block_count(sizes: Sizes, config: BlockConfig) -> int:
     """Blocks of all encoded mips."""
     return sum(latent_cell_count(*size, config) for size in sizes)
+
+
+FIT_WORK = 2.0
+"""Time to fit tables to a block, as a multiple of the time to encode one."""
+CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.35, 0.25, 0.4
+"""Shares of the time to encode a block: rate curves and sizes, codes, and the measure of the quality."""
+
+
+def fitting_work(blocks: float) -> float:
+    """Time to fit a group of so many blocks, in units of the time to encode a block."""
+    return FIT_WORK * min(SAMPLED_BLOCKS, blocks) + 0.15 * blocks
+
+
+def encoding_work(groups: Sequence[Sizes], config: BlockConfig, to_quality: bool, ships: bool) -> float:
+    """Time to encode groups of textures of these sizes, in units of the time to encode a block of one channel.
+
+    `to_quality`: tables are fitted twice, and some textures are encoded again. `ships`: no tables are fitted.
+    """
+    blocks = [block_count(sizes, config) for sizes in groups]
+    fits = 0.0 if ships else sum(map(fitting_work, blocks))
+    return (2.0 if to_quality else 1.0) * config.output_channels * (fits + sum(blocks))
+
+
+def words_of_bits(bits: float, size: tuple[int, int], config: BlockConfig) -> float:
+    """Words a block in which the codes of a texture of `size` take `bits` bits per texel of mip 0."""
+    return bits * size[0] * size[1] / (32.0 * block_count([size], config))
+
+
+def bits_of_words(words: float, size: tuple[int, int], config: BlockConfig) -> float:
+    """Bits per texel of mip 0 of the codes of a texture of `size` with `words` words a block."""
+    return 32.0 * words * block_count([size], config) / (size[0] * size[1])
 
 
 def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
@@ -181,7 +214,8 @@ def settings_for_target(known: TextureSet, target: Target) -> BlockConfig:
     if isinstance(target, BitsTarget):
         return config_for_bits(target.bits, known, target.block_side, target.multiply_adds)
     if not isinstance(target, SizeTarget):
-        return config_for_words(largest_words(known), known)
+        largest = config_for_words(largest_words(known), known)
+        return replace(largest, coefficients=largest.block_values) if known.groups else largest
     header = known.header_bytes
     try:
         return config_for_bytes(1e6 * target.megabytes - header, known)

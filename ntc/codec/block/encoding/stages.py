@@ -3,7 +3,7 @@
 Where a quality is asked for, textures are corrected until they have it.
 """
 
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, cast
 
@@ -12,18 +12,17 @@ import numpy as np
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
 from ntc.codec.block.encoding.measuring import finest_image
-from ntc.codec.block.encoding.rate import block_count
+from ntc.codec.block.encoding.rate import block_count, fitting_work
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
-from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
+from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
 from ntc.codec.model import Decoder, EncodedTexture
 from ntc.codec.quality import measured_texture, mse_of_psnr
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads
 
-FITTING_BLOCKS = 2000
-"""Blocks at most that take about as long to encode as the tables of a group take to fit."""
 HIGHEST_PSNR_DB = 120.0
 """What is reported of textures that are exact: curves have no room for infinity."""
 
@@ -40,13 +39,16 @@ class BlockEncoder(Encoder):
         self._fitted: dict[int, FittedGroup] = {}
         self._found: dict[int, BlockTexture] = {}
         self._work, self._step, self._steps = "", 0, 0
-        self._blocks_done: list[int] = []
-        self._blocks = 1
-        """Of all work, fitting included."""
+        self._work_done: list[float] = []
+        self._all_work = 1.0
+        """In units of the time to encode a block, fitting included."""
         self._ended: set[int] = set()
 
     def pieces(self) -> Generator[Piece]:
         """Raises InputError for a quality under which no settings are possible."""
+        if self._options.texture_words:
+            yield from self._anew(dict(self._options.texture_words))
+            return
         if self._options.quality_db is not None:
             yield from self._correct(self._options.quality_db)
             return
@@ -61,6 +63,28 @@ class BlockEncoder(Encoder):
                 sizes = self._pixels(fitted.members)
                 for index, found in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
                     yield self._done(index, found)
+
+    @property
+    def replaces(self) -> bool:
+        """True where textures are encoded anew with other words."""
+        return bool(self._options.texture_words)
+
+    def _anew(self, words: Mapping[int, float]) -> Iterator[Piece]:
+        """Encode the textures of `words` anew, with so many words a block, under the decoders that the task starts from."""
+        assert self._task.start is not None
+        start = block_parts(self._task.start)
+        self._expect(tuple(words), fits=0)
+        self._work, self._steps = "encoding texture", len(words)
+        for group in self._task.groups:
+            members = self._task.grouping.members(group)
+            self._fitted[group] = FittedGroup(group, members, start.decoders[group], ())
+            for index in members:
+                own = start.textures[index]
+                if index in words:
+                    own = self._encoded(self._fitted[group], (index, words[index]))
+                    self._step += 1
+                self._found[index] = own
+            yield Piece(ended=(group,))
 
     def _plans(self) -> Iterator[tuple[FittedGroup, tuple[float, ...]]]:
         """Groups with the words of their members, in the order in which they are encoded."""
@@ -79,8 +103,12 @@ class BlockEncoder(Encoder):
         for number, group in enumerate(groups):
             self._work, self._step, self._steps = "fitting group", number, len(groups)
             task.interruption()
-            fitted.append(fitted_group(task.textures, task.grouping, group, config, self._options.seed))
-            self._blocks_done.append(self._fitting_blocks(group))
+            whole = self._fitting_work(group)
+
+            def worked(share: float, whole: float = whole) -> None:
+                self._worked(share * whole)
+
+            fitted.append(fitted_group(task.textures, task.grouping, group, config, self._options.seed, worked))
         return fitted
 
     def _texels_of(self, group: int) -> int:
@@ -92,23 +120,25 @@ class BlockEncoder(Encoder):
         source = self._task.textures[index]
         return encode_member(source, words, fitted, self._config, self._worked)
 
-    def _worked(self, blocks: int) -> None:
+    def _worked(self, work: float) -> None:
         """In the thread of a texture. Appending to a list is atomic."""
-        self._blocks_done.append(blocks)
+        self._work_done.append(work)
         self._task.interruption()
 
     def _blocks_of(self, members: Sequence[int]) -> int:
         return block_count([self._task.textures[index].size for index in members], self._config)
 
-    def _fitting_blocks(self, group: int) -> int:
+    def _fitting_work(self, group: int) -> float:
         """What fitting a group counts as."""
-        return min(FITTING_BLOCKS, self._blocks_of(self._task.grouping.members(group)))
+        if self._task.grouping.name == UNIVERSAL:
+            return 0.0
+        return fitting_work(self._blocks_of(self._task.grouping.members(group)))
 
     def _expect(self, members: Sequence[int], fits: int) -> None:
         """Count work from now on: these textures to encode, and each group's tables to fit so many times."""
-        self._blocks_done.clear()
-        fitting = sum(map(self._fitting_blocks, self._task.groups)) if fits else 0
-        self._blocks = max(1, self._blocks_of(members) + fits * fitting)
+        self._work_done.clear()
+        fitting = sum(map(self._fitting_work, self._task.groups)) if fits else 0.0
+        self._all_work = max(1.0, self._blocks_of(members) + fits * fitting)
 
     def _done(self, index: int, found: BlockTexture) -> Piece:
         """The piece of a texture that is finished."""
@@ -128,7 +158,7 @@ class BlockEncoder(Encoder):
         self._expect(range(len(task.textures)), fits=2)
         self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
         self._config = self.settings = config_for_quality(task, target_db, self._options.seed)
-        self._blocks_done.append(sum(map(self._fitting_blocks, task.groups)))
+        self._work_done.append(sum(map(self._fitting_work, task.groups)))
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         members = {
@@ -168,7 +198,7 @@ class BlockEncoder(Encoder):
             by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
         sizes = [self._task.textures[index].size for index in found]
         return Figures(
-            share=min(1.0, sum(self._blocks_done) / self._blocks),
+            share=min(1.0, sum(self._work_done) / self._all_work),
             step=self._step,
             steps=self._steps,
             texels=sum(width * height for width, height in sizes),

@@ -1,6 +1,6 @@
 """Fitting what a group shares: basis and modes. Torch on the CPU, float32."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +49,11 @@ def _first_classes(features: Array, count: int, random: np.random.Generator) -> 
 
 
 def _modes(
-    coefficients: torch.Tensor, decoder: BlockDecoder, config: BlockConfig, random: np.random.Generator
+    coefficients: torch.Tensor,
+    decoder: BlockDecoder,
+    config: BlockConfig,
+    random: np.random.Generator,
+    worked: Callable[[float], None],
 ) -> NDArray[np.uint8]:
     """[modes, coefficients] stored scales."""
     squares = coefficients.square()
@@ -64,11 +68,15 @@ def _modes(
         expected = expected_errors(coefficients, depths, tables.scales)[:, 0]
         chosen = best_modes(coefficients, expected, depths[0], tables.scales).numpy()
         scales = _fitted_scales(squares, chosen, config.modes)
+        worked(1.0 / MODE_ROUNDS)
     return scales
 
 
-def fit_decoder(samples: Sequence[Sample], config: BlockConfig, seed: int = 0) -> BlockDecoder:
-    """The tables of a group, from samples of its textures. `seed` decides where the search for modes begins."""
+def fit_decoder(
+    samples: Sequence[Sample], config: BlockConfig, seed: int = 0, worked: Callable[[float], None] = lambda _share: None
+) -> BlockDecoder:
+    """The tables of a group, from samples of its textures. `seed` decides where the search for modes begins. `worked` is told the
+    share of the work that was done since; what it raises ends the work."""
     random = np.random.default_rng(seed)
     blocks = np.concatenate([sample.blocks for sample in samples])
     with one_thread():
@@ -77,7 +85,7 @@ def fit_decoder(samples: Sequence[Sample], config: BlockConfig, seed: int = 0) -
         scales = np.zeros((config.modes, config.coefficients), np.uint8)
         edges = np.zeros((config.modes, len(config.planes)), np.uint8)
         decoder = BlockDecoder(basis.rows, basis.channels, basis.scale, scales, edges)
-        decoder = replace(decoder, scales=_modes(coefficients, decoder, config, random))
+        decoder = replace(decoder, scales=_modes(coefficients, decoder, config, random, worked))
         return with_edge_modes(decoder, samples, config)
 
 

@@ -65,7 +65,7 @@ class Member:
     curve: RateCurve
     config: BlockConfig
     target_db: float
-    worked: Callable[[int], None]
+    worked: Callable[[float], None]
     """As `encode_member` takes it."""
 
     def encode(self, asked_db: float) -> Try:

@@ -1,0 +1,410 @@
+"""What bits are worth: the quality of a texture by its bits, measured beside the frames, and forecasts of whole encodings.
+
+A part of the texture is encoded, in a process of its own, at a few bitrates. How long that takes tells how fast this machine is.
+"""
+
+import json
+import math
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ntc.codec.config import UNIVERSAL
+from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target, TextureSet, texture_set
+from ntc.codec.maps import MapName
+from ntc.codec.model import Grouping
+from ntc.codec.quality import mse_of_psnr, psnr_of_mse
+from ntc.codec.registry import codec_named, codec_of
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+from ntc.io import read_file, write_text
+from ntc.training.messages import TrainingRequest
+from ntc.worker.process import FunctionProcess
+from viewer.jobs.job import Job, JobReport
+from viewer.locations import pace_file
+from viewer.scene.images import reduced_size
+from viewer.scene.json_text import counted
+from viewer.scene.model import Scene
+from viewer.scene.source_textures import MapChoice, has_source, source_texture
+from viewer.training.settings import TrainingSettings
+
+RATE_CODEC = "block"
+"""Codec whose curves are measured: the one that is encoded to a target."""
+CURVE_BITS = (4.0, 8.0, 2.0, 16.0, 1.0)
+"""Bits per texel of the points of a curve, the most telling one first."""
+PART_SIDE, TILE_SIDE = 384, 64
+"""Sides in texels of the part of a texture that is encoded, and of its tiles, which are spread over the texture."""
+NICENESS = 19
+LARGEST_PACE_FILE = 10_000
+LEAST_SECONDS = 1.0
+"""Shorter encodings tell little about speed."""
+MOST_SAMPLED = 4
+"""Textures that a forecast measures, the largest first."""
+
+
+@dataclass(frozen=True)
+class RatePoint:
+    """Result of encoding a part of a texture."""
+
+    bits: float
+    """Bits per texel of mip 0, tables included."""
+    psnr_db: float
+    """PSNR of mip 0 in dB, all maps together."""
+    seconds_per_work: float
+    """Seconds for a unit of work (`Codec.encoding_work`)."""
+    by_map: Mapping[MapName, float]
+    """PSNR in dB by map."""
+    normal_degrees: float | None = None
+    """Mean angle in degrees between decoded and original normals."""
+
+
+@dataclass(frozen=True)
+class RateCurve:
+    """Quality of one texture by its bits."""
+
+    points: tuple[RatePoint, ...]
+    """By rising bits; at least one."""
+    texels: int
+    """Texels of mip 0."""
+
+    def psnr_at(self, bits: float) -> float:
+        """Return the PSNR in dB at `bits` bits per texel: between points by the logarithm of bits, beyond them 6 dB for each bit per
+        channel that the curve's ends suggest."""
+        return _interpolated(
+            [math.log2(p.bits) for p in self.points], [p.psnr_db for p in self.points], math.log2(bits)
+        )
+
+    def bits_at(self, psnr_db: float) -> float:
+        """Return the bits per texel at which the texture has a PSNR in dB."""
+        logarithm = _interpolated([p.psnr_db for p in self.points], [math.log2(p.bits) for p in self.points], psnr_db)
+        return float(2.0 ** min(logarithm, 6.0))
+
+    def megabytes(self, bits: float) -> float:
+        """Return the size in MB of the texture at `bits` bits per texel."""
+        return bits * self.texels / 8e6
+
+
+SLOPE_DB = 3.0
+"""Rise in dB for twice the bits where a curve has one point."""
+
+
+def _interpolated(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
+    """Piecewise linear through points of rising x, straight on beyond them."""
+    if len(xs) == 1:
+        # One point is of (log2 bits, dB) or (dB, log2 bits).
+        slope = SLOPE_DB if abs(ys[0]) > abs(xs[0]) else 1.0 / SLOPE_DB
+        return ys[0] + (x - xs[0]) * slope
+    right = min(max(int(np.searchsorted(xs, x)), 1), len(xs) - 1)
+    left = right - 1
+    share = (x - xs[left]) / max(xs[right] - xs[left], 1e-9)
+    return ys[left] + share * (ys[right] - ys[left])
+
+
+@dataclass(frozen=True, eq=False)
+class PointJob:
+    """A part of a texture to encode, and how."""
+
+    part: SourceTexture
+    whole: TextureSet
+    """The texture that the part is of: its size decides about tables."""
+    bits: float
+
+
+def rate_point(job: PointJob) -> RatePoint:
+    """Return the point of a curve, in the measuring process. Raises InputError for bits out of reach."""
+    from ntc.training.encode import encode_textures
+
+    codec, choices = codec_named(RATE_CODEC), EncodingChoices(target=BitsTarget(job.bits))
+    settings = codec.settings_for(job.whole, choices)
+    began = time.perf_counter()
+    pack = encode_textures([job.part], Grouping("baseline", (0,)), settings, codec.live_options_for(choices))
+    seconds = time.perf_counter() - began
+    (texture,) = pack.textures
+    known = zip(texture.maps, texture.map_psnr_db or (texture.psnr_db,), strict=True)
+    return RatePoint(
+        job.bits,
+        min(texture.psnr_db or 0.0, 99.0),
+        seconds / codec.encoding_work([[job.part.size]], settings, choices.target, ships=False),
+        {name: psnr for name, psnr in known if psnr is not None},
+        texture.normal_degrees[0] if texture.normal_degrees is not None else None,
+    )
+
+
+def part_of(texture: SourceTexture, side: int = PART_SIDE, tile: int = TILE_SIDE) -> SourceTexture:
+    """Return tiles of `texture` that are spread evenly over it, `side` x `side` texels together; a small texture as it is."""
+    width, height = texture.size
+    if width * height <= side * side or min(width, height) < side:
+        return texture
+    count = side // tile
+    rows, columns = (
+        [round((index + 0.5) * (length // tile) / count - 0.5) * tile for index in range(count)]
+        for length in (height, width)
+    )
+    parts = [[texture.pixels[y : y + tile, x : x + tile] for x in columns] for y in rows]
+    return replace(texture, pixels=np.concatenate([np.concatenate(row, axis=1) for row in parts]))
+
+
+class Pace:
+    """Speed of this machine, remembered in the user's data folder."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, float] | None = None
+
+    def _read(self) -> dict[str, float]:
+        if self._known is None:
+            self._known = {}
+            with suppress(OSError, ValueError, InputError, TypeError):
+                found = json.loads(read_file(pace_file(), LARGEST_PACE_FILE))
+                self._known = {str(name): float(value) for name, value in found.items() if 0.0 < float(value) < 1e3}
+        return self._known
+
+    def seconds_per_work(self, codec: str) -> float | None:
+        """Return the seconds for a unit of work of a codec; None before it was measured."""
+        return self._read().get(codec)
+
+    def note(self, codec: str, seconds_per_work: float) -> None:
+        """Remember a measurement."""
+        self._read()[codec] = seconds_per_work
+        with suppress(OSError, InputError):
+            pace_file().parent.mkdir(parents=True, exist_ok=True)
+            write_text(pace_file(), json.dumps(self._read()) + "\n")
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What an encoding would give."""
+
+    textures: int
+    maps: int
+    size: tuple[int, int]
+    """Width and height in texels of the largest texture."""
+    same_size: bool
+    megabytes: float | None = None
+    psnr_db: float | None = None
+    seconds: float | None = None
+    bits: float | None = None
+
+    def line(self) -> str:
+        """Return `5 maps of 2048x2048 -> about 2.1 MB, about 39.3 dB, about 12 s on this machine`."""
+        of = "" if self.same_size else "up to "
+        what = f"{counted(self.maps, 'map')} of {of}{self.size[0]}x{self.size[1]}"
+        parts = [
+            f"about {self.megabytes:.2g} MB" if self.megabytes is not None and self.megabytes < 10 else "",
+            f"about {self.megabytes:.0f} MB" if self.megabytes is not None and self.megabytes >= 10 else "",
+            f"{self.bits:.1f} bits per texel" if self.bits is not None else "",
+            f"about {self.psnr_db:.0f} dB" if self.psnr_db is not None else "",
+            f"about {_duration(self.seconds)} on this machine" if self.seconds is not None else "",
+        ]
+        known = ", ".join(part for part in parts if part)
+        return f"{what} -> {known}" if known else what
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90.0:
+        return f"{max(1.0, float(f'{seconds:.2g}')):.0f} s"
+    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
+
+
+def chosen_textures(settings: TrainingSettings, scene: Scene) -> tuple[int, ...]:
+    """Return the ids of the textures that an encoding of `scene` takes."""
+    maps = settings.chosen_maps
+    return tuple(
+        index
+        for index, texture in enumerate(scene.textures)
+        if has_source(texture, maps) and (settings.only is None or index in settings.only)
+    )
+
+
+class Rates:
+    """Rate curves of the open scene's textures, and forecasts. Called from the window's thread; never waits."""
+
+    def __init__(self) -> None:
+        self.pace = Pace()
+        self.version = 0
+        """Rises with each new point."""
+        self._scene: Scene | None = None
+        self._curves: dict[tuple[int, MapChoice], RateCurve] = {}
+        self._problems: dict[tuple[int, MapChoice], str] = {}
+        self._wanted: list[tuple[int, MapChoice]] = []
+        self._asked: set[tuple[int, MapChoice]] = set()
+        """Keys that were ever asked for in this scene."""
+        self._job: Job[None] | None = None
+        self._key: tuple[int, MapChoice] | None = None
+        self._points = 0
+        """Points of the job under way that were taken."""
+        self._process: FunctionProcess[PointJob, RatePoint] | None = None
+
+    @property
+    def is_busy(self) -> bool:
+        """True while a curve is measured or waits."""
+        return self._job is not None or bool(self._wanted)
+
+    def curve(self, texture: int, maps: MapChoice = "all") -> RateCurve | None:
+        """Return what is known so far of the curve of a texture of the open scene."""
+        return self._curves.get((texture, maps))
+
+    def problem(self, texture: int, maps: MapChoice = "all") -> str:
+        """Return why a curve could not be measured; "" where it could or may be."""
+        return self._problems.get((texture, maps), "")
+
+    def want(self, scene: Scene, textures: Iterable[int], maps: MapChoice = "all") -> None:
+        """Measure the curves of textures of `scene`, the last one asked for first. No effect where that was done."""
+        self.enter(scene)
+        for texture in textures:
+            key = (texture, maps)
+            if key not in self._asked:
+                self._asked.add(key)
+                self._wanted.append(key)
+
+    def enter(self, scene: Scene) -> None:
+        """Make `scene` the open one; curves of another are dropped."""
+        if scene is self._scene:
+            return
+        self._scene = scene
+        self._curves, self._problems, self._wanted, self._asked = {}, {}, [], set()
+        if self._job is not None:
+            self._job.cancel()
+            self._job = None
+        self._key = None
+
+    def tick(self, may_start: bool) -> None:
+        """Take what is new, and begin the next curve where `may_start`."""
+        job = self._job
+        if job is not None:
+            self._take(job)
+        if self._job is None and may_start and self._wanted and self._scene is not None:
+            key = self._wanted.pop()
+            self._key, self._points = key, 0
+            self._job = Job(partial(self._measure, self._scene, *key)).start("rate curve")
+
+    def _take(self, job: Job[None]) -> None:
+        key = self._key
+        assert key is not None
+        found = job.report.partial
+        if isinstance(found, RateCurve) and len(found.points) > self._points:
+            self._points = len(found.points)
+            self._curves[key] = found
+            self.version += 1
+            self.pace.note(RATE_CODEC, float(np.median([point.seconds_per_work for point in found.points])))
+        if job.done:
+            if job.problem and key not in self._curves:
+                self._problems[key] = job.problem
+            self._job = self._key = None
+            self.version += 1
+
+    def _measure(self, scene: Scene, texture: int, maps: MapChoice, report: JobReport) -> None:
+        """Measure one curve, in a thread that waits for the process."""
+        source = source_texture(scene, texture, None, maps)
+        whole, part = texture_set([source], 1), part_of(source)
+        texels = source.size[0] * source.size[1]
+        points: list[RatePoint] = []
+        problem = ""
+        if self._process is None:
+            self._process = FunctionProcess(rate_point, "rates", NICENESS)
+        for number, bits in enumerate(CURVE_BITS):
+            report.progress(number, len(CURVE_BITS))
+            try:
+                points.append(self._process.call(PointJob(part, whole, bits), report.check))
+            except CancelledError:
+                # The process is in the middle of its work.
+                self._process.close()
+                self._process = None
+                raise
+            except InputError as error:
+                problem = str(error)
+                continue
+            report.show(RateCurve(tuple(sorted(points, key=lambda point: point.bits)), texels))
+        if not points:
+            raise InputError(problem)
+
+    def forecast(self, settings: TrainingSettings, scene: Scene) -> Forecast | None:
+        """Return what an encoding of `scene` would give, as far as it is known; None where it has no textures."""
+        ids, maps = chosen_textures(settings, scene), settings.chosen_maps
+        if not ids:
+            return None
+        sizes = [scene.textures[index].size for index in ids]
+        if settings.texture_size is not None:
+            sizes = [reduced_size(*size, settings.texture_size) for size in sizes]
+        texels = [width * height for width, height in sizes]
+        names = [scene.textures[index].maps if maps == "all" else ("base",) for index in ids]
+        largest = max(sizes, key=lambda size: size[0] * size[1])
+        found = Forecast(len(ids), sum(map(len, names)), largest, len(set(sizes)) == 1)
+        codec = codec_named(settings.codec_kind)
+        target = settings.target or codec.target_of(max(names, key=len))
+        curves = {index: curve for index in ids if (curve := self.curve(index, maps)) is not None}
+        if target is not None:
+            found = _with_target(found, target, curves, dict(zip(ids, texels, strict=True)))
+        pace = self.pace.seconds_per_work(codec.settings_type.kind)
+        if pace is not None and not codec.trains:
+            work = _work(settings, sizes, [scene.textures[index].maps for index in ids], target)
+            found = replace(found, seconds=pace * work)
+        return found
+
+    def note_run(self, request: TrainingRequest, seconds: float) -> None:
+        """Learn the speed of this machine from an encoding that has ended."""
+        codec, grouping = codec_of(request.codec), request.grouping
+        if codec.trains or request.start is not None:
+            return
+        groups = [[request.textures[index].size for index in grouping.members(n)] for n in range(grouping.group_count)]
+        work = codec.encoding_work(groups, request.codec, None, not grouping.stored_decoders)
+        if seconds >= LEAST_SECONDS and work > 0.0:
+            self.pace.note(request.codec.kind, seconds / work)
+
+    def close(self) -> None:
+        """End the process."""
+        if self._job is not None:
+            self._job.cancel()
+        if self._process is not None:
+            self._process.close()
+
+
+def group_count(settings: TrainingSettings, textures: int) -> int:
+    """Return about how many groups an encoding of so many textures makes."""
+    if settings.strategy in ("single", UNIVERSAL):
+        return 1
+    if settings.strategy == "baseline":
+        return textures
+    return min(textures, settings.clusters or max(1, round(math.sqrt(textures))))
+
+
+def _work(
+    settings: TrainingSettings,
+    sizes: Sequence[tuple[int, int]],
+    maps: Sequence[tuple[MapName, ...]],
+    target: Target | None,
+) -> float:
+    """Return the work of an encoding before its groups are known: about as many textures are in each."""
+    codec, count = codec_named(settings.codec_kind), group_count(settings, len(sizes))
+    groups = [sizes[first::count] for first in range(count)]
+    names = tuple(dict.fromkeys(name for own in maps for name in own)) if settings.chosen_maps == "all" else ("base",)
+    channels = {"base": 3, "normal": 2, "emissive": 3}
+    known = TextureSet(
+        sizes, 0 if settings.strategy == UNIVERSAL else count, sum(channels.get(name, 1) for name in names), maps=names
+    )
+    with suppress(InputError, ValueError):
+        config = codec.settings_for(replace(known, groups=max(known.groups, 1)), EncodingChoices())
+        return codec.encoding_work(groups, config, target, settings.strategy == UNIVERSAL)
+    return 0.0
+
+
+def _with_target(
+    found: Forecast, target: Target, curves: Mapping[int, RateCurve], texels: Mapping[int, int]
+) -> Forecast:
+    """Return `found` with the size and quality that `target` gives. Textures without a curve count as the others do."""
+    all_texels = sum(texels.values())
+    if isinstance(target, QualityTarget):
+        if not curves:
+            return replace(found, psnr_db=target.psnr_db)
+        weighted = [curve.bits_at(target.psnr_db) * texels[index] for index, curve in curves.items()]
+        bits = sum(weighted) / sum(texels[index] for index in curves)
+        return replace(found, bits=bits, megabytes=bits * all_texels / 8e6, psnr_db=target.psnr_db)
+    bits = target.bits if isinstance(target, BitsTarget) else 8e6 * target.megabytes / all_texels
+    megabytes = target.megabytes if isinstance(target, SizeTarget) else bits * all_texels / 8e6
+    errors = [mse_of_psnr(curve.psnr_at(bits)) for curve in curves.values()]
+    psnr = psnr_of_mse(float(np.mean(errors))) if errors else None
+    return replace(found, megabytes=megabytes, psnr_db=psnr, bits=None if isinstance(target, BitsTarget) else bits)
