@@ -65,13 +65,13 @@ def block_count(sizes: Sizes, config: BlockConfig) -> int:
 
 FIT_WORK = 2.0
 """Time to fit tables to a block, as a multiple of the time to encode one."""
-CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.35, 0.25, 0.4
+CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.375, 0.25, 0.375
 """Shares of the time to encode a block: rate curves and sizes, codes, and the measure of the quality."""
 
 
 def fitting_work(blocks: float) -> float:
     """Time to fit a group of so many blocks, in units of the time to encode a block."""
-    return FIT_WORK * min(SAMPLED_BLOCKS, blocks) + 0.15 * blocks
+    return FIT_WORK * min(SAMPLED_BLOCKS, blocks) + 0.125 * blocks
 
 
 def encoding_work(groups: Sequence[Sizes], config: BlockConfig, to_quality: bool, ships: bool) -> float:

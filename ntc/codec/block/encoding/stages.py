@@ -198,7 +198,7 @@ class BlockEncoder(Encoder):
             by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
         sizes = [self._task.textures[index].size for index in found]
         return Figures(
-            share=min(1.0, sum(self._work_done) / self._all_work),
+            share=min(1.0, round(sum(self._work_done) / self._all_work, 9)),
             step=self._step,
             steps=self._steps,
             texels=sum(width * height for width, height in sizes),
