@@ -64,6 +64,11 @@ def blocks_cache() -> Path:
     return _cache_folder("blocks")
 
 
+def checks_cache() -> Path:
+    """Return the cache folder of what `ntc-viewer check` has measured, by content."""
+    return _cache_folder("checks")
+
+
 def images_cache() -> Path:
     """Return the cache folder of facts about the images of scenes."""
     return _cache_folder("images")

@@ -389,6 +389,38 @@ class InfoOptions:
 
 
 @dataclass(frozen=True)
+class CheckOptions:
+    """Check an encoded scene, pack or library against a budget: exit status 1 where a limit is passed (docs/guide/check.md).
+
+    Example: ntc-viewer check street.glb --budget street.toml --against accepted/report.json --out report
+    """
+
+    source: Annotated[Path | None, _unset("SCENE|F.ntc|LIBRARY"), tyro.conf.Positional] = None
+    """Scene with its pack, whose textures and lit views are measured; a pack or library alone is taken as its encoder measured it.
+    Default: the built-in courtyard."""
+    pack: Packs = ()
+    """Pack of the scene to check. Default: the pack beside the scene, clustered before others."""
+    grouping: Annotated[str | None, _unset("NAME")] = None
+    """Grouping to check where the scene has several packs."""
+    budget: Annotated[Path | None, _unset("FILE.toml")] = None
+    """Limits to keep. Default: none."""
+    against: Annotated[Path | None, _unset("REPORT.json")] = None
+    """Accepted report: what is worse than in it is found. Default: none."""
+    out: Annotated[Path | None, _unset("DIR")] = None
+    """Folder for report.json, junit.xml, check.sarif and the page index.html. Default: the table on the terminal alone."""
+    suggest: Annotated[Path | None, _unset("FILE.toml")] = None
+    """Budget to write: limits that the measured values keep, with a little room."""
+    views: Annotated[int, tyro.conf.arg(metavar="N")] = 2
+    """Number of cameras whose lit pictures are measured, each in two lights; 0 measures textures alone."""
+    cameras: Annotated[Path | None, _unset("FILE")] = None
+    """JSON file of named cameras. Default: the scene's own; without any, one that frames the scene."""
+    size: Size = (640, 360)
+    """Size of the pictures in pixels."""
+    device: Gpu = None
+    """GPU to draw on: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`. Default: the first."""
+
+
+@dataclass(frozen=True)
 class DoctorOptions:
     """Check this machine: OpenGL, display, packages. Exit status 0 if pictures can be drawn."""
 
@@ -406,5 +438,6 @@ SUBCOMMANDS = (
     Subcommand("export", ExportOptions, "viewer.cli.export", "export"),
     Subcommand("library", LibraryOptions, "viewer.cli.library", "library"),
     Subcommand("info", InfoOptions, "viewer.cli.info", "info"),
+    Subcommand("check", CheckOptions, "viewer.cli.check", "check"),
     Subcommand("doctor", DoctorOptions, "viewer.cli.doctor", "doctor"),
 )

@@ -1,0 +1,103 @@
+"""Reports of a check: JUnit XML, SARIF, the page and the record that later checks read."""
+
+import json
+from pathlib import Path
+from xml.etree import ElementTree
+
+import msgspec
+import pytest
+
+from ntc.errors import InputError
+from tests.unit.viewer.checking.test_budget import found, record, texture
+from viewer.checking.ci_files import junit_xml, sarif_json
+from viewer.checking.mending import RateCurve, RatePoint
+from viewer.checking.page import PageContent, page, past_of
+from viewer.checking.record import read_record
+
+BUDGET = """
+    [map.base]
+    psnr_db = 41
+    [[exception]]
+    pattern = "old*"
+    reason = "it goes"
+    until = 2026-12-31
+"""
+HOSTILE = "roof</script><b>&'\"\x1b[31m\ud800"
+
+
+def test_junit_has_a_case_for_each_subject() -> None:
+    own = record(texture("roof"), texture("old_sign"), texture(HOSTILE))
+    root = ElementTree.fromstring(junit_xml(own, found(BUDGET, own)))
+    suites = {suite.get("name"): suite for suite in root}
+    assert {name: suite.get("tests") for name, suite in suites.items()} == {
+        "texture": "3",
+        "map": "9",
+        "view": "1",
+        "pack": "1",
+    }
+    assert (suites["map"].get("failures"), suites["map"].get("skipped")) == ("2", "1")
+    failed = [case.get("name") for case in suites["map"] if case.find("failure") is not None]
+    assert failed[0] == "roof, map base"
+    assert suites["map"].find("testcase/skipped") is not None
+
+
+def test_sarif_names_rule_level_and_reason() -> None:
+    own = record(texture("roof"), texture("old_sign"), texture(HOSTILE))
+    document = json.loads(sarif_json(own, found(BUDGET, own), "1.2.3"))
+    (run,) = document["runs"]
+    rules = {rule["id"] for rule in run["tool"]["driver"]["rules"]}
+    assert document["version"] == "2.1.0"
+    assert [result["level"] for result in run["results"]] == ["error", "error", "note"]
+    assert all(result["ruleId"] in rules and result["message"]["text"] for result in run["results"])
+    assert run["results"][-1]["suppressions"] == [{"kind": "external", "justification": "it goes"}]
+
+
+def test_the_page_escapes_names_and_tells_the_bits_that_mend() -> None:
+    own = record(texture("roof"), texture(HOSTILE))
+    curve = RateCurve((RatePoint(1.0, {"base": 38.0, "normal": 30.0}), RatePoint(4.0, {"base": 44.0, "normal": 36.0})))
+    shown = page(PageContent(own, found(BUDGET, own), {"content of roof": b"picture"}, {"content of roof": curve}))
+    assert "needs about 2.5 bits per texel" in shown
+    assert "data:image/jpeg;base64,cGljdHVyZQ==" in shown
+    assert "</script><b>" not in shown
+    shown.encode("utf-8")
+    assert "Trend" not in shown
+    later = msgspec.structs.replace(own, past=(past_of(own),))
+    assert "Trend" in page(PageContent(later, ()))
+    assert "All values are within the budget" in page(PageContent(later, ()))
+
+
+def test_a_curve_tells_the_bits_of_a_quality() -> None:
+    curve = RateCurve((RatePoint(1.0, {"base": 30.0}), RatePoint(3.0, {"base": 36.0}), RatePoint(8.0, {"base": None})))
+    assert [curve.bits_for("base", db) for db in (20.0, 33.0, 36.0, 50.0)] == [1.0, 2.0, 3.0, 8.0]
+    assert RateCurve(curve.points[:2]).bits_for("base", 40.0) is None
+
+
+def test_two_thousand_textures_make_a_page_of_bounded_size() -> None:
+    own = record(*(texture(f"texture {number}") for number in range(2000)))
+    strips = {f"content of texture {number}": b"\0" * 4000 for number in range(2000)}
+    shown = page(PageContent(own, (), strips))
+    assert shown.count("<img") == 500
+    assert len(shown) < 8_000_000
+
+
+def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
+    own, path = record(texture("roof")), tmp_path / "report.json"
+    path.write_bytes(msgspec.json.encode(own))
+    assert read_record(path) == own
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": 99}', "[" * 100_000, '{"textures": [1]}'])
+def test_a_wrong_record_is_refused_in_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "report.json"
+    path.write_text(text)
+    with pytest.raises(InputError) as raised:
+        read_record(path)
+    assert str(raised.value).startswith(f"{path}: ")
+    assert "\n" not in str(raised.value)
+
+
+def test_a_record_of_another_format_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "report.json"
+    path.write_bytes(msgspec.json.encode(msgspec.structs.replace(record(), format=99)))
+    with pytest.raises(InputError, match="has format 99"):
+        read_record(path)

@@ -1,0 +1,155 @@
+"""Measured values of lit pictures: the pack's against that of the original images, at cameras of the scene and in two lights."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.model import Pack
+from ntc.codec.quality import finite_or_none
+from ntc.errors import InputError
+from ntc.metrics.image_quality import flip
+from ntc.metrics.perceptual import has_jod, has_ssimulacra2, jod, ssimulacra2
+from viewer.checking.kept_values import KeptValues
+from viewer.checking.record import TextureRecord, ViewRecord
+from viewer.gl.context import GraphicsContext
+from viewer.inspect.measurement import measure
+from viewer.jobs.job import Background
+from viewer.render.frames import FrameTimes
+from viewer.render.viewport import Viewport
+from viewer.scene.images import ProgressReport
+from viewer.scene.model import Camera, Scene
+from viewer.state.event_handlers import apply_event
+from viewer.state.events import Event, Notification, ViewChanged
+from viewer.state.open_files import InitialView, new_session
+from viewer.state.session import Session
+from viewer.state.settings import ViewerSettings
+from viewer.state.view_state import Lighting, Slot, ViewState
+
+LIGHTS: Mapping[str, Lighting] = {"sun": Lighting(), "low sun": Lighting(sun_azimuth=320.0, sun_elevation=12.0)}
+"""Lights by name: the default one, and one that grazes surfaces from the other side, which shows errors of normals."""
+DIGITS = 40
+
+
+@dataclass(frozen=True)
+class MeasuredViews:
+    """Records of the pictures."""
+
+    records: tuple[ViewRecord, ...]
+    gpu_bytes: int | None
+    """Bytes that the pack takes on the GPU; None where no picture was asked for."""
+    measured: int
+    """Pictures that were drawn now."""
+
+
+class KeptView(msgspec.Struct, frozen=True):
+    """What is kept of a measured picture."""
+
+    record: ViewRecord
+    gpu_bytes: int
+
+
+def scene_content(scene: Scene, textures: Sequence[TextureRecord]) -> str:
+    """Return the identity of everything that pictures of `scene` show besides the camera: shapes, materials, originals and what
+    they are decoded from."""
+    digest = hashlib.sha256()
+    shapes = scene.geometry
+    arrays: list[NDArray[np.generic] | None] = [shapes.positions, shapes.uvs, shapes.colors, shapes.indices]
+    arrays += [shapes.normals, shapes.tangents, shapes.second_uvs, scene.instances.transform, scene.instances.primitive]
+    for array in arrays:
+        if array is not None:
+            digest.update(np.ascontiguousarray(array).data)
+    facts = [scene.primitives, scene.materials, scene.lights, [(t.pixel_hash, t.set_hash) for t in scene.textures]]
+    digest.update(repr(facts).encode("utf-8", "replace"))
+    digest.update("".join(texture.content for texture in textures).encode())
+    return digest.hexdigest()[:DIGITS]
+
+
+@dataclass(frozen=True, eq=False)
+class ViewsToMeasure:
+    """The pictures of a check."""
+
+    scene: Scene
+    source: str
+    """Name of the pack among the open ones."""
+    pack: Pack
+    cameras: Sequence[Camera]
+    size: tuple[int, int]
+    """(width, height) in pixels."""
+    content: str
+    """`scene_content`."""
+
+    def pictures(self) -> list[tuple[Camera, str, str]]:
+        """Return (camera, light, identity of the picture) of every picture."""
+        found = []
+        for camera in self.cameras:
+            for light, lighting in LIGHTS.items():
+                # Measures that have been installed since are measured then.
+                facts = repr((self.content, camera, self.size, asdict(lighting), has_jod(), has_ssimulacra2()))
+                found.append((camera, light, hashlib.sha256(facts.encode()).hexdigest()[:DIGITS]))
+        return found
+
+
+def kept_views(views: ViewsToMeasure, kept: KeptValues) -> MeasuredViews | None:
+    """Return all pictures of `views` as they were measured before; None where one is missing."""
+    found = [kept.read(content, KeptView) for _, _, content in views.pictures()]
+    if any(each is None for each in found):
+        return None
+    known = [each for each in found if each is not None]
+    return MeasuredViews(tuple(each.record for each in known), known[-1].gpu_bytes if known else None, 0)
+
+
+def measured_views(
+    context: GraphicsContext, views: ViewsToMeasure, kept: KeptValues, report: ProgressReport | None = None
+) -> MeasuredViews:
+    """Draw and measure all pictures of `views`. Raises InputError where one cannot be drawn, ContextLostError."""
+    session = new_session(views.scene, {views.source: views.pack}, ViewerSettings(), InitialView())
+    events = _Events(session)
+    background = Background()
+    viewport = Viewport(context, session, FrameTimes(context.waits), background, events.emit)
+    records: list[ViewRecord] = []
+    gpu_bytes = 0
+    pictures = views.pictures()
+    for number, (camera, light, content) in enumerate(pictures):
+        slot = Slot(views.source)
+        view = ViewState(camera, views.size, slot, material_view="lit", lighting=LIGHTS[light])
+        apply_event(session, ViewChanged(replace(view, compare="a")))
+        viewport.draw(views.size, whole=True)
+        if viewport.last is None or viewport.renderer is None:
+            raise InputError(events.errors[0] if events.errors else f"{views.scene.name}: no picture can be drawn")
+        (picture,) = measure(viewport.renderer, [slot], session.packs)
+        memory = viewport.renderer.memory(slot)
+        gpu_bytes = memory.total if memory is not None else 0
+        record = ViewRecord(
+            camera=camera.name,
+            light=light,
+            content=content,
+            psnr_db=finite_or_none(picture.psnr_db(picture.covered)),
+            flip=flip(picture.reference, picture.color),
+            divergence=picture.divergence_statistics.score,
+            ssimulacra2=ssimulacra2(picture.reference, picture.color) if has_ssimulacra2() else None,
+            jod=jod(picture.reference, picture.color) if has_jod() else None,
+        )
+        kept.write(content, KeptView(record, gpu_bytes))
+        records.append(record)
+        if report is not None:
+            report.progress(number + 1, len(pictures))
+    background.close()
+    return MeasuredViews(tuple(records), gpu_bytes, len(records))
+
+
+class _Events:
+    """Applies the events of a viewport to the session, and keeps errors."""
+
+    def __init__(self, session: Session) -> None:
+        self._session = session
+        self.errors: list[str] = []
+
+    def emit(self, event: Event) -> None:
+        if not isinstance(event, Notification):
+            apply_event(self._session, event)
+        elif event.kind == "error":
+            self.errors.append(event.text)
