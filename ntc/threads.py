@@ -32,6 +32,11 @@ def usable_cores() -> int:
     return os.cpu_count() or 1
 
 
+def most_threads() -> int:
+    """Threads at most where nobody says otherwise."""
+    return min(usable_cores(), MOST_THREADS)
+
+
 class PacedThreads:
     """Maps functions over items in threads. It begins with one, times the first items, and takes twice as many as long as that pays.
 
@@ -41,7 +46,7 @@ class PacedThreads:
 
     def __init__(self, most: int | None = None, count: int = 1) -> None:
         """`most` threads; None: one for each core, up to MOST_THREADS. `count`: how many it begins with."""
-        self._most = min(usable_cores(), MOST_THREADS) if most is None else most
+        self._most = most_threads() if most is None else most
         self.count = min(count, self._most)
         """Items that are under way at the same time."""
         self._settled = self.count == self._most
@@ -97,6 +102,14 @@ class PacedThreads:
             self._settled = True
         else:
             self.count *= 2
+
+
+def mapped(work: Callable[[Item], Result], items: Sequence[Item], threads: int) -> list[Result]:
+    """Results of `work`, in the order of `items`, by at most so many threads. Raises what `work` raises."""
+    if threads <= 1 or len(items) <= 1:
+        return [work(item) for item in items]
+    with ThreadPoolExecutor(min(threads, len(items)), "part") as pool:
+        return list(pool.map(work, items))
 
 
 def _timed(work: Callable[[Item], Result], item: Item) -> tuple[Result, float]:

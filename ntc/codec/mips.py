@@ -4,6 +4,7 @@ Colours are box-filtered in linear light, normals as vectors that are made unit 
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,19 @@ from ntc.codec.config import ColorSpace
 from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName, map_slices
 
 Floats = NDArray[np.floating]
+LEAST_COMPILED = 1 << 18
+"""Values from which on compiled code is loaded, which takes as long as these."""
+
+
+def compiled_maps(values: int) -> Any:
+    """Return the module of compiled code for so many values; None for few of them, and without numba."""
+    if values < LEAST_COMPILED:
+        return None
+    try:
+        from ntc.codec import compiled_maps as found
+    except ImportError:
+        return None
+    return found
 
 
 def srgb_to_linear(srgb: Floats) -> Floats:
@@ -173,6 +187,24 @@ def hardware_filtered(
     return np.where(coded, table[pixels], pixels / np.float32(255.0))
 
 
+def _second_mip(pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName]) -> NDArray[np.float32]:
+    """Return mip 1 of `pixels` as `filterable` numbers."""
+    height, width, channels = pixels.shape
+    compiled = compiled_maps(pixels.size)
+    if compiled is None or width % 2 or height % 2:
+        return box_resize(filterable(pixels, color_space, maps), max(1, width >> 1), max(1, height >> 1))
+    values = np.arange(256, dtype=np.float32)
+    tables = np.empty((channels, 256), np.float32)
+    tables[:] = values / np.float32(255.0)
+    tables[np.array(srgb_channels(maps, channels, color_space))] = srgb8_to_linear_table()
+    normal = map_slices(maps, channels)["normal"].start if "normal" in maps else -1
+    if normal >= 0:
+        tables[normal : normal + 2] = values * np.float32(2.0 / 255.0) - np.float32(1.0)
+    found = np.empty((height // 2, width // 2, channels + (normal >= 0)), np.float32)
+    compiled.halve(pixels, tables, normal, found)
+    return found
+
+
 def mip_chain(
     pixels: NDArray[np.uint8], color_space: ColorSpace, maps: Sequence[MapName] = BASE_ALONE
 ) -> tuple[NDArray[np.uint8], ...]:
@@ -182,7 +214,10 @@ def mip_chain(
     """
     height, width = pixels.shape[:2]
     chain = [pixels]
-    values = filterable(pixels, color_space, maps)
+    if width <= 1 and height <= 1:
+        return (pixels,)
+    values = _second_mip(pixels, color_space, maps)
+    chain.append(coded(values, color_space, maps))
     while width >> len(chain) or height >> len(chain):
         values = box_resize(values, max(1, width >> len(chain)), max(1, height >> len(chain)))
         chain.append(coded(values, color_space, maps))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.maps import BASE_ALONE, MapName, map_slices
-from ntc.codec.mips import normal_vectors
+from ntc.codec.mips import compiled_maps, normal_vectors
 from ntc.codec.model import EncodedTexture
 from ntc.errors import InputError
 
@@ -99,6 +99,11 @@ HIGH_PERCENTILE = 95.0
 def normal_angles(coded: NDArray[np.uint8], others: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Return [H, W] float64 degrees between the normals of two pictures [H, W, 2] uint8 of their xy, as shading reads them: z rebuilt,
     then made unit vectors."""
+    compiled = compiled_maps(coded.size)
+    if compiled is not None:
+        degrees = np.empty(coded.shape[:2])
+        compiled.write_angles(coded, others, degrees)
+        return degrees
     first, second = (_unit(normal_vectors(each).astype(np.float64)) for each in (coded, others))
     # By both: the cosine alone has no digits left for small angles.
     sines = np.linalg.norm(np.cross(first, second), axis=-1)

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, latent_cell_count, latent_levels
 from ntc.codec.maps import SRGB_MAPS, channel_places, map_slices
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
+from ntc.threads import mapped
 
 compiled: Any
 try:
@@ -95,7 +96,7 @@ class _Moments:
         sums, products = np.zeros(channels), np.zeros((channels, channels))
         for start in range(0, count, ROWS_AT_ONCE):
             part = rows[start : start + ROWS_AT_ONCE].astype(np.float64)
-            sums += part.sum(0)
+            sums += np.ones(len(part)) @ part
             products += part.T @ part
         return cls(sums / (255.0 * count), products / (255.0**2 * count))
 
@@ -182,14 +183,21 @@ class Sample:
 
 
 def sample_textures(
-    sources: Sequence[SourceTexture], config: BlockConfig, seed: int = 0, most: int = SAMPLED_BLOCKS
+    sources: Sequence[SourceTexture],
+    config: BlockConfig,
+    seed: int = 0,
+    most: int = SAMPLED_BLOCKS,
+    threads: int = 1,
 ) -> tuple[Sample, ...]:
-    """At most `most` blocks of a group's textures, chosen at random; each texture has the same weight, whatever its size."""
+    """At most `most` blocks of a group's textures, chosen at random; each texture has the same weight, whatever its size. `threads`
+    change nothing."""
     random = np.random.default_rng(seed)
     each = max(1, most // max(1, len(sources)))
-    samples = []
-    for source in sources:
-        texture = prepare_texture(source, config)
-        chosen = random.permutation(len(texture.texels))[:each]
-        samples.append(Sample(texture.normalised(chosen), texture.axes, len(texture.texels)))
-    return tuple(samples)
+    counts = [latent_cell_count(*source.size, config) for source in sources]
+    chosen = [random.permutation(count)[:each] for count in counts]
+
+    def sample(number: int) -> Sample:
+        texture = prepare_texture(sources[number], config)
+        return Sample(texture.normalised(chosen[number]), texture.axes, counts[number])
+
+    return tuple(mapped(sample, range(len(sources)), threads))

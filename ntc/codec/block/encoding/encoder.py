@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.codes import EdgePart, bits_before_branches
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepare_texture, sample_textures
-from ntc.codec.block.encoding.choices import Choices, block_choices, left_out
+from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, paying_kinds
 from ntc.codec.block.encoding.edges import edge_kinds, fitted_edges
 from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK
 from ntc.codec.block.encoding.search import coded
@@ -21,8 +21,9 @@ from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.textures import SourceTexture
+from ntc.threads import mapped
 
-BLOCKS_AT_ONCE = 1 << 14
+BLOCKS_AT_ONCE = 1 << 13
 
 
 def encode_texture(
@@ -32,22 +33,33 @@ def encode_texture(
     words: float,
     group: int = 0,
     worked: Callable[[float], None] = lambda _: None,
+    threads: int = 1,
 ) -> BlockTexture:
     """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that.
 
-    `worked` is called often, with the work that was done since, in blocks (`rate.encoding_work`); what it raises ends the encoding.
+    `threads` change no byte. `worked` is called often, with the work that was done since, in blocks (`rate.encoding_work`); what it
+    raises ends the encoding.
     """
     texture = prepare_texture(source, config)
     with one_thread():
         tables = Tables.of(decoder, config)
+        kinds = paying_kinds(texture, tables, decoder, config)
         starts = range(0, len(texture.texels), BLOCKS_AT_ONCE)
         parts = [slice(start, start + BLOCKS_AT_ONCE) for start in starts]
-        choices = [_choices(texture, part, tables, decoder, config, worked) for part in parts]
+
+        def choices_of(part: slice) -> Choices:
+            worked(0.0)
+            blocks = texture.normalised(part)
+            found = block_choices(blocks, texture.axes, tables, decoder, config, kinds)
+            worked(CHOICES_WORK * len(blocks))
+            return found
+
+        choices = mapped(choices_of, parts, threads)
         levels = latent_levels(*source.size, config)
         sizes = _sizes(np.concatenate([each.errors for each in choices]), levels, config, words)
         modes = np.concatenate([each.modes for each in choices])
         own = np.take_along_axis(modes, sizes[:, None, None], axis=1)[:, 0]
-        codes = _codes(texture, sizes, own, tables, decoder, config, worked)
+        codes = _codes(texture, sizes, own, tables, decoder, config, worked, threads)
     stored = stored_words(BlockCodes(codes, sizes), levels, config)
     axes = texture.axes
     return BlockTexture(**texture_fields(source, group), words=stored, mean=axes.mean, axes=axes.axes)
@@ -67,21 +79,6 @@ def _sizes(
     return np.concatenate(found[::-1])
 
 
-def _choices(
-    texture: PreparedTexture,
-    part: slice,
-    tables: Tables,
-    decoder: BlockDecoder,
-    config: BlockConfig,
-    worked: Callable[[float], None],
-) -> Choices:
-    worked(0.0)
-    blocks = texture.normalised(part)
-    found = block_choices(blocks, texture.axes, tables, decoder, config)
-    worked(CHOICES_WORK * len(blocks))
-    return found
-
-
 def _codes(
     texture: PreparedTexture,
     sizes: NDArray[np.int64],
@@ -90,17 +87,23 @@ def _codes(
     decoder: BlockDecoder,
     config: BlockConfig,
     worked: Callable[[float], None],
+    threads: int,
 ) -> NDArray[np.uint32]:
     """[blocks, words of the largest code] uint32 for size classes `sizes` and candidates `modes` [blocks, CANDIDATES]: of the
     candidates, each block takes the one of least error."""
     found = np.zeros((len(sizes), config.block_words[-1]), np.uint32)
+    runs = []
     for size in range(len(config.block_words)):
         own = np.nonzero(sizes == size)[0]
-        for start in range(0, len(own), BLOCKS_AT_ONCE):
-            rows = own[start : start + BLOCKS_AT_ONCE]
-            blocks = texture.normalised(rows)
-            found[rows] = _best_codes(blocks, modes[rows].astype(np.int64), size, texture.axes, tables, decoder, config)
-            worked(CODES_WORK * len(rows))
+        runs += [(size, own[start : start + BLOCKS_AT_ONCE]) for start in range(0, len(own), BLOCKS_AT_ONCE)]
+
+    def write(run: tuple[int, NDArray[np.int64]]) -> None:
+        size, rows = run
+        blocks, candidates = texture.normalised(rows), modes[rows].astype(np.int64)
+        found[rows] = _best_codes(blocks, candidates, size, texture.axes, tables, decoder, config)
+        worked(CODES_WORK * len(rows))
+
+    mapped(write, runs, threads)
     return found
 
 

@@ -11,7 +11,7 @@ import torch
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
-from ntc.codec.block.encoding.measuring import finest_image
+from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.rate import MEASURE_WORK, block_count
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
@@ -22,6 +22,7 @@ from ntc.codec.encoding import Interruption, no_interruption
 from ntc.codec.model import Grouping
 from ntc.codec.quality import measured_texture
 from ntc.codec.textures import SourceTexture
+from ntc.threads import mapped
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +44,16 @@ def fitted_group(
     config: BlockConfig,
     seed: int,
     worked: Callable[[float], None] = lambda _share: None,
+    threads: int = 1,
 ) -> FittedGroup:
     """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled. `worked`
-    is told the share of the work that was done since."""
+    is told the share of the work that was done since; `threads` change nothing."""
     members = grouping.members(group)
-    samples = sample_textures([textures[index] for index in members], config, seed)
+    samples = sample_textures([textures[index] for index in members], config, seed, threads=threads)
     ships = grouping.name == UNIVERSAL
     decoder = universal_decoder(config.output_channels) if ships else fit_decoder(samples, config, seed, worked)
-    return FittedGroup(group, members, decoder, tuple(rate_curve(sample, decoder, config) for sample in samples))
+    curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
+    return FittedGroup(group, members, decoder, tuple(curves))
 
 
 def fitted_groups(
@@ -96,11 +99,12 @@ def encode_member(
     fitted: FittedGroup,
     config: BlockConfig,
     worked: Callable[[float], None],
+    threads: int = 1,
 ) -> BlockTexture:
     """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the work
-    that was done since it was called last, in blocks."""
-    found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked)
-    decoded = finest_image(found, fitted.decoder, config)[..., found.places(config)]
+    that was done since it was called last, in blocks. `threads` work on it and change no byte."""
+    found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked, threads)
+    decoded = shown_channels(finest_image(found, fitted.decoder, config, threads), found.places(config))
     measured = measured_texture(found, decoded, source.pixels)
     worked(MEASURE_WORK * block_count([source.size], config))
     return measured

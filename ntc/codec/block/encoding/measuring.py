@@ -16,21 +16,33 @@ from ntc.codec.block.reference import decode_image, edge_values, image_of, textu
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.block.trellis import level_table
 from ntc.codec.latents import latent_levels
+from ntc.threads import mapped
 
-BLOCKS_AT_ONCE = 1 << 14
+BLOCKS_AT_ONCE = 1 << 13
 
 
-def finest_image(texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.uint8]:
+def shown_channels(image: NDArray[np.uint8], places: Sequence[int]) -> NDArray[np.uint8]:
+    """Return the channels `places` of `image` [h, w, channels], which are not copied where they are all."""
+    return image if list(places) == list(range(image.shape[2])) else image[..., list(places)]
+
+
+def finest_image(
+    texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, threads: int = 1
+) -> NDArray[np.uint8]:
     """Return [h, w, output channels] uint8: mip 0, but for rounding what `reference.decode_image` gives."""
     if compiled is None or compiled_texels is None:
         return decode_image(texture, decoder, config)
     stored = texture_codes(texture, config, 0)
     geometry = latent_levels(texture.width, texture.height, config)[0]
-    parts = []
+    runs = [
+        slice(start, min(start + BLOCKS_AT_ONCE, geometry.cells)) for start in range(0, geometry.cells, BLOCKS_AT_ONCE)
+    ]
     with one_thread():
-        for start in range(0, geometry.cells, BLOCKS_AT_ONCE):
-            own = slice(start, min(start + BLOCKS_AT_ONCE, geometry.cells))
-            parts.append(_blocks(texture, BlockCodes(stored.codes[own], stored.sizes[own]), decoder, config))
+        parts = mapped(
+            lambda own: _blocks(texture, BlockCodes(stored.codes[own], stored.sizes[own]), decoder, config),
+            runs,
+            threads,
+        )
     return np.asarray(image_of(np.concatenate(parts), geometry, config), np.uint8)
 
 
@@ -78,4 +90,4 @@ def _with_edges(
     for channels, part in zip(config.planes, parts, strict=True):
         places = np.ix_(np.searchsorted(blocks, part.blocks), np.arange(config.block_texels), np.array(channels))
         base[places] = edge_values(part, config, 0)
-    return np.rint(np.clip(values + base, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return np.asarray(np.rint(np.clip(values + base, 0.0, 1.0) * 255.0), np.uint8)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
-from ntc.codec.block.encoding.measuring import finest_image
+from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.rate import block_count, fitting_work
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
@@ -21,8 +21,10 @@ from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Pie
 from ntc.codec.model import Decoder, EncodedTexture
 from ntc.codec.quality import measured_texture, mse_of_psnr
 from ntc.errors import TrainingCancelledError
-from ntc.threads import PacedThreads
+from ntc.threads import PacedThreads, mapped, most_threads
 
+FEW_TEXTURES = 8
+"""Up to so many are encoded one after the other, each by all threads."""
 HIGHEST_PSNR_DB = 120.0
 """What is reported of textures that are exact: curves have no room for infinity."""
 
@@ -42,6 +44,8 @@ class BlockEncoder(Encoder):
         self._work_done: list[float] = []
         self._all_work = 1.0
         """In units of the time to encode a block, fitting included."""
+        self._threads_each = 1
+        """Threads that encode one texture."""
         self._ended: set[int] = set()
 
     def pieces(self) -> Generator[Piece]:
@@ -54,7 +58,7 @@ class BlockEncoder(Encoder):
             return
         members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
         self._expect(members, fits=0 if self._given is not None else 1)
-        with PacedThreads(self._options.threads) as paced:
+        with self._threads_for(len(members)) as paced:
             for fitted, words in self._plans():
                 self._fitted[fitted.group] = fitted
                 self._work, self._step, self._steps = "encoding texture", len(self._found), len(members)
@@ -74,6 +78,7 @@ class BlockEncoder(Encoder):
         assert self._task.start is not None
         start = block_parts(self._task.start)
         self._expect(tuple(words), fits=0)
+        self._threads_for(1)
         self._work, self._steps = "encoding texture", len(words)
         for group in self._task.groups:
             members = self._task.grouping.members(group)
@@ -85,6 +90,12 @@ class BlockEncoder(Encoder):
                     self._step += 1
                 self._found[index] = own
             yield Piece(ended=(group,))
+
+    def _threads_for(self, textures: int) -> PacedThreads:
+        """Threads that encode so many textures: a texture each, or all one texture where textures are few."""
+        most = most_threads() if self._options.threads is None else self._options.threads
+        self._threads_each = most if textures <= FEW_TEXTURES else 1
+        return PacedThreads(1 if self._threads_each > 1 else most)
 
     def _plans(self) -> Iterator[tuple[FittedGroup, tuple[float, ...]]]:
         """Groups with the words of their members, in the order in which they are encoded."""
@@ -99,17 +110,24 @@ class BlockEncoder(Encoder):
             yield own, shared_words([own], self._config, self._sharing)[0]
 
     def _fit(self, config: BlockConfig, groups: Sequence[int]) -> list[FittedGroup]:
-        task, fitted = self._task, list[FittedGroup]()
-        for number, group in enumerate(groups):
-            self._work, self._step, self._steps = "fitting group", number, len(groups)
+        task = self._task
+        most = most_threads() if self._options.threads is None else self._options.threads
+        self._work, self._step, self._steps = "fitting group", 0, len(groups)
+
+        def fit(group: int) -> FittedGroup:
             task.interruption()
             whole = self._fitting_work(group)
 
-            def worked(share: float, whole: float = whole) -> None:
+            def worked(share: float) -> None:
                 self._worked(share * whole)
 
-            fitted.append(fitted_group(task.textures, task.grouping, group, config, self._options.seed, worked))
-        return fitted
+            # Groups side by side, or the textures of one.
+            threads = most if len(groups) == 1 else 1
+            found = fitted_group(task.textures, task.grouping, group, config, self._options.seed, worked, threads)
+            self._step += 1
+            return found
+
+        return mapped(fit, groups, most)
 
     def _texels_of(self, group: int) -> int:
         sizes = [self._task.textures[index].size for index in self._task.grouping.members(group)]
@@ -118,7 +136,7 @@ class BlockEncoder(Encoder):
     def _encoded(self, fitted: FittedGroup, part: tuple[int, float]) -> BlockTexture:
         index, words = part
         source = self._task.textures[index]
-        return encode_member(source, words, fitted, self._config, self._worked)
+        return encode_member(source, words, fitted, self._config, self._worked, self._threads_each)
 
     def _worked(self, work: float) -> None:
         """In the thread of a texture. Appending to a list is atomic."""
@@ -161,8 +179,9 @@ class BlockEncoder(Encoder):
         self._work_done.append(sum(map(self._fitting_work, task.groups)))
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
+        paced_threads = self._threads_for(len(task.textures))
         members = {
-            index: Member(task.textures[index], each, curve, self._config, target_db, self._worked)
+            index: Member(task.textures[index], each, curve, self._config, target_db, self._worked, self._threads_each)
             for each in fitted
             for index, curve in zip(each.members, each.curves, strict=True)
         }
@@ -171,7 +190,7 @@ class BlockEncoder(Encoder):
         def once_more(index: int) -> Try:
             return members[index].correct(tries[index]) if index in tries else members[index].encode(target_db)
 
-        with PacedThreads(self._options.threads) as paced:
+        with paced_threads as paced:
             for work in ("encoding texture", "correcting texture"):
                 due = [index for index in members if index not in tries or not members[index].suits(tries[index])]
                 if tries:
@@ -221,8 +240,8 @@ class BlockEncoder(Encoder):
         for texture, index in zip(textures, members, strict=True):
             self._task.interruption()
             decoded = finest_image(cast(BlockTexture, texture), cast(BlockDecoder, decoder), self._config)
-            pixels = self._task.textures[index].pixels
-            measured.append(measured_texture(texture, decoded[..., texture.places(self._config)], pixels))
+            shown = shown_channels(decoded, texture.places(self._config))
+            measured.append(measured_texture(texture, shown, self._task.textures[index].pixels))
         return tuple(measured)
 
     def record(self) -> dict[str, Any]:

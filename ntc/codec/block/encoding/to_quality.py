@@ -67,11 +67,12 @@ class Member:
     target_db: float
     worked: Callable[[float], None]
     """As `encode_member` takes it."""
+    threads: int = 1
 
     def encode(self, asked_db: float) -> Try:
         """Encode in the words at which the rate curve promises `asked_db`."""
         words = self.curve.at(price_at_error(self.curve, _curve_error(asked_db)))[0]
-        found = encode_member(self.source, words, self.fitted, self.config, self.worked)
+        found = encode_member(self.source, words, self.fitted, self.config, self.worked, self.threads)
         return Try(asked_db, found)
 
     def correct(self, first: Try) -> Try:

@@ -11,7 +11,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import ColorSpace
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.latents import latent_cell_count, latent_levels
-from ntc.codec.maps import MapName
+from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.codec.mips import linear_to_srgb, linear_to_srgb8, mip_chain, resize_to, srgb8_to_linear_table, srgb_to_linear
 from ntc.codec.quality import map_psnr_db, measured_texture, normal_angles
 from ntc.metrics.metrics import psnr_table
@@ -182,3 +182,34 @@ def test_each_map_has_its_own_psnr_and_the_table_shows_them() -> None:
     # Of a texture that is no set one number says all.
     plain = random_block_pack(((8, 8),), (0,)).textures[0]
     assert measured_texture(plain, decoded[..., :3], pixels[..., :3]).map_psnr_db == ()
+
+
+@pytest.mark.parametrize("size", [(32, 64), (2, 2), (10, 6), (5, 8)])
+@pytest.mark.parametrize(
+    ("maps", "channels", "color_space"),
+    [
+        (BASE_ALONE, 3, "srgb"),
+        (BASE_ALONE, 4, "srgb"),
+        (BASE_ALONE, 1, "linear"),
+        (("base", "normal", "roughness", "metalness", "emissive", "occlusion"), 11, "srgb"),
+    ],
+)
+def test_compiled_code_gives_the_same_mips(
+    maps: tuple[MapName, ...],
+    channels: int,
+    color_space: ColorSpace,
+    size: tuple[int, int],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    pixels = np.random.default_rng(3).integers(0, 256, (size[1], size[0], channels), dtype=np.uint8)
+    expected = mip_chain(pixels, color_space, maps)
+    monkeypatch.setattr("ntc.codec.mips.LEAST_COMPILED", 0)
+    for found, mip in zip(mip_chain(pixels, color_space, maps), expected, strict=True):
+        np.testing.assert_array_equal(found, mip)
+
+
+def test_compiled_code_gives_the_same_angles(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, other = np.random.default_rng(4).integers(0, 256, (2, 20, 30, 2), dtype=np.uint8)
+    expected = normal_angles(one, other)
+    monkeypatch.setattr("ntc.codec.mips.LEAST_COMPILED", 0)
+    np.testing.assert_allclose(normal_angles(one, other), expected, atol=1e-9)

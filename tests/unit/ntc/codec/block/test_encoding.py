@@ -140,6 +140,14 @@ def test_the_number_of_threads_changes_no_byte() -> None:
     assert_equal(one, two)
 
 
+def test_threads_that_share_a_texture_change_no_byte(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ntc.codec.block.encoding.encoder.BLOCKS_AT_ONCE", 16)
+    monkeypatch.setattr("ntc.codec.block.encoding.measuring.BLOCKS_AT_ONCE", 16)
+    source, grouping = [waves(96, 72)], Grouping("single", (0,))
+    one, three = (encode_textures(source, grouping, SMALL, BlockOptions(threads=count)) for count in (1, 3))
+    assert_equal(one, three)
+
+
 def test_what_cannot_be_encoded_is_named() -> None:
     with pytest.raises(InputError, match="no texture"):
         encode_textures([], Grouping("single", ()), SMALL, BlockOptions())
