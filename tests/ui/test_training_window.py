@@ -120,6 +120,28 @@ def test_offer_panel_and_command_share_one_state(app: DrivenApp) -> None:
     assert app.training.log.runs[-1].settings == "full size, block, 25 dB"
 
 
+def test_a_drag_on_the_rate_curve_encodes_a_texture_anew(app: DrivenApp) -> None:
+    """From a row to an answer, and from a place on the curve to a texture with so many bits."""
+    run(app, "training.encode baseline auto full 1s best block 8")
+    app.show_panel("Textures")
+    app.click("texture 1")
+    wait(app, lambda t: not t.rates.is_busy)
+    app.settle()
+    assert "bits, " in app.widgets.explanation("rate answer")
+    sides = [0.8, 0.1]
+    for number, side in enumerate(sides, 2):
+        left, top, right, bottom = app.widgets.rectangle("rate curve")
+        middle = (top + bottom) / 2.0
+        app.drag((left + 0.5 * (right - left), middle), (left + side * (right - left), middle))
+        wait(app, lambda t, number=number: t.active is None and len(t.log.runs) == number)
+        assert app.session.view.slot_a.source == f"run {number}"
+        app.show_panel("Textures")
+    first, more, fewer = (app.session.packs[f"run {number}"].textures for number in (1, 2, 3))
+    assert first[0] is more[0] is fewer[0], "all other textures stay"
+    assert (more[1].psnr_db or 0.0) > (fewer[1].psnr_db or 0.0), "fewer bits are kept although they are worse"
+    assert app.training.log.runs[-1].title.startswith("picture 1 at ")
+
+
 def test_quitting_while_encoding_offers_what_is_true(app: DrivenApp) -> None:
     run_line(app.context, "training.encode single auto 32 600s best grid")
     app.run("file.quit")

@@ -140,7 +140,7 @@ def _none_flat(context: Context) -> str:
     return "no texture is shown flat" if context.session.inspection.flat_texture is None else ""
 
 
-def _texture(session: Session, named: str) -> int:
+def named_texture(session: Session, named: str) -> int:
     """Return the texture id that a number or a name stands for. Raises InputError."""
     textures = session.scene.textures
     if named.isdecimal() and len(named) < 10 and int(named) < len(textures):
@@ -153,7 +153,7 @@ def _texture(session: Session, named: str) -> int:
 
 @command("texture.select", "Select texture", "select a texture in all panels", "View")
 def select(session: Session, texture: Texture) -> None:
-    session.inspection.selected_texture = _texture(session, texture)
+    session.inspection.selected_texture = named_texture(session, texture)
 
 
 @command("texture.clear", "Clear selection", "deselect the texture in all panels", "View")
@@ -163,7 +163,7 @@ def clear(session: Session) -> None:
 
 @command("texture.flat", "Flat view", "show a texture flat, the original beside the decoded one", "View")
 def show_flat(session: Session, texture: Texture) -> None:
-    session.inspection.selected_texture = session.inspection.flat_texture = _texture(session, texture)
+    session.inspection.selected_texture = session.inspection.flat_texture = named_texture(session, texture)
 
 
 @command(

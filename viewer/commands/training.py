@@ -13,6 +13,7 @@ from ntc.errors import InputError
 from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, gesture, switch
 from viewer.commands.effects import Effect, OpenScene, RaisePanel, RunCommand
+from viewer.commands.inspection import named_texture
 from viewer.commands.leaving import DISCARD, ask, asks_about_runs
 from viewer.state.event_handlers import notify, point_out
 from viewer.state.pack_files import base_pack_name, match_scene
@@ -184,11 +185,15 @@ def choose(
 @command(
     "training.measure-rates",
     "Measure what bits give",
-    "measure the quality of the largest textures at several bitrates, and the speed of this machine",
+    "measure the quality of a texture at several bitrates, and the speed of this machine",
     "Train",
 )
-def measure_rates(context: Context) -> None:
-    _runs(context).measure_rates(context.session.scene)
+def measure_rates(
+    context: Context,
+    texture: Annotated[str, Arg("number of the texture in the scene, or its name; default: the largest ones")] = "",
+) -> None:
+    session = context.session
+    _runs(context).measure_rates(session.scene, named_texture(session, texture) if texture else None)
 
 
 def _cannot_encode_anew(context: Context) -> str:
@@ -215,7 +220,7 @@ def encode_anew(
     pack = _base(context)
     index = _texture(texture, pack)
     codec_of(pack.config).anew_options(pack, index, bits)
-    effect = _start(context, EncodeAnew(_DEFAULT, index, bits))
+    effect = _start(context, EncodeAnew(_DEFAULT, index, bits, pack.textures[index].name))
     _show_where(context, pack, (), {index})
     return effect
 

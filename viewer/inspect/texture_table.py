@@ -1,18 +1,56 @@
 """Table of the scene's textures with the figures of a pack."""
 
 import math
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
-from ntc.codec.model import Pack
+from ntc.codec.maps import MapName
+from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.pack.match import PackMatch
 from viewer.scene.model import Scene
 
-TextureColumn = Literal["name", "size", "category", "group", "mip 0 dB", "bits/texel", "on GPU"]
+TextureColumn = Literal[
+    "name",
+    "size",
+    "category",
+    "group",
+    "mip 0 dB",
+    "bits",
+    "kB",
+    "normals",
+    "base dB",
+    "normal dB",
+    "roughness dB",
+    "metalness dB",
+    "emissive dB",
+    "occlusion dB",
+    "on GPU",
+]
 COLUMNS: tuple[TextureColumn, ...] = get_args(TextureColumn)
+SEPARATORS = "_- ./\\"
+"""Characters between the words of a name."""
+
+
+def _common_start(names: Sequence[str]) -> str:
+    first, last = min(names), max(names)
+    count = next((place for place, pair in enumerate(zip(first, last, strict=False)) if pair[0] != pair[1]), len(first))
+    return first[:count]
+
+
+def short_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Return names without the words that all of them begin or end with; nothing is cut where a name would be empty."""
+    if len(names) < 2:
+        return tuple(names)
+    front = _common_start(names)
+    front = front[: max((front.rfind(mark) for mark in SEPARATORS), default=-1) + 1]
+    back = _common_start([name[::-1] for name in names])[::-1]
+    starts = [place for mark in SEPARATORS if (place := back.find(mark)) >= 0]
+    back = back[min(starts) :] if starts else ""
+    short = tuple(name[len(front) : len(name) - len(back)] for name in names)
+    return short if all(short) else tuple(names)
 
 
 @dataclass(frozen=True)
@@ -31,6 +69,14 @@ class TextureRow:
     """PSNR of mip 0 in dB, as the encoder measured it."""
     bits_per_texel: float | None
     """Bits of the latents with all mips, per texel of mip 0 of the original."""
+    file_bytes: int | None = None
+    """Bytes of the latents in the file; of a block format, bytes of its blocks."""
+    map_psnr_db: Mapping[MapName, float] = field(default_factory=dict)
+    """PSNR of mip 0 in dB of each map of a material set."""
+    normal_degrees: float | None = None
+    """Mean angle in degrees between decoded and original normals of a material set."""
+    short_name: str = ""
+    """Name without what all names of the scene begin or end with."""
     gpu_bytes: int | None = None
     """Bytes of the latents on the GPU, None before the pack is drawn; of a block format, bytes of its blocks."""
 
@@ -42,7 +88,15 @@ class TextureRow:
             "category": self.category.casefold() or None,
             "group": self.group if self.group >= 0 else None,
             "mip 0 dB": self.psnr_db,
-            "bits/texel": self.bits_per_texel,
+            "bits": self.bits_per_texel,
+            "kB": self.file_bytes,
+            "normals": self.normal_degrees,
+            "base dB": self.map_psnr_db.get("base"),
+            "normal dB": self.map_psnr_db.get("normal"),
+            "roughness dB": self.map_psnr_db.get("roughness"),
+            "metalness dB": self.map_psnr_db.get("metalness"),
+            "emissive dB": self.map_psnr_db.get("emissive"),
+            "occlusion dB": self.map_psnr_db.get("occlusion"),
             "on GPU": self.gpu_bytes,
         }
         value = values[column]
@@ -54,13 +108,14 @@ def texture_rows(
 ) -> tuple[TextureRow, ...]:
     """Return all textures by id; `gpu_bytes` is of their latents, by texture id."""
     rows: list[TextureRow] = []
+    short = short_names([texture.name for texture in scene.textures])
     for number, texture in enumerate(scene.textures):
         width, height = texture.size
         index = match.texture_index[number] if match is not None else -1
         encoded = pack.textures[index] if pack is not None and index >= 0 else None
-        bits = None
+        stored = None
         if encoded is not None and pack is not None:
-            bits = 8.0 * codec_of(pack.config).texture_bytes(encoded, pack.config).latents / (width * height)
+            stored = codec_of(pack.config).texture_bytes(encoded, pack.config).latents
         psnr = encoded.psnr_db if encoded is not None else None
         rows.append(
             TextureRow(
@@ -71,11 +126,23 @@ def texture_rows(
                 category=texture.category or (encoded.category if encoded is not None else None) or "",
                 group=encoded.group if encoded is not None else -1,
                 psnr_db=psnr if psnr is None or not math.isnan(psnr) else None,
-                bits_per_texel=bits,
+                bits_per_texel=None if stored is None else 8.0 * stored / (width * height),
+                file_bytes=stored,
+                map_psnr_db=_by_map(encoded) if encoded is not None else {},
+                normal_degrees=encoded.normal_degrees[0] if encoded is not None and encoded.normal_degrees else None,
+                short_name=short[number],
                 gpu_bytes=gpu_bytes[number] if gpu_bytes is not None and encoded is not None else None,
             )
         )
     return tuple(rows)
+
+
+def _by_map(encoded: EncodedTexture) -> dict[MapName, float]:
+    return {
+        name: value
+        for name, value in zip(encoded.maps, encoded.map_psnr_db, strict=False)
+        if value is not None and not math.isnan(value)
+    }
 
 
 def compressed_rows(scene: Scene, compressed: CompressedTextures) -> tuple[TextureRow, ...]:
@@ -85,6 +152,7 @@ def compressed_rows(scene: Scene, compressed: CompressedTextures) -> tuple[Textu
             row,
             psnr_db=own.psnr_db,
             bits_per_texel=8.0 * own.stored_bytes / (row.width * row.height),
+            file_bytes=own.stored_bytes,
             gpu_bytes=own.stored_bytes,
         )
         for row, own in zip(texture_rows(scene, None, None, None), compressed.textures, strict=True)

@@ -140,8 +140,11 @@ class LiveTraining:
             self._ahead.begin(EncodeScene(self.plan), scene, self._worker)
             self.measure_rates(scene)
 
-    def measure_rates(self, scene: Scene) -> None:
-        """Measure what bits give in the largest textures that the next encoding takes, and the speed of this machine."""
+    def measure_rates(self, scene: Scene, texture: int | None = None) -> None:
+        """Measure what bits give in a texture of the scene; None: in the largest ones that the next encoding takes."""
+        if texture is not None:
+            self.rates.want(scene, [texture])
+            return
         ids = sorted(chosen_textures(self.plan, scene), key=lambda index: -math.prod(scene.textures[index].size))
         self.rates.want(scene, reversed(ids[:MOST_SAMPLED]), self.plan.chosen_maps)
 

@@ -45,6 +45,8 @@ class EncodeAnew:
     """Index of the texture in the pack."""
     bits: float
     """Bits per texel of its latents."""
+    name: str = ""
+    """Name of the texture, for the title."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +79,7 @@ def job_title(job: TrainingJob) -> str:
             numbers = ", ".join(map(str, sorted(job.groups)[:6])) + (" ..." if len(job.groups) > 6 else "")
             return f"retrain group{'s' if len(job.groups) > 1 else ''} {numbers}"
         case EncodeAnew():
-            return f"texture {job.texture} at {job.bits:.2g} bits"
+            return f"{job.name or f'texture {job.texture}'} at {job.bits:.2g} bits"
         case MoveTexture():
             return f"move texture {job.texture} to group {job.group}"
         case Regroup():

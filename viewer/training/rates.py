@@ -61,6 +61,8 @@ class RatePoint:
     """PSNR in dB by map."""
     normal_degrees: float | None = None
     """Mean angle in degrees between decoded and original normals."""
+    latent_bits: float = 0.0
+    """Bits per texel of mip 0 without tables: what the texture takes for itself."""
 
 
 @dataclass(frozen=True)
@@ -72,9 +74,24 @@ class RateCurve:
     texels: int
     """Texels of mip 0."""
 
+    def of_latents(self) -> "RateCurve":
+        """Return the curve by the bits that the texture takes for itself, without tables."""
+        return replace(self, points=tuple(replace(p, bits=p.latent_bits) for p in self.points if p.latent_bits > 0.0))
+
+    def through(self, bits: float, psnr_db: float) -> "RateCurve":
+        """Return the curve moved up or down, so that it has `psnr_db` at `bits`: what the whole texture was measured to have."""
+        more = psnr_db - self.psnr_at(bits)
+        return replace(self, points=tuple(replace(p, psnr_db=p.psnr_db + more) for p in self.points))
+
+    def normals_at(self, bits: float) -> float | None:
+        """Return the mean angle of normals in degrees at `bits` bits per texel; None where it is not known."""
+        known = [(math.log2(p.bits), math.log2(p.normal_degrees)) for p in self.points if p.normal_degrees]
+        if len(known) < 2:
+            return None
+        return float(2.0 ** _interpolated([x for x, _ in known], [y for _, y in known], math.log2(bits)))
+
     def psnr_at(self, bits: float) -> float:
-        """Return the PSNR in dB at `bits` bits per texel: between points by the logarithm of bits, beyond them 6 dB for each bit per
-        channel that the curve's ends suggest."""
+        """Return the PSNR in dB at `bits` bits per texel: between points by the logarithm of bits, beyond them straight on."""
         return _interpolated(
             [math.log2(p.bits) for p in self.points], [p.psnr_db for p in self.points], math.log2(bits)
         )
@@ -132,6 +149,7 @@ def rate_point(job: PointJob) -> RatePoint:
         seconds / codec.encoding_work([[job.part.size]], settings, choices.target, ships=False),
         {name: psnr for name, psnr in known if psnr is not None},
         texture.normal_degrees[0] if texture.normal_degrees is not None else None,
+        8.0 * codec.texture_bytes(texture, settings).latents / (texture.width * texture.height),
     )
 
 

@@ -109,11 +109,15 @@ TOOLTIP_SECONDS = 0.2
 """Time until a frame shows a tooltip: ImGui's own delay of 0.15 s, and a little more."""
 TOOLTIP_FONT_SIZES = 28.0
 """Largest width of a tooltip in font sizes."""
+TOOLTIP_IMAGE = 8.0
+"""Side of an image in a tooltip, in font sizes."""
 
 
-def draw_tooltip(text: str) -> None:
-    """Draw a tooltip beside the mouse, with wrapped lines."""
+def draw_tooltip(text: str, image: imgui.ImTextureRef | None = None) -> None:
+    """Draw a tooltip beside the mouse, with wrapped lines, below `image`."""
     if imgui.begin_tooltip():
+        if image is not None:
+            imgui.image(image, ImVec2(em(TOOLTIP_IMAGE), em(TOOLTIP_IMAGE)))
         imgui.push_text_wrap_pos(TOOLTIP_FONT_SIZES * imgui.get_font_size())
         imgui.text_unformatted(text)
         imgui.pop_text_wrap_pos()
@@ -144,7 +148,7 @@ class Tooltips:
         """Seconds until a frame must be drawn to show a tooltip, 0 or less where it is late; None without one."""
         return None if self._due is None else self._due - time.monotonic()
 
-    def show(self, text: Callable[[], str]) -> None:
+    def show(self, text: Callable[[], str], image: imgui.ImTextureRef | None = None) -> None:
         """Show `text` as the tooltip of the last widget, disabled ones too. `text` is called only under the mouse."""
         if not imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
             return
@@ -154,7 +158,7 @@ class Tooltips:
         if not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
             self._waits = True
         else:
-            draw_tooltip(shown)
+            draw_tooltip(shown, image)
 
 
 class WidgetRects:
@@ -174,18 +178,18 @@ class WidgetRects:
         self._explain = explain
         self.tooltips.begin()
 
-    def note(self, label: str, text: str = "", is_open: bool = False) -> None:
+    def note(self, label: str, text: str = "", is_open: bool = False, image: imgui.ImTextureRef | None = None) -> None:
         """Record the last widget's rectangle, and show its tooltip.
 
         The tooltip is `text`; without one, that of the label (viewer/ui/help/texts.py). A menu that `is_open` has none:
-        it would hide the items.
+        it would hide the items. The tooltip shows `image` above the text.
         """
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rects[label] = (low.x, low.y, high.x, high.y)
         if text:
             self._texts[label] = text
         if not is_open:
-            self.tooltips.show(lambda: self.explanation(label))
+            self.tooltips.show(lambda: self.explanation(label), image)
 
     def explain(self, label: str) -> None:
         """Show the tooltip of `label` for the last widget, without a rectangle: for figures beside their name."""
@@ -202,6 +206,10 @@ class WidgetRects:
     def note_rectangle(self, label: str, left: float, top: float, right: float, bottom: float) -> None:
         """Record a rectangle that is not a widget."""
         self._rects[label] = (left, top, right, bottom)
+
+    def rectangle(self, label: str) -> tuple[float, float, float, float]:
+        """Return (left, top, right, bottom) of a widget. Raises KeyError where the last frame had none of that label."""
+        return self._rects[label]
 
     def centre(self, label: str) -> tuple[float, float]:
         """Return the middle of a widget. Raises KeyError where the last frame had none of that label."""

@@ -325,7 +325,18 @@ FIGURES: Final = {
     "column size": "Width x height of the original, in texels. Click to sort.",
     "column category": "Category of the texture, as its name suggests. Click to sort.",
     "column group": "Number of the group: textures of one group share a decoder. Click to sort.",
-    "column bits/texel": "Bits of latents, all mips, for each texel of the original. Click to sort.",
+    "column bits": "Bits of latents, all mips, for each texel of the original. Click to sort.",
+    "column kB": "Latents of this texture in the file, in kilobytes. Click to sort.",
+    "column normals": "Mean angle in degrees between decoded and original normals: lower is better. Click to sort.",
+    **{
+        f"column {name} dB": f"PSNR of mip 0 of the {name} map in dB: higher is better. Click to sort."
+        for name in ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
+    },
+    "rate curve": "PSNR of mip 0 in dB by bits per texel, measured on parts of the texture. The dot is the pack in slot A; the thick "
+    "line is what its codes can hold. Drag to a bitrate to encode the texture anew.",
+    "rate text": "What the bitrate under the mouse gives.",
+    "rate answer": "Bits per texel and file size of this texture for the PSNR at the left.",
+    "asked quality": "PSNR of mip 0 in dB that the texture is to have.",
     "column on GPU": "Latents of this texture on the GPU now, in kilobytes. Click to sort.",
     "column members": "Number of textures in the group. Click to sort.",
     "column mip 0 dB": "PSNR in dB of mip 0, the largest, against the original, as measured when it was encoded: higher is better. "

@@ -52,18 +52,20 @@ class Field:
     def __init__(self, label: str) -> None:
         self._label = label
         self._text, self._shown = "", ""
+        self._is_typed = False
+        """True where the last frame changed the text: what is shown next follows from it."""
+        self._number = 0
+        """Number in the field's id: a new field where the value changes elsewhere, as ImGui keeps the text of an active one."""
 
     def draw(self, shown: str, ui: UiFrame) -> str | None:
         """Draw the field with the value `shown`, and return what was typed; None where nothing was."""
-        if shown != self._shown:
-            self._text = self._shown = shown
+        if shown != self._shown and not self._is_typed:
+            self._text, self._number = shown, self._number + 1
+        self._shown = shown
         imgui.set_next_item_width(em(NUMBER))
-        changed, self._text = imgui.input_text(f"##{self._label}", self._text)
+        self._is_typed, self._text = imgui.input_text(f"##{self._label}{self._number}", self._text)
         ui.rects.note(self._label)
-        return self._text if changed else None
-
-    def keep(self) -> None:
-        """Keep the typed text, which means the present value."""
+        return self._text if self._is_typed else None
 
 
 class Setter:

@@ -2,6 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
+from ntc.codec.maps import MAPS
 from viewer.inspect.texture_table import (
     COLUMNS,
     TextureColumn,
@@ -14,18 +15,27 @@ from viewer.inspect.texture_table import (
 from viewer.state.view_state import is_image_source
 from viewer.ui.controls import select_texture
 from viewer.ui.facts import UiFrame
+from viewer.ui.panels.rate_view import RateView
 from viewer.ui.widgets import decibels, headings, sort_order
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail in lines of text."""
-HIDDEN_AT_FIRST = ("size", "category", "bits/texel", "on GPU")
+HIDDEN_AT_FIRST = frozenset(COLUMNS) - {"name", "mip 0 dB", "bits", "kB", "normals"}
 WIDTHS: dict[TextureColumn, float] = {
-    "name": 9.0,
+    "name": 7.0,
     "size": 5.6,
     "category": 5.5,
     "group": 3.0,
     "mip 0 dB": 4.2,
-    "bits/texel": 4.0,
+    "bits": 3.0,
+    "kB": 3.0,
+    "normals": 3.7,
+    "base dB": 4.2,
+    "normal dB": 4.2,
+    "roughness dB": 4.2,
+    "metalness dB": 4.2,
+    "emissive dB": 4.2,
+    "occlusion dB": 4.2,
     "on GPU": 4.5,
 }
 """Widths of the columns in font sizes."""
@@ -33,12 +43,15 @@ WIDTHS: dict[TextureColumn, float] = {
 
 def _texts(row: TextureRow) -> tuple[str, ...]:
     return (
-        row.name,
+        row.short_name or row.name,
         f"{row.width} x {row.height}",
         row.category or "-",
         str(row.group) if row.group >= 0 else "-",
         decibels(row.psnr_db),
         f"{row.bits_per_texel:.2f}" if row.bits_per_texel is not None else "-",
+        f"{row.file_bytes / 1e3:,.0f}" if row.file_bytes is not None else "-",
+        f"{row.normal_degrees:.2f}" if row.normal_degrees is not None else "-",
+        *(decibels(row.map_psnr_db.get(name)) for name in MAPS),
         f"{row.gpu_bytes / 1e3:,.1f} kB" if row.gpu_bytes is not None else "-",
     )
 
@@ -55,6 +68,7 @@ class TexturesPanel:
         self._all: tuple[TextureRow, ...] = ()
         self._rows: list[tuple[TextureRow, tuple[str, ...]]] = []
         self._scrolled_to: int | None = None
+        self._rate = RateView()
 
     def draw(self, ui: UiFrame) -> None:
         """Draw the content of the panel."""
@@ -72,7 +86,10 @@ class TexturesPanel:
             | imgui.TableFlags_.scroll_y
             | imgui.TableFlags_.borders_inner_v
         )
+        selected = ui.session.inspection.selected_texture
         below = imgui.get_text_line_height_with_spacing()
+        if selected is not None:
+            below += self._rate.height(imgui.get_content_region_avail().y)
         self._width = imgui.get_content_region_avail().x
         if imgui.begin_table("textures", 1 + len(COLUMNS), flags, ImVec2(0, -below)):
             self._headings(ui)
@@ -81,6 +98,8 @@ class TexturesPanel:
             imgui.end_table()
         pack = f"A: {source}" + (", without groups" if is_image_source(source) else "")
         imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}")
+        if selected is not None and selected < len(self._all):
+            self._rate.draw(self._all[selected], ui)
 
     def _headings(self, ui: UiFrame) -> None:
         fixed = imgui.TableColumnFlags_.width_fixed
@@ -152,9 +171,12 @@ class TexturesPanel:
         at = imgui.get_cursor_pos()
         clicked = imgui.selectable(f"##{row.texture_id}", is_selected, flags, ImVec2(0, side))[0]
         label = f"texture {row.texture_id}"
-        ui.rects.note(label, f"{row.name}, {row.width} x {row.height}\n{ui.rects.explanation('texture #')}")
+        image = ui.facts.thumbnail(row.texture_id) if ui.facts.thumbnail is not None else None
+        about = f"{row.name}, {row.width} x {row.height}\n{ui.rects.explanation('texture #')}"
+        ui.rects.note(label, about, image=image)
         if clicked:
             select_texture(ui, row.texture_id)
+            ui.emit("training.measure-rates", str(row.texture_id))
             self._scrolled_to = row.texture_id
         imgui.set_cursor_pos(at)
         if ui.facts.thumbnail is not None:
