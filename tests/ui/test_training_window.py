@@ -133,7 +133,8 @@ def test_a_drag_on_the_rate_curve_encodes_a_texture_anew(app: DrivenApp) -> None
         left, top, right, bottom = app.widgets.rectangle("rate curve")
         middle = (top + bottom) / 2.0
         app.drag((left + 0.5 * (right - left), middle), (left + side * (right - left), middle))
-        wait(app, lambda t, number=number: t.active is None and len(t.log.runs) == number)
+        wait(app, lambda t: t.active is None)
+        assert len(app.training.log.runs) == number
         assert app.session.view.slot_a.source == f"run {number}"
         app.show_panel("Textures")
     first, more, fewer = (app.session.packs[f"run {number}"].textures for number in (1, 2, 3))
