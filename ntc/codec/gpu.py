@@ -34,11 +34,15 @@ class DecoderVariant:
     weights: WeightPlace = "uniforms"
     chunk: int = 4
     """Weights that are fetched before they are multiplied, so that a pixel's sums stay in registers meanwhile."""
+    together: int = 1
+    """Codec `block`. 1: a work group decodes each code that its pixels read once, for all. 0: each pixel decodes for itself."""
 
     def __post_init__(self) -> None:
         for name, largest in LARGEST.items():
             if not 1 <= getattr(self, name) <= largest:
                 raise ValueError(f"{name} = {getattr(self, name)} is not within 1 to {largest}")
+        if self.together not in (0, 1):
+            raise ValueError(f"together = {self.together} is not 0 or 1")
         if self.weights not in get_args(WeightPlace):
             raise ValueError(f"weights = {self.weights} is none of {', '.join(get_args(WeightPlace))}")
 
@@ -46,8 +50,8 @@ class DecoderVariant:
         return ",".join(f"{field.name}={getattr(self, field.name)}" for field in fields(self))
 
 
-SOFTWARE: Final = DecoderVariant(4, 1, "image")
-"""Best on llvmpipe, which gathers a vector from a buffer number by number."""
+SOFTWARE: Final = DecoderVariant(4, 1, "image", together=0)
+"""Best on llvmpipe, which gathers a vector from a buffer, and from shared memory, number by number."""
 GPU: Final = DecoderVariant()
 
 
@@ -142,6 +146,8 @@ class GpuTables(ABC):
     """True if the codec's GLSL has `run_decoders`, which decodes several pixels of one decoder at once."""
     decodes_quads: ClassVar[bool] = False
     """True if the codec's GLSL has `block_texels`, which decodes four texels of a block at once."""
+    together_shader: ClassVar[str] = ""
+    """Shader file that defines `decode_together`: a work group decodes each code that its pixels read once. "": there is none."""
     filters_texels: ClassVar[bool] = True
     """True if a lookup blends decoded texels; else it blends latents, and decodes once."""
 
@@ -234,6 +240,7 @@ class GpuTables(ABC):
             "// Generated for the settings of one codec.",
             f"#define SHARES_DECODERS {int(self.shares_decoders)}",
             f"#define DECODES_QUADS {int(self.decodes_quads)}",
+            f"#define DECODES_TOGETHER {int(bool(self.together_shader) and variant.together)}",
             f"#define CELL_WORDS {self.row_words}",
             *by_plane(self.settings, lambda place, _: [f"#define PLANE_PLACE {place}"]),
             *self.defines(),
@@ -244,6 +251,7 @@ class GpuTables(ABC):
             "generated/decoding.glsl": decoding_layout_glsl(),
             "generated/codec.glsl": "\n".join(lines),
             "generated/decoder.glsl": f'#include "{self.shader}"\n',
+            "generated/together.glsl": f'#include "{self.together_shader}"\n' if self.together_shader else "",
             "generated/shared_decoder.glsl": f"#define PIXELS {variant.pixels}\n",
         }
 

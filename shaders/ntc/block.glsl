@@ -39,8 +39,8 @@ struct Code {
     uvec4 head;    // of its size, mode and plane
 };
 
-Code code_of(int decoder, LevelRecord level, ivec2 block) {
-    int number = block.y * level.width + block.x;
+// The code of block `number` of a level.
+Code numbered_code(int decoder, LevelRecord level, int number) {
     Code code;
     code.tables = decoder * TABLE_BLOCKS;
     code.mip = code_mip(level);
@@ -70,6 +70,10 @@ Code code_of(int decoder, LevelRecord level, ivec2 block) {
     int mode = int(latent_words[code.first_word] & uint(MODES - 1));
     code.head = table_block(code.tables + (size_class * MODES + mode) * PLANES + PLANE_PLACE);
     return code;
+}
+
+Code code_of(int decoder, LevelRecord level, ivec2 block) {
+    return numbered_code(decoder, level, block.y * level.width + block.x);
 }
 
 // The 32 bits of a code from bit `at` on.
@@ -172,9 +176,9 @@ float edge_share(Code code, int first, uint width, int texel) {
     return float(sum) / float(((1u << width) - 1u) << (2 * code.mip));
 }
 
-// A texel and its neighbours on the right, below, and on the right below, by `weights`; those of weight 0 may lie outside.
-Sum block_square(Code code, int texel, vec4 weights) {
-    Sum sum = Sum(transform_square(code, texel, weights), vec4(0.0), vec4(0.0));
+// What a code shows where its transform shows `transform`: with the mean, or with an edge part in its place.
+Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
+    Sum sum = Sum(transform, vec4(0.0), vec4(0.0));
     float weight = dot(weights, vec4(1.0));
     uint width = code.head.w & 3u;
     if (width == 0u) {
@@ -195,6 +199,11 @@ Sum block_square(Code code, int texel, vec4 weights) {
     return sum;
 }
 
+// A texel and its neighbours on the right, below, and on the right below, by `weights`; those of weight 0 may lie outside.
+Sum block_square(Code code, int texel, vec4 weights) {
+    return with_base(code, texel, weights, transform_square(code, texel, weights));
+}
+
 Sum block_texel(Code code, int texel) {
     return block_square(code, texel, vec4(1.0, 0.0, 0.0, 0.0));
 }
@@ -207,9 +216,43 @@ struct Texels {
     Sum fourth;
 };
 
+// What a coefficient shows at `texels` is added to `sums`: a vector by component for each texel.
+void add_texels(inout vec4 sums[4], Code code, uint entry, uint branches, uint others, ivec4 texels, bool is_square) {
+    if (entry == 0u) return;
+    vec4 row = row_square(code, entry, texels.x);
+    if (!is_square) {
+        row.y = row_square(code, entry, texels.y).x;
+        row.z = row_square(code, entry, texels.z).x;
+        row.w = row_square(code, entry, texels.w).x;
+    }
+    vec4 value = in_component(coefficient_of(entry, branches, others), entry);
+    sums[0] += value * row.x;
+    sums[1] += value * row.y;
+    sums[2] += value * row.z;
+    sums[3] += value * row.w;
+}
+
 Texels block_texels(Code code, ivec4 texels) {
+    int side = BLOCK_SIDE >> code.mip;
+    bool is_square = texels.yzw == texels.x + ivec3(1, side, side + 1);
+    vec4 sums[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
+    int branch = int(code.head.z & 65535u) - 3;
+    int list = code.tables + int(code.head.x);
+    int parts = int(code.head.y);
+    for (int part = 0; part < parts; ++part) {
+        uvec4 entries = table_block(list + part);
+        uint branches = code_bits(code, branch + 4 * part);
+        uint first = entries.x & 1023u;
+        uint others = code_bits(code, int(first));
+        add_texels(sums, code, entries.x, branches, others, texels, is_square);
+        add_texels(sums, code, entries.y, branches >> 1, others >> (((entries.y & 1023u) - first) & 31u), texels, is_square);
+        add_texels(sums, code, entries.z, branches >> 2, others >> (((entries.z & 1023u) - first) & 31u), texels, is_square);
+        add_texels(sums, code, entries.w, branches >> 3, others >> (((entries.w & 1023u) - first) & 31u), texels, is_square);
+    }
+    const vec4 alone = vec4(1.0, 0.0, 0.0, 0.0);
     return Texels(
-        block_texel(code, texels.x), block_texel(code, texels.y), block_texel(code, texels.z), block_texel(code, texels.w)
+        with_base(code, texels.x, alone, sums[0]), with_base(code, texels.y, alone, sums[1]),
+        with_base(code, texels.z, alone, sums[2]), with_base(code, texels.w, alone, sums[3])
     );
 }
 
@@ -256,8 +299,8 @@ Sum block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
     return sum;
 }
 
-// The texture's value in [0, 1] for a sum over parts.
-vec4 block_value(TextureRecord record, Sum sum) {
+// The texture's value for a sum over parts; it may lie outside [0, 1].
+vec4 unlimited_value(TextureRecord record, Sum sum) {
     const int first = 4 * PLANE_PLACE;
     const int mean = CODE_MIPS * PLANE_PLACE;
     vec4 value = sum.edges + record.mean[mean] * sum.mean_weights.x;
@@ -268,7 +311,11 @@ vec4 block_value(TextureRecord record, Sum sum) {
     value += record.mean[mean + 2] * sum.mean_weights.z + record.mean[mean + 3] * sum.mean_weights.w;
 #endif
     value += record.axes[first] * sum.transform.x + record.axes[first + 1] * sum.transform.y;
-    return limit_output(value + record.axes[first + 2] * sum.transform.z + record.axes[first + 3] * sum.transform.w);
+    return value + record.axes[first + 2] * sum.transform.z + record.axes[first + 3] * sum.transform.w;
+}
+
+vec4 block_value(TextureRecord record, Sum sum) {
+    return limit_output(unlimited_value(record, sum));
 }
 
 #if FILTER_STOCHASTIC

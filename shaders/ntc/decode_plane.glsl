@@ -52,3 +52,19 @@ vec4 decoded_plane(Surface surface, ivec2 pixel) {
     }
     return shown_plane(surface, wanted, decoded);
 }
+
+#if DECODES_TOGETHER && PIXELS_TOGETHER
+#include "generated/together.glsl"
+
+// As `decoded_plane`, for all invocations of a work group; `inside`: whether this one has a pixel.
+vec4 decoded_plane_together(Surface surface, ivec2 pixel, bool inside) {
+    WantedTexel wanted = wanted_texel(surface);
+    bool decodes = inside && wanted.texture_id >= 0;
+    int texture_id = max(wanted.texture_id, 0);
+    Lookup lookup = Lookup(uvec2(0u), 0.0);
+    if (decodes) lookup = lookup_of(textures[texture_id], wanted.uv, wanted.lod, wanted.wrap, pixel);
+    int lane = int(gl_LocalInvocationIndex);
+    vec4 decoded = decode_together(lane, decodes, texture_id, lookup.at, lookup.lod, wanted.wrap);
+    return shown_plane(surface, wanted, wanted.texture_id >= 0 ? decoded : vec4(0.0));
+}
+#endif

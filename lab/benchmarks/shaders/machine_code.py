@@ -119,6 +119,14 @@ class MachineCode:
         times |= {loop: length / pixels for loop, length in zip(largest, lengths, strict=True)}
         return sum(times[place] for place, name in zip(own, self.names, strict=True) if is_vector(name))
 
+    def weighted(self, times: Sequence[float]) -> float:
+        """Vector instructions where each of `loops` runs as often as `times` says. Raises ValueError for another number of loops."""
+        if len(times) != len(self.loops):
+            raise ValueError(f"the code has {len(self.loops)} loops, and {len(times)} are known")
+        weights: dict[Loop | None, float] = {None: 1.0, **dict(zip(self.loops, times, strict=True))}
+        own = (self._innermost(number) for number in range(len(self.names)))
+        return sum(weights[loop] for loop, name in zip(own, self.names, strict=True) if is_vector(name))
+
 
 def is_vector(name: str) -> bool:
     """Whether an instruction is carried out for each invocation of a subgroup, with its own registers."""

@@ -1,8 +1,8 @@
 """What decoders of codec `block` hold, as shaders/ntc/block.glsl reads it: blocks of four 32-bit words, for each decoder
 
-- heads: a block for each size of a code, mode and plane: where its list begins (in blocks from the decoder's first), how many blocks
-  that are, the bit of a code that holds the first branch of the plane in its lower half and the bit of the plane's edge part in its
-  upper half, and the edge part's bits a texel with the word of the plane's first row above 2 bits;
+- heads: a block for each size of a code, mode and plane: where its list begins (in blocks from the decoder's first), how many
+  blocks the list has, the bit of a code that holds the first branch of the plane in its lower half and the bit of the plane's edge
+  part in its upper half, and the edge part's bits a texel with the word of the plane's first row above 2 bits;
 - lists: a word for each coefficient that has bits, four to a block: from the lowest bit, the bit of a code at which its other bits
   begin (10 bits), its depth (3), component (2), row of the plane (8), and scale in steps of 1/16 octave (9);
 - rows: words for each row of the basis. Of mip 0 of a code a word for each texel: signed bytes of the texel, its neighbours on the
@@ -35,6 +35,10 @@ from ntc.codec.model import Decoder, EncodedTexture
 Words = NDArray[np.uint32]
 AT_ONCE = 4
 """Coefficients that shaders read at once."""
+MOST_COMPONENTS = 4
+"""Components of a plane at most."""
+LEAST_SHARED = 512
+"""Coefficients that a work group holds at once, if no code has more."""
 PLACE_MASK = 1023
 """Bits of an entry that name a place in a code."""
 STEPS_ORIGIN = 2 * SCALE_ORIGIN - min(LEVEL_STEPS)
@@ -51,11 +55,25 @@ def trellis_subsets() -> int:
     return found
 
 
+def _ordered(components: NDArray[np.int64]) -> tuple[Words, bool]:
+    """Order of a list's coefficients, of `components` [coefficients]: ([blocks, 4], whether it names empty entries)."""
+    groups = [np.nonzero(components == number)[0] for number in range(MOST_COMPONENTS)]
+    padded = [np.pad(own, (0, -len(own) % AT_ONCE), constant_values=len(components)) for own in groups]
+    places = np.concatenate(padded)
+    ends = np.cumsum([len(own) // AT_ONCE for own in padded])
+    shifts = 8 * np.arange(AT_ONCE)
+    words = [(ends << shifts).sum(), *(places.reshape(-1, AT_ONCE) << shifts).sum(axis=1)]
+    return np.pad(words, (0, -len(words) % AT_ONCE)).astype(np.uint32).reshape(-1, AT_ONCE), len(places) > len(
+        components
+    )
+
+
 class BlockTables(GpuTables):
     """Codes as files hold them, in rows of one word; tables of the transform, the same for every precision."""
 
     number_type = "u4"
     decodes_quads = True
+    together_shader = "ntc/block_pixels.glsl"
     shader = "ntc/block.glsl"
 
     def __init__(self, settings: BlockConfig) -> None:
@@ -64,8 +82,12 @@ class BlockTables(GpuTables):
         config = settings
         self.heads = len(config.block_words) * config.modes * len(config.planes)
         # A list holds the coefficients of one plane that have bits; each list ends with a whole block.
-        most = [min(config.coefficients, 32 * words) + AT_ONCE * len(config.planes) for words in config.block_words]
-        self.lists = sum(-(-each // AT_ONCE) for each in most) * config.modes
+        most = [min(config.coefficients, 32 * words) for words in config.block_words]
+        lists, planes = sum(each // AT_ONCE for each in most), len(most) * len(config.planes)
+        # A word of an order has four places; there are the ends, and up to four words that are not full.
+        orders = sum(each // AT_ONCE**2 for each in most) + 3 * planes
+        self.lists = (lists + 2 * planes + orders) * config.modes
+        self.most_coefficients = max(most) + AT_ONCE * MOST_COMPONENTS
         self.row_blocks = sum(self._mip_words) // AT_ONCE
         self.decoder_blocks = self.heads + self.lists + config.coefficients * self.row_blocks
 
@@ -118,7 +140,9 @@ class BlockTables(GpuTables):
                 entries |= component[decoder.channels[own]] << 13 | (own - first_row) << 15
                 scale = decoder.scales[modes[number], own] + steps[own] + np.array(LEVEL_STEPS)[depths]
                 entries |= scale << 23
-                blocks = -(-len(own) // AT_ONCE)
+                order, has_gaps = _ordered(component[decoder.channels[own]])
+                # What is left over of an order names the first empty entry.
+                blocks = -(-(len(own) + has_gaps) // AT_ONCE)
                 padded = np.pad(entries, (0, blocks * AT_ONCE - len(own))).astype(np.uint32)
                 branch = int(places.branches[number, own[0]]) if len(own) else 0
                 heads[number, own_plane] = (
@@ -127,9 +151,13 @@ class BlockTables(GpuTables):
                     branch | int(edge_at[number]) << 16,
                     int(edges[number, own_plane]) | row_word << 2,
                 )
-                lists.append(padded.reshape(-1, AT_ONCE))
-                first += blocks
+                lists += [padded.reshape(-1, AT_ONCE), order]
+                first += blocks + len(order)
         return heads.reshape(-1, 4), np.concatenate([np.zeros((0, 4), np.uint32), *lists])
+
+    def head_data(self, decoder: BlockDecoder) -> Words:
+        """Return [sizes of codes * modes * planes, 4]: the heads of a decoder."""
+        return self._heads_and_lists(decoder)[0]
 
     def _places_of_channels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """([channels] component, [channels] number of the plane)."""
@@ -194,6 +222,7 @@ class BlockTables(GpuTables):
             "SHALLOW_CURVE": f"vec2{SHALLOW_CURVE}",
             "DEEP_CURVE": f"vec2{DEEP_CURVE}",
             "COLOUR_BITS": COLOUR_BITS,
+            "MOST_COEFFICIENTS": max(LEAST_SHARED, -(-self.most_coefficients // AT_ONCE) * AT_ONCE),
         }
         lines = [f"#define {name} {value}" for name, value in values.items()]
         return lines + by_plane(config, lambda _, channels: _edge_defines(list(channels)))

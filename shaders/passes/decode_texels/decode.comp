@@ -12,6 +12,18 @@ layout(std430, binding = BINDING_RESULTS) writeonly buffer Results {
 };
 uniform int count;
 
+#if DECODES_TOGETHER
+#include "generated/together.glsl"
+
+void main() {
+    int number = int(gl_GlobalInvocationID.x);
+    RequestRecord request = requests[min(number, count - 1)];
+    ivec2 wrap = ivec2((request.texture_wrap >> 2) & 3, request.texture_wrap & 3);
+    uvec2 at = fixed_coordinates(request.uv, wrap);
+    vec4 found = decode_together(int(gl_LocalInvocationID.x), number < count, request.texture_wrap >> 4, at, request.lod, wrap);
+    if (number < count) results[number] = found;
+}
+#else
 void main() {
     int number = int(gl_GlobalInvocationID.x);
     if (number >= count) return;
@@ -19,3 +31,4 @@ void main() {
     ivec2 wrap = ivec2((request.texture_wrap >> 2) & 3, request.texture_wrap & 3);
     results[number] = decode_texture(textures[request.texture_wrap >> 4], request.uv, request.lod, wrap, true);
 }
+#endif

@@ -44,7 +44,8 @@ def test_halves_take_fewer_instructions_on_an_amd_gpu(rows: list[dict[str, Any]]
 
 def test_every_path_and_precision_is_there(rows: list[dict[str, Any]]) -> None:
     assert {row["path"] for row in rows} == {"forward", "deferred", "deferred, shared", "binned", "cached"}
-    assert len(rows) == 5 * 4 + 5
+    # Codec `block` decodes a pack with one decoder by the same program as others.
+    assert len(rows) == 5 * 4 + 4
     assert all(row["spills"] is not None for row in rows if row["precision"] != "fp16-accumulate")
 
 

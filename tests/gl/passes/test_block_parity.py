@@ -14,6 +14,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.gpu import trellis_subsets
 from ntc.codec.block.trellis import BRANCHES
 from ntc.codec.config import WrapMode
+from ntc.codec.gpu import SOFTWARE, DecoderVariant
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from tests.support.packs.parity import largest_difference
@@ -42,13 +43,20 @@ SHAPES = {
     "one-coefficient": BlockConfig(block_words=(2,), mean_words=2.0, coefficients=1, modes=8, mips=1),
 }
 Codec = tuple[Pack, GlTexelDecoder]
+TOGETHER = ("default", "sixteen-words", "four-channels", "two-sizes-4x4", "one-coefficient")
+"""Shapes that work groups decode together, too."""
 
 
-@pytest.fixture(scope="module", params=SHAPES)
+@pytest.fixture(
+    scope="module",
+    params=[(shape, 0) for shape in SHAPES] + [(shape, 1) for shape in TOGETHER],
+    ids=lambda p: f"{p[0]}-{p[1]}",
+)
 def codec(request: pytest.FixtureRequest, graphics: GraphicsContext) -> Iterator[Codec]:
-    """Packs of several shapes with random codes, and their GLSL decoders."""
-    pack = random_block_pack(SIZES, GROUPS, SHAPES[request.param])
-    decoder = GlTexelDecoder(graphics, pack)
+    """Packs of several shapes with random codes, and their GLSL decoders: each pixel for itself, or a work group together."""
+    shape, together = request.param
+    pack = random_block_pack(SIZES, GROUPS, SHAPES[shape])
+    decoder = GlTexelDecoder(graphics, pack, variant=replace(SOFTWARE, together=together))
     yield pack, decoder
     decoder.release()
 
@@ -136,10 +144,13 @@ def test_pictures_of_every_level_agree(default: Codec) -> None:
 
 
 @pytest.mark.parametrize("in_image", [False, True])
-def test_tables_in_a_buffer_and_in_an_image_decode_alike(graphics: GraphicsContext, in_image: bool) -> None:
-    features = replace(graphics.features, weights_in_image=in_image)
+@pytest.mark.parametrize("together", [0, 1])
+def test_tables_in_a_buffer_and_in_an_image_decode_alike(
+    graphics: GraphicsContext, in_image: bool, together: int
+) -> None:
+    variant = DecoderVariant(weights="image" if in_image else "storage", together=together)
     pack = random_block_pack(SIZES[:3], GROUPS[:3], SHAPES["default"])
-    decoder = GlTexelDecoder(replace(graphics, features=features), pack)
+    decoder = GlTexelDecoder(graphics, pack, variant=variant)
     random = np.random.default_rng(5)
     uv, lod = random.uniform(-2.0, 2.0, (500, 2)), random.uniform(0.0, 3.0, 500)
     assert largest_error((pack, decoder), 1, uv, lod, ("mirror", "clamp")) <= TOLERANCE

@@ -117,7 +117,8 @@ class DecodeDeferredPass(DecodePass):
     ) -> None:
         super().__init__(context, buffers, reading, texel_filter)
         self._shared_decoder = shared_decoder
-        self._ranges = ranges if shared_decoder is not None else None
+        # Where codes are decoded together, one decoder for all makes no difference.
+        self._ranges = ranges if shared_decoder is not None and not buffers.decodes_together else None
         name, defines = "decode", self._defines
         if self._ranges is not None:
             name, defines = "decode_shared", {**defines, **self._ranges.defines}

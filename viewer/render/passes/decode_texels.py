@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
-from ntc.codec.gpu import WRAP_CODES
+from ntc.codec.gpu import WRAP_CODES, DecoderVariant
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
@@ -33,16 +33,19 @@ class GlTexelDecoder:
         emulate_half: bool = False,
         programs: ProgramFactory | None = None,
         rescale: bool = True,
+        variant: DecoderVariant | None = None,
     ) -> None:
-        """Upload the pack. `programs` has the includes of every scene, where several packs share them; `rescale` as for
-        the PackBuffers."""
+        """Upload the pack. `programs` has the includes of every scene, where several packs share them; `rescale` and `variant` as
+        for the PackBuffers."""
         self._context, self.reset = context, context.reset
         self._gl: moderngl.Context = context.gl
         self._memory = context.memory
         self._pack = pack
         if programs is None:
             programs = scene_programs(context)
-        self._buffers = PackBuffers(context, pack, range(len(pack.textures)), precision, emulate_half, rescale=rescale)
+        self._buffers = PackBuffers(
+            context, pack, range(len(pack.textures)), precision, emulate_half, variant, rescale=rescale
+        )
         self._programs = codec_programs(programs, pack, self._buffers.variant)
 
     def decode_texels(

@@ -1,0 +1,122 @@
+// Codec `block` for work groups: each code that the group's invocations read is decoded once, for all of them, in shared memory.
+// For work groups of TOGETHER invocations. Every invocation of the group must call what has a barrier.
+const int TOGETHER = 64;
+
+// Codes at once. Further ones wait for the next round.
+const int SLOTS = 32;
+const int SLOT_BITS = 5;
+const uint NO_CODE = 0xFFFFFFFFu;
+const int MOST_FOURS = MOST_COEFFICIENTS / 4;
+
+#if WEIGHTS_IN_IMAGE
+int shared_word(int word) {
+    return int(table_word(word));
+}
+#else
+// The tables once more: a word is read alone.
+layout(std430, binding = BINDING_WEIGHTS) readonly buffer TableWords {
+    int table_words[];
+};
+int shared_word(int word) {
+    return table_words[word];
+}
+#endif
+
+shared uint slot_code[SLOTS];         // the code's number among all on the GPU
+shared int slot_texture[SLOTS];
+shared int slot_level[SLOTS];         // a mip that is decoded from the code
+shared ivec2 slot_words[SLOTS];       // its first and last word
+shared uvec4 slot_head[SLOTS];
+shared uint slot_ends[SLOTS];         // of the coefficients of each component, in fours: a byte each
+shared int slot_fours[SLOTS];         // groups of four coefficients
+shared int slot_first[SLOTS];         // of its fours in shared memory
+shared uint four_slots[MOST_FOURS];
+shared float coefficient_values[MOST_COEFFICIENTS];
+shared int coefficient_rows[MOST_COEFFICIENTS];    // word of the tables where the row begins
+
+// Number of a code among all: no two levels with codes of their own begin within each other's words.
+uint code_number(LevelRecord level, ivec2 block) {
+    return uint(level.first_cell + block.y * level.width + block.x);
+}
+
+Code slot_content(int slot, int mip) {
+    Code code;
+    code.first_word = slot_words[slot].x;
+    code.last_word = slot_words[slot].y;
+    code.mip = mip;
+    code.tables = textures[slot_texture[slot]].decoder * TABLE_BLOCKS;
+    code.head = slot_head[slot];
+    return code;
+}
+
+// Finds the code of a slot whose texture, level and number are known.
+void find_slot(int slot) {
+    LevelRecord level = levels[slot_level[slot]];
+    Code code = numbered_code(textures[slot_texture[slot]].decoder, level, int(slot_code[slot]) - level.first_cell);
+    slot_words[slot] = ivec2(code.first_word, code.last_word);
+    slot_head[slot] = code.head;
+    uint ends = uint(shared_word(4 * (code.tables + int(code.head.x) + int(code.head.y))));
+    slot_ends[slot] = ends;
+    slot_fours[slot] = int(ends >> 24);
+}
+
+// Writes the first `fours` groups of coefficients to shared memory.
+void decode_coefficients(int lane, int fours) {
+    for (int number = lane; number < 4 * fours; number += TOGETHER) {
+        int slot = int(four_slots[number >> 2]);
+        Code code = slot_content(slot, 0);
+        int own = number - 4 * slot_first[slot];
+        int list = 4 * (code.tables + int(code.head.x));
+        uint places = uint(shared_word(list + 4 * int(code.head.y) + 1 + (own >> 2)));
+        int place = int((places >> uint(8 * (own & 3))) & 255u);
+        uint entry = uint(shared_word(list + place));
+        uint branches = code_bits(code, int(code.head.z & 65535u) - 3 + place);
+        float value = coefficient_of(entry, branches, code_bits(code, int(entry & 1023u)));
+        coefficient_values[number] = entry == 0u ? 0.0 : value;
+        coefficient_rows[number] = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS;
+    }
+}
+
+// By component of the plane, what the coefficients of a slot show at a texel.
+vec4 transformed_texel(int slot, int mip, int texel) {
+    int place = texel;
+    int unused = 24;
+#if CODE_MIPS > 1
+    if (mip > 0) {
+        int first = MIP_1_WORDS;
+#if CODE_MIPS > 2
+        first = mip == 1 ? MIP_1_WORDS : (mip == 2 ? MIP_2_WORDS : MIP_3_WORDS);
+#endif
+        place = first + 2 * texel;
+        unused = 16;
+    }
+#endif
+    vec4 sums = vec4(0.0);
+    uint ends = slot_ends[slot];
+    int number = 4 * slot_first[slot];
+    int first = number;
+    for (int component = 0; component < 4 * network_blocks; ++component) {
+        int end = first + 4 * int((ends >> uint(8 * component)) & 255u);
+        float sum = 0.0;
+        for (; number < end; number += 4) {
+            for (int one = 0; one < 4; ++one) {
+                int word = shared_word(coefficient_rows[number + one] + place);
+                sum += coefficient_values[number + one] * float(word << unused >> unused);
+            }
+        }
+        sums += vec4(equal(ivec4(component), ivec4(0, 1, 2, 3))) * sum;
+    }
+    return sums * uintBitsToFloat(uint(127 - 2 * mip) << 23);
+}
+
+// A texel's value, not limited, for what its transform shows.
+vec4 texel_value(int slot, int mip, int texel, vec4 transform) {
+    TextureRecord record = textures[slot_texture[slot]];
+    Code code = slot_content(slot, mip);
+    Sum sum = with_base(code, texel, vec4(1.0, 0.0, 0.0, 0.0), transform);
+    return unlimited_value(record, sum);
+}
+
+vec4 decoded_texel(int slot, int mip, int texel) {
+    return texel_value(slot, mip, texel, transformed_texel(slot, mip, texel));
+}
