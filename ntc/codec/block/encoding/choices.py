@@ -16,9 +16,11 @@ from ntc.codec.block.model import BlockDecoder
 
 CANDIDATES = 2
 """Modes that are searched for each block: with more of them, pictures were not nearer."""
+ROUNDS_TO_CHOOSE = 2
+"""Rounds in which edge parts are fitted, to choose modes: codes take more of them."""
 JUDGED_BLOCKS = 2048
 """Of a texture, by which kinds of edge parts are judged."""
-LEAST_GAIN = 0.002
+LEAST_GAIN = 0.005
 """Share of the error that a kind of edge parts must take away."""
 
 
@@ -72,7 +74,7 @@ def block_choices(
         expected = torch.full((len(blocks), sizes, config.modes), torch.inf)
     fits = torch.from_numpy((decoder.fitting_edges(config) == decoder.edges).all(2))
     for kind in kinds:
-        rest = torch.from_numpy(fitted_edges(blocks, axes, kind.bits, config).rest)
+        rest = torch.from_numpy(fitted_edges(blocks, axes, kind.bits, config, ROUNDS_TO_CHOOSE).rest)
         values = tables.project(rest)
         modes = torch.from_numpy(kind.modes)
         # The polynomials that errors come from may fall below 0.

@@ -4,8 +4,6 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-ROUNDS = 4
-"""Alternations between the indices of texels and the colours that fit them."""
 POWER_ROUNDS = 6
 """Of the iteration that finds a block's principal direction."""
 
@@ -124,11 +122,14 @@ def fit_two_colours(
     values: NDArray[np.float32],
     squares: NDArray[np.float32],
     largest: int,
+    rounds: int,
     found: NDArray[np.uint8],
     indices: NDArray[np.uint8],
 ) -> None:
     """Write the best colours `found` [blocks, 2, channels] and `indices` [blocks, texels] from 0 to `largest` for `values` [blocks,
-    texels, channels], whose squared errors are weighted by `squares` [channels]."""
+    texels, channels], whose squared errors are weighted by `squares` [channels].
+
+    `rounds` alternations between indices and the colours that fit them."""
     texels, channels = values.shape[1:]
     direction = np.zeros(channels, np.float32)
     colours = np.zeros((2, channels), np.float32)
@@ -137,7 +138,7 @@ def fit_two_colours(
         _principal(values[block], squares, direction)
         _extremes(values[block], direction, colours)
         best = np.inf
-        for _ in range(ROUNDS):
+        for _ in range(rounds):
             error = _take_indices(values[block], squares, colours, largest, numbers)
             if error >= best:
                 break

@@ -48,8 +48,10 @@ class EdgeFit(NamedTuple):
     """[blocks, texels x channels] what is left for the transform, normalised."""
 
 
-def fitted_edges(blocks: Array, axes: Axes, bits: tuple[int, ...], config: BlockConfig) -> EdgeFit:
-    """Edge parts of `bits` by plane for normalised `blocks` [blocks, texels x channels]."""
+def fitted_edges(
+    blocks: Array, axes: Axes, bits: tuple[int, ...], config: BlockConfig, rounds: int = ROUNDS
+) -> EdgeFit:
+    """Edge parts of `bits` by plane for normalised `blocks` [blocks, texels x channels], after so many rounds."""
     shown = blocks.reshape(-1, config.block_texels, config.output_channels)
     if not any(bits):
         return EdgeFit(tuple(_no_part(config, channels) for channels in config.planes), blocks)
@@ -62,7 +64,7 @@ def fitted_edges(blocks: Array, axes: Axes, bits: tuple[int, ...], config: Block
         if not own:
             parts.append(_no_part(config, channels))
             continue
-        colours, indices = two_colours(values[..., columns] * np.float32(255.0), weights[columns], own)
+        colours, indices = two_colours(values[..., columns] * np.float32(255.0), weights[columns], own, rounds)
         part = EdgePart(np.arange(len(blocks)), np.full(len(blocks), own), colours, indices)
         rest[..., columns] = values[..., columns] - edge_values(part, config, 0).astype(np.float32)
         parts.append(part)
@@ -75,21 +77,25 @@ def _no_part(config: BlockConfig, channels: tuple[int, ...]) -> EdgePart:
     return EdgePart(none, none, np.zeros((0, 2, len(channels)), np.uint8), texels)
 
 
-def two_colours(values: Array, weights: NDArray[np.floating], bits: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def two_colours(
+    values: Array, weights: NDArray[np.floating], bits: int, rounds: int = ROUNDS
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """Return (colours [blocks, 2, channels] uint8, indices [blocks, texels] uint8) nearest to `values` [blocks, texels, channels].
 
     Values are in steps of 8 bits; `weights` [channels] are those of their errors. Compiled where numba is installed.
     """
     squares = np.square(weights / max(float(weights.max()), 1e-9)).astype(np.float32)
     if compiled is None:
-        return two_colours_by_numpy(values, squares, bits)
+        return two_colours_by_numpy(values, squares, bits, rounds)
     colours = np.zeros((len(values), 2, values.shape[2]), np.uint8)
     indices = np.zeros(values.shape[:2], np.uint8)
-    compiled.fit_two_colours(np.ascontiguousarray(values), squares, (1 << bits) - 1, colours, indices)
+    compiled.fit_two_colours(np.ascontiguousarray(values), squares, (1 << bits) - 1, rounds, colours, indices)
     return colours, indices
 
 
-def two_colours_by_numpy(values: Array, squares: Array, bits: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+def two_colours_by_numpy(
+    values: Array, squares: Array, bits: int, rounds: int = ROUNDS
+) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
     """As `two_colours`, without compiled code; `squares` [channels] are those of the weights."""
     largest = (1 << bits) - 1
     mean = values.mean(1, keepdims=True)
@@ -101,7 +107,7 @@ def two_colours_by_numpy(values: Array, squares: Array, bits: int) -> tuple[NDAr
     best = np.full(len(values), np.inf, np.float32)
     found = np.zeros((len(values), 2, values.shape[2]), np.uint8)
     indices = np.zeros(values.shape[:2], np.uint8)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         stored = np.clip(np.rint(colours), 0.0, 255.0).astype(np.float32)
         step = stored[:, 1] - stored[:, 0]
         length = np.maximum((step * step * squares).sum(1), 1e-9)

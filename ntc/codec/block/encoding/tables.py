@@ -22,6 +22,8 @@ CLASS_ROUNDS = 12
 """Rounds of the clustering that the first modes come from."""
 MODE_FEATURES = 64
 """Leading coefficients whose energies the first modes are clustered by."""
+CURVE_BLOCKS = 2048
+"""Of a texture, by which the worth of its words is estimated."""
 FEWEST_BLOCKS = 16
 """A mode that fewer blocks chose is fitted to all."""
 
@@ -92,7 +94,8 @@ def fit_decoder(
 def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> RateCurve:
     """What the words of a texture's blocks are worth under `decoder`."""
     with one_thread():
-        expected = block_choices(sample.blocks, sample.axes, Tables.of(decoder, config), decoder, config).errors
+        blocks = sample.blocks[:CURVE_BLOCKS]
+        expected = block_choices(blocks, sample.axes, Tables.of(decoder, config), decoder, config).errors
     # In units of the texture's own values, for textures are compared.
     errors = expected * np.float32(sample.axes.contrast**2 / config.block_values)
     return RateCurve(errors, config.block_words, sample.block_count)
