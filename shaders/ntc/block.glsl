@@ -36,13 +36,15 @@ struct Code {
     int last_word;
     int mip;       // of those that the code holds
     int tables;    // first block of the decoder
+    float srgb;    // 1 where base colours are sRGB-coded, else 0
     uvec4 head;    // of its size, mode and plane
 };
 
 // The code of block `number` of a level.
-Code numbered_code(int decoder, LevelRecord level, int number) {
+Code numbered_code(TextureRecord record, LevelRecord level, int number) {
     Code code;
-    code.tables = decoder * TABLE_BLOCKS;
+    code.tables = record.decoder * TABLE_BLOCKS;
+    code.srgb = record.srgb != 0 ? 1.0 : 0.0;
     code.mip = code_mip(level);
     code.first_word = level.first_cell;
     int size_class = 0;
@@ -72,8 +74,8 @@ Code numbered_code(int decoder, LevelRecord level, int number) {
     return code;
 }
 
-Code code_of(int decoder, LevelRecord level, ivec2 block) {
-    return numbered_code(decoder, level, block.y * level.width + block.x);
+Code code_of(TextureRecord record, LevelRecord level, ivec2 block) {
+    return numbered_code(record, level, block.y * level.width + block.x);
 }
 
 // The 32 bits of a code from bit `at` on.
@@ -161,19 +163,29 @@ vec4 transform_square(Code code, int texel, vec4 weights) {
     return sum;
 }
 
-// By how much a texel of an edge part is of its second colour.
-float edge_share(Code code, int first, uint width, int texel) {
+// A texel of an edge part whose indices begin at `first`: between colour `one` and that which is `other` further.
+vec4 edge_texel(Code code, int first, uint width, int texel, vec4 one, vec4 other) {
     int side = BLOCK_SIDE >> code.mip;
     int count = 1 << code.mip;
     ivec2 corner = ivec2(texel % side, texel / side) * count;
     uint sum = 0u;
+    uint squares = 0u;
     for (int y = 0; y < count; ++y) {
         for (int x = 0; x < count; ++x) {
             int number = (corner.y + y) * BLOCK_SIDE + corner.x + x;
-            sum += code_bits(code, first + int(width) * number) & ((1u << width) - 1u);
+            uint index = code_bits(code, first + int(width) * number) & ((1u << width) - 1u);
+            sum += index;
+            squares += index * index;
         }
     }
-    return float(sum) / float(((1u << width) - 1u) << (2 * code.mip));
+    float whole = float(((1u << width) - 1u) << (2 * code.mip));
+    float share = float(sum) / whole;
+    vec4 value = one + other * share;
+    if (code.mip == 0) return value;
+    // Colours are averaged by their squares, which is near to linear light: root of mean squared plus variance.
+    float deviation = sqrt(float((squares << (2 * code.mip)) - sum * sum)) / whole;
+    vec4 spread = other * deviation;
+    return mix(value, sqrt(value * value + spread * spread), EDGE_COLOURS(code.srgb));
 }
 
 // What a code shows where its transform shows `transform`: with the mean, or with an edge part in its place.
@@ -188,14 +200,13 @@ Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
     int at = int(code.head.z >> 16);
     vec4 one = EDGE_COLOUR(code, at);
     at += COLOUR_BITS * EDGE_CHANNELS;
-    vec4 other = EDGE_COLOUR(code, at);
+    vec4 other = EDGE_COLOUR(code, at) - one;
     at += COLOUR_BITS * EDGE_CHANNELS;
     int side = BLOCK_SIDE >> code.mip;
-    float share = weights.x * edge_share(code, at, width, texel);
-    if (weights.y != 0.0) share += weights.y * edge_share(code, at, width, texel + 1);
-    if (weights.z != 0.0) share += weights.z * edge_share(code, at, width, texel + side);
-    if (weights.w != 0.0) share += weights.w * edge_share(code, at, width, texel + side + 1);
-    sum.edges = one * weight + (other - one) * share;
+    sum.edges = weights.x * edge_texel(code, at, width, texel, one, other);
+    if (weights.y != 0.0) sum.edges += weights.y * edge_texel(code, at, width, texel + 1, one, other);
+    if (weights.z != 0.0) sum.edges += weights.z * edge_texel(code, at, width, texel + side, one, other);
+    if (weights.w != 0.0) sum.edges += weights.w * edge_texel(code, at, width, texel + side + 1, one, other);
     return sum;
 }
 
@@ -274,7 +285,7 @@ Parts parts_of(LevelRecord level, Footprint footprint) {
 }
 
 // `sum` and `share` of what a part of a footprint adds to the filtered value.
-Sum add_part(Sum sum, float share, int decoder, LevelRecord level, Footprint footprint, Parts parts, int part) {
+Sum add_part(Sum sum, float share, TextureRecord record, LevelRecord level, Footprint footprint, Parts parts, int part) {
     bvec2 other = bvec2(part % parts.count.x == 1, part / parts.count.x == 1);
     ivec2 texel = ivec2(
         other.x ? footprint.second.x : footprint.first.x,
@@ -286,7 +297,7 @@ Sum add_part(Sum sum, float share, int decoder, LevelRecord level, Footprint foo
     ivec2 block = texel / side;
     ivec2 within = texel - block * side;
     vec4 weights = share * vec4(near.x * near.y, far.x * near.y, near.x * far.y, far.x * far.y);
-    Sum own = block_square(code_of(decoder, level, block), within.y * side + within.x, weights);
+    Sum own = block_square(code_of(record, level, block), within.y * side + within.x, weights);
     return Sum(sum.transform + own.transform, sum.edges + own.edges, sum.mean_weights + own.mean_weights);
 }
 
@@ -295,7 +306,7 @@ Sum block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
     Parts parts = parts_of(level, footprint);
     Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0));
     for (int part = 0; part < parts.count.x * parts.count.y; ++part)
-        sum = add_part(sum, 1.0, record.decoder, level, footprint, parts, part);
+        sum = add_part(sum, 1.0, record, level, footprint, parts, part);
     return sum;
 }
 
@@ -326,7 +337,7 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
     int side = block_side(level);
     ivec2 block = texel / side;
     ivec2 within = texel - block * side;
-    return block_value(record, block_texel(code_of(record.decoder, level, block), within.y * side + within.x));
+    return block_value(record, block_texel(code_of(record, level, block), within.y * side + within.x));
 }
 #else
 // The codec's part of `decode_texture`: `at` is wrapped and in units of 2^-32.
@@ -351,7 +362,7 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
         LevelRecord level = levels[record.first_level + (second ? lower + 1 : lower)];
         Footprint footprint = footprint_at(level, at, wrap);
         int part = second ? number - near_count : number;
-        sum = add_part(sum, second ? share : 1.0 - share, record.decoder, level, footprint, parts_of(level, footprint), part);
+        sum = add_part(sum, second ? share : 1.0 - share, record, level, footprint, parts_of(level, footprint), part);
     }
     return block_value(record, sum);
 }

@@ -27,8 +27,8 @@ struct Code {
     int basis;
 };
 
-Code code_of(int decoder, LevelRecord level, ivec2 block) {
-    int tables = FIRST_TABLE_BLOCK + decoder * TABLE_BLOCKS;
+Code code_of(TextureRecord record, LevelRecord level, ivec2 block) {
+    int tables = FIRST_TABLE_BLOCK + record.decoder * TABLE_BLOCKS;
     int number = block.y * level.width + block.x;
     Code code;
     code.first_word = level.first_cell;
@@ -222,7 +222,7 @@ Parts parts_of(Footprint footprint) {
 }
 
 // What a part of a footprint adds to the filtered value.
-CHANNELS_T part_sum(int decoder, LevelRecord level, Footprint footprint, Parts parts, int part) {
+CHANNELS_T part_sum(TextureRecord record, LevelRecord level, Footprint footprint, Parts parts, int part) {
     bvec2 other = bvec2(part % parts.count.x == 1, part / parts.count.x == 1);
     ivec2 texel = ivec2(
         other.x ? footprint.second.x : footprint.first.x,
@@ -235,7 +235,7 @@ CHANNELS_T part_sum(int decoder, LevelRecord level, Footprint footprint, Parts p
     int corner = within.y * BLOCK_SIDE + within.x;
     ivec2 steps = ivec2(parts.together) * ivec2(1, BLOCK_SIDE);
     ivec4 texels = corner + ivec4(0, steps.x, steps.y, steps.x + steps.y);
-    Texels sums = block_texels(code_of(decoder, level, block), texels);
+    Texels sums = block_texels(code_of(record, level, block), texels);
     CHANNELS_T upper = near.x * sums.first + far.x * sums.second;
     CHANNELS_T lower = near.x * sums.third + far.x * sums.fourth;
     return near.y * upper + far.y * lower;
@@ -246,7 +246,7 @@ CHANNELS_T block_sum(TextureRecord record, LevelRecord level, Footprint footprin
     Parts parts = parts_of(footprint);
     CHANNELS_T sum = CHANNELS_T(0.0);
     for (int part = 0; part < parts.count.x * parts.count.y; ++part)
-        sum += part_sum(record.decoder, level, footprint, parts, part);
+        sum += part_sum(record, level, footprint, parts, part);
     return sum;
 }
 
@@ -265,7 +265,7 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
     ivec2 texel = ivec2(place_along(at.x, level.texel_width).part, place_along(at.y, level.texel_height).part);
     ivec2 block = texel / BLOCK_SIDE;
     ivec2 within = texel - block * BLOCK_SIDE;
-    return block_value(record, block_texel(code_of(record.decoder, level, block), within.y * BLOCK_SIDE + within.x));
+    return block_value(record, block_texel(code_of(record, level, block), within.y * BLOCK_SIDE + within.x));
 }
 #else
 // The codec's part of `decode_texture`: `at` is wrapped and in units of 2^-32.
@@ -294,7 +294,7 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
             parts = far_parts;
         }
         sum += (second ? share : 1.0 - share)
-            * part_sum(record.decoder, level, footprint, parts, second ? number - near_count : number);
+            * part_sum(record, level, footprint, parts, second ? number - near_count : number);
     }
     return block_value(record, sum);
 }

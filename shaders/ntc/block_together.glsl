@@ -45,6 +45,7 @@ Code slot_content(int slot, int mip) {
     code.last_word = slot_words[slot].y;
     code.mip = mip;
     code.tables = textures[slot_texture[slot]].decoder * TABLE_BLOCKS;
+    code.srgb = float(textures[slot_texture[slot]].srgb != 0);
     code.head = slot_head[slot];
     return code;
 }
@@ -52,7 +53,7 @@ Code slot_content(int slot, int mip) {
 // Finds the code of a slot whose texture, level and number are known.
 void find_slot(int slot) {
     LevelRecord level = levels[slot_level[slot]];
-    Code code = numbered_code(textures[slot_texture[slot]].decoder, level, int(slot_code[slot]) - level.first_cell);
+    Code code = numbered_code(textures[slot_texture[slot]], level, int(slot_code[slot]) - level.first_cell);
     slot_words[slot] = ivec2(code.first_word, code.last_word);
     slot_head[slot] = code.head;
     uint ends = uint(shared_word(4 * (code.tables + int(code.head.x) + int(code.head.y))));

@@ -10,6 +10,7 @@
   over texels.
 """
 
+from collections.abc import Mapping
 from typing import cast
 
 import numpy as np
@@ -30,6 +31,7 @@ from ntc.codec.block.trellis import DEEP_CURVE, DEEP_DEPTH, LEVEL_STEPS, SHALLOW
 from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, by_plane
 from ntc.codec.latents import latent_levels
 from ntc.codec.maps import Plane, plane_channels
+from ntc.codec.mips import srgb_channels
 from ntc.codec.model import Decoder, EncodedTexture
 
 Words = NDArray[np.uint32]
@@ -225,7 +227,7 @@ class BlockTables(GpuTables):
             "MOST_COEFFICIENTS": max(LEAST_SHARED, -(-self.most_coefficients // AT_ONCE) * AT_ONCE),
         }
         lines = [f"#define {name} {value}" for name, value in values.items()]
-        return lines + by_plane(config, lambda _, channels: _edge_defines(list(channels)))
+        return lines + by_plane(config, lambda _, channels: _edge_defines(config, channels))
 
 
 def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
@@ -233,11 +235,19 @@ def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
     return (*sizes, *[sizes[0]] * (LARGEST_SIZES - len(sizes)))
 
 
-def _edge_defines(components: list[int]) -> list[str]:
-    """Defines for a plane that has these components: how many, and a colour whose bits begin at `at`."""
-    places = {component: place for place, component in enumerate(components)}
+def _edge_defines(config: BlockConfig, channels: Mapping[int, int]) -> list[str]:
+    """Defines for a plane that has these `channels` by component: how many, a colour whose bits begin at `at`, and which are
+    sRGB-coded: those of a base where its texture says so."""
+    places = {component: place for place, component in enumerate(channels)}
+    always, often = (srgb_channels(config.maps, config.output_channels, space) for space in ("linear", "srgb"))
+    coded = ["1.0" if one else "srgb" if other else "0.0" for one, other in zip(always, often, strict=True)]
+    colours = [coded[channels[component]] if component in channels else "0.0" for component in range(4)]
     parts = [
         f"code_byte(code, at + {COLOUR_BITS * places[component]})" if component in places else "0.0"
         for component in range(4)
     ]
-    return [f"#define EDGE_CHANNELS {len(components)}", f"#define EDGE_COLOUR(code, at) vec4({', '.join(parts)})"]
+    return [
+        f"#define EDGE_CHANNELS {len(channels)}",
+        f"#define EDGE_COLOUR(code, at) vec4({', '.join(parts)})",
+        f"#define EDGE_COLOURS(srgb) vec4({', '.join(colours)})",
+    ]

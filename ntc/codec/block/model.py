@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockConfig
 from ntc.codec.block.trellis import share_out_bits
+from ntc.codec.mips import srgb_channels
 from ntc.codec.model import Decoder, EncodedTexture, Pack
 from ntc.errors import InputError
 
@@ -68,6 +69,10 @@ class BlockTexture(EncodedTexture):
     axes: NDArray[np.float32]
     """[channels, channels] float32: principal axes of the texture's values in columns, as long as its contrast; 0 where row and
     column are channels of different planes (`ntc.codec.maps.plane_channels`)."""
+
+    def colours(self, config: BlockConfig) -> NDArray[np.bool_]:
+        """[channels] bool: which are sRGB-coded."""
+        return np.array(srgb_channels(config.maps, config.output_channels, self.color_space))
 
 
 @dataclass(frozen=True, eq=False)

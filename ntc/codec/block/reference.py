@@ -32,18 +32,25 @@ def decode_coefficients(codes: UnpackedCodes, decoder: BlockDecoder) -> Array:
     return values
 
 
-def mixed(indices: NDArray[np.uint8], bits: NDArray[np.int64], config: BlockConfig, mip: int) -> Array:
-    """[parts, texels] float64, 0 to 1: by how much each texel of a code's mip `mip` is of an edge part's second colour."""
+def mixed(indices: NDArray[np.uint8], bits: NDArray[np.int64], config: BlockConfig, mip: int) -> tuple[Array, Array]:
+    """([parts, texels] float64, 0 to 1: by how much each texel of a code's mip `mip` is of an edge part's second colour; [parts,
+    texels] variance of that among the texels of mip 0 that it stands for)."""
     side, count = config.code_sides[mip], 1 << mip
-    shares = indices / ((1 << bits) - 1)[:, None]
-    parts = shares.reshape(-1, side, count, side, count)
-    return np.asarray(parts.mean(axis=(2, 4)).reshape(len(shares), side * side))
+    numbers = indices.astype(np.int64).reshape(-1, side, count, side, count)
+    sums, squares = (np.sum(power, axis=(2, 4)).reshape(-1, side * side) for power in (numbers, numbers * numbers))
+    whole = (((1 << bits) - 1) * count * count)[:, None]
+    return sums / whole, (squares * count * count - sums * sums) / (whole * whole)
 
 
-def edge_values(part: EdgePart, config: BlockConfig, mip: int) -> Array:
-    """[parts, texels, channels of the plane] float64: what edge parts show at a code's mip `mip`."""
+def edge_values(part: EdgePart, config: BlockConfig, mip: int, colours: NDArray[np.bool_] | None = None) -> Array:
+    """[parts, texels, channels of the plane] float64: what edge parts show at a code's mip `mip`. `colours` [channels of the plane]:
+    which are sRGB-coded: of those, squares are averaged, which is near to linear light. None: none; mip 0 has no averages."""
     first, second = (part.colours[:, None, number].astype(np.float64) / 255.0 for number in (0, 1))
-    return np.asarray(first + (second - first) * mixed(part.indices, part.bits, config, mip)[..., None])
+    share, variance = (each[..., None] for each in mixed(part.indices, part.bits, config, mip))
+    values = first + (second - first) * share
+    if colours is None:
+        return np.asarray(values)
+    return np.where(colours, np.sqrt(np.square(values) + np.square(second - first) * variance), values)
 
 
 def block_values(
@@ -61,12 +68,12 @@ def block_values(
         own = decoder.channels == channel
         transformed[..., channel] = coefficients[:, own] @ rows[own]
     values = np.zeros_like(transformed) + texture.mean[mip].astype(np.float64)
-    for channels, part in zip(config.planes, codes.edges, strict=True):
-        values[np.ix_(part.blocks, np.arange(rows.shape[1]), np.array(channels, np.int64))] = edge_values(
-            part, config, mip
-        )
-    shown: Array = values + transformed @ texture.axes.astype(np.float64).T
-    return shown
+    colours = texture.colours(config)
+    for plane, part in zip(config.planes, codes.edges, strict=True):
+        channels = np.array(plane, np.int64)
+        shown = edge_values(part, config, mip, colours[channels])
+        values[np.ix_(part.blocks, np.arange(rows.shape[1]), channels)] = shown
+    return np.asarray(values + transformed @ texture.axes.astype(np.float64).T)
 
 
 def texture_codes(texture: BlockTexture, config: BlockConfig, level: int) -> BlockCodes:

@@ -71,8 +71,9 @@ class TorchBlockDecoder:
             state = torch.where(active, self._following[state, branch], state)
         return values * self._scales[modes]
 
-    def _with_edges(self, values: Tensor, words: Tensor, sizes: Tensor) -> None:
-        """Write the edge parts of codes `words` into `values` [blocks, texels of all mips, channels], which hold means."""
+    def _with_edges(self, values: Tensor, words: Tensor, sizes: Tensor, colours: Tensor) -> None:
+        """Write the edge parts of codes `words` into `values` [blocks, texels of all mips, channels], which hold means. `colours`
+        [channels] bool: which are sRGB-coded."""
         config, modes = self._config, words[:, 0] & (self._config.modes - 1)
         side = config.block_side
         for plane, channels in enumerate(config.planes):
@@ -83,26 +84,34 @@ class TorchBlockDecoder:
                 if not len(own):
                     continue
                 colour_places = first[own, None] + COLOUR_BITS * torch.arange(2 * count, device=words.device)
-                colours = _bits(words[own], colour_places, COLOUR_BITS).view(-1, 2, 1, count) / 255.0
+                ends = _bits(words[own], colour_places, COLOUR_BITS).view(-1, 2, 1, count) / 255.0
+                step = ends[:, 1] - ends[:, 0]
                 begin = first[own, None] + 2 * COLOUR_BITS * count
                 places = begin + width * torch.arange(config.block_texels, device=words.device)
-                shares = _bits(words[own], places, width).view(-1, 1, side, side) / ((1 << width) - 1)
+                numbers = _bits(words[own], places, width).view(-1, 1, side, side).float()
                 for mip in range(config.mips):
-                    mixed = torch.nn.functional.avg_pool2d(shares, 1 << mip).reshape(len(own), -1, 1)
-                    shown = colours[:, 0] + (colours[:, 1] - colours[:, 0]) * mixed
+                    mean, squares = (
+                        torch.nn.functional.avg_pool2d(power, 1 << mip).reshape(len(own), -1, 1)
+                        for power in (numbers, numbers * numbers)
+                    )
+                    # Of small whole numbers and powers of two: exact.
+                    spread = (squares - mean * mean).sqrt() / ((1 << width) - 1)
+                    shown = ends[:, 0] + step * mean / ((1 << width) - 1)
                     texels = torch.arange(config.code_texels, device=words.device)[config.texels_of_mip(mip)]
                     columns = torch.tensor(channels, device=words.device)
+                    shown = torch.where(colours[columns], torch.hypot(shown, step * spread), shown)
                     values[own[:, None, None], texels[None, :, None], columns] = shown
 
-    def blocks(self, codes: Tensor, sizes: Tensor, mean: Tensor, axes: Tensor) -> Tensor:
-        """[blocks, texels of all mips of a code, channels] float32, not clamped, of `codes` [blocks, words of the largest code]."""
+    def blocks(self, codes: Tensor, sizes: Tensor, mean: Tensor, axes: Tensor, colours: Tensor) -> Tensor:
+        """[blocks, texels of all mips of a code, channels] float32, not clamped, of `codes` [blocks, words of the largest code].
+        `colours` [channels] bool: which are sRGB-coded."""
         config, parts = self._config, []
         means = mean[torch.tensor(_mip_of_texels(config), device=codes.device)]
         for part, own in zip(torch.split(codes, BLOCKS_AT_ONCE), torch.split(sizes, BLOCKS_AT_ONCE), strict=True):
             words = torch.nn.functional.pad(part, (0, 2))
             values = (self.coefficients(words, own) @ self._basis).view(len(part), -1, config.output_channels)
             flat = means.expand(len(part), -1, -1).clone()
-            self._with_edges(flat, words, own)
+            self._with_edges(flat, words, own, colours)
             parts.append(flat + values @ axes.T)
         return torch.cat(parts)
 
@@ -127,6 +136,7 @@ class _Stored(NamedTuple):
     """[blocks] int64 size classes."""
     mean: Tensor
     axes: Tensor
+    colours: Tensor
 
 
 class TorchBlock(TorchTexels):
@@ -158,6 +168,7 @@ class TorchBlock(TorchTexels):
             np.concatenate([each.sizes for each in codes]),
             texture.mean.copy(),
             texture.axes.copy(),
+            texture.colours(self._config),
         )
         return _Stored(*(torch.from_numpy(part).to(self._device) for part in parts))
 
@@ -176,7 +187,8 @@ class TorchBlock(TorchTexels):
             index, weights = trilinear_corners(texels, same, uv, lod)
             block, place = self._blocks_of(texels, texture, index)
             used, row = torch.unique(block, return_inverse=True)
-            values = decoder.blocks(stored.codes[used], stored.sizes[used], stored.mean, stored.axes)[row, place]
+            own = stored._replace(codes=stored.codes[used], sizes=stored.sizes[used])
+            values = decoder.blocks(*own)[row, place]
             return (values * weights[..., None].float()).sum(1)
 
         return decode

@@ -105,7 +105,7 @@ void main() {
         numbers[number] = within.y * side + within.x;
     }
     if (one_block) {
-        Texels sums = block_texels(code_of(record.decoder, level, block), numbers);
+        Texels sums = block_texels(code_of(record, level, block), numbers);
         store_texel(tile, place_in(quad, 0), block_value(record, sums.first));
         store_texel(tile, place_in(quad, 1), block_value(record, sums.second));
         store_texel(tile, place_in(quad, 2), block_value(record, sums.third));
@@ -116,7 +116,7 @@ void main() {
     for (int number = 0; number < min(4, 4 * network_blocks); ++number) {
         ivec2 texel = texel_of(tile, place_in(quad, number), size);
         ivec2 within = texel % side;
-        Code code = code_of(record.decoder, level, texel / side);
+        Code code = code_of(record, level, texel / side);
         vec4 value = block_value(record, block_texel(code, within.y * side + within.x));
         store_texel(tile, place_in(quad, number), value);
     }

@@ -112,6 +112,18 @@ def test_every_level_agrees(codec: Codec) -> None:
             assert error <= TOLERANCE, (size, level)
 
 
+def test_edge_parts_of_linear_colours_are_averaged_as_they_are_stored(graphics: GraphicsContext) -> None:
+    coded = random_block_pack(SIZES, GROUPS, SHAPES["sixteen-words"])
+    linear = replace(coded, textures=tuple(replace(each, color_space="linear") for each in coded.textures))
+    images = [reference.decode_image(pack, 0, 1).astype(int) for pack in (coded, linear)]
+    assert np.abs(images[0] - images[1]).max() > 8
+    decoder = GlTexelDecoder(graphics, linear)
+    random = np.random.default_rng(4)
+    uv, lod = random.uniform(-2.0, 2.0, (800, 2)), random.uniform(0.0, 4.0, 800)
+    assert largest_error((linear, decoder), 0, uv, lod, ("repeat", "repeat")) <= TOLERANCE
+    decoder.release()
+
+
 @pytest.mark.parametrize("wrap", WRAP_PAIRS, ids="-".join)
 def test_texel_edges_centres_and_corners_agree(default: Codec, wrap: tuple[WrapMode, WrapMode]) -> None:
     random = np.random.default_rng(3)

@@ -25,7 +25,7 @@ from viewer.export.shader.syntax import (
 
 _COMPARISONS: Final = ("<", "<=", ">", ">=", "==", "!=", "&&", "||")
 _PROMOTIONS: Final = (("int", "uint"), ("int", "float"), ("uint", "float"))
-_SAME: Final = ("abs", "exp2", "floor", "fract", "roundEven", "max", "min", "clamp", "mix")
+_SAME: Final = ("abs", "exp2", "floor", "fract", "roundEven", "max", "min", "clamp", "mix", "sqrt")
 _BY_COMPONENT: Final = ("max", "min", "clamp", "mix")
 _RELATIONS: Final = ("equal", "notEqual", "greaterThan")
 BUILTINS: Final = (*_SAME, *_RELATIONS, "any", "dot", "bitCount", "floatBitsToUint", "uintBitsToFloat")

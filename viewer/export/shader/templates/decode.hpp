@@ -125,6 +125,8 @@ NTC_FUNCTION uint product_high(uint a, uint b) {
 NTC_FUNCTION float floor(float value) { return ::floorf(value); }
 NTC_FUNCTION float abs(float value) { return ::fabsf(value); }
 NTC_FUNCTION float exp2(float value) { return ::exp2f(value); }
+NTC_FUNCTION float sqrt(float value) { return ::sqrtf(value); }
+NTC_FUNCTION vec4 sqrt(vec4 v) { return {sqrt(v.x), sqrt(v.y), sqrt(v.z), sqrt(v.w)}; }
 NTC_FUNCTION float round_even(float value) { return ::rintf(value); }
 template <typename T> NTC_FUNCTION T larger(T a, T b) { return a < b ? b : a; }
 template <typename T> NTC_FUNCTION T smaller(T a, T b) { return b < a ? b : a; }
