@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lab.bench.record import write_figure
 from lab.commands.rate_points import read_textures
@@ -33,11 +34,17 @@ FORMATS: tuple[BlockFormat, ...] = ("astc-12x10", "astc-8x8", "astc-6x5")
 """About 1, 2 and 4 bits a texel."""
 GROUPINGS: tuple[GroupingName, ...] = ("clustered", "single", "baseline")
 ASTC = "ASTC"
+MIPS = 4
+"""Mips whose PSNR is compared, from mip 0 on."""
+Measured = tuple[Sequence[PictureQuality], RatePoint]
 DIFFERENCES = (
     Column("grouping", "grouping"),
     Column("format", "beside"),
     Column("bits_per_texel", "bits/texel, more", 3),
     Column("mean_db", "mean dB, more"),
+    Column("mip_1_db", "of mip 1"),
+    Column("mip_2_db", "of mip 2"),
+    Column("mip_3_db", "of mip 3"),
     Column("of_mean_mse_db", "dB of mean MSE, more"),
     Column("ssim", "SSIM, more", 4),
     Column("flip", "FLIP, more", 4),
@@ -56,6 +63,8 @@ class Comparison:
     points: tuple[RatePoint, ...]
     differences: Table
     """Codec `block` less ASTC, for each grouping and rate."""
+    worse: tuple[Mapping[str, Cell], ...]
+    """Textures that lose more than 1 dB at mip 0, by grouping and rate."""
 
     def record(self) -> dict[str, Any]:
         """Everything as JSON values."""
@@ -65,6 +74,7 @@ class Comparison:
             "textures": self.textures,
             "points": [p.row() for p in self.points],
             "differences": rows,
+            "worse_by_over_1_db": [dict(row) for row in self.worse],
         }
 
     def text(self) -> str:
@@ -73,19 +83,31 @@ class Comparison:
         return f"{heading}{rate_table(self.points).markdown()}\n{self.differences.markdown()}"
 
 
+def _losses(own: Measured, other: Measured) -> NDArray[np.float64]:
+    """[textures] dB that codec `block` is below ASTC at mip 0."""
+    return np.array([b.psnr_db - a.psnr_db for a, b in zip(own[0], other[0], strict=True)])
+
+
+def _coarse_db(measured: Measured, mip: int) -> float:
+    """Mean PSNR of mip `mip` over the textures that have it."""
+    return float(np.mean([each.coarse_db[mip - 1] for each in measured[0] if len(each.coarse_db) >= mip]))
+
+
 def _difference(
     grouping: str,
     names: Sequence[str],
-    own: tuple[Sequence[PictureQuality], RatePoint],
-    other: tuple[Sequence[PictureQuality], RatePoint],
+    own: Measured,
+    other: Measured,
 ) -> dict[str, Cell]:
     mine, theirs = own[1].row(), other[1].row()
-    losses = np.array([b.psnr_db - a.psnr_db for a, b in zip(own[0], other[0], strict=True)])
+    losses = _losses(own, other)
     keys = ("bits_per_texel", "mean_db", "of_mean_mse_db", "ssim", "flip")
     return {
         "grouping": grouping,
         "format": other[1].setting,
         **{key: float(mine[key] or 0.0) - float(theirs[key] or 0.0) for key in keys},
+        **{f"astc_mip_{mip}_db": _coarse_db(other, mip) for mip in range(1, MIPS)},
+        **{f"mip_{mip}_db": _coarse_db(own, mip) - _coarse_db(other, mip) for mip in range(1, MIPS)},
         "largest_loss_db": float(max(0.0, losses.max())),
         "largest_loss_texture": names[int(losses.argmax())] if losses.max() > 0.0 else None,
         "worse_by_over_1_db": int((losses > 1.0).sum()),
@@ -101,22 +123,27 @@ def compare(
     flip_every: int,
 ) -> Comparison:
     """Every format of ASTC, and codec `block` in every grouping at its bits; FLIP of every so many textures. Raises InputError."""
-    study, inputs = FormatStudy(cache), GroupingInputs(features=FeatureOptions(cache=features_cache()))
+    study, inputs = FormatStudy(cache, mips=MIPS), GroupingInputs(features=FeatureOptions(cache=features_cache()))
     astc = {}
     for block_format in FORMATS:
         pictures, quality = study.measure_all(textures, block_format, flip_every=flip_every)
         astc[block_format] = (pictures, RatePoint(ASTC, block_format, quality))
         print(f"{name}: {json.dumps(astc[block_format][1].row())}", flush=True)
-    points, rows = [point for _, point in astc.values()], []
+    points, rows, worse = [point for _, point in astc.values()], [], list[Mapping[str, Cell]]()
     for grouping_name in groupings:
         grouping = make_grouping(GroupingConfig(grouping_name, min(clusters, len(textures))), textures, inputs)
         for block_format, other in astc.items():
-            pictures, quality = measured_block_codec(textures, grouping, other[1].quality.bits_per_texel, flip_every)
+            bits = other[1].quality.bits_per_texel
+            pictures, quality = measured_block_codec(textures, grouping, bits, flip_every, mips=MIPS)
             point = RatePoint(f"block, {grouping_name}", f"as {block_format}", quality)
             points.append(point)
             rows.append(_difference(grouping_name, [t.name for t in textures], (pictures, point), other))
+            losses = _losses((pictures, point), other)
+            for index in np.nonzero(losses > 1.0)[0].tolist():
+                lost = {"texture": textures[index].name, "astc_db": other[0][index].psnr_db, "loss_db": losses[index]}
+                worse.append({"grouping": grouping_name, "format": block_format, **lost})
             print(f"{name}: {json.dumps(rows[-1])}", flush=True)
-    return Comparison(name, len(textures), tuple(points), Table(DIFFERENCES, rows))
+    return Comparison(name, len(textures), tuple(points), Table(DIFFERENCES, rows), tuple(worse))
 
 
 def _write(path: Path, settings: Mapping[str, int], compared: Sequence[Comparison]) -> None:

@@ -25,12 +25,20 @@ class PictureQuality:
     ssim: float
     flip: float | None
     """None where it was not measured."""
+    coarse_db: tuple[float, ...] = ()
+    """PSNR of mips 1, 2, ..., where they were measured."""
+
+
+def capped_psnr_db(truth: NDArray[np.uint8], decoded: NDArray[np.uint8]) -> float:
+    """PSNR in dB; equal pictures count as if a single value were off by one step."""
+    return min(psnr_db(decoded, truth), psnr_of_mse(1.0 / truth.size))
 
 
 def picture_quality(truth: NDArray[np.uint8], decoded: NDArray[np.uint8], with_flip: bool = True) -> PictureQuality:
     """The quality of `decoded`, of the shape of `truth`. Raises InputError where FLIP is not installed."""
-    found = min(psnr_db(decoded, truth), psnr_of_mse(1.0 / truth.size))
-    return PictureQuality(found, ssim(truth, decoded), flip(truth, decoded) if with_flip else None)
+    return PictureQuality(
+        capped_psnr_db(truth, decoded), ssim(truth, decoded), flip(truth, decoded) if with_flip else None
+    )
 
 
 @dataclass(frozen=True)

@@ -22,11 +22,7 @@ const int MASKS = 3;
 shared int tap_places[TAPS * TOGETHER];   // of each invocation's taps: slot and number of the texel; -1: none
 shared uint slot_masks[SLOTS * MASKS];    // of texels that are read
 shared int slot_texel[SLOTS];             // of its texels among those in shared memory
-shared int slot_fits[SLOTS];              // 1: it is decoded in this round
 shared vec4 texel_values[MOST_TEXELS];    // before a texel is decoded: its slot and number
-shared uint asked;                        // of all slots, fours in the lower and texels in the upper half
-shared uint held;                         // the same of those that are decoded in this round
-shared uint texels_left;                  // 1: some are for the next round
 
 int mip_texel(int mip) {
     return mip == 0 ? 0 : (mip == 1 ? MIP_1_TEXEL : (mip == 2 ? MIP_2_TEXEL : MIP_3_TEXEL));
@@ -97,7 +93,7 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             slot_code[lane] = NO_CODE;
             for (int word = 0; word < MASKS; ++word) slot_masks[lane * MASKS + word] = 0u;
         }
-        if (lane == 0) texels_left = asked = held = 0u;
+        begin_round(lane);
         barrier();
         // Of texels that several pixels read, one has to list it.
         int owned = 0;
@@ -137,24 +133,10 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             }
         }
         barrier();
-        if (lane < SLOTS) {
-            slot_fits[lane] = 0;
-            if (slot_code[lane] != NO_CODE) {
-                find_slot(lane);
-                int texels = 0;
-                for (int word = 0; word < MASKS; ++word) texels += bitCount(slot_masks[lane * MASKS + word]);
-                // Both at once, so that the slots that fit are the first of both.
-                uint own = uint(slot_fours[lane]) | uint(texels) << 16;
-                uint first = atomicAdd(asked, own);
-                uint end = first + own;
-                slot_first[lane] = int(first & 65535u);
-                slot_texel[lane] = int(first >> 16);
-                if ((end & 65535u) <= uint(MOST_FOURS) && (end >> 16) <= uint(MOST_TEXELS)) {
-                    slot_fits[lane] = 1;
-                    atomicMax(held, end);
-                    for (int four = 0; four < slot_fours[lane]; ++four) four_slots[slot_first[lane] + four] = uint(lane);
-                }
-            }
+        if (lane < SLOTS && slot_code[lane] != NO_CODE) {
+            int texels = 0;
+            for (int word = 0; word < MASKS; ++word) texels += bitCount(slot_masks[lane * MASKS + word]);
+            slot_texel[lane] = take_room(lane, texels, MOST_TEXELS);
         }
         barrier();
         for (int number = 0; number < TAPS * network_blocks; ++number) {
@@ -163,9 +145,9 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             if ((owned & (1 << number)) != 0 && slot_fits[own] != 0)
                 texel_values[texel_place(own, place & TEXEL_MASK)].x = uintBitsToFloat(uint(place));
         }
-        decode_coefficients(lane, int(held & 65535u));
+        decode_coefficients(lane);
         barrier();
-        int texels = int(held >> 16);
+        int texels = int(room_taken >> 16);
         for (int place = lane; place < texels; place += TOGETHER) {
             int found = int(floatBitsToUint(texel_values[place].x));
             int number = found & TEXEL_MASK;
@@ -191,9 +173,9 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
                 }
             }
         }
-        if (left != 0) atomicOr(texels_left, 1u);
+        if (left != 0) atomicOr(waiting, 1u);
         barrier();
-        again = texels_left;
+        again = waiting;
         barrier();
     }
     return limit_output(sum);

@@ -34,6 +34,11 @@ shared uint four_slots[MOST_FOURS];
 shared float coefficient_values[MOST_COEFFICIENTS];
 shared int coefficient_rows[MOST_COEFFICIENTS];    // word of the tables where the row begins
 
+shared int slot_fits[SLOTS];          // 1: it is decoded in this round
+shared uint room_asked;               // by all slots: fours in the lower half, texels in the upper half
+shared uint room_taken;               // the same of slots that are decoded in this round
+shared uint waiting;                  // 1: some are for the next round
+
 // Number of a code among all: no two levels with codes of their own begin within each other's words.
 uint code_number(LevelRecord level, ivec2 block) {
     return uint(level.first_cell + block.y * level.width + block.x);
@@ -61,8 +66,34 @@ void find_slot(int slot) {
     slot_fours[slot] = int(ends >> 24);
 }
 
-// Writes the first `fours` groups of coefficients to shared memory.
-void decode_coefficients(int lane, int fours) {
+// Begins a round; a barrier must follow.
+void begin_round(int lane) {
+    if (lane < SLOTS) slot_fits[lane] = 0;
+    if (lane == 0) room_asked = room_taken = waiting = 0u;
+}
+
+// Finds the code of a slot, and room for it and for `texels` of at most `most_texels`; gives the first of these, or -1 where it has to
+// wait for another round. Both are shared out at once, so that slots that fit lie before all others.
+int take_room(int slot, int texels, int most_texels) {
+    find_slot(slot);
+    int fours = slot_fours[slot];
+    uint own = uint(fours) | uint(texels) << 16;
+    uint first = atomicAdd(room_asked, own);
+    uint end = first + own;
+    if (int(end & 65535u) > MOST_FOURS || int(end >> 16) > most_texels) {
+        atomicOr(waiting, 1u);
+        return -1;
+    }
+    slot_first[slot] = int(first & 65535u);
+    slot_fits[slot] = 1;
+    atomicMax(room_taken, end);
+    for (int four = 0; four < fours; ++four) four_slots[slot_first[slot] + four] = uint(slot);
+    return int(first >> 16);
+}
+
+// Writes the coefficients of all slots that fit to shared memory.
+void decode_coefficients(int lane) {
+    int fours = int(room_taken & 65535u);
     for (int number = lane; number < 4 * fours; number += TOGETHER) {
         int slot = int(four_slots[number >> 2]);
         Code code = slot_content(slot, 0);
@@ -108,6 +139,26 @@ vec4 transformed_texel(int slot, int mip, int texel) {
         sums += vec4(equal(ivec4(component), ivec4(0, 1, 2, 3))) * sum;
     }
     return sums * uintBitsToFloat(uint(127 - 2 * mip) << 23);
+}
+
+// By component of the plane, what the coefficients of a slot show at a texel of mip 0 of the code and at its neighbours on the right,
+// below, and on the right below.
+void transformed_square(int slot, int texel, out vec4 sums[4]) {
+    for (int component = 0; component < 4; ++component) sums[component] = vec4(0.0);
+    uint ends = slot_ends[slot];
+    int number = 4 * slot_first[slot];
+    int first = number;
+    for (int component = 0; component < 4 * network_blocks; ++component) {
+        int end = first + 4 * int((ends >> uint(8 * component)) & 255u);
+        vec4 sum = vec4(0.0);
+        for (; number < end; number += 4) {
+            for (int one = 0; one < 4; ++one) {
+                int word = shared_word(coefficient_rows[number + one] + texel);
+                sum += coefficient_values[number + one] * vec4(word << 24 >> 24, word << 16 >> 24, word << 8 >> 24, word >> 24);
+            }
+        }
+        for (int other = 0; other < 4; ++other) sums[other] = other == component ? sum : sums[other];
+    }
 }
 
 // A texel's value, not limited, for what its transform shows.

@@ -86,8 +86,15 @@ class DecodeCachedPass:
         self._tile_ms: float | None = None
 
     def _compile(self, defines: Defines) -> None:
-        self._decode = self._programs.compute(f"{FOLDER}/decode.comp", defines)
+        self._decoding = defines
+        # What the first frame needs; the other one is compiled where a tile needs it.
+        self._decode_program(self._buffers.decodes_together)
         self._invalidate = self._programs.compute(f"{FOLDER}/invalidate.comp")
+
+    def _decode_program(self, together: bool) -> moderngl.ComputeShader:
+        """Return the program that decodes tiles, each code once for all of its texels or not."""
+        name = "decode_together" if together else "decode"
+        return self._programs.compute(f"{FOLDER}/{name}.comp", self._decoding)
 
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
@@ -297,7 +304,8 @@ class DecodeCachedPass:
         self._coarse = np.union1d(np.setdiff1d(self._coarse, tiles["entry"]), tiles["entry"][too_coarse])
         decoders = self._buffers.decoder_of_texture[tiles["texture_id"]]
         order = np.argsort(decoders, kind="stable")
-        self._run_decoders(tiles[order], decoders[order])
+        # Where a mip is not on the GPU, texels of the next one are filtered.
+        self._run_decoders(tiles[order], decoders[order], too_coarse[order])
         self._decoded += len(pages)
 
     def retry_coarse(self) -> None:
@@ -322,23 +330,29 @@ class DecodeCachedPass:
             self._tile_ms = milliseconds / tiles
             self._budget.note_tiles(milliseconds)
 
-    def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
+    def _run_decoders(
+        self, tiles: NDArray[np.void], decoders: NDArray[np.int64], too_coarse: NDArray[np.bool_]
+    ) -> None:
         self._buffers.bind()
         self._places[TileBinding.TILE_ENTRIES].bind_to_storage_buffer(int(TileBinding.TILE_ENTRIES))
         self._write_tiles(tiles.tobytes())
         self._atlas.bind_image(int(ImageUnit.ATLAS))
-        set_uniforms(self._decode, {"network_blocks": self._buffers.network_blocks})
-        starts = np.nonzero(np.diff(decoders, prepend=-1))[0].tolist()
+        together = ~too_coarse & self._buffers.decodes_together
+        starts = np.nonzero(np.diff(2 * decoders + together, prepend=-1))[0].tolist()
         for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
             self._ranges.bind(int(decoders[start]))
+            program = self._decode_program(bool(together[start]))
+            set_uniforms(program, {"network_blocks": self._buffers.network_blocks})
             for first in range(start, end, TILES_AT_ONCE):
                 number = min(TILES_AT_ONCE, end - first)
-                set_uniforms(self._decode, {"first_tile": first, "tile_count": number})
-                self._decode.run(*self._work_groups(number))
+                set_uniforms(program, {"first_tile": first, "tile_count": number})
+                program.run(*self._work_groups(number, bool(together[start])))
         self._gl.memory_barrier()
 
-    def _work_groups(self, tiles: int) -> tuple[int, int]:
-        """Return the work groups that decode `tiles` tiles: invocations decode four texels of a block, or texels of any tile."""
+    def _work_groups(self, tiles: int, together: bool) -> tuple[int, int]:
+        """Return the work groups that decode `tiles` tiles: a quarter each, four texels of a block in each invocation, or any."""
+        if together:
+            return tiles, 4
         if self._buffers.decodes_quads:
             return tiles, -(-PAGE_QUADS // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
@@ -445,8 +459,10 @@ class DrawnTileCache(DecodeCachedPass):
         self._unheard = max(0, len(missing) - self._most)
         return np.asarray(missing[: self._most], np.int64)
 
-    def _run_decoders(self, tiles: NDArray[np.void], decoders: NDArray[np.int64]) -> None:
-        del decoders
+    def _run_decoders(
+        self, tiles: NDArray[np.void], decoders: NDArray[np.int64], too_coarse: NDArray[np.bool_]
+    ) -> None:
+        del decoders, too_coarse
         tiles = tiles[np.argsort(tiles["page"], kind="stable")]
         layers = tiles["page"] // LAYER_PAGES
         self._buffers.bind()
