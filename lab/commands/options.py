@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 import tyro
 
-from lab.studies.settings import BlockSide, ScaleName, StudySettings
+from lab.studies.settings import DISK_FORMATS, BlockSide, DiskFormat, ScaleName, StudySettings
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.errors import InputError
@@ -190,7 +190,7 @@ RecipeStudyOptions = AblationStudyOptions | FreezingStudyOptions | MlpSizeStudyO
 
 @dataclass(frozen=True)
 class RateStudyOptions:
-    """Rate and distortion: both codecs of this program beside BC1, BC7, ASTC and JPEG XL, everything that is stored counted."""
+    """Rate and distortion: both codecs beside BC1, BC7, ASTC, and beside files: JPEG, XUASTC, ETC1S, JPEG XL. All bytes count."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
     """glTF scene, or a folder of images."""
@@ -212,6 +212,8 @@ class RateStudyOptions:
     """Formats of graphics hardware, at the encoders' highest effort (need the extra `lab`)."""
     grid_steps: int = 300
     """Steps of each of the four trainings of codec grid by recipe best, clustered; few, so that the study ends. 0: none of them."""
+    disk_formats: tuple[DiskFormat, ...] = DISK_FORMATS
+    """Formats of files, with all mips (the extra `export`): bytes of whole files are compared. Default: all."""
     jpeg_xl: bool = True
     """Whether JPEG XL, a bound without random access, is measured."""
     flip_every: int = 4

@@ -45,6 +45,7 @@ def rate_study(options: RateStudyOptions) -> RateStudy:
         options.bits,
         options.formats,
         options.grid_steps,
+        options.disk_formats,
         options.jpeg_xl,
         options.flip_every,
         options.out / "runs",

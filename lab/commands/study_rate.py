@@ -8,12 +8,16 @@ from typing import Any
 from rich.console import Console
 from rich.progress import Progress, TimeRemainingColumn
 
+from lab.bench.record import write_figure
 from lab.commands.options import RateStudyOptions
 from lab.commands.rate_points import Found, points_by_jobs, rate_study
 from lab.commands.study_output import check_output, machine, write_study
 from lab.studies.rate import RateStudy
-from lab.studies.rate_table import RatePoint, rate_figure, rate_table
+from lab.studies.rate_table import RatePoint, disk_figure, disk_rows, rate_figure, rate_table
 from ntc.errors import InputError
+
+DISK_DECIBELS = tuple(float(each) for each in range(32, 46))
+"""Mean PSNR at which sizes of files are compared."""
 
 
 def _check(options: RateStudyOptions) -> None:
@@ -59,8 +63,11 @@ def study_rate(options: RateStudyOptions) -> int:
         "machine": machine(),
         "seconds": time.monotonic() - began,
         "rows": [dict(row) for row in table.rows],
+        "disk": disk_rows(points, DISK_DECIBELS),
     }
     write_study(options.out, "rate", title, table, rate_figure({title: points}), record)
+    if any(point.quality.file_bits_per_texel is not None for point in points):
+        write_figure(options.out / "rate_disk.png", disk_figure({title: points}))
     sys.stdout.write(f"{title}\n{table.text()}wrote {options.out}\n")
     return 0
 

@@ -4,7 +4,14 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 
-from lab.studies.set_quality import PictureQuality, SetQuality, capped_psnr_db, pack_bits_per_texel, picture_quality
+from lab.studies.set_quality import (
+    PictureQuality,
+    SetQuality,
+    capped_psnr_db,
+    pack_bits_per_texel,
+    pack_file_bits_per_texel,
+    picture_quality,
+)
 from lab.studies.settings import BlockSide
 from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import config_for_bits
@@ -28,7 +35,9 @@ def measured_pack(
         chain = mip_chain(texture.pixels, texture.color_space, texture.maps)[:mips]
         coarse = [capped_psnr_db(mip, codec.decode_image(index, level)) for level, mip in enumerate(chain) if level]
         pictures.append(replace(quality, coarse_db=tuple(coarse)))
-    return tuple(pictures), SetQuality.of(pictures, pack_bits_per_texel(pack), cpu_seconds)
+    return tuple(pictures), SetQuality.of(
+        pictures, pack_bits_per_texel(pack), cpu_seconds, pack_file_bits_per_texel(pack)
+    )
 
 
 def measured_block_codec(

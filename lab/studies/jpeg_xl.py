@@ -55,4 +55,4 @@ def measured_jpeg_xl(
         pictures.append(picture_quality(texture.pixels, files[0][1], number % flip_every == 0))
         report(number + 1, len(textures))
     bits = 8.0 * stored / texel_count([texture.size for texture in textures])
-    return tuple(pictures), SetQuality.of(pictures, bits, spent)
+    return tuple(pictures), SetQuality.of(pictures, bits, spent, bits)

@@ -6,12 +6,13 @@ from functools import partial
 from pathlib import Path
 
 from lab.studies.block_codec import measured_block_codec
+from lab.studies.disk_formats import TITLES, measured_disk_format
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.jpeg_xl import DISTANCES, has_jpeg_xl, measured_jpeg_xl
 from lab.studies.rate_table import RatePoint
 from lab.studies.runs import Report, Run, finished_run
 from lab.studies.set_quality import PictureQuality, SetQuality
-from lab.studies.settings import BlockSide
+from lab.studies.settings import QUALITIES, BlockSide, DiskFormat
 from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
@@ -37,6 +38,7 @@ class RateStudy:
     bits: Sequence[float]
     formats: Sequence[BlockFormat]
     grid_steps: int
+    disk_formats: Sequence[DiskFormat]
     jpeg_xl: bool
     flip_every: int
     runs: Path
@@ -46,6 +48,11 @@ class RateStudy:
     def steps(self) -> list[tuple[str, Step]]:
         """(name, step) of every point. A step raises InputError where its point cannot be had."""
         steps: list[tuple[str, Step]] = [(name, partial(self._format, name)) for name in self.formats]
+        for disk_format in self.disk_formats:
+            steps += [
+                (f"{TITLES[disk_format]} {quality}", partial(self._disk, disk_format, quality))
+                for quality in QUALITIES[disk_format]
+            ]
         for distance in DISTANCES if self.jpeg_xl else ():
             steps.append((f"JPEG XL {distance:g}", partial(self._jpeg_xl, distance)))
         for grouping in self.groupings:
@@ -61,6 +68,10 @@ class RateStudy:
     def _format(self, name: BlockFormat, report: Report) -> RatePoint:
         _, quality = FormatStudy(self.cache).measure_all(self.textures, name, report, self.flip_every)
         return RatePoint("ASTC" if name.startswith("astc") else name.upper(), name, quality)
+
+    def _disk(self, name: DiskFormat, quality: int, report: Report) -> RatePoint:
+        _, found = measured_disk_format(self.textures, name, quality, self.flip_every, report)
+        return RatePoint(TITLES[name], f"quality {quality}", found)
 
     def _jpeg_xl(self, distance: float, report: Report) -> RatePoint:
         if not has_jpeg_xl():

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
+import numpy as np
 from matplotlib.figure import Figure
 
 from lab.studies.set_quality import SetQuality
@@ -12,6 +13,7 @@ COLUMNS = (
     Column("curve", "codec"),
     Column("setting", "setting"),
     Column("bits_per_texel", "bits/texel", 3),
+    Column("file_bits_per_texel", "bits/texel of files", 3),
     Column("mean_db", "mean dB"),
     Column("of_mean_mse_db", "dB of mean MSE"),
     Column("worst_db", "worst dB"),
@@ -20,7 +22,7 @@ COLUMNS = (
     Column("seconds", "s", 1),
 )
 PLOTTED = (("mean_db", "PSNR, mean of textures, dB"), ("of_mean_mse_db", "PSNR of the mean MSE, dB"))
-DASHED = ("BC", "ASTC", "JPEG", "AVIF")
+DASHED = ("BC", "ASTC", "JPEG", "AVIF", "XUASTC", "ETC1S")
 """Curves that are not this program's are dashed."""
 
 
@@ -69,3 +71,49 @@ def rate_figure(panels: Mapping[str, Sequence[RatePoint]]) -> Figure:
     handles, labels = grid[0][0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
     return figure
+
+
+def disk_figure(panels: Mapping[str, Sequence[RatePoint]]) -> Figure:
+    """Mean PSNR over the bits of whole files: a plot for each set of textures, by its title."""
+    figure = Figure(figsize=(6.4 * len(panels), 5.2), layout="constrained")
+    grid = figure.subplots(1, len(panels), squeeze=False)[0]
+    names = list(dict.fromkeys(each.curve for points in panels.values() for each in points if _is_file(each)))
+    for (title, points), axes in zip(panels.items(), grid, strict=True):
+        for number, name in enumerate(names):
+            line = sorted(
+                (each.quality.file_bits_per_texel or 0.0, each.quality.mean_db)
+                for each in points
+                if each.curve == name and _is_file(each)
+            )
+            style = "--" if name.startswith(DASHED) else "-"
+            axes.plot(*zip(*line, strict=True), style, marker="o", markersize=3, color=f"C{number % 10}", label=name)
+        axes.set_xlabel("bits per texel of mip 0, whole files with all mips")
+        axes.set_ylabel(PLOTTED[0][1])
+        axes.set_title(title, fontsize=10)
+        axes.grid(alpha=0.3)
+    handles, labels = grid[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+    return figure
+
+
+def _is_file(point: RatePoint) -> bool:
+    return point.quality.file_bits_per_texel is not None
+
+
+def disk_rows(points: Sequence[RatePoint], decibels: Sequence[float]) -> list[dict[str, Cell]]:
+    """For each of `decibels`, the bits a texel of files at which each curve reaches it, between its points; None beyond them."""
+    rows = list[dict[str, Cell]]()
+    for wanted in decibels:
+        row: dict[str, Cell] = {"mean_db": wanted}
+        for name in dict.fromkeys(each.curve for each in points if _is_file(each)):
+            line = sorted(
+                (each.quality.mean_db, each.quality.file_bits_per_texel or 0.0)
+                for each in points
+                if each.curve == name and _is_file(each)
+            )
+            reached, bits = zip(*line, strict=True)
+            inside = reached[0] <= wanted <= reached[-1]
+            # Bits grow by a factor for each dB.
+            row[name] = float(2.0 ** np.interp(wanted, reached, np.log2(bits))) if inside else None
+        rows.append(row)
+    return rows

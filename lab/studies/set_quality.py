@@ -1,8 +1,10 @@
 """Quality of decoded textures, one by one and as a set."""
 
 import math
+import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +14,7 @@ from ntc.codec.quality import PsnrSummary, psnr_db, psnr_of_mse
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip, ssim
 from ntc.metrics.metrics import psnr_table
+from ntc.pack.file import write_pack
 
 Size = tuple[int, int]
 
@@ -56,9 +59,17 @@ class SetQuality:
     """Mean of those that were measured; None for none."""
     seconds: float
     """That encoding took: processor time, but of codec `grid` by the clock."""
+    file_bits_per_texel: float | None = None
+    """Bits of whole files, names and all, per texel of mip 0; None for what is not a file."""
 
     @classmethod
-    def of(cls, pictures: Sequence[PictureQuality], bits_per_texel: float, seconds: float) -> "SetQuality":
+    def of(
+        cls,
+        pictures: Sequence[PictureQuality],
+        bits_per_texel: float,
+        seconds: float,
+        file_bits_per_texel: float | None = None,
+    ) -> "SetQuality":
         """Means over `pictures`. Raises InputError for none."""
         summary = PsnrSummary.of([picture.psnr_db for picture in pictures])
         if summary is None:
@@ -72,12 +83,22 @@ class SetQuality:
             float(np.mean([picture.ssim for picture in pictures])),
             float(np.mean(flips)) if flips else None,
             seconds,
+            file_bits_per_texel,
         )
 
 
 def texel_count(sizes: Sequence[Size]) -> int:
     """Return the texels of mip 0 of textures of these sizes, over which stored bits are counted."""
     return sum(math.prod(size) for size in sizes)
+
+
+def pack_file_bits_per_texel(pack: Pack) -> float:
+    """Return the bits of a pack's file per texel of mip 0."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "pack.ntc"
+        write_pack(path, pack)
+        stored = path.stat().st_size
+    return 8.0 * stored / texel_count([(texture.width, texture.height) for texture in pack.textures])
 
 
 def pack_bits_per_texel(pack: Pack) -> float:

@@ -218,7 +218,7 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
         assert line in capsys.readouterr().err
     # What a worker measures is the same.
     options = RateStudyOptions(
-        images, out, 128, groupings=("single",), bits=(3.0, 1000.0), sides=(8,), formats=(), jpeg_xl=False
+        images, out, 128, 16, 4, ("single",), (8,), (3.0, 1000.0), formats=(), disk_formats=(), jpeg_xl=False
     )
     threads = torch.get_num_threads()
     point, refused = (measured_point(PointJob(options, number)) for number in range(2))

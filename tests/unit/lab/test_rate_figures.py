@@ -9,9 +9,11 @@ import pytest
 
 from lab.benchmarks import block_against_astc
 from lab.studies import hardware_formats
+from lab.studies.disk_formats import measured_disk_format
 from lab.studies.hardware_formats import FormatStudy
-from lab.studies.rate_table import RatePoint, rate_figure, rate_table
+from lab.studies.rate_table import RatePoint, disk_figure, disk_rows, rate_figure, rate_table
 from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
+from lab.studies.settings import DISK_FORMATS
 from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
@@ -117,3 +119,24 @@ def test_block_beside_astc_writes_record_table_and_plot(
     capsys.readouterr()
     assert block_against_astc.main([str(tmp_path / "nothing")]) == 2
     assert capsys.readouterr().err.startswith("error: ")
+
+
+def test_files_hold_all_mips_and_sizes_are_compared_at_equal_quality() -> None:
+    pytest.importorskip("alktx2")
+    textures = [texture(32, seed) for seed in range(2)]
+    points = []
+    for name in DISK_FORMATS:
+        for quality in (10, 90):
+            pictures, found = measured_disk_format(textures, name, quality, 1)
+            assert len(pictures) == 2
+            assert found.file_bits_per_texel == found.bits_per_texel
+            points.append(RatePoint(name, str(quality), found))
+    jpeg = [point.quality for point in points if point.curve == "jpeg"]
+    assert jpeg[0].bits_per_texel < jpeg[1].bits_per_texel
+    assert jpeg[0].mean_db < jpeg[1].mean_db
+    (row,) = disk_rows(points, [0.5 * (jpeg[0].mean_db + jpeg[1].mean_db)])
+    bits = row["jpeg"]
+    assert isinstance(bits, float)
+    assert jpeg[0].bits_per_texel < bits < jpeg[1].bits_per_texel
+    assert disk_rows(points, [90.0])[0]["jpeg"] is None
+    assert len(disk_figure({"textures": points}).axes) == 1
