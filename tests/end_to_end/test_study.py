@@ -200,7 +200,8 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert cli.main(arguments) == 0
     found = json.loads((out / "rate.json").read_text())
     curves = [row["curve"] for row in found["rows"]]
-    assert set(curves) == {"BC1", "BC7", "JPEG XL", "block 8x8, single", "block 4x4, single", "grid, single"}
+    block = {"block 8x8, single", "block 4x4, single"}
+    assert set(curves) - {"XUASTC", "ETC1S"} == {"BC1", "BC7", "JPEG XL", "JPEG 4:2:0", "grid, single"} | block
     assert curves.count("grid, single") == 4
     rows = {(row["curve"], row["setting"]): row for row in found["rows"]}
     assert 5.3 <= rows["BC1", "bc1"]["bits_per_texel"] < 5.5
