@@ -1,6 +1,7 @@
 """Clicking through the user interface without a window."""
 
 import copy
+import json
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -13,14 +14,16 @@ from imgui_bundle import imgui
 from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, Opener, hide_panels
-from viewer.commands import COMMANDS, run
+from viewer.commands import COMMANDS, run, run_line
 from viewer.commands.command import Command
 from viewer.commands.effects import Effect
 from viewer.commands.keys import parse_chord
+from viewer.inspect.measured_figures import figure_rows
 from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
 from viewer.script.directions import hold
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
+from viewer.state.pack_files import source_label
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE, Overlay, Side, Slot, Zoom
 from viewer.ui.panels.timings import timings_text
@@ -231,6 +234,34 @@ def test_measuring_fills_the_table(app: DrivenApp) -> None:
     assert figures["a"].divergence.maximum == 2
     assert figures["b"].psnr_db is None
     assert app.session.inspection.measured_view == app.session.view
+    rows = figure_rows(figures)
+    for name in ("bits per texel", "file MB"):
+        assert (rows[name][0] != "-", rows[name][1]) == (True, "-")
+    assert all("-" not in rows[name] for name in ("shows", "GPU MB", "decode ms")), "originals cost something too"
+
+
+def test_the_key_that_measures_raises_the_table_and_tells_it(app: DrivenApp) -> None:
+    app.show_panel("Scene")
+    with pytest.raises(InputError, match="nothing is measured"):
+        run_line(app.context, "compare.copy-figures")
+    app.press(imgui.Key.m)
+    app.until(lambda: app.session.inspection.measurements)
+    app.settle()
+    assert app.frontend.interface.shows("Compare")
+    assert any(toast.text.startswith("measured: A ") for toast in app.session.window.toasts)
+    app.click("copy figures")
+    assert "| GPU MB |" in imgui.get_clipboard_text()
+    app.run("compare.save-figures", Path("figures.json"))
+    app.frame(2)
+    folder = app.session.pictures_folder
+    assert json.loads((folder / "figures.json").read_text())["a"]["source"] == "clustered"
+    assert (folder / "figures.png").is_file()
+
+
+def test_sources_are_named_by_what_they_are(app: DrivenApp) -> None:
+    assert source_label("reference", app.session.packs) == "reference"
+    assert source_label("clustered", app.session.packs).startswith("clustered, ")
+    assert "bits" in source_label("clustered", app.session.packs)
 
 
 def test_the_divergence_overlay_is_shown_counted_and_skipped(app: DrivenApp) -> None:

@@ -171,11 +171,16 @@ class Effects:
             case WriteText():
                 write_text(effect.path, effect.text)
                 notify(self._session, effect.message)
+                if effect.then is not None:
+                    self.perform(effect.then)
             case TakeFilm():
                 self._end_film()
                 self._film = Film(self._session.pictures_folder / effect.file) if effect.file is not None else None
             case CloseWindow():
                 self.is_closing = True
+            case Measure():
+                # Its table is there.
+                self._waiting = (*self._waiting, RaisePanel("Compare"), effect)
             case _:
                 self._waiting = (*self._waiting, effect)
 

@@ -1,6 +1,7 @@
 """Facts of the last frame for panels, read back from the GPU only where a panel shows them."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 from imgui_bundle import imgui
@@ -11,12 +12,15 @@ from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.comparison import LiveFigures
-from viewer.inspect.measurement import errors_by_map, measure
+from viewer.inspect.measurement import MeasuredPicture, error_of_each_map, measure
+from viewer.inspect.memory_table import scene_memory
 from viewer.inspect.place_content import BlockContent, PixelContent, PlaceReader, read_block, read_pixel
 from viewer.render.frames import FrameTimes
+from viewer.render.renderer import Renderer
 from viewer.render.viewport import Viewport
+from viewer.state.pack_files import pack_figures
 from viewer.state.session import Session, SlotMeasurement
-from viewer.state.view_state import REFERENCE, DecodedMaps, Side
+from viewer.state.view_state import REFERENCE, Side, Slot
 from viewer.ui.facts import FrameFacts
 
 
@@ -88,27 +92,50 @@ class FactsReader:
         assert self._picture.thumbnails is not None
         return imgui.ImTextureRef(self._picture.thumbnails[texture_id].glo)
 
-    def measurements(self) -> Mapping[Side, SlotMeasurement] | None:
-        """Measure both slots of the present view now; None without a picture of it."""
+    def measuring(self) -> Iterator[Mapping[Side, SlotMeasurement]]:
+        """Measure both slots of the present view: yield what is known after each step, which a frame has time for."""
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
-            return None
+            return
         results: dict[Side, SlotMeasurement] = {}
         pictures = measure(renderer, list(view.slots.values()), self._session.packs)
         for (side, slot), picture in zip(view.slots.items(), pictures, strict=True):
-            if slot.source == REFERENCE:
-                results[side] = SlotMeasurement(slot.source, None, None, None)
+            results[side] = self._measured(renderer, slot, picture)
+        yield dict(results)
+        for side, slot in view.slots.items():
+            if view.material_view == "base" or slot.source not in self._session.packs:
                 continue
-            pack, memory = self._session.packs.get(slot.source), renderer.memory(slot)
-            blocks = self._session.compressed_as(slot.source)
-            size = memory.total if memory else blocks.stored_bytes if blocks else None
-            divergence = picture.divergence_statistics if pack is not None else None
-            by_map: dict[DecodedMaps, float | None] = {}
-            if view.material_view != "base" and pack is not None:
-                by_map = {e.maps: e.psnr_db for e in errors_by_map(renderer, slot) if e.maps != "all"}
-            psnr = picture.psnr_db(picture.covered)
-            results[side] = SlotMeasurement(slot.source, psnr, divergence, size, by_map)
-        return results
+            for error in error_of_each_map(renderer, slot):
+                # What was drawn since may be another view.
+                if self._picture.last_view is not view:
+                    return
+                if error.maps != "all":
+                    by_map = {**results[side].psnr_by_map, error.maps: error.psnr_db}
+                    results[side] = replace(results[side], psnr_by_map=by_map)
+                yield dict(results)
+
+    def _measured(self, renderer: Renderer, slot: Slot, picture: MeasuredPicture) -> SlotMeasurement:
+        session, times = self._session, self._times.slot_ms
+        if slot.source == REFERENCE:
+            originals = scene_memory(session.scene)[0].bytes
+            return SlotMeasurement(slot.source, None, None, originals, draw_ms=times.get(slot))
+        pack, memory = session.packs.get(slot.source), renderer.memory(slot)
+        blocks = session.compressed_as(slot.source)
+        psnr = picture.psnr_db(picture.covered)
+        if pack is None:
+            size = blocks.stored_bytes if blocks is not None else None
+            return SlotMeasurement(slot.source, psnr, None, size, file_bytes=size, draw_ms=times.get(slot))
+        figures, last = pack_figures(pack), self._picture.last
+        return SlotMeasurement(
+            slot.source,
+            psnr,
+            picture.divergence_statistics,
+            memory.total if memory is not None else None,
+            file_bytes=figures.bytes,
+            bits=figures.bits,
+            path=last.paths.get(slot, slot.path) if last is not None else slot.path,
+            draw_ms=times.get(slot),
+        )
 
     def take_problems(self) -> tuple[str, ...]:
         """Return in lines what could not be shown for lack of memory since the last call."""

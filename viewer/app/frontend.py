@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 
@@ -38,6 +38,8 @@ from viewer.state.event_handlers import (
     set_unsupported,
     start_frame,
 )
+from viewer.state.session import SlotMeasurement
+from viewer.state.view_state import Side
 from viewer.ui.facts import FIRST_PICTURE, FrameFacts, UiFrame, Work
 from viewer.ui.user_interface import SETTLING_FRAMES, UserInterface
 from viewer.viewpoints.first_view import FirstView
@@ -77,6 +79,8 @@ class Frontend:
         self._precision = PrecisionSearch(
             self.interface.background, partial(self.picture.variants.precisions, graphics), emit
         )
+        self._measuring: Iterator[Mapping[Side, SlotMeasurement]] | None = None
+        """Measurement under way, a step in each frame."""
         self._recorded_at = -math.inf
         self._formats = FormatEncoding(blocks_cache(), emit)
         self._prepares_ahead = prepares_ahead
@@ -98,7 +102,8 @@ class Frontend:
         encoding, to_come = self._formats.progress, self.picture.to_come
         first = (Work(FIRST_PICTURE),) if self.picture.last is None else ()
         beside = self._work.read(self.session, encoding, self.live.is_computing, to_come)
-        work = (*first, *self._effects.opening.work, *training_work(self._context.training), *beside)
+        measuring = (Work("measuring A and B"),) if self._measuring is not None else ()
+        work = (*first, *measuring, *self._effects.opening.work, *training_work(self._context.training), *beside)
         # Figures of an incomplete picture would be wrong.
         live = LiveFigures(problem=to_come[0].line) if to_come else self.live.figures
         found = self.reader.read(live, self._is_training, encoding)
@@ -120,7 +125,7 @@ class Frontend:
         self._formats.step(session)
         start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
         self._update_flicker()
-        self.picture.times_wanted = self.interface.shows("Timings")
+        self.picture.times_wanted = self._times_are_wanted
         if room is not None and (self._graphics.waits or self._is_announced):
             self._draw_picture(room)
         # The first picture takes seconds: a frame says so before.
@@ -207,6 +212,8 @@ class Frontend:
             yield "a tooltip appears"
         if self._compares and self.live.has_work(self._figures_are_wanted(), now):
             yield "A is compared with B"
+        if self._measuring is not None:
+            yield "the picture is measured"
         yield from self._effects.reasons
         self._update_flicker()
         if room is not None and not self.picture.is_undrawable(room):
@@ -271,8 +278,9 @@ class Frontend:
         try:
             self.picture.draw(size, self._effects.need_whole_picture)
             self._look_for_first_view(size)
-            if self._effects.take(Measure) and (measured := self.reader.measurements()) is not None:
-                set_measurements(session, measured)
+            if self._effects.take(Measure):
+                self._measuring = self.reader.measuring()
+            self._measure_further()
             self._compare(size)
         except (InputError, ShaderError, moderngl.Error, MemoryError) as error:
             self._graphics.reset.check_after(error)
@@ -281,6 +289,22 @@ class Frontend:
             line = " ".join(str(error).split()) or "out of memory"
             notify(session, line, "error", str(error))
             self._effects.take(Measure)
+
+    @property
+    def _times_are_wanted(self) -> bool:
+        """True while something shows times: Timings, and the table of figures."""
+        measured = bool(self.session.inspection.measurements) or self._measuring is not None
+        return self.interface.shows("Timings") or (measured and self.interface.shows("Compare"))
+
+    def _measure_further(self) -> None:
+        """Do the next step of a measurement."""
+        if self._measuring is None:
+            return
+        measured = next(self._measuring, None)
+        if measured is None:
+            self._measuring = None
+        else:
+            set_measurements(self.session, measured)
 
     def _look_for_first_view(self, size: tuple[int, int]) -> None:
         """Continue the search for a first view in a scene without cameras, as soon as all of the scene is on screen."""

@@ -125,7 +125,7 @@ class WindowApp(App):
 
     def _frame(self, window: ImguiWindow, size: tuple[int, int]) -> None:
         self._apply_appearance(self._monitor_scale())
-        window.set_title(self.session.scene.name)
+        window.set_title(self.session.scene.title)
         window.new_frame()
         draw_data = self.frontend.build(size)
         screen = window.context.gl.screen

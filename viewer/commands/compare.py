@@ -1,13 +1,16 @@
 """Commands: what slots A and B show, and how they are compared."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Annotated, Any, Literal, get_args
 
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from ntc.metrics.block_compression import named_format
 from viewer.commands.command import Arg, Context, command, following, gesture, switch
-from viewer.commands.effects import Effect, Measure
+from viewer.commands.effects import Effect, Measure, RunCommand, TakePicture, WriteText
+from viewer.inspect.measured_figures import figures_json, figures_markdown
+from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE
 from viewer.state.view_state import (
@@ -158,7 +161,49 @@ def swap(session: Session) -> None:
     "M",
 )
 def measure(_session: Session) -> Effect:
+    # A frame says so before: a picture of each slot takes a moment.
+    return RunCommand("compare.measure-now", (), "measuring A and B")
+
+
+@gesture("compare.measure-now")
+def measure_now(_session: Session) -> Effect:
     return Measure()
+
+
+def _not_measured(context: Context) -> str:
+    return "" if context.session.inspection.measurements else "nothing is measured yet; measure first"
+
+
+@command(
+    "compare.copy-figures",
+    "Copy figures",
+    "copy the measured figures of A and B to the clipboard, as a table in Markdown",
+    "Compare",
+    unavailable=_not_measured,
+)
+def copy_figures(context: Context) -> None:
+    context.write_clipboard(figures_markdown(context.session.inspection.measurements))
+    notify(context.session, "the figures are on the clipboard, as a table in Markdown")
+
+
+FiguresFile = Annotated[
+    Path, Arg("a .json; a relative path is in the folder of pictures; default: named by scene and time")
+]
+
+
+@command(
+    "compare.save-figures",
+    "Save figures",
+    "save the measured figures of A and B as JSON, and the picture beside it as a PNG",
+    "Compare",
+    unavailable=_not_measured,
+)
+def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
+    if file != Path() and file.suffix.lower() != ".json":
+        raise InputError(f"{file}: the name of a file with figures must end in .json")
+    path = session.pictures_folder / file if file != Path() else session.dated_file("-figures", ".json")
+    picture = TakePicture("shown", path.absolute().with_suffix(".png"))
+    return WriteText(path, figures_json(session.inspection.measurements), f"wrote {path}", picture)
 
 
 Source = Annotated[

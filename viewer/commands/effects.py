@@ -55,6 +55,8 @@ class WriteText(Effect):
     text: str
     message: str
     """Message to show when the file is written."""
+    then: Effect | None = None
+    """Effect to carry out afterwards."""
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
     if not training.undecided_runs and training.active is not None and training.active.pack_so_far() is None:
         stop = Choice(STOP, command_id, (*values, "discard"))
         text = "\n".join((*lines, "What is encoded so far is lost."))
-        ask(context.session, Question(f"{scene.name}: stop encoding before {before}?", text, (stop, Choice(CANCEL))))
+        ask(context.session, Question(f"{scene.title}: stop encoding before {before}?", text, (stop, Choice(CANCEL))))
         return True
     where = "in the data folder, until the next start"
     if scene.path is not None:
@@ -42,7 +42,7 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
         Choice(DISCARD, command_id, (*values, "discard")),
         Choice(CANCEL),
     )
-    ask(context.session, Question(f"{scene.name}: keep the {few} before {before}?", text, choices))
+    ask(context.session, Question(f"{scene.title}: keep the {few} before {before}?", text, choices))
     return True
 
 

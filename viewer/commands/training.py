@@ -320,6 +320,12 @@ def _none_to_decide(context: Context) -> str:
     return "" if context.training.log.undecided is not None else "no finished run waits to be accepted or discarded"
 
 
+def _none_to_accept(context: Context) -> str:
+    if context.training.saving:
+        return "the pack is being written"
+    return "" if context.training.undecided_runs else "no finished run waits to be accepted or discarded"
+
+
 @command(
     "training.pause",
     "Pause training",
@@ -347,11 +353,15 @@ def cancel(context: Context) -> None:
     context.training.cancel()
 
 
-@command(
-    "training.accept", "Accept run", "save the pack of the last run to a file", "Train", unavailable=_none_to_decide
-)
-def accept(context: Context, file: PackFile = Path()) -> None:
+@command("training.accept", "Accept run", "save the pack of a run to a file", "Train", unavailable=_none_to_accept)
+def accept(
+    context: Context,
+    file: PackFile = Path(),
+    run: Annotated[int, Arg("number of the run in the log; 0 takes the one that was asked about last")] = 0,
+) -> None:
     training, session = _runs(context), context.session
+    if run:
+        training.choose_run(run)
     if file == Path() or not file.exists() or file.is_dir():
         training.accept(None if file == Path() else file, session.packs.values())
         return

@@ -1,6 +1,6 @@
 """Quality and divergence of slots, whole and map by map, for `render`, Measure in the window, and scripts."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,24 +96,24 @@ def shown_maps(renderer: Renderer, slot: Slot) -> tuple[MapName, ...]:
     return tuple(name for name in MAPS if PLANE_OF_MAP[name] in drawn and name in held)
 
 
-def errors_by_map(
-    renderer: Renderer, slot: Slot, progress: Callable[[DecodedMaps], object] = lambda _: None
-) -> tuple[MapError, ...]:
-    """Measure the error of the last view for each decoded map alone, and last for all of them together.
+def errors_by_map(renderer: Renderer, slot: Slot) -> tuple[MapError, ...]:
+    """Measure the error of the last view for each decoded map alone, and last for all of them together."""
+    return tuple(error_of_each_map(renderer, slot))
+
+
+def error_of_each_map(renderer: Renderer, slot: Slot) -> Iterator[MapError]:
+    """Measure as `errors_by_map`, one after the other.
 
     Errors of single maps do not add up to that of all: light multiplies some of them. Pictures are drawn whole, one after the other.
     """
     reference = linear_to_srgb8(renderer.picture(Slot())).astype(np.float64)
     covered, textures = renderer.covered(), renderer.texture_ids()
     chosen: Sequence[DecodedMaps] = (*shown_maps(renderer, slot), "all")
-    found = []
     for maps in chosen:
-        progress(maps)
         shown = linear_to_srgb8(renderer.picture(replace(slot, maps=maps))).astype(np.float64)
         squared = np.where(covered, np.square(shown - reference).mean(axis=2), 0.0)
         error = float(squared.sum() / max(1, covered.sum()))
         seen = textures >= 0
         sums = np.bincount(textures[seen], weights=squared[seen], minlength=len(renderer.scene.textures))
         psnr = finite_or_none(10.0 * np.log10(255.0**2 / error)) if error > 0.0 else None
-        found.append(MapError(maps, error, psnr, sums.astype(np.float64), squared.astype(np.float32)))
-    return tuple(found)
+        yield MapError(maps, error, psnr, sums.astype(np.float64), squared.astype(np.float32))

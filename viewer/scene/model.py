@@ -290,6 +290,15 @@ class LoadReport:
     """E.g. "15 constant images became factors", "BLEND is drawn alpha-hashed"."""
 
 
+GENERIC_NAMES = frozenset(("scene", "model", "untitled", "index"))
+"""Names of files that say nothing about the scene."""
+
+
+def title_of(path: Path) -> str:
+    """Return the name of a scene's file without its suffix; that of its folder where many files have that name."""
+    return path.absolute().parent.name if path.stem in GENERIC_NAMES and path.absolute().parent.name else path.stem
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A whole scene, ready to be uploaded."""
@@ -320,3 +329,8 @@ class Scene:
     """(bytes, nanoseconds of the last change) of the file when it was read; None where no file was."""
     packs: tuple[Path, ...] = ()
     """Packs that the file itself names."""
+
+    @property
+    def title(self) -> str:
+        """Name for people: that of the folder where the file has a name that many have, such as scene.gltf."""
+        return title_of(self.path) if self.path is not None and self.name in GENERIC_NAMES else self.name

@@ -209,5 +209,11 @@ def expire_pointing(session: Session, now: float) -> None:
 
 
 def set_measurements(session: Session, measurements: Mapping[Side, SlotMeasurement]) -> None:
-    """Store the measurements of both slots in the present view."""
+    """Store the measurements of both slots in the present view, and tell the first ones."""
+    if session.inspection.measured_view is not session.view:
+        parts = [
+            f"{side.upper()} {own.psnr_db:.2f} dB" if own.psnr_db is not None else f"{side.upper()} {own.source}"
+            for side, own in measurements.items()
+        ]
+        notify(session, f"measured: {', '.join(parts)}; see panel Compare")
     session.inspection.measurements, session.inspection.measured_view = measurements, session.view

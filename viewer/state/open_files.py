@@ -98,7 +98,8 @@ def _begin(session: Session, problems: Sequence[InputError]) -> None:
 def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSettings, initial: InitialView) -> ViewState:
     wanted = initial.grouping
     found = source_of_grouping(packs, wanted) if wanted is not None else None
-    source = REFERENCE if wanted == REFERENCE else found or preferred_source(packs)
+    last = settings.last_packs.get(str(scene.path.absolute()), "") if scene.path is not None else ""
+    source = REFERENCE if wanted == REFERENCE else found or preferred_source(packs, last)
     precision = "fp32" if initial.precision == "auto" else initial.precision
     return ViewState(
         camera=scene.cameras[0] if scene.cameras else frame_all(scene.bounds, settings.fov_degrees),
@@ -149,6 +150,7 @@ def _cannot_open(path: Path, error: Exception) -> InputError:
 
 def open_scene(session: Session, read: ReadScene) -> None:
     """Replace the open scene by another one."""
+    session.settings = session.present_settings
     scene = session.scene = read.scene
     session.packs, session.compressed, session.previous_views = read.packs, {}, {}
     before = InitialView(material_view=session.view.material_view, lighting=session.view.lighting)

@@ -14,7 +14,7 @@ from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
 from viewer.state.message_log import MessageKind, MessageLog
 from viewer.state.motion import AnimationPlayback, Motion
-from viewer.state.settings import ViewerSettings
+from viewer.state.settings import ViewerSettings, with_last_pack
 from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Side, Slot, ViewState
 
 CANCEL = "Cancel"
@@ -72,6 +72,14 @@ class SlotMeasurement:
     psnr_by_map: Mapping[DecodedMaps, float | None] = field(default_factory=dict)
     """PSNR in dB with only one map decoded and all others original, by map; None without an error. Empty in the view `base`, and
     for images."""
+    file_bytes: int | None = None
+    """Bytes of a pack's latents and decoders, or of the blocks of a block format; None for the reference."""
+    bits: float | None = None
+    """Stored bits per texel of mip 0 of a pack; None for images."""
+    path: str = ""
+    """Decode path; "" for images."""
+    draw_ms: float | None = None
+    """Time in ms to draw the slot whole; None where it was not measured."""
 
 
 @dataclass(frozen=True)
@@ -259,8 +267,13 @@ class Session:
     @property
     def present_settings(self) -> ViewerSettings:
         """Settings to save, with the present values of view and window."""
+        settings, scene = self.settings, self.scene.path
+        shown = (self.packs.get(slot.source) for slot in self.view.slots.values())
+        path = next((pack.path for pack in shown if pack is not None and pack.path is not None), None)
+        if scene is not None and path is not None:
+            settings = with_last_pack(settings, scene, path)
         return replace(
-            self.settings,
+            settings,
             show_panels=self.window.show_panels,
             anisotropy=self.view.anisotropy,
             texel_filter=self.view.slot_a.filter,
@@ -274,4 +287,6 @@ class Session:
 
     def dated_file(self, what: str, suffix: str) -> Path:
         """Return a new file in the folder of pictures, named by the scene, `what` and the time."""
-        return numbered_path(self.pictures_folder / f"{self.scene.name}{what}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}")
+        return numbered_path(
+            self.pictures_folder / f"{self.scene.title}{what}-{time.strftime('%Y%m%d-%H%M%S')}{suffix}"
+        )

@@ -31,6 +31,7 @@ LONGEST_TITLE = 64
 LARGEST_WINDOW_SIDE = 16384
 MOST_KEYS = 1000
 MOST_RECENT = 10
+MOST_LAST_PACKS = 100
 LONGEST_PATH = 4096
 LARGEST_FILE = 1 << 20
 """Largest settings file in bytes; a usual one has a few hundred."""
@@ -91,6 +92,8 @@ class ViewerSettings:
         tuple[Annotated[str, Meta(max_length=LONGEST_PATH)], ...], Meta(max_length=MOST_RECENT)
     ] = ()
     """Absolute paths of scenes and packs that were opened, the last one first."""
+    last_packs: Annotated[Mapping[str, str], Meta(max_length=MOST_LAST_PACKS)] = field(default_factory=dict)
+    """Absolute path of the pack that was shown last in each scene, by the absolute path of the scene."""
 
     def __post_init__(self) -> None:
         """Check the anisotropy. Raises ValueError for a value that is not offered."""
@@ -110,6 +113,15 @@ def with_recent(settings: ViewerSettings, path: Path) -> ViewerSettings:
         return settings
     others = (other for other in settings.recent_files if other != name)
     return replace(settings, recent_files=(name, *others)[:MOST_RECENT])
+
+
+def with_last_pack(settings: ViewerSettings, scene: Path, pack: Path) -> ViewerSettings:
+    """Return `settings` with `pack` as the one that was shown last in `scene`."""
+    key, value = str(scene.absolute()), str(pack.absolute())
+    if settings.last_packs.get(key) == value or not (key + value).isprintable() or len(key + value) > LONGEST_PATH:
+        return settings
+    others = [(name, path) for name, path in settings.last_packs.items() if name != key]
+    return replace(settings, last_packs=dict([*others, (key, value)][-MOST_LAST_PACKS:]))
 
 
 def load_settings(folder: Path) -> tuple[ViewerSettings, str | None]:

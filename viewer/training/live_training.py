@@ -188,12 +188,19 @@ class LiveTraining:
         assert scene is not None
         self._keeper.accept(run, scene, path, tuple(packs))
 
+    def choose_run(self, number: int) -> None:
+        """Let a run be the one to accept or discard next. Raises InputError where there is no such run, or it is decided."""
+        if not self.log[number].is_undecided:
+            raise InputError(f"run {number}: is decided already ({self.log[number].fate})")
+        self.log.undecided = number
+
     def discard(self) -> None:
         """Close the undecided run's pack. Raises InputError where no run is undecided."""
         self._require_not_saving()
         run = self.log.undecided_run()
         self.log.change(replace(run, discarded=True))
-        self.log.choose_undecided()
+        # An older run would stand under the mouse: it is decided in the list of runs.
+        self.log.undecided = None
         self._keeper.forget(run.number)
         self._emit(PackClosed(run.name))
 
@@ -383,7 +390,8 @@ class LiveTraining:
             assert path is not None
             name = unused_name(saved.pack.grouping.name, path, names)
             self.log.change(replace(run, pack=saved.pack, saved=path, open_as=name))
-            self.log.choose_undecided()
+            if self.log.undecided == run.number:
+                self.log.undecided = None
             self._emit(PackUpdated(run.name, saved.pack))
             self._emit(PackRenamed(run.name, name))
         if self._keeper.leave(self.log.first_number) and self._scene is not None:

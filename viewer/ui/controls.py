@@ -61,10 +61,12 @@ def command_list(
     *values: object,
     width: float = -1.0,
     refusal: Callable[[str], str] = lambda _choice: "",
+    shown: Callable[[str], str] = str,
 ) -> None:
-    """Draw a drop-down list that runs a command with `values` and the chosen text; `refusal` says why a choice is grey."""
+    """Draw a drop-down list that runs a command with `values` and the chosen text; `refusal` says why a choice is grey, `shown` gives
+    its text in the opened list."""
     imgui.set_next_item_width(width)
-    chosen = combo(label, current, choices, ui.rects, refusal)
+    chosen = combo(label, current, choices, ui.rects, refusal, shown)
     if chosen != current:
         ui.emit(command_id, *values, chosen)
 

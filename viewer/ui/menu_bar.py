@@ -41,7 +41,7 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
         ("compare.swap", "slot.next-source", "slot.next-path"),
         ("compare.difference", "compare.gain"),
         ("compare.toggle-flicker",),
-        ("compare.live", "compare.measure"),
+        ("compare.live", "compare.measure", "compare.copy-figures", "compare.save-figures"),
     ),
     "Inspect": (
         ("pixel.panel", "errors.panel", "histogram.panel"),

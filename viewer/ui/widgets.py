@@ -231,8 +231,10 @@ def combo(
     choices: tuple[str, ...],
     items: WidgetRects,
     refusal: Callable[[str], str] = _allowed,
+    shown: Callable[[str], str] = str,
 ) -> str:
-    """Draw a drop-down list, and return the chosen text. `refusal` says why a choice is grey; that is its tooltip."""
+    """Draw a drop-down list, and return the chosen text. `refusal` says why a choice is grey; that is its tooltip. `shown` gives the
+    text of a choice in the opened list."""
     chosen = current
     opened = imgui.begin_combo(f"##{label}", current)
     items.note(label)
@@ -240,7 +242,7 @@ def combo(
         for choice in choices:
             reason = refusal(choice)
             flags = imgui.SelectableFlags_.disabled if reason else 0
-            if imgui.selectable(choice, choice == current, flags)[0]:
+            if imgui.selectable(f"{shown(choice)}##{choice}", choice == current, flags)[0]:
                 chosen = choice
             items.note(f"{label}: {choice}", f"Not now: {reason}" if reason else "")
         if imgui.is_key_pressed(imgui.Key.escape, repeat=False):

@@ -7,7 +7,7 @@ from viewer.jobs.job import Background
 from viewer.state.session import Session
 from viewer.ui.dock_layout import Place
 from viewer.ui.facts import UiFrame
-from viewer.ui.panels.compare import draw_compare_panel
+from viewer.ui.panels.compare import ComparePanel
 from viewer.ui.panels.divergence import draw_divergence_panel
 from viewer.ui.panels.errors import draw_errors_panel
 from viewer.ui.panels.groups import GroupsPanel
@@ -44,7 +44,7 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
     textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
     training = TrainingPanel()
     return (
-        Panel("Compare", "upper", draw_compare_panel),
+        Panel("Compare", "upper", ComparePanel().draw),
         Panel("Training", "upper", training.draw),
         Panel("Scene", "upper", lambda ui: draw_scene_panel(ui, lists)),
         Panel("Textures", "upper", textures.draw),

@@ -6,6 +6,8 @@ from imgui_bundle import imgui
 
 from ntc.codec.config import PrecisionChoice
 from ntc.metrics.divergence import cut_percent
+from viewer.inspect.measured_figures import figure_rows
+from viewer.state.pack_files import source_label
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
 from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
 from viewer.ui.controls import check_box, command_button, command_list, slider
@@ -119,7 +121,16 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     room = imgui.get_content_region_avail().x - sum(paths) - 2.0 * imgui.get_style().item_spacing.x
     fits = room >= list_width(slot.source) or is_image_source(slot.source)
     width = room if fits else -1.0
-    command_list(ui, f"{letter} source", slot.source, ui.session.sources, "slot.source", side, width=width)
+    command_list(
+        ui,
+        f"{letter} source",
+        slot.source,
+        ui.session.sources,
+        "slot.source",
+        side,
+        width=width,
+        shown=lambda source: source_label(source, ui.session.packs),
+    )
     waits = ui.session.awaited_formats.get(side)
     if waits is not None:
         disabled_beside(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
@@ -205,45 +216,43 @@ def _overlay(ui: UiFrame) -> None:
 
 def _figures(ui: UiFrame) -> None:
     command_button(ui, "Measure", "compare.measure")
-    if not ui.session.inspection.measurements:
-        disabled_beside("PSNR, divergence, memory")
+    inspection = ui.session.inspection
+    if not inspection.measurements:
+        disabled_beside("PSNR, size, memory, time")
         return
-    disabled_beside("in this view" if ui.session.inspection.measured_view == ui.session.view else "in an earlier view")
+    imgui.same_line()
+    command_button(ui, "Copy", "compare.copy-figures", small=True, label="copy figures")
+    imgui.same_line()
+    command_button(ui, "Save", "compare.save-figures", small=True, label="save figures")
+    disabled_beside("in this view" if inspection.measured_view == ui.session.view else "in an earlier view")
     if not imgui.begin_table("figures", 3, imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop):
         return
     for heading in ("", "A", "B"):
         imgui.table_setup_column(heading)
     headings(("##figure", "A", "B"), ui.rects)
-    rows: dict[str, list[str]] = {
-        name: [] for name in ("shows", "PSNR seen dB", "divergence score", "excess", "path", "GPU MB", "decode ms")
-    }
-    for side, slot in ui.session.view.slots.items():
-        figure = ui.session.inspection.measurements.get(side)
-        rows["shows"].append(figure.source if figure else "-")
-        rows["PSNR seen dB"].append(decibels(figure.psnr_db if figure else None))
-        divergence = figure.divergence if figure else None
-        rows["divergence score"].append(f"{divergence.score:.4f}" if divergence else "-")
-        rows["excess"].append(str(divergence.excess) if divergence else "-")
-        rows["path"].append("-" if is_image_source(slot.source) else ui.facts.paths.get(slot, slot.path))
-        rows["GPU MB"].append(f"{figure.gpu_bytes / 1e6:.2f}" if figure and figure.gpu_bytes else "-")
-        rows["decode ms"].append(f"{ui.facts.slot_ms[slot]:.2f}" if slot in ui.facts.slot_ms else "-")
-    rows |= _figures_by_map(ui)
-    for name, values in rows.items():
+    for name, values in figure_rows(inspection.measurements).items():
         imgui.table_next_row()
         named_cells(ui.rects, name, *values)
     imgui.end_table()
 
 
-def _figures_by_map(ui: UiFrame) -> dict[str, list[str]]:
-    """Return rows of the PSNR with one map decoded and all others original: they show which map causes the error."""
-    sides = [ui.session.inspection.measurements.get(side) for side in ui.session.view.slots]
-    found = [dict(figure.psnr_by_map) if figure else {} for figure in sides]
-    names = dict.fromkeys(name for maps in found for name in maps)
-    return {f"{name} alone dB": [decibels(m[name]) if name in m else "-" for m in found] for name in names}
+class ComparePanel:
+    """Panel Compare, which scrolls to new measurements."""
+
+    def __init__(self) -> None:
+        self._seen: object = None
+
+    def draw(self, ui: UiFrame) -> None:
+        """Draw the content of the panel."""
+        _draw_upper_part(ui)
+        _figures(ui)
+        measured = ui.session.inspection.measured_view
+        if measured is not self._seen:
+            self._seen = measured
+            imgui.set_scroll_here_y(1.0)
 
 
-def draw_compare_panel(ui: UiFrame) -> None:
-    """Draw the content of the panel."""
+def _draw_upper_part(ui: UiFrame) -> None:
     _slot("a", ui.session.view.slot_a, ui)
     _slot("b", ui.session.view.slot_b, ui)
     _modes(ui)
@@ -255,4 +264,3 @@ def draw_compare_panel(ui: UiFrame) -> None:
     imgui.separator()
     _overlay(ui)
     imgui.separator()
-    _figures(ui)

@@ -175,7 +175,8 @@ def _report(scene: Scene, ui: UiFrame) -> None:
 def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
     """Draw the content of the panel."""
     scene = ui.session.scene
-    imgui.text_wrapped(scene.path.name if scene.path is not None else scene.name)
+    name = scene.path.name if scene.path is not None else scene.name
+    imgui.text_wrapped(name if scene.title == scene.name else f"{scene.title}/{name}")
     ui.rects.tip(str(scene.path or scene.name))
     used = scene.report.used
     imgui.text_disabled(

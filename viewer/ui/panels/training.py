@@ -2,13 +2,14 @@
 
 import time
 from collections.abc import Sequence
+from pathlib import Path
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from ntc.codec.registry import codec_named
-from viewer.state.pack_files import base_pack_name
+from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
 from viewer.training.preparation import job_title
 from viewer.training.run_log import ActiveRun, Curves, Run, mean_of_psnr
@@ -323,7 +324,9 @@ def _log(ui: UiFrame) -> None:
     shown = {"a": ui.session.view.slot_a.source, "b": ui.session.view.slot_b.source}
     for run in reversed(ui.training.log.runs):
         imgui.table_next_row()
-        cells(str(run.number), run.title)
+        figures = pack_figures(run.pack) if run.pack is not None else None
+        size = f", {figures.bits:.1f} bits, {figures.bytes / 1e6:.2g} MB" if figures is not None else ""
+        cells(str(run.number), f"{run.title}{size}")
         if imgui.is_item_hovered():
             saved = (f"saved to {run.saved}",) if run.saved is not None else ()
             about = (
@@ -343,8 +346,13 @@ def _log(ui: UiFrame) -> None:
                 ui.emit("training.show", run.number, side)
             ui.rects.note(f"run {run.number} into {side.upper()}")
             imgui.end_disabled()
-            if side == "a":
-                imgui.same_line()
+            imgui.same_line()
+        if run.is_undecided:
+            command_button(
+                ui, "Keep", "training.accept", Path(), run.number, label=f"keep run {run.number}", small=True
+            )
+        else:
+            imgui.new_line()
     imgui.end_table()
 
 

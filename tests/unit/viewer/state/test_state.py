@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,15 +11,16 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.capture.pictures import with_color_bar
-from viewer.scene.model import AnimationFacts, Camera, Material, Pose
+from viewer.scene.model import AnimationFacts, Camera, Material, Pose, title_of
 from viewer.state.camera import NEAREST_SHARE, clip_distances
 from viewer.state.event_handlers import apply_event, expire_pointing, point_out
 from viewer.state.events import PackClosed, PackUpdated, RunStarted
 from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turntable, between, chosen_animation
 from viewer.state.navigation import FASTER_STEP, NEAR_SHARE, fly, fly_speed, kept_in_sight
 from viewer.state.open_files import InitialView, new_session
+from viewer.state.pack_files import preferred_source
 from viewer.state.session import Session
-from viewer.state.settings import ViewerSettings
+from viewer.state.settings import ViewerSettings, with_last_pack
 from viewer.state.view_state import (
     LARGEST_ZOOM,
     PALETTES,
@@ -256,3 +258,22 @@ def test_textures_are_pointed_out_for_a_while(session: Session) -> None:
     assert session.shown_view.highlight == ()
     point_out(session, (5,))
     assert session.shown_view.highlight == (), "of another scene"
+
+
+def test_the_pack_that_was_shown_last_is_remembered_and_shown_again(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.gltf"
+    settings = with_last_pack(ViewerSettings(), scene, tmp_path / "scene.single.ntc")
+    settings = with_last_pack(settings, scene, tmp_path / "scene.clustered-2.ntc")
+    assert dict(settings.last_packs) == {str(scene): str(tmp_path / "scene.clustered-2.ntc")}
+    packs = {
+        name: replace(random_pack(), path=tmp_path / file)
+        for name, file in (("clustered", "scene.clustered.ntc"), ("scene.clustered-2", "scene.clustered-2.ntc"))
+    }
+    assert preferred_source(packs) == "clustered"
+    assert preferred_source(packs, settings.last_packs[str(scene)]) == "scene.clustered-2"
+    assert preferred_source(packs, str(tmp_path / "gone.ntc")) == "clustered"
+
+
+def test_a_scene_with_the_name_of_many_is_called_as_its_folder() -> None:
+    assert title_of(Path("/models/helmet/scene.gltf")) == "helmet"
+    assert title_of(Path("/models/helmet/helmet_2k.glb")) == "helmet_2k"
