@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_of_mse
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, ended_pack
 from viewer.scene.model import Scene
@@ -242,7 +243,9 @@ class ActiveRun:
         if progress is None or (progress.share < LEAST_SHARE and self.expected_seconds is not None):
             elapsed = now - self.began if progress is None else progress.elapsed_seconds + now - self.progress_at
             return None if self.expected_seconds is None else max(self.expected_seconds - elapsed, 0.0)
-        return max(progress.seconds_left - (now - self.progress_at), 0.0) if progress.share > 0.0 else None
+        # A codec that trains knows its budget before it has done anything.
+        is_known = progress.share > 0.0 or (self.request is not None and codec_of(self.request.codec).trains)
+        return max(progress.seconds_left - (now - self.progress_at), 0.0) if is_known else None
 
     @property
     def is_showable(self) -> bool:
