@@ -30,6 +30,11 @@ int block_side(LevelRecord level) {
     return BLOCK_SIDE >> code_mip(level);
 }
 
+// The same as a power of two: texels are divided by shifts.
+int block_shift(LevelRecord level) {
+    return (BLOCK_SIDE == 8 ? 3 : 2) - code_mip(level);
+}
+
 // Where the code of a block lies, and how the plane is read from it.
 struct Code {
     int first_word;
@@ -274,9 +279,9 @@ struct Parts {
 };
 
 Parts parts_of(LevelRecord level, Footprint footprint) {
-    int side = block_side(level);
+    int shift = block_shift(level);
     bvec2 adjacent = equal(footprint.second, footprint.first + 1);
-    bvec2 one_block = equal(footprint.first / side, footprint.second / side);
+    bvec2 one_block = equal(footprint.first >> shift, footprint.second >> shift);
     Parts parts;
     parts.together = bvec2(adjacent.x && one_block.x, adjacent.y && one_block.y);
     parts.count.x = parts.together.x || footprint.share.x == 0.0 ? 1 : 2;
@@ -293,11 +298,11 @@ Sum add_part(Sum sum, float share, TextureRecord record, LevelRecord level, Foot
     );
     vec2 near = mix(1.0 - footprint.share, footprint.share, other);
     vec2 far = mix(vec2(0.0), footprint.share, parts.together);
-    int side = block_side(level);
-    ivec2 block = texel / side;
-    ivec2 within = texel - block * side;
+    int shift = block_shift(level);
+    ivec2 block = texel >> shift;
+    ivec2 within = texel - (block << shift);
     vec4 weights = share * vec4(near.x * near.y, far.x * near.y, near.x * far.y, far.x * far.y);
-    Sum own = block_square(code_of(record, level, block), within.y * side + within.x, weights);
+    Sum own = block_square(code_of(record, level, block), (within.y << shift) + within.x, weights);
     return Sum(sum.transform + own.transform, sum.edges + own.edges, sum.mean_weights + own.mean_weights);
 }
 
@@ -334,10 +339,10 @@ vec4 block_value(TextureRecord record, Sum sum) {
 vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wanted) {
     LevelRecord level = levels[record.first_level + int(lod)];
     ivec2 texel = ivec2(place_along(at.x, level.texel_width).part, place_along(at.y, level.texel_height).part);
-    int side = block_side(level);
-    ivec2 block = texel / side;
-    ivec2 within = texel - block * side;
-    return block_value(record, block_texel(code_of(record, level, block), within.y * side + within.x));
+    int shift = block_shift(level);
+    ivec2 block = texel >> shift;
+    ivec2 within = texel - (block << shift);
+    return block_value(record, block_texel(code_of(record, level, block), (within.y << shift) + within.x));
 }
 #else
 // The codec's part of `decode_texture`: `at` is wrapped and in units of 2^-32.

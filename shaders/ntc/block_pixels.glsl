@@ -102,7 +102,7 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
         for (int mip = 0; mip < MIPS_READ * network_blocks; ++mip) {
             MipTexels own = texels_of(mip, record, at, lod, wrap);
             LevelRecord level = levels[own.level];
-            int side = block_side(level);
+            int shift = block_shift(level);
             int first_texel = mip_texel(code_mip(level));
             for (int corner = 0; corner < CORNERS * network_blocks; ++corner) {
                 int tap = CORNERS * mip + corner;
@@ -112,8 +112,8 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
                     ivec2 texel = own.footprint.first;
                     if ((corner & 1) != 0) texel.x = own.footprint.second.x;
                     if ((corner & 2) != 0) texel.y = own.footprint.second.y;
-                    ivec2 block = texel / side;
-                    ivec2 within = texel - block * side;
+                    ivec2 block = texel >> shift;
+                    ivec2 within = texel - (block << shift);
                     uint code = code_number(level, block);
                     if ((left & (1 << tap)) != 0 && code != before) {
                         slot = claimed_slot(code);
@@ -122,7 +122,7 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
                     if ((left & (1 << tap)) != 0 && slot >= 0) {
                         slot_texture[slot] = texture_id;
                         slot_level[slot] = own.level;
-                        int number = first_texel + within.y * side + within.x;
+                        int number = first_texel + (within.y << shift) + within.x;
                         uint bit = 1u << uint(number & 31);
                         uint old = atomicOr(slot_masks[slot * MASKS + (number >> 5)], bit);
                         if ((old & bit) == 0u) owned |= 1 << tap;

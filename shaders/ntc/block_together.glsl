@@ -25,14 +25,14 @@ int shared_word(int word) {
 shared uint slot_code[SLOTS];         // the code's number among all on the GPU
 shared int slot_texture[SLOTS];
 shared int slot_level[SLOTS];         // a mip that is decoded from the code
-shared ivec2 slot_words[SLOTS];       // its first and last word
+shared ivec4 slot_place[SLOTS];       // its first and last word, and the first block of its decoder
 shared uvec4 slot_head[SLOTS];
 shared uint slot_ends[SLOTS];         // of the coefficients of each component, in fours: a byte each
 shared int slot_fours[SLOTS];         // groups of four coefficients
 shared int slot_first[SLOTS];         // of its fours in shared memory
 shared uint four_slots[MOST_FOURS];
-shared float coefficient_values[MOST_COEFFICIENTS];
-shared int coefficient_rows[MOST_COEFFICIENTS];    // word of the tables where the row begins
+shared vec4 coefficient_values[MOST_FOURS];
+shared ivec4 coefficient_rows[MOST_FOURS];    // word of the tables where the row begins
 
 shared int slot_fits[SLOTS];          // 1: it is decoded in this round
 shared uint room_asked;               // by all slots: fours in the lower half, texels in the upper half
@@ -46,10 +46,11 @@ uint code_number(LevelRecord level, ivec2 block) {
 
 Code slot_content(int slot, int mip) {
     Code code;
-    code.first_word = slot_words[slot].x;
-    code.last_word = slot_words[slot].y;
+    ivec4 place = slot_place[slot];
+    code.first_word = place.x;
+    code.last_word = place.y;
     code.mip = mip;
-    code.tables = textures[slot_texture[slot]].decoder * TABLE_BLOCKS;
+    code.tables = place.z;
     code.srgb = float(textures[slot_texture[slot]].srgb != 0);
     code.head = slot_head[slot];
     return code;
@@ -59,7 +60,7 @@ Code slot_content(int slot, int mip) {
 void find_slot(int slot) {
     LevelRecord level = levels[slot_level[slot]];
     Code code = numbered_code(textures[slot_texture[slot]], level, int(slot_code[slot]) - level.first_cell);
-    slot_words[slot] = ivec2(code.first_word, code.last_word);
+    slot_place[slot] = ivec4(code.first_word, code.last_word, code.tables, 0);
     slot_head[slot] = code.head;
     uint ends = uint(shared_word(4 * (code.tables + int(code.head.x) + int(code.head.y))));
     slot_ends[slot] = ends;
@@ -104,15 +105,15 @@ void decode_coefficients(int lane) {
         uint entry = uint(shared_word(list + place));
         uint branches = code_bits(code, int(code.head.z & 65535u) - 3 + place);
         float value = coefficient_of(entry, branches, code_bits(code, int(entry & 1023u)));
-        coefficient_values[number] = entry == 0u ? 0.0 : value;
-        coefficient_rows[number] = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS;
+        coefficient_values[number >> 2][number & 3] = entry == 0u ? 0.0 : value;
+        coefficient_rows[number >> 2][number & 3] = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS;
     }
 }
 
 // By component of the plane, what the coefficients of a slot show at a texel.
 vec4 transformed_texel(int slot, int mip, int texel) {
     int place = texel;
-    int unused = 24;
+    int bits = 8;
 #if CODE_MIPS > 1
     if (mip > 0) {
         int first = MIP_1_WORDS;
@@ -120,25 +121,28 @@ vec4 transformed_texel(int slot, int mip, int texel) {
         first = mip == 1 ? MIP_1_WORDS : (mip == 2 ? MIP_2_WORDS : MIP_3_WORDS);
 #endif
         place = first + 2 * texel;
-        unused = 16;
+        bits = 16;
     }
 #endif
     vec4 sums = vec4(0.0);
     uint ends = slot_ends[slot];
-    int number = 4 * slot_first[slot];
-    int first = number;
+    int four = slot_first[slot];
+    int first = four;
     for (int component = 0; component < 4 * network_blocks; ++component) {
-        int end = first + 4 * int((ends >> uint(8 * component)) & 255u);
+        int end = first + int((ends >> uint(8 * component)) & 255u);
         float sum = 0.0;
-        for (; number < end; number += 4) {
-            for (int one = 0; one < 4; ++one) {
-                int word = shared_word(coefficient_rows[number + one] + place);
-                sum += coefficient_values[number + one] * float(word << unused >> unused);
-            }
+        for (; four < end; ++four) {
+            ivec4 at = coefficient_rows[four] + place;
+            ivec4 words = ivec4(shared_word(at.x), shared_word(at.y), shared_word(at.z), shared_word(at.w));
+            sum += dot(coefficient_values[four], vec4(bitfieldExtract(words, 0, bits)));
         }
         sums += vec4(equal(ivec4(component), ivec4(0, 1, 2, 3))) * sum;
     }
     return sums * uintBitsToFloat(uint(127 - 2 * mip) << 23);
+}
+
+vec4 four_bytes(int word) {
+    return vec4(word << 24 >> 24, word << 16 >> 24, word << 8 >> 24, word >> 24);
 }
 
 // By component of the plane, what the coefficients of a slot show at a texel of mip 0 of the code and at its neighbours on the right,
@@ -146,16 +150,16 @@ vec4 transformed_texel(int slot, int mip, int texel) {
 void transformed_square(int slot, int texel, out vec4 sums[4]) {
     for (int component = 0; component < 4; ++component) sums[component] = vec4(0.0);
     uint ends = slot_ends[slot];
-    int number = 4 * slot_first[slot];
-    int first = number;
+    int four = slot_first[slot];
+    int first = four;
     for (int component = 0; component < 4 * network_blocks; ++component) {
-        int end = first + 4 * int((ends >> uint(8 * component)) & 255u);
+        int end = first + int((ends >> uint(8 * component)) & 255u);
         vec4 sum = vec4(0.0);
-        for (; number < end; number += 4) {
-            for (int one = 0; one < 4; ++one) {
-                int word = shared_word(coefficient_rows[number + one] + texel);
-                sum += coefficient_values[number + one] * vec4(word << 24 >> 24, word << 16 >> 24, word << 8 >> 24, word >> 24);
-            }
+        for (; four < end; ++four) {
+            ivec4 at = coefficient_rows[four] + texel;
+            vec4 values = coefficient_values[four];
+            sum += values.x * four_bytes(shared_word(at.x)) + values.y * four_bytes(shared_word(at.y));
+            sum += values.z * four_bytes(shared_word(at.z)) + values.w * four_bytes(shared_word(at.w));
         }
         for (int other = 0; other < 4; ++other) sums[other] = other == component ? sum : sums[other];
     }

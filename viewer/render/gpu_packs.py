@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
+from ntc.codec.registry import codec_of
 from ntc.pack.match import PackMatch, changed_groups, same_shape
 from viewer.gl.allocation import GpuMemoryError
 from viewer.render.frames import UploadCounts
@@ -381,6 +382,11 @@ class GpuPacks:
         """Return whether an open pack has maps of a plane."""
         config = self._open[source].pack.config
         return plane in plane_channels(config.maps, config.output_channels)
+
+    def shares_decoders(self, source: str) -> bool:
+        """Return whether pixels of one decoder of an open pack share the weights that are fetched."""
+        config = self._open[source].pack.config
+        return codec_of(config).gpu_tables(config).shares_decoders
 
     def on_gpu(self, slot: Slot) -> GpuPack:
         """Return the pack that a slot shows, in its precision; uploaded when first asked for. Raises GpuMemoryError that names it."""

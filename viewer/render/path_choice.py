@@ -107,13 +107,18 @@ class PathChooser:
             return self._effective(slot)
         times = self.times(slot)
         if times is None:
-            times = time_paths(self._slot_ms, view, slot, drawable_paths(self._context))
+            times = time_paths(self._slot_ms, view, slot, self._offered(slot))
             self._scheduler.forget()
             if not times.milliseconds:
                 # None can be drawn: the error of one of them says why.
                 return replace(slot, path="deferred")
             self._times[slot.source, slot.precision, slot.filter] = times
         return self._effective(replace(slot, path=times.fastest))
+
+    def _offered(self, slot: Slot) -> tuple[DecodePath, ...]:
+        """Return the paths among which `auto` chooses: sorting pixels by decoder only serves codecs whose pixels share weights."""
+        paths = drawable_paths(self._context)
+        return paths if self._packs.shares_decoders(slot.source) else tuple(path for path in paths if path != "binned")
 
     def known(self, slot: Slot) -> Slot:
         """Return `slot` with a path in place of `auto`, if its paths have been timed; nothing is timed now."""

@@ -4,13 +4,13 @@
 
 Loops of these programs depend on the codes that neighbouring pixels read. So framebuffer blocks of 8x8 pixels are laid at random
 over the textures of a pack, turned and at a fixed lod. A subgroup runs each loop as often as its lane with the most to do.
-Of branches all sides count. Nothing runs on a GPU: times are estimates.
+Of branches all sides count, but no edge parts: few codes have one. Nothing runs on a GPU: times are estimates.
 """
 
 import argparse
 import sys
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final, cast
@@ -39,7 +39,7 @@ from viewer.render.resources.pack_buffers import codec_programs, scene_programs
 from viewer.render.resources.visibility_buffer import PlaneReading
 
 Array = NDArray[np.int64]
-GROUPS: Final = 100
+GROUPS: Final = 60
 """Framebuffer blocks, and tiles, over which trip counts are averaged."""
 LODS: Final = (-2.0, 0.5, 2.5)
 STOCHASTIC_LOD: Final = 0.5
@@ -70,10 +70,25 @@ class PackCodes:
         return tuple(own for own in found if min(own.width, own.height) >= TILE_SIDE)
 
     @cached_property
-    def heads(self) -> NDArray[np.uint32]:
-        """[decoders, sizes * modes, planes, 4]: heads of the shader's tables."""
-        parts = [self._tables.head_data(cast(BlockDecoder, own)) for own in self.pack.decoders]
-        return np.stack(parts).reshape(len(parts), -1, len(self.config.planes), 4)
+    def work(self) -> tuple[Array, Array, Array]:
+        """Fours of the list, fours by component, and bits of the edge part of each code.
+
+        [decoders, sizes * modes, planes], the second with [4] more.
+        """
+        lists, fours, edges = [], [], []
+        for decoder in self.pack.decoders:
+            heads, blocks = self._tables.heads_and_lists(cast(BlockDecoder, decoder))
+            words = heads.astype(np.int64)
+            lists.append(words[:, 1])
+            edges.append(words[:, 3] & 3)
+            ends = blocks[words[:, 0] + words[:, 1] - len(heads), :1] >> (8 * np.arange(4)) & 255
+            fours.append(np.diff(ends.astype(np.int64), axis=1, prepend=0))
+        shape = (len(lists), -1, len(self.config.planes))
+        return (
+            np.stack(lists).reshape(shape),
+            np.stack(fours).reshape(*shape, 4),
+            np.stack(edges).reshape(shape),
+        )
 
     def levels(self, texture: BlockTexture) -> tuple[LatentLevel, ...]:
         """Levels of a texture."""
@@ -90,27 +105,19 @@ class PackCodes:
 
 
 @dataclass(frozen=True)
-class Part:
-    """Blocks that the lanes of a framebuffer block read in one step: [64] each; NOTHING for lanes that read none."""
-
-    level: Array
-    block: Array
-    mip: Array
-    entries: Array
-    """Words of the list of the plane, in fours."""
-    edge: Array
-    """1 where the code has an edge part in the plane."""
-
-
-@dataclass(frozen=True)
 class PixelGroup:
     """A framebuffer block over one texture, as one plane of it is decoded."""
 
-    parts: tuple[Part, ...]
-    taps: Array
-    """[pixels, taps, 3] level, block and texel of the block; NOTHING where there is no tap."""
-    entries_of: dict[tuple[int, int], int]
-    """Fours of the list by level and block."""
+    lists: Array
+    """[parts, pixels] fours of the list of the code that a pixel reads in each step; NOTHING where it reads none."""
+    fours: Array
+    """[texels, 4] fours by component of the code of each texel that is read, texels of a code one after the other."""
+    coefficients: int
+    """Coefficients of all codes that are read."""
+    most_fours: int
+    """Fours of the largest of them."""
+    edge_share: float
+    """Share of the codes that have an edge part."""
 
 
 def _axis(place: NDArray[np.float64], size: int) -> tuple[Array, Array]:
@@ -149,22 +156,23 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
                 taps[lane, 4 * place + tap] = number, block, row % side * side + column % side
                 if (number, block) not in lanes[lane]:
                     lanes[lane].append((number, block))
-    heads = codes.heads[texture.group]
-    found = []
-    for number in range(max(map(len, lanes))):
-        own = [lane[number] if number < len(lane) else (NOTHING, NOTHING) for lane in lanes]
-        level_numbers, blocks = np.array(own, np.int64).T
-        kinds = [codes.kinds(texture, level)[block] if level >= 0 else NOTHING for level, block in own]
-        is_there = level_numbers >= 0
-        head = heads[np.maximum(kinds, 0), plane].astype(np.int64)
-        mips = np.array([levels[level].mip_of_cell for level in level_numbers])
-        entries, edges = np.where(is_there, head[:, 1], 0), np.where(is_there, (head[:, 3] & 3) > 0, 0)
-        found.append(Part(level_numbers, blocks, mips, entries, edges))
-    used = {(int(level), int(block)) for level, block, _ in taps.reshape(-1, 3) if level >= 0}
-    entries_of = {
-        (level, block): int(heads[codes.kinds(texture, level)[block], plane, 1]) for level, block in sorted(used)
-    }
-    return PixelGroup(tuple(found), taps, entries_of)
+    lists, fours, edges = (own[texture.group, :, plane] for own in codes.work)
+    most = max(map(len, lanes))
+    steps = np.full((most, len(lanes)), NOTHING)
+    for lane, read_codes in enumerate(lanes):
+        steps[: len(read_codes), lane] = [lists[codes.kinds(texture, level)[block]] for level, block in read_codes]
+    used = np.unique(taps[taps[..., 0] >= 0], axis=0)
+    kinds = np.array([codes.kinds(texture, level)[block] for level, block, _ in used])
+    # Mips of the same code are decoded together.
+    own_levels = [levels[level].first_cell for level, _, _ in used]
+    _, first = np.unique(np.stack([own_levels, used[:, 1]], axis=-1), axis=0, return_index=True)
+    return PixelGroup(
+        steps,
+        fours[kinds],
+        4 * int(fours[kinds[first]].sum()),
+        int(fours[kinds].sum(axis=1).max()),
+        float((edges[kinds[first]] > 0).mean()),
+    )
 
 
 def _longest(values: Array, lanes: int) -> float:
@@ -172,95 +180,108 @@ def _longest(values: Array, lanes: int) -> float:
     return float(values.reshape(-1, lanes).max(axis=1).mean())
 
 
-def each_part_alone(group: PixelGroup, lanes: int, shares: int) -> list[float]:
-    """How often the loops of one footprint run: over a list, and over the texels of `shares` edge parts."""
-    entries = sum(_longest(part.entries, lanes) for part in group.parts)
-    rows = sum(_longest(part.edge << part.mip, lanes) for part in group.parts)
-    texels = sum(_longest(part.edge << (2 * part.mip), lanes) for part in group.parts)
-    return [entries, *[rows, texels] * shares]
+def alone_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
+    """How often each loop runs where a pixel decodes for itself: over parts of its footprint, and over the list of each."""
+    parts = sum(_longest((own >= 0).astype(np.int64), lanes) for own in group.lists)
+    lists = sum(_longest(np.maximum(own, 0), lanes) for own in group.lists)
+    return [lists] if is_single else [parts, lists]
 
 
-def exact_trips(group: PixelGroup, lanes: int) -> list[float]:
-    """How often each loop of a program that filters exactly runs: over parts, and those of a part."""
-    parts = sum(_longest((part.level >= 0).astype(np.int64), lanes) for part in group.parts)
-    return [parts, *each_part_alone(group, lanes, 4)]
-
-
-def tile_entries(codes: PackCodes, plane: int, random: np.random.Generator) -> tuple[Array, Array]:
-    """Fours of the lists of a random tile of mip 0: [blocks inside], [blocks along its border]."""
-    texture = codes.textures[random.integers(len(codes.textures))]
-    level, side = codes.levels(texture)[0], codes.config.block_side
-    across = TILE_SIDE // side
-    corner = [random.integers(0, size // TILE_SIDE) * across for size in (texture.width, texture.height)]
-    kinds = codes.kinds(texture, 0).reshape(level.height, level.width)
-    rows, columns = (np.arange(-1, across + 1) + corner[axis] for axis in (1, 0))
-    page = codes.heads[texture.group][kinds[np.ix_(rows % level.height, columns % level.width)], plane, 1]
-    page = page.astype(np.int64)
-    border = np.concatenate([page[0], page[-1], page[1:-1, 0], page[1:-1, -1]])
-    return page[1:-1, 1:-1].reshape(-1), border
-
-
-SLOTS: Final = 32
-"""Codes that a work group decodes at once (shaders/ntc/block_together.glsl)."""
+def _in_rounds(fours: Array, lanes: int, group: int) -> tuple[float, float]:
+    """Rounds of a work group over texels with `fours` [texels, 4], and runs of their loop over fours, as means over its subgroups."""
+    rounds = -(-len(fours) // group)
+    padded = np.full((rounds * group, 4), NOTHING)
+    padded[: len(fours)] = fours
+    subgroups = padded.reshape(-1, lanes, 4).max(axis=1)
+    share = lanes / group
+    return float((subgroups[:, 0] >= 0).sum() * share), float(np.maximum(subgroups, 0).sum() * share)
 
 
 def together_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
-    """How often each loop runs where a work group decodes the codes of its pixels together; shared memory holds all of them."""
-    used = np.unique(group.taps.reshape(-1, 3), axis=0)
-    used = used[used[:, 0] >= 0]
-    fours = np.array([group.entries_of[int(level), int(block)] for level, block, _ in used])
-    codes = {(int(own) // 2, int(block)): group.entries_of[int(own), int(block)] for own, block, _ in used}
-    coefficients = -(-4 * sum(codes.values()) // TOGETHER)
-    # Half of the lanes find a code each; of subgroups of 8 lanes, half do.
-    finders = min(SLOTS, TOGETHER) / TOGETHER if lanes < TOGETHER else 1.0
-    padded = np.zeros(-(-len(fours) // TOGETHER) * TOGETHER, np.int64)
-    padded[: len(fours)] = fours
-    rounds = _longest((padded > 0).astype(np.int64), lanes) * len(padded) / TOGETHER
-    inner = _longest(padded, lanes) * len(padded) / TOGETHER
+    """How often each loop runs where a work group decodes the codes of its pixels together, in one round."""
     mips, taps = (1, 1) if is_single else (2, 8)
-    finding = finders * max(codes.values())
-    edges = 0.0
-    components = 4.0 * rounds
-    return [
-        1.0,
-        mips,
-        taps,
-        1.5 * taps,
-        finding,
-        taps,
-        coefficients,
-        rounds,
-        components,
-        inner,
-        edges,
-        edges,
-        mips,
-        taps,
-    ]
+    # A lane finds a code; half of the lanes do. Most places in the hash table are free at once.
+    finding = group.most_fours * (1.0 if lanes == TOGETHER else 0.5)
+    coefficients = -(-group.coefficients // TOGETHER)
+    rounds, inner = _in_rounds(group.fours, lanes, TOGETHER)
+    return [1, mips, taps, PROBES * taps, finding, taps, coefficients, rounds, 4 * rounds, inner, mips, taps]
 
 
+@dataclass(frozen=True)
+class Tile:
+    """A tile of mip 0 of one plane of a texture."""
+
+    inside: Array
+    """[blocks] kinds of codes inside its border, row by row."""
+    page: Array
+    """[rows, columns] kinds of codes, those along the border with them."""
+    lists: Array
+    fours: Array
+    """[kinds, 4] fours by component; of `lists` [kinds] in the order of the list."""
+    edges: Array
+    """[kinds] bits of the edge part."""
+
+
+def random_tile(codes: PackCodes, plane: int, random: np.random.Generator) -> Tile:
+    """A tile at a random place, under `repeat`."""
+    texture = codes.textures[random.integers(len(codes.textures))]
+    level, across = codes.levels(texture)[0], TILE_SIDE // codes.config.block_side
+    corner = [random.integers(0, size // TILE_SIDE) * across for size in (texture.width, texture.height)]
+    kinds = codes.kinds(texture, 0).reshape(level.height, level.width)
+    rows, columns = (np.arange(-1, across + 1) + corner[axis] for axis in (1, 0))
+    page = kinds[np.ix_(rows % level.height, columns % level.width)]
+    lists, fours, edges = (own[texture.group, :, plane] for own in codes.work)
+    return Tile(page[1:-1, 1:-1].reshape(-1), page, lists, fours, edges)
+
+
+def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
+    """Vector instructions a texel where invocations decode four texels each, and read all coefficients for them."""
+
+    def of(entries: float) -> float:
+        # First the loops for mips that are not there, last those at the texture's edges.
+        return code.weighted([0.0, 0.0, 0.0, entries, 0.0, 0.0])
+
+    inside_lanes, border_lanes = TILE_SIDE * TILE_SIDE // 4, TILE_SIDE * TILE_BORDER + 4
+    each = np.repeat(tile.lists[tile.inside], inside_lanes // tile.inside.size)
+    groups = -(-border_lanes // BIN_GROUP) * BIN_GROUP
+    border = np.concatenate([tile.page[0], tile.page[-1], tile.page[:, 0], tile.page[:, -1]])
+    whole = inside_lanes * of(_longest(each, lanes)) + groups * of(float(tile.lists[border].max()))
+    return whole / PAGE_TEXELS
+
+
+def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
+    """Vector instructions a texel where a work group decodes a quarter of a tile; texels of codes side by side."""
+    half = (tile.page.shape[0] - 2) // 2
+    found = []
+    for y, x in ((0, 0), (0, half + 1), (half + 1, 0), (half + 1, half + 1)):
+        page = tile.page[y : y + half + 1, x : x + half + 1]
+        top, left = 1 - y // (half + 1), 1 - x // (half + 1)
+        inside = page[top : top + half, left : left + half]
+        fours = tile.fours[page.reshape(-1)]
+        coefficients = -(-4 * int(fours.sum()) // TOGETHER)
+        squares = np.repeat(tile.fours[inside.reshape(-1)], TOGETHER // inside.size, axis=0)
+        _, inner = _in_rounds(squares, lanes, TOGETHER)
+        side = QUARTER_SIDE // half
+        border = np.concatenate([page[:, 0 if left else -1], page[0 if top else -1]])
+        rounds, single = _in_rounds(
+            np.repeat(tile.fours[border], side, axis=0)[: 2 * QUARTER_SIDE + 2], lanes, TOGETHER
+        )
+        finding = fours.sum(axis=1).max() * (1.0 if lanes == TOGETHER else 0.5)
+        found.append(code.weighted([1, 1, finding, coefficients, 4, inner, 4, rounds, 4 * rounds, single]))
+    return float(np.sum(found)) * TOGETHER / PAGE_TEXELS
+
+
+QUARTER_SIDE: Final = TILE_SIDE // 2
+PROBES: Final = 1.5
+"""Places of the hash table that a subgroup looks at for a code, estimated."""
 PAGE_TEXELS: Final = PAGE_SIDE * PAGE_SIDE
+EDGE_PART: Final = ("uint width = code.head.w & 3u;", "uint width = 0u;")
+"""What decides whether a code has an edge part, and what says that none has. Edge parts are few: they are counted without."""
 
 
 def instructions(code: MachineCode, trips: Sequence[Sequence[float]]) -> float:
     """Vector instructions of a lane: a mean over `trips`, each with the times that every loop runs."""
     return code.weighted(np.mean(np.array(trips, np.float64), axis=0).tolist())
-
-
-def tile_instructions(code: MachineCode, tiles: Sequence[tuple[Array, Array]], lanes: int) -> float:
-    """Vector instructions a texel of a tile that invocations decode four texels at a time, each reading all coefficients."""
-
-    def of(entries: float) -> float:
-        # First the loops for mips that are not there, last those for the texture's edges.
-        return code.weighted([0.0] * 11 + [entries] + [0.0] * 12)
-
-    inside_lanes, border_lanes = TILE_SIDE * TILE_SIDE // 4, TILE_SIDE * TILE_BORDER + 4
-    found = []
-    for inside, border in tiles:
-        each = np.repeat(inside, inside_lanes // len(inside))
-        groups = -(-border_lanes // BIN_GROUP) * BIN_GROUP
-        found.append(inside_lanes * of(_longest(each, lanes)) + groups * of(float(border.max())))
-    return float(np.mean(found)) / PAGE_TEXELS
 
 
 @dataclass(frozen=True)
@@ -270,60 +291,63 @@ class CountedProgram:
     path: str
     plane: Plane
     lod: float
+    together: int
+    """As in DecoderVariant."""
     program: AssembledProgram
 
 
-def counted_programs(context: GraphicsContext, codes: PackCodes) -> tuple[CountedProgram, ...]:
+def counted_programs(context: GraphicsContext, codes: PackCodes, together: int) -> tuple[CountedProgram, ...]:
     """The programs of a GPU for each plane of a pack. Nothing is drawn."""
     recorder, found = ProgramRecorder(), list[CountedProgram]()
     planes = tuple(plane_channels(codes.config.maps, codes.config.output_channels))
     with recorder.recording():
-        programs = codec_programs(scene_programs(gpu_of(context)), codes.pack, GPU)
+        programs = codec_programs(scene_programs(gpu_of(context)), codes.pack, replace(GPU, together=together))
 
         def made(name: str, plane: Plane, stochastic: bool) -> AssembledProgram:
             defines = {**PlaneReading(plane).defines(), "FILTER_STOCHASTIC": int(stochastic)}
             before = set(recorder.found)
             programs.compute(f"passes/{name}.comp", {**defines, "WEIGHTS_IN_IMAGE": 0, "DECODER_PLACE": 1})
             (key,) = set(recorder.found) - before
-            return recorder.found[key]
+            own = recorder.found[key]
+            return replace(own, texts=tuple(text.replace(*EDGE_PART) for text in own.texts))
 
         for plane in planes:
             exact = made("decode_deferred/decode", plane, False)
-            found += [CountedProgram("deferred", plane, lod, exact) for lod in LODS]
+            found += [CountedProgram("deferred", plane, lod, together, exact) for lod in LODS]
             stochastic = made("decode_deferred/decode", plane, True)
-            found.append(CountedProgram("deferred, stochastic", plane, STOCHASTIC_LOD, stochastic))
-            found.append(
-                CountedProgram("cached, a texel of a tile", plane, 0.0, made("decode_cached/decode", plane, False))
-            )
+            found.append(CountedProgram("deferred, stochastic", plane, STOCHASTIC_LOD, together, stochastic))
+            tile = made(f"decode_cached/decode{'_together' if together else ''}", plane, False)
+            found.append(CountedProgram("cached, a texel of a tile", plane, 0.0, together, tile))
     return tuple(found)
 
 
 def counted(found: CountedProgram, told: dict[str, Any], codes: PackCodes, seed: int = 0) -> float:
     """Vector instructions of a program for a pixel, or for a texel of a tile."""
     random = np.random.default_rng(seed)
-    code, lanes = MachineCode.parsed(told["assembly"]), min(int(told["subgroup"]), GROUP_SIDE * GROUP_SIDE)
+    code, lanes = MachineCode.parsed(told["assembly"]), min(int(told["subgroup"]), TOGETHER)
     plane = list(plane_channels(codes.config.maps, codes.config.output_channels)).index(found.plane)
     if found.path.startswith("cached"):
-        return tile_instructions(code, [tile_entries(codes, plane, random) for _ in range(GROUPS)], lanes)
-    is_single = found.path.endswith("stochastic")
+        of_tile = tile_together if found.together else tile_alone
+        return float(np.mean([of_tile(code, random_tile(codes, plane, random), lanes) for _ in range(GROUPS)]))
+    is_single, trips = found.path.endswith("stochastic"), together_trips if found.together else alone_trips
     groups = [pixel_group(codes, plane, found.lod, is_single, random) for _ in range(GROUPS)]
-    if len(code.loops) == 14:
-        return instructions(code, [together_trips(group, lanes, is_single) for group in groups])
-    if is_single:
-        return instructions(code, [each_part_alone(group, lanes, 1) for group in groups])
-    return instructions(code, [exact_trips(group, lanes) for group in groups])
+    return instructions(code, [trips(group, lanes, is_single) for group in groups])
 
 
-def rows(gpu: str, name: str, codes: PackCodes, context: GraphicsContext) -> Iterator[dict[str, Any]]:
+def rows(
+    gpu: str, name: str, codes: PackCodes, context: GraphicsContext, together: int = 1
+) -> Iterator[dict[str, Any]]:
     """Rows of the table: each path and lod, all planes added up. Raises InputError where a compiler is missing."""
-    programs = counted_programs(context, codes)
-    told = compiled(find_compiler(gpu), [own.program for own in programs])
+    programs = counted_programs(context, codes, together)
+    distinct = list(dict.fromkeys(own.program.texts for own in programs))
+    first = [next(own.program for own in programs if own.program.texts == texts) for texts in distinct]
+    told = dict(zip(distinct, compiled(find_compiler(gpu), first), strict=True))
     totals: dict[tuple[str, float], dict[Plane, float]] = {}
-    for own, answer in zip(programs, told, strict=True):
-        totals.setdefault((own.path, own.lod), {})[own.plane] = counted(own, answer, codes)
+    for own in programs:
+        totals.setdefault((own.path, own.lod), {})[own.plane] = counted(own, told[own.program.texts], codes)
     for (path, lod), planes in totals.items():
         total = sum(planes.values())
-        row: dict[str, Any] = {"gpu": gpu, "pack": name, "path": path, "lod": lod}
+        row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod}
         row |= {"base": round(planes["base"]), "all planes": round(total)}
         is_frame = gpu == "navi32" and not path.startswith("cached")
         for size, pixels in PIXELS.items():
@@ -337,6 +361,9 @@ def main() -> int:
     parser.add_argument("packs", nargs="+", type=Path, metavar="PACK")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--gpu", action="append", choices=tuple(GPUS), help="may be given again; default all")
+    parser.add_argument(
+        "--together", action="append", type=int, choices=(0, 1), help="as in --decoder-variant; default both"
+    )
     options = parser.parse_args()
     context = create_headless_context()
     try:
@@ -344,7 +371,8 @@ def main() -> int:
             row
             for path in options.packs
             for gpu in options.gpu or GPUS
-            for row in rows(gpu, path.stem, PackCodes(read_pack(path)), context)
+            for together in options.together or (0, 1)
+            for row in rows(gpu, path.stem, PackCodes(read_pack(path)), context, together)
         ]
     except InputError as error:
         print(error, file=sys.stderr)

@@ -118,8 +118,8 @@ class BlockTables(GpuTables):
             parts.append(np.pad(flat, ((0, 0), (0, length - flat.shape[1]))))
         return np.concatenate(parts, axis=1).astype(np.uint32)
 
-    def _heads_and_lists(self, decoder: BlockDecoder) -> tuple[Words, Words]:
-        """([blocks, 4], [blocks, 4])."""
+    def heads_and_lists(self, decoder: BlockDecoder) -> tuple[Words, Words]:
+        """Return the heads of [sizes of codes * modes, planes], and the lists with their orders: [blocks, 4] each."""
         config = self._config
         sizes, modes = np.divmod(np.arange(len(config.block_words) * config.modes), config.modes)
         places = bit_places(modes, sizes, decoder, config)
@@ -157,10 +157,6 @@ class BlockTables(GpuTables):
                 first += blocks + len(order)
         return heads.reshape(-1, 4), np.concatenate([np.zeros((0, 4), np.uint32), *lists])
 
-    def head_data(self, decoder: BlockDecoder) -> Words:
-        """Return [sizes of codes * modes * planes, 4]: the heads of a decoder."""
-        return self._heads_and_lists(decoder)[0]
-
     def _places_of_channels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """([channels] component, [channels] number of the plane)."""
         component = np.zeros(self._config.output_channels, np.int64)
@@ -172,7 +168,7 @@ class BlockTables(GpuTables):
 
     def decoder_data(self, decoder: Decoder) -> bytes:
         own = cast(BlockDecoder, decoder)
-        heads, lists = self._heads_and_lists(own)
+        heads, lists = self.heads_and_lists(own)
         filled = np.pad(lists, ((0, self.lists - len(lists)), (0, 0)))
         rows = self._rows(own).reshape(-1, AT_ONCE)
         return np.concatenate([heads, filled, rows]).astype("<u4").tobytes()

@@ -28,13 +28,14 @@ struct Quarter {
     ivec2 size;      // of the mip
     ivec2 wrap;
     int side;        // of a block
+    int shift;       // the same as a power of two
     int inside;      // runs inside
 };
 
 bvec2 cuts_block(Quarter quarter) {
     bvec2 begins = greaterThan(quarter.size, quarter.first);
     bvec2 ends = lessThan(quarter.size, quarter.first + QUARTER_SIDE);
-    ivec2 rest = quarter.size % quarter.side;
+    ivec2 rest = quarter.size & (quarter.side - 1);
     return bvec2(begins.x && ends.x && rest.x != 0, begins.y && ends.y && rest.y != 0);
 }
 
@@ -49,16 +50,16 @@ int run_texel(int run, int inside, int side, int first, int border, int size) {
     return run < inside ? first + run * side : (run == inside ? border : size);
 }
 
-int run_of(int texel, int inside, int side, int first, int border, bool cuts, int size) {
+int run_of(int texel, int inside, int shift, int first, int border, bool cuts, int size) {
     if (texel == border) return inside;
-    return cuts && texel == size ? inside + 1 : (texel - first) / side;
+    return cuts && texel == size ? inside + 1 : (texel - first) >> shift;
 }
 
 // The slot of a texel that is read, before those of earlier rounds are taken off.
 int slot_of(Quarter quarter, ivec2 texel) {
     bvec2 cuts = cuts_block(quarter);
-    int x = run_of(texel.x, quarter.inside, quarter.side, quarter.first.x, quarter.border.x, cuts.x, quarter.size.x);
-    int y = run_of(texel.y, quarter.inside, quarter.side, quarter.first.y, quarter.border.y, cuts.y, quarter.size.y);
+    int x = run_of(texel.x, quarter.inside, quarter.shift, quarter.first.x, quarter.border.x, cuts.x, quarter.size.x);
+    int y = run_of(texel.y, quarter.inside, quarter.shift, quarter.first.y, quarter.border.y, cuts.y, quarter.size.y);
     return y * (quarter.inside + 2) + x;
 }
 
@@ -75,7 +76,7 @@ bool fill_slot(int slot, Quarter quarter, int number, LevelRecord level, TileRec
     if (any(unused) || any(greaterThan(texel, quarter.size))) return false;
     slot_texture[slot] = tile.texture_id;
     slot_level[slot] = textures[tile.texture_id].first_level + tile.level;
-    slot_code[slot] = code_number(level, wrapped_in(quarter, texel) / quarter.side);
+    slot_code[slot] = code_number(level, wrapped_in(quarter, texel) >> quarter.shift);
     return true;
 }
 
@@ -118,7 +119,8 @@ void main() {
     quarter.size = ivec2(level.texel_width, level.texel_height);
     quarter.wrap = ivec2(tile.wrap_u, tile.wrap_v);
     quarter.side = block_side(level);
-    quarter.inside = QUARTER_SIDE / quarter.side;
+    quarter.shift = block_shift(level);
+    quarter.inside = QUARTER_SIDE >> quarter.shift;
     int mip = code_mip(level);
     int slots = (quarter.inside + 2) * (quarter.inside + 2);
     // Nothing of it is read.
@@ -142,8 +144,8 @@ void main() {
                 int slot = slot_of(quarter, texel) - before;
                 bool own = !at_edge && all(lessThanEqual(texel, quarter.size)) && slot >= 0 && slot < SLOTS;
                 if (own && slot_fits[max(slot, 0)] != 0) {
-                    ivec2 within = wrapped_in(quarter, texel) % quarter.side;
-                    int number = within.y * quarter.side + within.x;
+                    ivec2 within = wrapped_in(quarter, texel) & (quarter.side - 1);
+                    int number = (within.y << quarter.shift) + within.x;
                     vec4 sums[4];
                     transformed_square(slot, number, sums);
                     for (int one = 0; one < 4 * network_blocks; ++one) {
@@ -161,8 +163,8 @@ void main() {
                 if (any(greaterThan(texel, quarter.size))) continue;
                 int slot = slot_of(quarter, texel) - before;
                 if (slot < 0 || slot >= SLOTS || slot_fits[slot] == 0) continue;
-                ivec2 within = wrapped_in(quarter, texel) % quarter.side;
-                store(tile, texel, decoded_texel(slot, mip, within.y * quarter.side + within.x));
+                ivec2 within = wrapped_in(quarter, texel) & (quarter.side - 1);
+                store(tile, texel, decoded_texel(slot, mip, (within.y << quarter.shift) + within.x));
             }
             barrier();
             again = waiting;

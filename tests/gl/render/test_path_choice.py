@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
+from lab.bench.random_pack import random_block_pack, random_pack
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
@@ -60,6 +60,19 @@ def test_turning_keeps_place_distance_and_height(degrees: float) -> None:
     assert after[1] == pytest.approx(before[1])
     flat = [math.atan2(v[2], v[0]) for v in (before, after)]
     assert (math.degrees(flat[0] - flat[1]) - degrees) % 360.0 == pytest.approx(0.0, abs=1e-9)
+
+
+def test_pixels_are_not_sorted_where_they_share_no_weights(graphics: GraphicsContext) -> None:
+    scene = objects()
+    renderer = Renderer(graphics, scene)
+    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
+    renderer.set_packs({"p": random_block_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures])})
+    renderer.render(VIEW)
+    times = renderer.paths.times(SLOT)
+    assert times is not None
+    assert "binned" not in times.milliseconds
+    assert "forward" in times.milliseconds
+    renderer.release()
 
 
 def test_a_frame_is_drawn_by_the_path_that_was_chosen(graphics: GraphicsContext) -> None:

@@ -398,7 +398,7 @@ VALUES: Final = {
     "auto": "The program measures and chooses.",
     "forward": "Decode in the material shader while surfaces are drawn, for every shaded pixel.",
     "deferred": "Find the visible surfaces first, then decode once for each pixel.",
-    "binned": "Find the visible surfaces first, sort pixels by their decoder, then decode.",
+    "binned": "Find the visible surfaces first, sort pixels by their decoder, then decode. Codec block gains nothing by it.",
     "cached": "Decode tiles of textures once and keep them; the graphics hardware filters them. Fast while the view changes little.",
     # Precision
     "fp32": "32-bit numbers: exact.",
