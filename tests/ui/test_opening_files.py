@@ -15,7 +15,7 @@ from ntc.pack.file import read_pack, write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import hide_panels, write_scene
-from viewer.commands import run_or_notify
+from viewer.commands import run, run_or_notify
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -344,3 +344,30 @@ def test_what_cannot_be_read_leaves_all_as_it_was(app: DrivenApp, tmp_path: Path
     app.settle()
     assert app.session.scene is before
     assert app.session.window.log[-1].kind == "error"
+
+
+@pytest.mark.process
+def test_a_scene_is_exported_beside_the_frames(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "exported"
+    app.run("file.export", "gltf", folder)
+    app.frame()
+    assert app.widgets.explanation("work").startswith("exporting clustered as gltf")
+    with pytest.raises(InputError, match="another export is under way"):
+        run(app.context, "file.export", "page")
+    app.until(lambda: not app.effects.exporting.is_under_way)
+    assert (folder / "scene.gltf").is_file()
+    entry = app.session.window.log[-1]
+    assert entry.text == f"exported into {folder}"
+    assert "wrote" in entry.details
+    app.run("file.export", "gltf-ktx2", folder)
+    app.frame()
+    app.click("cancel work")
+    app.until(lambda: not app.effects.exporting.is_under_way)
+    assert "was cancelled" in app.session.window.log[-1].text
+
+
+def test_the_palette_says_that_nothing_was_found(app: DrivenApp) -> None:
+    app.run("help.palette")
+    app.settle()
+    app.type("xyzzy")
+    assert "nothing found" in app.widgets.labels()

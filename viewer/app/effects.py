@@ -9,14 +9,17 @@ import moderngl
 
 from ntc.errors import InputError
 from ntc.io import numbered_path, write_text
+from viewer.app.exporting import Exporting
 from viewer.app.work_under_way import seconds_left
 from viewer.capture.film import Film, read_pixels
 from viewer.commands import run
 from viewer.commands.command import Context
 from viewer.commands.effects import (
+    CancelExport,
     CancelOpening,
     CloseWindow,
     Effect,
+    Export,
     Measure,
     OpenScene,
     RaisePanel,
@@ -151,6 +154,7 @@ class Effects:
     def __init__(self, context: Context) -> None:
         self._session, self._context = context.session, context
         self.opening = Opening(context)
+        self.exporting = Exporting(context.session)
         self.is_closing = False
         """True where the window is to be closed."""
         self._waiting: tuple[Effect, ...] = ()
@@ -162,12 +166,14 @@ class Effects:
         match effect:
             case OpenScene() | ReadVariant():
                 self.opening.add(effect)
+            case Export():
+                self.exporting.begin(effect)
             case RunCommand() if effect.announced:
                 self.opening.add(effect)
             case RunCommand():
                 run(self._context, effect.command_id, *effect.values)
-            case CancelOpening():
-                self.opening.cancel()
+            case CancelOpening() | CancelExport():
+                (self.opening if isinstance(effect, CancelOpening) else self.exporting).cancel()
             case WriteText():
                 write_text(effect.path, effect.text)
                 notify(self._session, effect.message)
@@ -188,7 +194,8 @@ class Effects:
     def reasons(self) -> tuple[str, ...]:
         """Reasons for the next frame, as lines."""
         opened = ("a file is opened",) if self.opening.is_due else ()
-        return (*dict.fromkeys(REASONS[type(effect)] for effect in self._waiting), *opened)
+        exported = ("an export has ended",) if self.exporting.is_due else ()
+        return (*dict.fromkeys(REASONS[type(effect)] for effect in self._waiting), *opened, *exported)
 
     @property
     def need_whole_picture(self) -> bool:
@@ -243,3 +250,4 @@ class Effects:
         """End all effects: a film is written, a scene is not opened."""
         self._end_film()
         self.opening.cancel()
+        self.exporting.close()

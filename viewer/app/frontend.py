@@ -103,7 +103,14 @@ class Frontend:
         first = (Work(FIRST_PICTURE),) if self.picture.last is None else ()
         beside = self._work.read(self.session, encoding, self.live.is_computing, to_come)
         measuring = (Work("measuring A and B"),) if self._measuring is not None else ()
-        work = (*first, *measuring, *self._effects.opening.work, *training_work(self._context.training), *beside)
+        work = (
+            *first,
+            *measuring,
+            *self._effects.opening.work,
+            *training_work(self._context.training),
+            *self._effects.exporting.work,
+            *beside,
+        )
         # Figures of an incomplete picture would be wrong.
         live = LiveFigures(problem=to_come[0].line) if to_come else self.live.figures
         found = self.reader.read(live, self._is_training, encoding)
@@ -117,6 +124,7 @@ class Frontend:
         session, room = self.session, self._picture_size(size)
         self._because = self.reasons(size)
         self._effects.opening.advance()
+        self._effects.exporting.advance()
         self._times.begin()
         self._news, self._built_at = False, time.monotonic()
         self._tick_training()
@@ -239,7 +247,7 @@ class Frontend:
         """Yield the work whose end changes the window."""
         session, last_view = self.session, self.picture.last_view
         work = self._work.read(session, self._formats.progress, self.live.is_computing, to_come=())
-        yield from (part.title for part in (*self._effects.opening.work, *work))
+        yield from (part.title for part in (*self._effects.opening.work, *self._effects.exporting.work, *work))
         yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
         if session.seeks_first_view and self.picture.is_open:
             yield "a first view is searched"

@@ -60,6 +60,23 @@ class WriteText(Effect):
 
 
 @dataclass(frozen=True)
+class Export(Effect):
+    """Run `ntc-viewer export` beside the frames."""
+
+    title: str
+    """Text of the work for people."""
+    arguments: tuple[str, ...]
+    """Arguments as in a terminal."""
+    folder: Path
+    """Folder that the files are written into."""
+
+
+@dataclass(frozen=True)
+class CancelExport(Effect):
+    """End the export under way."""
+
+
+@dataclass(frozen=True)
 class RaisePanel(Effect):
     """Bring the panel of this title to the front."""
 

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from ntc.errors import InputError
 from ntc.io import numbered_path, read_file
@@ -10,12 +10,23 @@ from ntc.library.index import is_library
 from ntc.metrics.block_compression import BLOCK_FORMATS
 from viewer.commands.command import Arg, Context, command, gesture
 from viewer.commands.compare import show_source
-from viewer.commands.effects import Effect, OpenScene, PictureKind, RunCommand, TakePicture, WriteText
+from viewer.commands.effects import (
+    CancelExport,
+    Effect,
+    Export,
+    OpenScene,
+    PictureKind,
+    RunCommand,
+    TakePicture,
+    WriteText,
+)
 from viewer.commands.leaving import asks_about_runs
 from viewer.commands.materials import use_environment
+from viewer.locations import is_builtin
 from viewer.scene.scene_files import PACK_SUFFIX, PANORAMA_SUFFIXES
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import open_pack
+from viewer.state.pack_files import base_pack_name
 from viewer.state.session import Session
 from viewer.state.view_file import LARGEST_VIEW, parse_view, present_view, view_json, with_known_pose, with_open_sources
 from viewer.state.view_state import LARGEST_ZOOM, PictureAlone, Zoom
@@ -49,6 +60,73 @@ def open_now(session: Session, file: Path) -> None:
     else:
         open_pack(session, file)
     session.window.file_dialog = False
+
+
+ExportKind = Literal["gltf", "gltf-ktx2", "gltf-bc7", "page", "glsl", "hlsl", "wgsl", "cuda"]
+_EXPORTS: dict[ExportKind, tuple[str, tuple[str, ...]]] = {
+    "gltf": ("--out", ()),
+    "gltf-ktx2": ("--out", ("--as", "ktx2")),
+    "gltf-bc7": ("--out", ("--as", "bc7")),
+    "page": ("--web", ()),
+    **{language: ("--out", ("--shader", language)) for language in ("glsl", "hlsl", "wgsl", "cuda")},
+}
+"""Option that takes the file or folder, and further options of `ntc-viewer export`, by kind."""
+
+
+def _exported_pack(session: Session) -> tuple[str, Path]:
+    """Return the pack that is exported: slot A's, else slot B's. Raises InputError for none that is in a file."""
+    name = base_pack_name(session.view, session.packs)
+    if name is None:
+        raise InputError("no pack is open; encode the scene first (training.encode)")
+    path = session.packs[name].path
+    if path is None:
+        raise InputError(f"{name} is not in a file; accept the run first (training.accept)")
+    return name, path
+
+
+def _not_exportable(context: Context) -> str:
+    if context.session.scene.path is None:
+        return "the scene was not read from a file"
+    try:
+        _exported_pack(context.session)
+    except InputError as error:
+        return str(error)
+    return ""
+
+
+ExportFolder = Annotated[Path, Arg("folder to write into; default: a new one beside the scene")]
+
+
+@command(
+    "file.export",
+    "Export",
+    "write the scene with its pack for other programs: glTF, glTF with KTX2 or BC7 images, a web page, or the decoder's source",
+    "File",
+    unavailable=_not_exportable,
+)
+def export(
+    session: Session,
+    kind: Annotated[ExportKind, Arg("what to write: glTF with the pack, glTF with images, a page, or a language")],
+    folder: ExportFolder = Path(),
+) -> Effect:
+    scene = session.scene.path
+    assert scene is not None
+    name, pack = _exported_pack(session)
+    if folder == Path():
+        parent = session.pictures_folder if is_builtin(scene) else scene.parent
+        folder = numbered_path(parent / f"{session.scene.title}-{kind}")
+    folder = folder.absolute()
+    option, more = _EXPORTS[kind]
+    out = folder / f"{scene.stem}.gltf" if kind.startswith("gltf") else folder
+    if kind.startswith("gltf"):
+        folder.mkdir(parents=True, exist_ok=True)
+    arguments = (str(scene.absolute()), "--pack", str(pack.absolute()), option, str(out), *more)
+    return Export(f"exporting {name} as {kind}", arguments, folder)
+
+
+@gesture("file.cancel-export")
+def cancel_export(_session: Session) -> Effect:
+    return CancelExport()
 
 
 RecentFile = Annotated[str, Arg("a recent file", lambda session: session.settings.recent_files)]

@@ -17,6 +17,7 @@ ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
         ("file.open", "file.open-recent"),
         ("view.save", "view.load"),
         ("file.screenshot", "file.screenshot-picture"),
+        ("file.export",),
         ("file.quit",),
     ),
     "Edit": (

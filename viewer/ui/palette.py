@@ -203,6 +203,9 @@ class Palette:
     def _list(self, rows: tuple[_Row, ...], height: float, ui: UiFrame) -> str | None:
         """Draw the list, and return a clicked entry."""
         if not rows:
+            if self._parameter is None or self._parameter.is_choice:
+                imgui.text_disabled("nothing found")
+                ui.rects.note("nothing found")
             return None
         line = imgui.get_text_line_height_with_spacing()
         imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + 4.0, height)))
