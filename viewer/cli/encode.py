@@ -167,8 +167,10 @@ LEAST_WORTH = 0.1
 
 def given_targets(options: EncodeOptions) -> dict[str, str]:
     """Return the target options that are given, by name."""
-    numbers = {"bits": options.bits, "quality": options.quality, "size": options.size}
+    numbers = {"bits": options.bits, "size": options.size}
     found = {name: f"{value:g}" for name, value in numbers.items() if value is not None}
+    if options.quality is not None:
+        found["quality"] = str(options.quality)
     return found if options.preset is None else {**found, "preset": options.preset}
 
 
@@ -178,7 +180,7 @@ def asked_target(options: EncodeOptions) -> Target | None:
     if len(given) > 1:
         raise InputError(f"{' and '.join(f'--{name}' for name in given)} exclude each other: give one of them")
     if options.quality is not None:
-        return QualityTarget(options.quality)
+        return QualityTarget(options.quality.value)
     if options.size is not None:
         return SizeTarget(options.size)
     if options.preset is not None:
@@ -418,6 +420,11 @@ class _ProgressReport:
 def encode(options: EncodeOptions) -> int:
     """Run `ntc-viewer encode`. Raises InputError for bad input."""
     _check(options)
+    if options.quality is not None and options.quality.unit == "JOD":
+        # It draws, and so takes OpenGL.
+        from viewer.cli.encode_to_jod import encode_to_jod
+
+        return encode_to_jod(options, options.quality.value, _encode)
     if is_by_jobs(options):
         return encode_by_jobs(options, _codec_name(options), _maps(options))
     codec, choices, pack, seconds = _encode(options)

@@ -80,6 +80,39 @@ Vector = Annotated[
 ]
 
 
+@dataclass(frozen=True)
+class QualityGoal:
+    """Quality to reach in as few bits as possible."""
+
+    value: float
+    unit: Literal["dB", "JOD"] = "dB"
+    """dB: PSNR of each texture. JOD: ColorVideoVDP of each lit view."""
+
+    def __str__(self) -> str:
+        return f"{self.value:g}{'' if self.unit == 'dB' else 'jod'}"
+
+
+def _parse_quality(arguments: list[str]) -> QualityGoal:
+    text = arguments[0].lower()
+    try:
+        return QualityGoal(float(text.removesuffix("jod").removesuffix("db")), "JOD" if text.endswith("jod") else "dB")
+    except ValueError:
+        raise ValueError(f"{arguments[0]!r} is not a quality, e.g. 40 (dB) or 9.5jod") from None
+
+
+Quality = Annotated[
+    QualityGoal | None,
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="DB|Xjod",
+        instance_from_str=_parse_quality,
+        is_instance=lambda value: value is None or isinstance(value, QualityGoal),
+        str_from_instance=lambda value: [str(value)],
+    ),
+    tyro.conf.arg(metavar="DB|Xjod", help_behavior_hint=""),
+]
+
+
 def _unset(metavar: str) -> Any:
     """Return the setting of an option whose help names its default in words, in place of `(default: None)`."""
     return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
@@ -268,8 +301,9 @@ class EncodeOptions:
     )
     bits: Annotated[float | None, _unset("X")] = None
     """Target of codec block: bits per texel of mip 0, all mips and tables included. Default: 4 for whole materials, else 2."""
-    quality: Annotated[float | None, _unset("DB")] = None
-    """Target of codec block: minimum PSNR of each texture in dB, up to 58.9, in as few bits as possible."""
+    quality: Quality = None
+    """Target of codec block, in as few bits as possible: least PSNR of each texture in dB, up to 58.9; or, as in 9.5jod, least
+    ColorVideoVDP of the scene's lit views, up to 10 (extra `perceptual`)."""
     size: Annotated[float | None, _unset("MB")] = None
     """Target of codec block: largest file size in MB (10^6 bytes)."""
     preset: Annotated[PresetName | None, _unset("1bit|2bit|4bit|8bit|fast")] = None
