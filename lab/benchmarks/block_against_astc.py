@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.bench.record import write_figure
 from lab.commands.rate_points import read_textures
+from lab.runner import write_figure
 from lab.studies.block_codec import measured_block_codec
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.rate_table import RatePoint, rate_figure, rate_table

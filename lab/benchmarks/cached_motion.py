@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from lab.benchmarks.measuring import arguments, chosen_cameras, median, report
+from lab.runner import chosen_cameras, median, report, run, scene_options
 from ntc.pack.file import read_pack
 from viewer.gl.context import create_headless_context
 from viewer.render.renderer import Renderer
@@ -35,7 +35,7 @@ def walked(camera: Camera, frames: int) -> Camera:
 
 def main() -> None:
     """Print and write the table."""
-    parser = arguments(__doc__)
+    parser = scene_options(__doc__)
     parser.add_argument("--pack", type=Path, required=True)
     options = parser.parse_args()
     scene = load_scene(options.scene)
@@ -87,4 +87,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -4,7 +4,6 @@ python -m lab.benchmarks.check_sensitivity SCENE.gltf SCENE.ntc --json FILE: the
 base colours. Each changed pack is checked against the report of the pack as it is.
 """
 
-import argparse
 import contextlib
 import io
 import json
@@ -12,20 +11,19 @@ import os
 import sys
 import tempfile
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
+from lab.runner import options, run, write_record
 from ntc.api import decode
 from ntc.codec.block.model import BlockTexture
 from ntc.codec.maps import MapName, map_slices
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.quality import measured_texture
 from ntc.errors import InputError
-from ntc.io import write_text
 from ntc.pack.file import read_pack, write_pack
 from viewer import cli
 from viewer.checking.textures import original_of
@@ -127,22 +125,19 @@ def sensitivity(path: Path, pack_path: Path, folder: Path) -> dict[str, Any]:
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the benchmark."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def main() -> None:
+    """Run the benchmark. Raises InputError."""
+    parser = options(__doc__)
     parser.add_argument("files", nargs="+", type=Path, help="SCENE PACK pairs")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args(arguments)
+    given = parser.parse_args()
     found = []
-    for scene, pack in zip(options.files[::2], options.files[1::2], strict=True):
+    for scene, pack in zip(given.files[::2], given.files[1::2], strict=True):
         with tempfile.TemporaryDirectory() as folder:
             os.environ["NTC_VIEWER_CACHE_DIR"] = str(Path(folder, "cache"))
             found.append(sensitivity(scene, pack, Path(folder)))
         sys.stdout.write(json.dumps(found[-1], indent=1) + "\n")
-    if options.json is not None:
-        write_text(options.json, json.dumps({"loss_db": LOSS_DB, "scenes": found}, indent=1) + "\n")
-    return 0
+    write_record(given.json, {"loss_db": LOSS_DB, "scenes": found})
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

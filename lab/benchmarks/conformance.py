@@ -6,7 +6,6 @@
 A scene that is refused with one line is no failure; one that ends a process in any other way is.
 """
 
-import argparse
 import json
 import subprocess
 import sys
@@ -19,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lab.benchmarks.sheet import write_sheet
+from lab.runner import options, run, write_record
 from ntc.io import write_text
 from viewer.cli.info import KINDS, files_below
 from viewer.cli.table import Column, Table
@@ -99,19 +99,18 @@ def examine(path: Path, folder: Path, limit: float) -> tuple[dict[str, Any], NDA
 
 def main() -> None:
     """Run and report."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = options(__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--out", type=Path, help="write the table to this Markdown file")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--sheet", type=Path, help="write the pictures to this WebP")
     parser.add_argument("--limit", type=float, default=300.0, help="seconds for each process")
-    options = parser.parse_args()
+    given = parser.parse_args()
     rows: list[dict[str, Any]] = []
     pictures: list[tuple[str, NDArray[np.uint8]]] = []
-    for path in files_below(options.folder):
+    for path in files_below(given.folder):
         if KINDS[path.suffix.lower()] == "pack":
             continue
-        row, picture = examine(path, options.folder, options.limit)
+        row, picture = examine(path, given.folder, given.limit)
         rows.append(row)
         if picture is not None:
             pictures.append((row["file"], picture))
@@ -130,16 +129,15 @@ def main() -> None:
         " `ntc-viewer render`, start of the program included.\nWhat the columns honoured and ignored mean: gltf.md."
         " Compressed twins of plain scenes: twins.md.\n\n"
     )
-    if options.sheet is not None:
-        write_sheet(options.sheet, pictures, SHEET_WIDTH, SHEET_COLUMNS)
-        text += f"![the scenes, lit by the sky]({options.sheet.name})\n\n"
-    if options.out is not None:
-        write_text(options.out, text + table.markdown())
+    if given.sheet is not None:
+        write_sheet(given.sheet, pictures, SHEET_WIDTH, SHEET_COLUMNS)
+        text += f"![the scenes, lit by the sky]({given.sheet.name})\n\n"
+    if given.out is not None:
+        write_text(given.out, text + table.markdown())
     else:
         print(table.markdown())
-    if options.json is not None:
-        write_text(options.json, json.dumps({"summary": summary, "rows": rows}, indent=1) + "\n")
+    write_record(given.json, {"summary": summary, "rows": rows})
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

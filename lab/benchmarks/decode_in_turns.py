@@ -8,16 +8,13 @@ that drawing from a full one. Processor time, as `time.process_time` counts it, 
 busy machine does not change it much. The first tiles of a run are not counted.
 """
 
-import sys
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from lab.benchmarks.measuring import arguments, chosen_cameras, median, report
+from lab.runner import chosen_cameras, median, processor_ms, report, run, scene_options
 from ntc.codec.model import Pack
-from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.gl.program import ProgramFactory, ShaderLibrary
@@ -65,12 +62,7 @@ class PackInScene:
         }
 
     def _measured(self, action: Callable[[], object]) -> float:
-        """Processor time of `action` in ms."""
-        self._gl.finish()
-        start = time.process_time()
-        action()
-        self._gl.finish()
-        return (time.process_time() - start) * 1e3
+        return processor_ms(action, self._gl.finish)
 
     def decode(self, name: str) -> Cost:
         """Decode the picture by the pass `name`; with the stochastic filter one sample."""
@@ -133,20 +125,16 @@ def measure(
     ]
 
 
-def main() -> int:
-    """Run from the command line."""
-    parser = arguments((__doc__ or "").splitlines()[0])
+def main() -> None:
+    """Run from the command line. Raises InputError."""
+    parser = scene_options(__doc__)
     parser.add_argument("--pack", action="append", required=True, metavar="NAME=FILE", help="may be given again")
     given = parser.parse_args()
-    try:
-        scene = load_scene(given.scene)
-        packs = {name: read_pack(Path(file)) for name, _, file in (entry.partition("=") for entry in given.pack)}
-        graphics = create_headless_context()
-        camera = chosen_cameras(scene, given.cameras, given.camera)[0]
-        rows = measure(graphics, scene, packs, camera, given.size, given.frames)
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
+    scene = load_scene(given.scene)
+    packs = {name: read_pack(Path(file)) for name, _, file in (entry.partition("=") for entry in given.pack)}
+    graphics = create_headless_context()
+    camera = chosen_cameras(scene, given.cameras, given.camera)[0]
+    rows = measure(graphics, scene, packs, camera, given.size, given.frames)
     facts = {
         "scene": scene.name,
         "camera": camera.name,
@@ -156,8 +144,7 @@ def main() -> int:
         "renderer": graphics.info.renderer,
     }
     report("Processor time of decoding", rows, facts, given.json)
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

@@ -7,7 +7,6 @@ than 1 GiB for one file; its input is kept in the folder of findings, and the ru
     python -m lab.benchmarks.fuzz_readers --runs 200000 --seconds 600 --json lab/benchmarks/results/fuzz_readers.json
 """
 
-import argparse
 import hashlib
 import importlib.util
 import json
@@ -23,7 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from lab.benchmarks.fuzzing import seeds
-from ntc.io import write_text
+from lab.runner import options, run, write_record
 
 LIMIT_SECONDS, LIMIT_MEGABYTES = 5, 1024
 LARGEST_INPUT = 1 << 14
@@ -139,22 +138,21 @@ def fuzz(reader: str, runs: int, seconds: float, folder: Path | None, findings: 
 
 def main() -> None:
     """Run and report."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = options(__doc__)
     parser.add_argument("--reader", action="append", choices=READERS, help="may be given again; default all")
     parser.add_argument("--runs", type=int, default=200_000, help="files for each reader")
     parser.add_argument("--seconds", type=float, default=600.0, help="time for each reader")
     parser.add_argument("--seeds", type=Path, help="folder of real files; the small ones are used too")
     parser.add_argument("--findings", type=Path, default=Path("fuzz-findings"), help="where inputs that broke are kept")
     parser.add_argument("--more", action="store_true", help="add to the figures that --json names already")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
-    options = parser.parse_args()
+    given = parser.parse_args()
     if importlib.util.find_spec("atheris") is None:
         sys.exit("error: atheris is not installed; pip install '.[fuzz]'")
-    options.findings.mkdir(parents=True, exist_ok=True)
-    earlier = json.loads(options.json.read_text())["readers"] if options.more else []
+    given.findings.mkdir(parents=True, exist_ok=True)
+    earlier = json.loads(given.json.read_text())["readers"] if given.more else []
     tallies: list[dict[str, Any]] = list(earlier)
-    for reader in options.reader or READERS:
-        tally = fuzz(reader, options.runs, options.seconds, options.seeds, options.findings)
+    for reader in given.reader or READERS:
+        tally = fuzz(reader, given.runs, given.seconds, given.seeds, given.findings)
         tallies.append(asdict(tally))
         print(
             f"{reader}: {tally.executions:,} files in {tally.seconds:.0f} s, {len(tally.findings)} findings,"
@@ -162,12 +160,10 @@ def main() -> None:
         )
         for finding in tally.findings:
             print(f"  {finding}")
-        if options.json is not None:
-            total = sum(row["executions"] for row in tallies)
-            limits = {"seconds": LIMIT_SECONDS, "megabytes": LIMIT_MEGABYTES, "largest_input_bytes": LARGEST_INPUT}
-            content = {"executions": total, "limits": limits, "readers": tallies}
-            write_text(options.json, json.dumps(content, indent=1) + "\n")
+        total = sum(row["executions"] for row in tallies)
+        limits = {"seconds": LIMIT_SECONDS, "megabytes": LIMIT_MEGABYTES, "largest_input_bytes": LARGEST_INPUT}
+        write_record(given.json, {"executions": total, "limits": limits, "readers": tallies})
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -7,7 +7,6 @@ the file must be one whole version. Every pack is read back. At the end one more
 """
 
 import argparse
-import json
 import random
 import subprocess
 import sys
@@ -19,10 +18,11 @@ from pathlib import Path
 import numpy as np
 
 from lab.bench.random_pack import random_pack
+from lab.runner import options, run, write_record
 from ntc.codec.grid.model import GridConfig, grid_parts
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.io import is_partial, write_text
+from ntc.io import is_partial
 from ntc.pack.file import read_pack, write_pack
 
 LONGEST_WAIT = 0.05
@@ -94,20 +94,18 @@ def kill_writers(path: Path, kills: int, seed: int) -> Result:
 
 def main() -> None:
     """Run and report."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser = options(__doc__)
     parser.add_argument("--kills", type=int, default=200)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
     parser.add_argument("--write", type=Path, help=argparse.SUPPRESS)
-    options = parser.parse_args()
-    if options.write is not None:
-        _write_for_ever(options.write)
+    given = parser.parse_args()
+    if given.write is not None:
+        _write_for_ever(given.write)
     with tempfile.TemporaryDirectory() as folder:
-        result = kill_writers(Path(folder) / "pack.ntc", options.kills, options.seed)
+        result = kill_writers(Path(folder) / "pack.ntc", given.kills, given.seed)
     print(", ".join(f"{name.replace('_', ' ')} {value}" for name, value in asdict(result).items()))
-    if options.json is not None:
-        write_text(options.json, json.dumps(asdict(result), indent=1) + "\n")
+    write_record(given.json, asdict(result))
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

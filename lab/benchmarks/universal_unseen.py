@@ -3,15 +3,14 @@
 python -m lab.benchmarks.universal_unseen FOLDER --with FOLDER --json lab/benchmarks/results/studies/universal_unseen.json
 """
 
-import argparse
 import json
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from assets.build.universal import fitted_tables, permissive_textures
 from lab.benchmarks.block_against_astc import FORMATS
+from lab.runner import options, run, write_record
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.set_quality import PictureQuality, picture_quality
 from ntc.codec.block.encoding.blocks import sample_textures
@@ -25,7 +24,6 @@ from ntc.codec.encoding import TextureSet
 from ntc.codec.quality import PsnrSummary
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.io import write_text
 from viewer.locations import blocks_cache
 
 
@@ -73,23 +71,16 @@ def halves(folder: Path, others: Sequence[Path], cache: Path) -> list[dict[str, 
     return rows
 
 
-def main() -> int:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__)
+def main() -> None:
+    """Measure and print. Raises InputError."""
+    parser = options(__doc__)
     parser.add_argument("folder", type=Path, help="images, half of which are left out of the fit in turn")
     parser.add_argument("--with", dest="others", type=Path, nargs="*", default=[], help="more to fit to")
     parser.add_argument("--cache", type=Path, default=blocks_cache(), help="folder that keeps ASTC's figures")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    try:
-        rows = halves(options.folder, options.others, options.cache)
-    except InputError as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
-    if options.json:
-        write_text(options.json, json.dumps({"halves_of": options.folder.name, "rows": rows}, indent=1) + "\n")
-    return 0
+    given = parser.parse_args()
+    rows = halves(given.folder, given.others, given.cache)
+    write_record(given.json, {"halves_of": given.folder.name, "rows": rows})
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

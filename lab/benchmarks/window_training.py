@@ -22,8 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from lab.benchmarks.measuring import arguments, chosen_cameras, report
-from ntc.io import write_text
+from lab.runner import chosen_cameras, report, run, scene_options, write_record
 from tests.support.driven_app import DrivenApp
 from viewer.commands import run_line
 from viewer.locations import CACHE_FOLDER_VARIABLE
@@ -177,7 +176,7 @@ def phases(app: PersonsApp, options: argparse.Namespace) -> tuple[list[dict[str,
 
 
 def main() -> None:
-    parser = arguments(__doc__)
+    parser = scene_options(__doc__)
     parser.set_defaults(size=(960, 540))
     parser.add_argument("--texture-size", type=int, default=256)
     parser.add_argument("--clusters", default="auto")
@@ -208,9 +207,8 @@ def main() -> None:
     facts["load_average"] = [*loads, os.getloadavg()[0]]
     report("seconds from accepting", firsts, {}, None)
     report("frame times while training", rows, facts, None)
-    if options.json is not None:
-        write_text(options.json, json.dumps({**facts, "rows": rows}, indent=1) + "\n")
+    write_record(options.json, {**facts, "rows": rows})
 
 
 if __name__ == "__main__":
-    main()
+    run(main)

@@ -10,12 +10,13 @@ from rich.progress import Progress, TimeRemainingColumn
 
 from lab.bench.figures import time_error_figure
 from lab.bench.interleaved import Progress as Report
-from lab.bench.record import BenchRecord, machine
+from lab.bench.record import BenchRecord
 from lab.bench.scene import PICTURE_BYTES, SceneBenchConfig, bench_scene
 from lab.bench.tables import path_to_take, scene_table, worst_case_table
 from lab.bench.tiles import MEBIBYTE, PictureLimits, require_memory
 from lab.bench.worst_case import BLOCK_PIXELS, WorstCaseConfig, worst_case
 from lab.commands.options import BenchOptions
+from lab.runner import machine
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import recipe_codec
 from ntc.codec.model import Pack

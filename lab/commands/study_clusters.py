@@ -1,10 +1,7 @@
 """`ntc-viewer study clusters`: groupings over the number of groups, measured on the views of a scene."""
 
-import platform
 import sys
-import time
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +9,7 @@ from rich.console import Console
 from rich.progress import Progress
 
 from lab.commands.options import ClusterStudyOptions
-from lab.commands.study_output import check_output, write_study
+from lab.runner import StudyOutput
 from lab.studies.cluster_plot import cluster_figure
 from lab.studies.clusters import ClusterStudyConfig, EncodedGrouping, Fold, cluster_study, cluster_table
 from ntc.errors import InputError
@@ -63,11 +60,10 @@ def _describe(scene: Scene, views: SceneViews) -> str:
 def study_clusters(options: ClusterStudyOptions) -> int:
     """Run `ntc-viewer study clusters`. Raises InputError for bad input."""
     config = ClusterStudyConfig(options.clusters, options.spread_weight, options.largest_share, options.seed)
-    check_output(options.out)
+    output = StudyOutput(options.out)
     if not options.features:
         raise InputError("--features: name at least one")
     console = Console(stderr=True, soft_wrap=True)
-    began = time.perf_counter()
     scene = open_scene(options.scene)
     textures = source_textures(scene, options.texture_size)
     if len(textures) < 2:
@@ -78,7 +74,7 @@ def study_clusters(options: ClusterStudyOptions) -> int:
     if len(views.cameras) + len(views.sampled) < 2:
         raise InputError("--views: one view cannot be split; name at least two cameras, or give --sampled-views")
     folds = _folds(views, len(textures))
-    renderer_name = views.renderer.name
+    renderer = views.renderer.name
     views.renderer.release()
     feature_options = FeatureOptions(cache=features_cache(), clip_weights=options.clip_weights)
     features = {name: feature_matrix(name, textures, feature_options) for name in options.features}
@@ -93,17 +89,13 @@ def study_clusters(options: ClusterStudyOptions) -> int:
             lambda done, whole: bar.update(task, completed=done, total=whole),
         )
     title, table = _describe(scene, views), cluster_table(rows)
-    record: dict[str, Any] = {
-        "study": "clusters",
+    facts = {
         "scene": scene.name,
-        "what": title,
         "settings": asdict(config),
         "features": list(options.features),
         "texture_size": options.texture_size,
-        "machine": {"renderer": renderer_name, "python": platform.python_version(), "processor": platform.machine()},
-        "seconds": time.perf_counter() - began,
-        "rows": [asdict(row) for row in rows],
+        "renderer": renderer,
     }
-    write_study(options.out, "clusters", title, table, cluster_figure(rows, title), record)
-    sys.stdout.write(f"{title}\n{table.text()}wrote {options.out}\n")
+    output.write("clusters", title, table, cluster_figure(rows, title), facts, [asdict(row) for row in rows])
+    output.end()
     return 0

@@ -1,6 +1,5 @@
 """`ntc-viewer study filtering`: how well each path filters, against the supersampled originals."""
 
-import sys
 from collections.abc import Mapping
 from dataclasses import asdict
 
@@ -10,7 +9,7 @@ from rich.progress import Progress, TimeRemainingColumn
 from lab.bench.filtering_plot import filtering_figure, filtering_table
 from lab.bench.filtering_sweeps import FilteringConfig, floor_scene, floor_sweeps, motion_sweep, ways
 from lab.commands.options import FilteringStudyOptions
-from lab.commands.study_output import check_output, write_study
+from lab.runner import StudyOutput
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.cli.sources import choose_source, open_scene, packs_for
@@ -36,7 +35,7 @@ def _sources(packs: Mapping[str, Pack], options: FilteringStudyOptions, scene: s
 
 def study_filtering(options: FilteringStudyOptions) -> int:
     """Run `ntc-viewer study filtering`. Raises InputError for bad input."""
-    check_output(options.out)
+    output = StudyOutput(options.out)
     if options.frames < 2:
         raise InputError(f"--frames {options.frames}: must be at least 2, for flicker is a change")
     scene = open_scene(options.scene)
@@ -53,7 +52,7 @@ def study_filtering(options: FilteringStudyOptions) -> int:
     kinds = [f"codec {pack.config.kind}" for pack in studied.values()]
     labels = dict(zip(studied, kinds if len(set(kinds)) > 1 else sources, strict=True))
     all_ways = ways(labels)
-    context = create_headless_context()
+    context = output.context = create_headless_context()
     console = Console(stderr=True, soft_wrap=True)
     progress = Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True)
     with context.reset.watched(), progress as bar:
@@ -76,15 +75,13 @@ def study_filtering(options: FilteringStudyOptions) -> int:
     width, height = config.size
     drawn = f"{len(textures)} textures, {width}x{height}, {context.info.renderer}"
     title = f"{scene.name}, {' and '.join(labels.values())}: {drawn}"
-    record = {
-        "study": "filtering",
+    facts = {
         "scene": scene.name,
         "packs": dict(zip(sources, kinds, strict=True)),
         "textures": [scene.textures[index].name for index in textures],
         "camera": camera.name,
         "settings": asdict(config),
-        "rows": [asdict(row) for row in rows],
     }
-    write_study(options.out, "filtering", title, table, filtering_figure(rows, title), record)
-    sys.stdout.write(f"{title}\n{table.text()}wrote {options.out}\n")
+    output.write("filtering", title, table, filtering_figure(rows, title), facts, [asdict(row) for row in rows])
+    output.end()
     return 0

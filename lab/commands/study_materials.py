@@ -1,17 +1,14 @@
 """`ntc-viewer study materials`: maps of materials together, each alone, and in the formats of graphics hardware."""
 
-import sys
-import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from rich.console import Console
 
 from lab.commands.options import MaterialStudyOptions
-from lab.commands.study_output import check_output, machine, write_study
+from lab.runner import StudyOutput
 from lab.studies.materials.coding import MaterialPoint
 from lab.studies.materials.hardware import astc_parts, bc_coding, best_astc
 from lab.studies.materials.own_codec import alone, together
@@ -132,12 +129,11 @@ def material_figure(points: Sequence[MaterialPoint]) -> Figure:
 
 def study_materials(options: MaterialStudyOptions) -> int:
     """Run `ntc-viewer study materials`. Raises InputError for bad input."""
-    check_output(options.out)
+    output = StudyOutput(options.out)
     if not options.bits or not all(bits > 0.0 for bits in options.bits):
         raise InputError("--bits: name numbers above 0")
     if options.texture_size < 1 or options.most < 1:
         raise InputError("--texture-size and --most: must be at least 1")
-    began = time.monotonic()
     textures = _materials(options)
     points = _points(textures, options, Console(stderr=True, soft_wrap=True))
     rows: list[dict[str, Cell]] = [asdict(point) for point in points]
@@ -145,19 +141,14 @@ def study_materials(options: MaterialStudyOptions) -> int:
     bc = next((point.mean_db for point in points if point.curve == BC), None)
     reached = None if bc is None else bits_to_reach(points, TOGETHER, bc)
     title = f"{len(textures)} materials of at most {max(max(each.size) for each in textures)} texels"
-    record: dict[str, Any] = {
-        "study": "materials",
-        "what": title,
+    facts = {
         "materials": [{"name": each.name, "maps": list(each.maps), "size": list(each.size)} for each in textures],
-        "machine": machine(),
-        "seconds": time.monotonic() - began,
-        "rows": rows,
         "comparisons": comparisons(points),
         "bits_at_the_quality_of_bc": reached,
     }
-    write_study(options.out, "materials", title, table, material_figure(points), record)
-    lines = [title, table.text().rstrip("\n")]
+    summary = table.text()
     if reached is not None:
-        lines.append(f"the quality of BC7 and BC5 (24 bits) is reached at {reached:.2f} bits")
-    sys.stdout.write("\n".join([*lines, f"wrote {options.out}"]) + "\n")
+        summary += f"the quality of BC7 and BC5 (24 bits) is reached at {reached:.2f} bits\n"
+    output.write("materials", title, table, material_figure(points), facts, rows, summary)
+    output.end()
     return 0

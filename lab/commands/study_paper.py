@@ -1,17 +1,17 @@
 """`ntc-viewer study paper-textures` and `paper-scenes`: the paper's Tables 2, 3 and 4 again."""
 
 import sys
-import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from lab.commands.options import PaperScenesOptions, PaperStudyOptions
 from lab.commands.rendered_packs import RenderedPack, rendered_figure, rendered_table
-from lab.commands.study_output import Step, StudyPage, check_output, describe, do_steps, training_steps, write_pages
+from lab.commands.study_output import StudyPage, describe, do_runs, training_steps, write_pages
+from lab.runner import Report, Step, StudyOutput
 from lab.studies.paper_tables import BEST, PAPER, gap_table, paper_runs
 from lab.studies.quality_table import quality_figure, quality_table
-from lab.studies.runs import Report, Run, RunResult, block_compressed
+from lab.studies.runs import Run, RunResult, block_compressed
 from ntc.codec.config import GroupingConfig, GroupingName
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
@@ -32,7 +32,7 @@ def _groupings(
     return [make_grouping(GroupingConfig(name, clusters), textures, inputs) for name in names]
 
 
-def _blocks(textures: Sequence[SourceTexture], folder: Path) -> list[tuple[str, Step]]:
+def _blocks(textures: Sequence[SourceTexture], folder: Path) -> list[tuple[str, Step[RunResult]]]:
     def bc1(report: Report) -> RunResult:
         return block_compressed("bc1", textures, folder / "runs", report)
 
@@ -49,16 +49,15 @@ def _channels(textures: Sequence[SourceTexture]) -> int:
 def study_paper_textures(options: PaperStudyOptions) -> int:
     """Run `ntc-viewer study paper-textures`. Raises InputError for bad input."""
     settings = options.settings()
-    check_output(options.out)
-    began = time.monotonic()
+    output = StudyOutput(options.out)
     textures = read_source(options.source, options.side()).textures
     inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
     groupings = _groupings(options.groupings or TEXTURE_GROUPINGS, options.clusters, textures, inputs)
     runs = paper_runs(groupings, _channels(textures), settings)
     steps = [*training_steps(runs, textures, options.out), *(_blocks(textures, options.out) if options.blocks else [])]
-    results = do_steps(steps)
+    results = do_runs(steps)
     title = describe(options.source, textures, settings, _decoders(groupings))
-    write_pages(options.out, title, settings, _pages("paper-textures", results, title), results, began)
+    write_pages(output, title, settings, _pages("paper-textures", results, title), results)
     return 0
 
 
@@ -89,8 +88,7 @@ def _covisible_inputs(source: Source, options: PaperScenesOptions) -> GroupingIn
 def study_paper_scenes(options: PaperScenesOptions) -> int:
     """Run `ntc-viewer study paper-scenes`. Raises InputError for bad input."""
     settings = options.settings()
-    check_output(options.out)
-    began = time.monotonic()
+    output = StudyOutput(options.out)
     source = read_source(options.source, options.side())
     textures = source.textures
     inputs = _covisible_inputs(source, options)
@@ -109,7 +107,7 @@ def study_paper_scenes(options: PaperScenesOptions) -> int:
         return options.out / "packs" / f"{run.name}.{run.grouping.name}{PACK_SUFFIX}"
 
     steps = training_steps(runs, textures, options.out, pack_file)
-    results = do_steps([*steps, *(_blocks(textures, options.out) if options.blocks else [])])
+    results = do_runs([*steps, *(_blocks(textures, options.out) if options.blocks else [])])
     title = describe(options.source, textures, settings, _decoders(groupings))
     pages = _pages("paper-scenes", results, title)
     packs = [
@@ -120,5 +118,5 @@ def study_paper_scenes(options: PaperScenesOptions) -> int:
     if source.scene is not None:
         table = rendered_table(source.scene, options.views, packs, options.size)
         pages.append(StudyPage("paper-scenes-rendered", table, rendered_figure(table, title)))
-    write_pages(options.out, title, settings, pages, results, began)
+    write_pages(output, title, settings, pages, results)
     return 0

@@ -1,17 +1,12 @@
 """`ntc-viewer study rate`: rate and distortion of this program's codecs beside the formats that users have today."""
 
-import sys
-import time
 from itertools import count
-from typing import Any
 
 from rich.console import Console
-from rich.progress import Progress, TimeRemainingColumn
 
-from lab.bench.record import write_figure
 from lab.commands.options import RateStudyOptions
 from lab.commands.rate_points import Found, points_by_jobs, rate_study
-from lab.commands.study_output import check_output, machine, write_study
+from lab.runner import StudyOutput, do_steps, write_figure
 from lab.studies.rate import RateStudy
 from lab.studies.rate_table import RatePoint, disk_figure, disk_rows, rate_figure, rate_table
 from ntc.errors import InputError
@@ -21,7 +16,6 @@ DISK_DECIBELS = tuple(float(each) for each in range(32, 46))
 
 
 def _check(options: RateStudyOptions) -> None:
-    check_output(options.out)
     if options.workers is not None and options.ray is not None:
         raise InputError("--workers and --ray exclude each other: a cluster has as many workers as it has cores")
     at_least_one = {
@@ -45,7 +39,7 @@ def _check(options: RateStudyOptions) -> None:
 def study_rate(options: RateStudyOptions) -> int:
     """Run `ntc-viewer study rate`. Raises InputError for bad input."""
     _check(options)
-    began = time.monotonic()
+    output = StudyOutput(options.out)
     study = rate_study(options)
     textures, clusters = study.textures, min(options.clusters, len(study.textures))
     points = _points(study) if options.workers is None and options.ray is None else _points_by_jobs(study, options)
@@ -54,45 +48,22 @@ def study_rate(options: RateStudyOptions) -> int:
     if options.grid_steps:
         title += f", codec grid after {options.grid_steps} steps"
     table = rate_table(points)
-    record: dict[str, Any] = {
-        "study": "rate",
-        "what": title,
+    facts = {
         "textures": [texture.name for texture in textures],
         "grid_steps": options.grid_steps,
         "flip_every": options.flip_every,
-        "machine": machine(),
-        "seconds": time.monotonic() - began,
-        "rows": [dict(row) for row in table.rows],
         "disk": disk_rows(points, DISK_DECIBELS),
     }
-    write_study(options.out, "rate", title, table, rate_figure({title: points}), record)
+    output.write("rate", title, table, rate_figure({title: points}), facts)
     if any(point.quality.file_bits_per_texel is not None for point in points):
         write_figure(options.out / "rate_disk.png", disk_figure({title: points}))
-    sys.stdout.write(f"{title}\n{table.text()}wrote {options.out}\n")
+    output.end()
     return 0
 
 
 def _points(study: RateStudy) -> list[RatePoint]:
     """Every point that can be had, with progress and ETA on standard error. Raises InputError where there is none."""
-    points: list[RatePoint] = []
-    steps = study.steps()
-    console = Console(stderr=True, soft_wrap=True)
-    with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True) as bar:
-        whole = bar.add_task("", total=len(steps))
-        for number, (name, step) in enumerate(steps):
-            bar.update(whole, description=name)
-
-            def report(done: int, of: int, before: int = number) -> None:
-                bar.update(whole, completed=before + done / max(1, of))
-
-            try:
-                points.append(step(report))
-            except InputError as error:
-                line = f"left out: {error}"
-            else:
-                line = _line(points[-1])
-            bar.update(whole, completed=number + 1)
-            console.print(f"{number + 1}/{len(steps)} {name}: {line}", highlight=False)
+    points = do_steps(study.steps(), _line, skipped=True)
     if not points:
         raise InputError("study rate: no codec could be measured; the lines above say why")
     return points

@@ -1,6 +1,5 @@
 """`ntc-viewer study freezing|mlp-size|ablation`: contributions of the parts of recipe and codec."""
 
-import time
 from functools import partial
 
 from lab.commands.options import (
@@ -9,7 +8,8 @@ from lab.commands.options import (
     MlpSizeStudyOptions,
     RecipeStudyOptions,
 )
-from lab.commands.study_output import StudyPage, check_output, describe, do_steps, training_steps, write_pages
+from lab.commands.study_output import StudyPage, describe, do_runs, training_steps, write_pages
+from lab.runner import StudyOutput
 from lab.studies.ablation import BEST, ablation_runs, ablation_table
 from lab.studies.block_ablation import block_variants, measured_variant
 from lab.studies.freezing import freezing_figure, freezing_runs
@@ -54,7 +54,7 @@ def _page(options: RecipeStudyOptions, results: list[RunResult], title: str) -> 
 
 
 def _study_block(
-    options: AblationStudyOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, began: float
+    options: AblationStudyOptions, textures: tuple[SourceTexture, ...], grouping: Grouping, output: StudyOutput
 ) -> int:
     """The ablation of codec `block`."""
     variants = block_variants(textures, grouping, options.bits, options.levels, BEST)
@@ -63,7 +63,7 @@ def _study_block(
         for seed in options.seeds
         for name, variant in variants.items()
     ]
-    results = do_steps(steps)
+    results = do_runs(steps)
     table = ablation_table(results)
     mips = "mip 0 alone" if options.levels == 1 else "all mips"
     title = (
@@ -71,23 +71,22 @@ def _study_block(
         f"codec block at {options.bits:g} bits a texel, {mips}"
     )
     page = StudyPage("ablation-block", table, quality_figure(table, title))
-    write_pages(options.out, title, options.settings(), [page], results, began)
+    write_pages(output, title, options.settings(), [page], results)
     return 0
 
 
 def study_recipe(options: RecipeStudyOptions) -> int:
     """Run one of these studies. Raises InputError for bad input."""
     settings = options.settings()
-    check_output(options.out)
-    began = time.monotonic()
+    output = StudyOutput(options.out)
     textures = read_source(options.source, options.side()).textures
     inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
     clustered = make_grouping(GroupingConfig("clustered", options.clusters), textures, inputs)
     baseline = make_grouping(GroupingConfig("baseline"), textures, inputs)
     if isinstance(options, AblationStudyOptions) and options.codec == "block":
-        return _study_block(options, textures, clustered, began)
+        return _study_block(options, textures, clustered, output)
     channels = max(texture.pixels.shape[2] for texture in textures)
-    results = do_steps(training_steps(_runs(options, channels, clustered, baseline, settings), textures, options.out))
+    results = do_runs(training_steps(_runs(options, channels, clustered, baseline, settings), textures, options.out))
     title = describe(options.source, textures, settings, f"{clustered.group_count} clusters")
-    write_pages(options.out, title, settings, [_page(options, results, title)], results, began)
+    write_pages(output, title, settings, [_page(options, results, title)], results)
     return 0

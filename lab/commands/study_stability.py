@@ -1,11 +1,7 @@
 """`ntc-viewer study stability`: every decode path and precision against float64 and certified bounds."""
 
-import platform
-import sys
-import time
 from collections.abc import Sequence
 from dataclasses import asdict
-from typing import Any
 
 from matplotlib.figure import Figure
 from rich.console import Console
@@ -15,7 +11,7 @@ from lab.bench.stability_block_cases import block_cases
 from lab.bench.stability_cases import stability_cases, trained_case
 from lab.bench.trained_loss import TrainedLoss, trained_loss
 from lab.commands.options import StabilityStudyOptions
-from lab.commands.study_output import check_output, write_study
+from lab.runner import StudyOutput
 from lab.studies.bound_check import BoundCheck, check_bounds
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Pack
@@ -152,7 +148,7 @@ def _summary(checks: Sequence[BoundCheck], losses: Sequence[TrainedLoss]) -> str
 
 def study_stability(options: StabilityStudyOptions) -> int:
     """Run `ntc-viewer study stability`. Raises InputError for bad input."""
-    check_output(options.out)
+    output = StudyOutput(options.out)
     if options.texels < 1:
         raise InputError(f"--texels {options.texels}: must be at least 1")
     if options.bound_texels < 0:
@@ -160,7 +156,6 @@ def study_stability(options: StabilityStudyOptions) -> int:
     if not options.precisions:
         raise InputError("--precisions: name at least one")
     console = Console(stderr=True, soft_wrap=True)
-    began = time.perf_counter()
     scene = open_scene(options.scene)
     named = packs_for(scene, options.pack)
     packs = {
@@ -172,7 +167,7 @@ def study_stability(options: StabilityStudyOptions) -> int:
         raise InputError(
             f"--grouping {' '.join(options.grouping)}: {scene.name} has no such pack; name one with --pack"
         )
-    context = create_headless_context()
+    context = output.context = create_headless_context()
     with context.reset.watched():
         bench = StabilityBench(context)
         cases = [*stability_cases(options.texels, options.seed), *block_cases(options.texels, options.seed)]
@@ -191,19 +186,21 @@ def study_stability(options: StabilityStudyOptions) -> int:
         rows += scene_rows(context, scene, first, camera, options.size, options.precisions, console.print)
     checks = _checks(options, packs, console) if options.bound_texels else []
     title = f"Numerical stability: {len(cases)} cases, {scene.name}, {context.info.renderer}"
-    record: dict[str, Any] = {
-        "study": "stability",
+    facts = {
         "scene": scene.name,
-        "what": title,
         "settings": {"texels": options.texels, "bound_texels": options.bound_texels, "seed": options.seed},
-        "machine": {"renderer": context.info.renderer, "python": platform.python_version()},
-        "seconds": time.perf_counter() - began,
         "worst": [dict(row) for row in worst_table(rows).rows],
-        "rows": [asdict(row) for row in rows],
         "trained": [asdict(loss) for loss in losses],
         "bounds": [asdict(check) for check in checks],
     }
-    table = stability_table(rows)
-    write_study(options.out, "stability", title, table, stability_figure(rows, title), record)
-    sys.stdout.write(f"{title}\n{worst_table(rows).text()}{_summary(checks, losses)}wrote {options.out}\n")
+    output.write(
+        "stability",
+        title,
+        stability_table(rows),
+        stability_figure(rows, title),
+        facts,
+        [asdict(row) for row in rows],
+        worst_table(rows).text() + _summary(checks, losses),
+    )
+    output.end()
     return 0

@@ -4,7 +4,8 @@ import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from lab.studies.runs import Report, RunResult
+from lab.runner import Report
+from lab.studies.runs import RunResult
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.rate import block_count, config_for_bits, side_bits, texel_count
 from ntc.codec.block.encoding.sharing import DEFAULT_SHARING, Sharing

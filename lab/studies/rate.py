@@ -5,12 +5,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
+from lab.runner import Report
 from lab.studies.block_codec import measured_block_codec
 from lab.studies.disk_formats import TITLES, measured_disk_format
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.jpeg_xl import DISTANCES, has_jpeg_xl, measured_jpeg_xl
 from lab.studies.rate_table import RatePoint
-from lab.studies.runs import Report, Run, finished_run
+from lab.studies.runs import Run, finished_run
 from lab.studies.set_quality import PictureQuality, SetQuality
 from lab.studies.settings import QUALITIES, BlockSide, DiskFormat
 from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec

@@ -3,11 +3,12 @@
 import hashlib
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from lab.runner import Report
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.grid.training.config import TrainingConfig
@@ -26,8 +27,6 @@ from ntc.training.messages import TrainingProgress
 
 LARGEST_FILE = 1 << 26
 """Bytes of a run's file."""
-Report = Callable[[int, int], None]
-"""Called with (steps done, steps in all)."""
 
 
 @dataclass(frozen=True, eq=False)

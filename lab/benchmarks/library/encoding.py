@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from lab.benchmarks.library.crops import write_crops, write_tiny
-from ntc.io import write_text
+from lab.runner import machine, write_record
 from ntc.library.index import read_index
 from ntc.library.writer import problems
 
@@ -76,8 +76,7 @@ class Bench:
         """Keep and print a figure."""
         self.figures[name] = value
         print(f"{name}: {json.dumps(value)}", flush=True)
-        if self.options.json is not None:
-            write_text(self.options.json, json.dumps(self.figures, indent=1) + "\n")
+        write_record(self.options.json, self.figures)
 
 
 @contextlib.contextmanager
@@ -250,7 +249,7 @@ def main() -> None:
     place = options.folder
     place.mkdir(parents=True, exist_ok=True)
     crops = place / f"crops-{options.textures}-{options.side}"
-    bench.note("machine", {"cores": os.cpu_count(), "textures": options.textures, "side": options.side})
+    bench.note("machine", {**machine(), "textures": options.textures, "side": options.side})
     if set(options.parts) - {"memory"}:
         write_crops(options.large, crops, options.textures, options.side)
     if "workers" in options.parts:

@@ -8,7 +8,6 @@ up to a random time. Packs are encoded once for each scene. Exit status 1 where 
 rest, or draws while it rests. Needs Xvfb.
 """
 
-import argparse
 import os
 import random
 import shutil
@@ -21,7 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
 
-from lab.benchmarks.measuring import report, size_of
+from lab.runner import options, report, run, size_of
 from lab.window_trials.virtual_display import virtual_display
 from ntc.codec.quality import finite_or_none
 from ntc.errors import InputError
@@ -142,14 +141,13 @@ def measured(start: Start, played: Played, truth: Truth) -> dict[str, Any]:
 
 def main() -> int:
     """Run from the command line."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = options(__doc__)
     parser.add_argument("--starts", type=int, default=50, help="windows to open")
     parser.add_argument("--seed", type=int, default=1, help="of scenes, paths and delays")
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="folder with scenes/")
     parser.add_argument("--work", type=Path, default=Path(tempfile.gettempdir(), "ntc-window-rest"), help="keeps packs")
     parser.add_argument("--size", type=size_of, default=(1280, 720), metavar="WxH")
     parser.add_argument("--idle-seconds", type=float, default=0.0, help="watch each window at rest for so long")
-    parser.add_argument("--json", type=Path, help="write the figures to this file")
     given = parser.parse_args()
     scenes = with_packs(given.data.resolve(), given.work)
     rows = []
@@ -183,4 +181,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    run(main)

@@ -1,0 +1,235 @@
+"""What benchmarks and studies have in common around what they measure: options, machine, repeats, progress, record, table and plot."""
+
+import argparse
+import importlib.metadata
+import io
+import json
+import os
+import platform
+import re
+import statistics
+import sys
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from matplotlib.figure import Figure
+from rich.console import Console
+from rich.progress import Progress, TimeRemainingColumn
+from rich.table import Table as ConsoleTable
+
+from ntc.errors import InputError
+from ntc.io import write_bytes, write_text
+from viewer.cli.table import Table
+from viewer.gl.context import GraphicsContext
+from viewer.gl.timer import PassTimer
+from viewer.scene.cameras_file import read_cameras
+from viewer.scene.model import Camera, Scene
+from viewer.state.camera import frame_all
+
+LOG_COLUMNS = 160
+"""Width of a table that goes to a file."""
+LIBRARIES = ("numpy", "moderngl", "torch")
+"""Libraries whose versions change times."""
+Found = TypeVar("Found")
+Report = Callable[[int, int], None]
+"""Called with (parts of a step done, parts in all)."""
+Step = Callable[[Report], Found]
+
+
+def size_of(text: str) -> tuple[int, int]:
+    """(width, height) of "1280x720"."""
+    width, _, height = text.partition("x")
+    return int(width), int(height)
+
+
+def options(description: str | None) -> argparse.ArgumentParser:
+    """Options that every benchmark has. `description` is its docstring, whose first line the help shows."""
+    parser = argparse.ArgumentParser(description=(description or "").split("\n")[0])
+    parser.add_argument("--json", type=Path, help="write the record to this file")
+    return parser
+
+
+def scene_options(description: str | None) -> argparse.ArgumentParser:
+    """Options that every benchmark of a scene has."""
+    parser = options(description)
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("--cameras", type=Path, help="cameras.json; without it the scene's own cameras")
+    parser.add_argument("--camera", action="append", help="name of a camera; may be given again; default all")
+    parser.add_argument("--size", type=size_of, default=(1280, 720), metavar="WxH")
+    parser.add_argument("--frames", type=int, default=9, help="timed frames for each camera")
+    return parser
+
+
+def chosen_cameras(scene: Scene, file: Path | None, names: Sequence[str] | None) -> tuple[Camera, ...]:
+    """The cameras to measure. Raises InputError for a bad file."""
+    cameras = read_cameras(file) if file is not None else scene.cameras or (frame_all(scene.bounds),)
+    return tuple(camera for camera in cameras if not names or camera.name in names)
+
+
+def run(main: Callable[[], int | None]) -> None:
+    """Run a benchmark from the command line and exit. Bad input is one line and status 2."""
+    try:
+        sys.exit(main())
+    except InputError as error:
+        sys.stderr.write(f"error: {error}\n")
+        sys.exit(2)
+
+
+def median(values: Sequence[float]) -> float:
+    """Median, 0 without values."""
+    return statistics.median(values) if values else 0.0
+
+
+def processor_ms(action: Callable[[], object], finish: Callable[[], object]) -> float:
+    """Processor time of `action` in ms. `finish` waits for the GPU, before and after."""
+    finish()
+    start = time.process_time()
+    action()
+    finish()
+    return (time.process_time() - start) * 1e3
+
+
+def machine(context: GraphicsContext | None = None) -> dict[str, Any]:
+    """The machine that measures: processor and libraries; of `context` also renderer, driver, and how times are measured."""
+    found: dict[str, Any] = {}
+    if context is not None:
+        found |= {
+            "renderer": context.info.renderer,
+            "vendor": context.info.vendor,
+            "driver": context.info.version,
+            "timer": PassTimer(context).kind,
+        }
+    found |= {
+        "system": f"{platform.system()} {platform.machine()}",
+        "processor": _processor(),
+        "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
+        "python": platform.python_version(),
+        **{name: importlib.metadata.version(name) for name in LIBRARIES},
+    }
+    torch = sys.modules.get("torch")
+    if torch is not None:
+        found |= {
+            "threads": torch.get_num_threads(),
+            "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
+        }
+    return found
+
+
+def _processor() -> str:
+    try:
+        found = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+    except OSError:
+        found = None
+    return found[1] if found else platform.processor() or platform.machine()
+
+
+def write_record(file: Path | None, content: Mapping[str, Any]) -> None:
+    """Write the JSON record of a benchmark, where there is a file for it. Raises InputError where that cannot be written."""
+    if file is not None:
+        write_text(file, json.dumps(dict(content), indent=1, allow_nan=False) + "\n")
+
+
+def write_figure(path: Path, figure: Figure) -> None:
+    """Write a plot as PNG. Raises InputError where it cannot be written."""
+    picture = io.BytesIO()
+    figure.savefig(picture, format="png", dpi=110, metadata={"Software": None})
+    write_bytes(path, picture.getvalue())
+
+
+def report(title: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, Any], file: Path | None) -> None:
+    """Print `rows` as a table and, where `file` is given, write them with `facts` as JSON."""
+    table = ConsoleTable(title=title)
+    for name in rows[0] if rows else ():
+        table.add_column(name, justify="left" if isinstance(rows[0][name], str) else "right")
+    for row in rows:
+        table.add_row(*(f"{value:.2f}" if isinstance(value, float) else str(value) for value in row.values()))
+    console = Console()
+    if not console.is_terminal:
+        console = Console(width=LOG_COLUMNS)
+    console.print(table)
+    console.print(", ".join(f"{name} {value}" for name, value in facts.items()))
+    write_record(file, {**facts, "rows": [dict(row) for row in rows]})
+
+
+def do_steps(
+    steps: Sequence[tuple[str, Step[Found]]], told: Callable[[Found], str], skipped: bool = False
+) -> list[Found]:
+    """The results of all steps, with progress and ETA on standard error, and a line about each.
+
+    `skipped`: a step that raises InputError is told and left out.
+    """
+    results = []
+    console = Console(stderr=True, soft_wrap=True)
+    with Progress(*Progress.get_default_columns()[:-1], TimeRemainingColumn(), console=console, transient=True) as bar:
+        whole = bar.add_task("", total=len(steps))
+        for number, (name, step) in enumerate(steps):
+            bar.update(whole, description=name)
+
+            def advance(done: int, of: int, before: int = number) -> None:
+                bar.update(whole, completed=before + done / max(1, of))
+
+            try:
+                results.append(step(advance))
+            except InputError as error:
+                if not skipped:
+                    raise
+                line = f"left out: {error}"
+            else:
+                line = told(results[-1])
+            bar.update(whole, completed=number + 1)
+            console.print(f"{number + 1}/{len(steps)} {name}: {line}", highlight=False)
+    return results
+
+
+def check_output(folder: Path) -> None:
+    """Raises InputError where `folder` is a file."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"--out {folder}: is a file; name a folder")
+
+
+@dataclass
+class StudyOutput:
+    """The folder of a study and what its records share. It is made before anything is measured; raises InputError for a file."""
+
+    folder: Path
+    context: GraphicsContext | None = None
+    """The context that drew, for the record of the machine."""
+    began: float = field(default_factory=time.monotonic)
+
+    def __post_init__(self) -> None:
+        check_output(self.folder)
+
+    def write(
+        self,
+        name: str,
+        title: str,
+        table: Table,
+        figure: Figure,
+        facts: Mapping[str, Any],
+        rows: Sequence[Mapping[str, Any]] | None = None,
+        summary: str | None = None,
+    ) -> None:
+        """Write NAME.md, .csv, .png and .json, and print `summary`, by default the table.
+
+        The record holds the machine, the seconds so far, `facts`, and `rows`, by default those of the table. Raises InputError.
+        """
+        record = {
+            "study": name,
+            "what": title,
+            **facts,
+            "machine": machine(self.context),
+            "seconds": time.monotonic() - self.began,
+            "rows": [dict(row) for row in (table.rows if rows is None else rows)],
+        }
+        write_text(self.folder / f"{name}.md", f"# {title}\n\n{table.markdown()}")
+        write_text(self.folder / f"{name}.csv", table.csv())
+        write_figure(self.folder / f"{name}.png", figure)
+        write_record(self.folder / f"{name}.json", record)
+        sys.stdout.write(f"{title}\n{table.text() if summary is None else summary}")
+
+    def end(self) -> None:
+        """Say where the files are."""
+        sys.stdout.write(f"wrote {self.folder}\n")
