@@ -32,7 +32,7 @@ MODES = 32
 TABLE_SHARE = 0.25
 """Of all bits: tables are made smaller where textures are so few that they would take more."""
 FEWEST_COEFFICIENTS = 16
-SETTLING_ROUNDS = 12
+SETTLING_ROUNDS = 24
 
 
 def largest_words(textures: TextureSet) -> int:
@@ -94,6 +94,12 @@ def bits_of_words(words: float, size: tuple[int, int], config: BlockConfig) -> f
     return 32.0 * words * block_count([size], config) / (size[0] * size[1])
 
 
+def code_mips(textures: TextureSet, side: Literal[4, 8] = 8) -> Literal[2, 4]:
+    """Mips that a code holds. Four of single textures: that is nearer at each of mips 0 to 3. Two of material sets: they are large, so
+    that fine mips are left out where memory is short, and averages of normals and of strong contrasts lose with each mip."""
+    return 4 if side == 8 and textures.maps == BASE_ALONE else 2
+
+
 def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
     """`BlockConfig.block_words` for codes of `words` words on average."""
     if side == 4:
@@ -118,7 +124,13 @@ def config_for_words(
                 "use another grouping, or --maps base"
             )
         channels = common_channels(textures.channels)
-        found = replace(UNIVERSAL_CONFIG, block_words=block_words, output_channels=channels, levels=textures.levels)
+        found = replace(
+            UNIVERSAL_CONFIG,
+            mips=code_mips(textures, UNIVERSAL_CONFIG.block_side),
+            block_words=block_words,
+            output_channels=channels,
+            levels=textures.levels,
+        )
         if multiply_adds is not None and found.multiply_adds > multiply_adds:
             raise InputError(
                 f"the decoder that ships with the program takes {found.multiply_adds} multiply-adds a texel, not {multiply_adds} "
@@ -126,6 +138,7 @@ def config_for_words(
             )
         return found
     plain = BlockConfig(
+        mips=code_mips(textures, side),
         block_side=side,
         block_words=block_words,
         coefficients=1,
@@ -158,17 +171,24 @@ def _stored_bits(words: float, textures: TextureSet, config: BlockConfig) -> flo
     return 32.0 * words * block_count(textures.sizes, config) + side_bits(textures, config)
 
 
+def _words_left(stored_bits: float, blocks: int, textures: TextureSet, config: BlockConfig) -> float:
+    """Words a block that side information leaves of `stored_bits`."""
+    return max((stored_bits - side_bits(textures, config)) / (32.0 * blocks), 0.0)
+
+
 def _settled_config(
     stored_bits: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
 ) -> BlockConfig:
     """Settings for so many bits in all; the least or the most that is possible where that is nearest."""
-    blocks = max(1, block_count(textures.sizes, BlockConfig(block_side=side, coefficients=1, levels=textures.levels)))
-    words = max(stored_bits, 0.0) / (32.0 * blocks)
+    blocks = max(1, block_count(textures.sizes, config_for_words(0.0, textures, side)))
+    low, high = 0.0, max(stored_bits, 0.0) / (32.0 * blocks)
     for _ in range(SETTLING_ROUNDS):
         # Side information depends on the settings, and they on the words that it leaves.
-        config = config_for_words(words, textures, side, multiply_adds)
-        left = max((stored_bits - side_bits(textures, config)) / (32.0 * blocks), 0.0)
-        words = 0.5 * (words + left)
+        words = 0.5 * (low + high)
+        left = _words_left(stored_bits, blocks, textures, config_for_words(words, textures, side, multiply_adds))
+        low, high = (words, high) if left >= words else (low, words)
+    config = config_for_words(low, textures, side, multiply_adds)
+    left = _words_left(stored_bits, blocks, textures, config)
     return replace(config, mean_words=float(min(max(left, config.block_words[0]), config.block_words[-1])))
 
 
