@@ -1,6 +1,8 @@
-"""`python -m assets.build.universal FOLDER ...`: fits the tables of grouping `universal` to the images of folders. Deterministic.
+"""`python -m assets.build.universal FOLDER ... --materials PLACE ...`: fits the tables of grouping `universal`. Deterministic.
 
-Give folders of images that are CC0 or permissively licensed alone; assets/README.md names those of the shipped tables.
+Tables for base colours are fitted to the images of the folders; those for whole materials to the materials of scenes, or of folders
+with a folder for each material. Give what is CC0 or permissively licensed alone; assets/README.md names what the shipped tables were
+fitted to.
 """
 
 import argparse
@@ -13,10 +15,18 @@ from pathlib import Path
 import numpy as np
 from safetensors.numpy import save
 
+from assets.build.universal_sets import drawn_samples, fitted_set_tables, read_materials
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.tables import fit_decoder
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, universal_tensors
+from ntc.codec.block.universal import (
+    SET_VERSION,
+    UNIVERSAL_CONFIG,
+    VERSION,
+    set_tables_path,
+    tables_path,
+    universal_tensors,
+)
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import write_bytes
@@ -78,14 +88,20 @@ def fitted_tables(textures: Sequence[SourceTexture], channels: int, seed: int = 
 def main() -> int:
     """Fit and write the tables."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folders", type=Path, nargs="+", help="folders of images, or scenes")
+    parser.add_argument("folders", type=Path, nargs="*", help="folders of images, or scenes: tables for base colours")
+    parser.add_argument("--materials", type=Path, nargs="*", default=[], help="tables for whole materials")
     options = parser.parse_args()
     try:
         textures = permissive_textures(options.folders)
-        for channels, own in ((3, [t for t in textures if t.pixels.shape[2] == 3]), (4, with_alpha(textures))):
+        kinds = ((3, [t for t in textures if t.pixels.shape[2] == 3]), (4, with_alpha(textures))) if textures else ()
+        for channels, own in kinds:
             path = tables_path(VERSION, channels)
             write_bytes(path, save(universal_tensors(fitted_tables(own, channels))))
             print(f"{path}: {path.stat().st_size} bytes, from {len(own)} textures")
+        if options.materials:
+            materials, path = read_materials(options.materials), set_tables_path(SET_VERSION)
+            write_bytes(path, save(fitted_set_tables(drawn_samples(materials))))
+            print(f"{path}: {path.stat().st_size} bytes, from {len(materials)} materials")
     except InputError as error:
         sys.stderr.write(f"error: {error}\n")
         return 2

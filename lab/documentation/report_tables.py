@@ -79,6 +79,38 @@ def unseen_textures() -> str:
     )
 
 
+def unseen_materials() -> str:
+    """Grouping universal on whole materials that its tables were not fitted to, beside tables of their own."""
+    rows = []
+    for row in record("studies/universal_sets_unseen")["rows"]:
+        own, shipped = row["clustered"], row["universal"]
+        angles = [each["normal_degrees"] for each in (own, shipped)]
+        rows.append(
+            row
+            | {
+                "pack": "single" if row["a_pack_each"] else "scene",
+                "own": own["mean_db"],
+                "shipped": shipped["mean_db"],
+            }
+            | {"angles": " / ".join("-" if angle is None else f"{angle:.2f}" for angle in angles)}
+            | {"kilobytes": f"{own['file_bytes'] / 1000:.0f} / {shipped['file_bytes'] / 1000:.0f}"}
+        )
+    return table(
+        rows,
+        "materials_of=materials of",
+        "pack=packs",
+        "materials=materials",
+        "size=texels a side=0",
+        "bits_per_texel=bits per texel=0",
+        "own=`clustered`, dB",
+        "shipped=`universal`, dB",
+        "gain_db=gain, dB",
+        "least_gain_db=least gain, dB",
+        "angles=normals, degrees",
+        "kilobytes=files, kB",
+    )
+
+
 def lit_pictures() -> str:
     """Lit pictures of whole materials beside ASTC and BC7 with BC5."""
     return rows_of(
@@ -302,6 +334,7 @@ TEXTURE_STUDIES: Sequence[tuple[str, str]] = (
 REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     "astc": beside_astc,
     "unseen": unseen_textures,
+    "unseen-sets": unseen_materials,
     "rate": partial(
         rows_of,
         "studies/study_polyhaven_rate",

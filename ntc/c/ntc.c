@@ -297,11 +297,11 @@ static const char *const TEXTURE_NAMES[TEXTURE_TENSORS] = {
     "latents", "latents.mean", "latents.axes", "latents.scale", "latents.offset", "adapter.scales", "adapter.biases",
     "adapter.output.weight", "adapter.output.bias"};
 enum {
-    BASIS, CHANNELS, BASIS_SCALE, SCALES, EDGES, WEIGHT_0, BIAS_0, WEIGHT_1, BIAS_1, WEIGHT_2, BIAS_2, DECODER_TENSORS
+    BASIS, CHANNELS, BASIS_SCALE, SCALES, EDGES, WEIGHT_0, BIAS_0, WEIGHT_1, BIAS_1, WEIGHT_2, BIAS_2, GAINS, DECODER_TENSORS
 };
 static const char *const DECODER_NAMES[DECODER_TENSORS] = {
     "decoder.basis", "decoder.channels", "decoder.basis_scale", "decoder.scales", "decoder.edges", "decoder.0.weight",
-    "decoder.0.bias", "decoder.1.weight", "decoder.1.bias", "decoder.2.weight", "decoder.2.bias"};
+    "decoder.0.bias", "decoder.1.weight", "decoder.1.bias", "decoder.2.weight", "decoder.2.bias", "decoder.gains"};
 
 typedef struct {
     int width, height;              /* in cells or blocks */
@@ -350,6 +350,7 @@ typedef struct {
     int levels;                           /* 0: all */
     /* block */
     int mips, side, classes, coefficients, modes, mode_bits;
+    int tables;                           /* version of shipped tables that decoders scale by gains; 0: they have tables of their own */
     int words[MOST_CLASSES];
     /* grid */
     int latent_channels, latent_bits, downscale, octaves, hidden, weight_bits, adapters, adapter_output, inputs;
@@ -635,6 +636,10 @@ static const char *read_codec(text codec, settings *own) {
         !whole_member(codec, "coefficients", 1, own->side * own->side * own->channels, &own->coefficients))
         return "a field of codec block is wrong";
     for (own->mode_bits = 0; 1 << own->mode_bits < own->modes;) ++own->mode_bits;
+    if (member(codec, "tables", &value) && !is_text(value, "null")) {
+        if (!whole(value, 255, &number) || number == 0) return "codec.tables is wrong";
+        own->tables = (int)number;
+    }
     int first = 1, state;
     text element;
     if (!member(codec, "block_words", &value) || !next_is(&value, '[')) return "codec.block_words is wrong";
@@ -1238,6 +1243,87 @@ static const char *read_shipped(ntc_pack *pack) {
     return NULL;
 }
 
+#define BANDS 5
+
+static void set_bytes(tensor *made, const uint8_t *data, tensor_type type, int dimensions, uint64_t first, uint64_t second) {
+    made->data = data;
+    made->type = type;
+    made->dimensions = dimensions;
+    made->shape[0] = first;
+    made->shape[1] = second;
+}
+
+/* Tables that ship for whole materials, as those of each decoder: the rows of the codec's channels, their scales moved by gains. */
+static const char *read_scaled(ntc_pack *pack) {
+    static const char *const names[] = {"basis", "channels", "basis_scale", "scales", "edges", "bands"};
+    const settings *own = &pack->settings;
+    const int texels = own->side * own->side;
+    tensor parts[6];
+    container file;
+    text value;
+    memset(parts, 0, sizeof parts);
+    if (pack->memory.options.tables == NULL) return "@the pack needs tables for whole materials: give options.tables";
+    if (!open_container(pack->memory.options.tables, pack->memory.options.tables_bytes, &file)) return "options.tables is no safetensors file";
+    for (int part = 0; part < 6; ++part) {
+        if (!member(file.header, names[part], &value) || !read_tensor(value, file.data_bytes, file.data, &parts[part]))
+            return "options.tables lacks a tensor";
+    }
+    const uint64_t rows = parts[0].shape[0];
+    if (rows > (uint64_t)(NTC_MOST_CHANNELS * BLOCK_VALUES) || !has_shape(&parts[0], I8, 2, rows, (uint64_t)texels) ||
+        !has_shape(&parts[1], U8, 1, rows, 0) || !has_shape(&parts[2], U8, 1, rows, 0) ||
+        !has_shape(&parts[3], U8, 2, (uint64_t)own->modes, rows) || !has_shape(&parts[4], U8, 2, (uint64_t)own->modes, MOST_PLANES) ||
+        !has_shape(&parts[5], U8, 1, rows, 0))
+        return "options.tables has other shapes";
+    /* The tables have all maps, and a base of four channels. */
+    int channel_of[NTC_MOST_CHANNELS], known = 0, channel = 0;
+    for (int map = 0; map < NTC_MOST_MAPS; ++map) {
+        const int there = own->maps >> map & 1u ? channels_of_map(map, own->base_channels) : 0;
+        for (int part = 0; part < channels_of_map(map, 4); ++part) channel_of[known++] = part < there ? channel++ : -1;
+    }
+    const size_t count = (size_t)own->coefficients, modes = (size_t)own->modes;
+    uint8_t *basis = (uint8_t *)take(&pack->memory, count, (size_t)texels), *channels = (uint8_t *)take(&pack->memory, count, 1);
+    uint8_t *basis_scale = (uint8_t *)take(&pack->memory, count, 1), *bands = (uint8_t *)take(&pack->memory, count, 1);
+    uint8_t *edges = (uint8_t *)take(&pack->memory, modes, (size_t)own->plane_count);
+    size_t *places = (size_t *)take(&pack->memory, count, sizeof(size_t)), kept = 0;
+    if (basis == NULL || channels == NULL || basis_scale == NULL || bands == NULL || edges == NULL || places == NULL) return "";
+    for (size_t row = 0; row < (size_t)rows; ++row) {
+        const int full = parts[1].data[row];
+        if (full >= NTC_MOST_CHANNELS || parts[5].data[row] >= BANDS) return "options.tables holds a number that is out of range";
+        if (channel_of[full] < 0) continue;
+        if (kept == count) return "options.tables has other rows than the pack";
+        memcpy(basis + kept * (size_t)texels, parts[0].data + row * (size_t)texels, (size_t)texels);
+        channels[kept] = (uint8_t)channel_of[full];
+        basis_scale[kept] = parts[2].data[row];
+        bands[kept] = (uint8_t)(channel_of[full] * BANDS + parts[5].data[row]);
+        places[kept++] = row;
+    }
+    if (kept != count) return "options.tables has other rows than the pack";
+    for (size_t mode = 0; mode < modes; ++mode) {
+        for (int plane = 0; plane < own->plane_count; ++plane)
+            edges[mode * (size_t)own->plane_count + (size_t)plane] = parts[4].data[mode * MOST_PLANES + (size_t)own->plane_first[plane]];
+    }
+    for (int number = 0; number < pack->decoder_count; ++number) {
+        tensor *made = pack->decoders[number].tensors;
+        const tensor *gains = &made[GAINS];
+        uint8_t *scales = (uint8_t *)take(&pack->memory, modes, count);
+        if (scales == NULL) return "";
+        if (!has_shape(gains, I8, 1, (uint64_t)(own->channels * BANDS), 0))
+            return "a tensor of a decoder is missing, or has another shape";
+        for (size_t mode = 0; mode < modes; ++mode) {
+            for (size_t k = 0; k < count; ++k) {
+                const int scale = parts[3].data[mode * (size_t)rows + places[k]] + (int8_t)gains->data[bands[k]];
+                scales[mode * count + k] = (uint8_t)(scale < 0 ? 0 : scale > 255 ? 255 : scale);
+            }
+        }
+        set_bytes(&made[BASIS], basis, I8, 2, count, (uint64_t)texels);
+        set_bytes(&made[CHANNELS], channels, U8, 1, count, 0);
+        set_bytes(&made[BASIS_SCALE], basis_scale, U8, 1, count, 0);
+        set_bytes(&made[SCALES], scales, U8, 2, modes, count);
+        set_bytes(&made[EDGES], edges, U8, 2, modes, (uint64_t)own->plane_count);
+    }
+    return NULL;
+}
+
 static const char *open_pack(ntc_pack *pack, const void *data, size_t bytes) {
     container file;
     text metadata, value;
@@ -1251,8 +1337,9 @@ static const char *open_pack(ntc_pack *pack, const void *data, size_t bytes) {
     if (!skip_value(&whole_value, DEEPEST_JSON, &ignored) || (skip_space(&whole_value), whole_value.at != whole_value.end))
         return "the metadata are not JSON";
     const char *problem = read_metadata(pack, json);
-    const int ships = problem != NULL && strcmp(problem, "@universal") == 0;
-    if (problem != NULL && !ships) return problem;
+    const int universal = problem != NULL && strcmp(problem, "@universal") == 0;
+    if (problem != NULL && !universal) return problem;
+    const int scaled = !pack->settings.is_grid && pack->settings.tables > 0, ships = universal && !scaled;
     if (ships) {
         /* The file holds no decoder. */
         if (pack->settings.is_grid || pack->decoder_count != 1) return "grouping universal names no tables";
@@ -1263,6 +1350,13 @@ static const char *open_pack(ntc_pack *pack, const void *data, size_t bytes) {
         pack->decoder_count = 1;
         problem = read_shipped(pack);
     }
+    for (int number = 0; problem == NULL && number < pack->decoder_count; ++number) {
+        for (int part = 0; part < DECODER_TENSORS; ++part) {
+            if ((part == GAINS) != scaled && pack->decoders[number].tensors[part].data != NULL)
+                return "a tensor does not belong there";
+        }
+    }
+    if (problem == NULL && scaled) problem = read_scaled(pack);
     return problem != NULL ? problem : prepare(pack);
 }
 

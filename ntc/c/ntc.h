@@ -46,7 +46,8 @@ typedef struct {
     void *(*allocate)(size_t bytes, void *user);      /* NULL: malloc. Returns memory aligned for any type, or NULL */
     void (*release)(void *memory, void *user);        /* NULL: free */
     void *user;
-    const void *tables;                               /* the shipped universal_*.safetensors, for packs of grouping `universal` */
+    const void *tables;                               /* shipped tables, for packs of grouping `universal`: universal_2_*.safetensors, or of
+                                                         whole materials universal_sets_*.safetensors */
     size_t tables_bytes;
 } ntc_options;
 

@@ -23,16 +23,17 @@ def check_textures(textures: Sequence[SourceTexture], grouping: Grouping, codec:
         raise InputError(
             f"grouping {UNIVERSAL}: no decoder of codec {codec.kind} ships with the program; use codec {shipping_codec()}"
         )
+    whole = codec_of(codec).stored_decoders(grouping.name, 1, codec) == 0
     for texture in textures:
         if texture.pixels.dtype != np.uint8 or texture.pixels.ndim != 3 or texture.pixels.size == 0:
             raise InputError(
                 f"{texture.name}: is {texture.pixels.dtype} {list(texture.pixels.shape)}; textures are 8-bit "
                 "[height, width, channels], and at least one texel large"
             )
-        if grouping.name == UNIVERSAL and texture.maps != BASE_ALONE:
+        if whole and texture.maps != BASE_ALONE:
             raise InputError(
-                f"grouping {UNIVERSAL}: the decoder that ships with the program serves base colours alone; "
-                "use another grouping, or --maps base"
+                f"grouping {UNIVERSAL}: these settings are of a decoder that serves base colours alone; take settings for whole "
+                "materials, use another grouping, or --maps base"
             )
         _check_channels(texture, codec)
 

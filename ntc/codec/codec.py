@@ -165,6 +165,16 @@ class Codec(ABC):
         del decoders, parameters
         raise ValueError(f"grouping {UNIVERSAL}: no decoder of codec {settings.kind} ships with the program")
 
+    def stored_decoders(self, grouping: str, decoders: int, settings: CodecSettings) -> int:
+        """Return how many of so many decoders a pack of that grouping stores something of: none of the one that ships whole."""
+        del settings
+        return 0 if grouping == UNIVERSAL else decoders
+
+    def shipped_groups(self, textures: Sequence[SourceTexture], most: int | None = None) -> tuple[int, ...]:
+        """Return the group of each texture in grouping `universal`: at most `most` groups, or as many as the codec finds good."""
+        del most
+        return (0,) * len(textures)
+
     @abstractmethod
     def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
         """Return the bytes that a texture takes in a file, names and header left out."""

@@ -131,7 +131,10 @@ def file_header_bytes(textures: Sequence[SourceTexture], grouping: Grouping) -> 
     """Return the bytes of a pack's file at most that are neither codes nor tables."""
     texts = [json.dumps([texture.name, texture.category]) for texture in textures]
     texts.append(json.dumps(dict(grouping.parameters)))
-    fixed = HEADER_BYTES + TEXTURE_HEADER_BYTES * len(textures) + DECODER_HEADER_BYTES * grouping.stored_decoders
+    sets = any(texture.maps != BASE_ALONE for texture in textures)
+    # Of tables that ship for whole materials a file holds gains for each group.
+    decoders = grouping.group_count if sets else grouping.stored_decoders
+    fixed = HEADER_BYTES + TEXTURE_HEADER_BYTES * len(textures) + DECODER_HEADER_BYTES * decoders
     # Texts within a text: each quote and backslash may be written twice.
     return fixed + 2 * sum(map(len, texts))
 

@@ -72,7 +72,8 @@ def make_grouping(
     if config.name == "single":
         return Grouping("single", (0,) * len(textures))
     if config.name == UNIVERSAL:
-        return Grouping(UNIVERSAL, (0,) * len(textures), dict(codec_named(shipping_codec()).shipped))
+        codec = codec_named(shipping_codec())
+        return Grouping(UNIVERSAL, codec.shipped_groups(textures, config.clusters), dict(codec.shipped))
     if config.name == "category":
         from ntc.grouping.category import category_grouping
 

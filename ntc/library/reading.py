@@ -9,6 +9,7 @@ from typing import Any
 
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.library.index import LibraryIndex, Shard, read_index
 from ntc.pack.file import read_textures
@@ -45,7 +46,8 @@ def joined_pack(packs: Sequence[Pack]) -> Pack:
     Raises InputError for packs whose codecs or groupings differ, and for more textures or decoders than a pack may hold.
     """
     first = packs[0]
-    ships = first.grouping.name == UNIVERSAL
+    stored = codec_of(first.config).stored_decoders(first.grouping.name, len(first.decoders), first.config)
+    ships = stored < len(first.decoders)
     textures: dict[str, EncodedTexture] = {}
     decoders: list[Decoder] = list(first.decoders) if ships else []
     for pack in packs:

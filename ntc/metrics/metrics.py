@@ -97,9 +97,8 @@ def psnr_table(pack: Pack) -> PsnrTable:
         }
         for texture, own in zip(pack.textures, sizes, strict=True)
     )
-    decoder_bytes = sum(
-        codec.decoder_bytes(decoder, pack.config) for decoder in pack.decoders[: pack.grouping.stored_decoders]
-    )
+    stored = codec.stored_decoders(pack.grouping.name, len(pack.decoders), pack.config)
+    decoder_bytes = sum(codec.decoder_bytes(decoder, pack.config) for decoder in pack.decoders[:stored])
     latent_bytes = sum(each.latents + each.constants for each in sizes)
     adapter_bytes = sum(each.adapter for each in sizes)
     stored_bits = 8.0 * (latent_bytes + decoder_bytes + adapter_bytes)

@@ -21,7 +21,6 @@ from safetensors import SafetensorError, deserialize
 from safetensors.numpy import save
 
 from ntc.codec.codec import TensorShape
-from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError, MetadataError
@@ -49,7 +48,7 @@ def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
         expected |= _numbered(codec.texture_shapes(metadata.codec, texture.width, texture.height), index)
     decoder = codec.decoder_shapes(metadata.codec)
     # A file holds no decoder where the one that ships with the program serves all textures.
-    for index in range(0 if metadata.grouping.name == UNIVERSAL else metadata.decoders):
+    for index in range(codec.stored_decoders(metadata.grouping.name, metadata.decoders, metadata.codec)):
         expected |= _numbered(decoder, index)
     return expected
 
@@ -64,7 +63,8 @@ def pack_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
     codec, tensors = codec_of(pack.config), dict[str, NDArray[Any]]()
     for index, texture in enumerate(pack.textures):
         tensors |= _numbered(codec.texture_tensors(texture, pack.config), index)
-    for index, decoder in enumerate(pack.decoders[: pack.grouping.stored_decoders]):
+    stored = codec.stored_decoders(pack.grouping.name, len(pack.decoders), pack.config)
+    for index, decoder in enumerate(pack.decoders[:stored]):
         tensors |= _numbered(codec.decoder_tensors(decoder, pack.config), index)
     return tensors
 
@@ -126,7 +126,7 @@ def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
     members = enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True))
     textures = tuple(texture(index, own, group) for index, (own, group) in members)
     decoders: tuple[Decoder, ...]
-    if metadata.grouping.name == UNIVERSAL:
+    if codec.stored_decoders(metadata.grouping.name, metadata.decoders, config) < metadata.decoders:
         parameters = metadata.grouping.parameters
         decoders = (part((), 0, lambda _: codec.shipped_decoder(metadata.decoders, parameters, config)),)
     else:
@@ -232,7 +232,8 @@ def _chosen(metadata: PackMetadata, wanted: Container[str]) -> tuple[PackMetadat
     textures = [index for index, each in enumerate(metadata.textures) if each.pixel_hash in wanted]
     used = {metadata.grouping.groups[index] for index in textures}
     # Of decoders that ship with the program there must be one, whichever textures are there.
-    kept = range(metadata.decoders) if metadata.grouping.name == UNIVERSAL else sorted(used)
+    stored = codec_of(metadata.codec).stored_decoders(metadata.grouping.name, metadata.decoders, metadata.codec)
+    kept = sorted(used) if stored else range(metadata.decoders)
     new_groups = {group: number for number, group in enumerate(kept)}
     new_textures = {index: number for number, index in enumerate(textures)}
     groups = tuple(new_groups[metadata.grouping.groups[index]] for index in textures)

@@ -89,7 +89,7 @@ class _Version(msgspec.Struct):
     format_version: int
 
 
-SET_FIELDS: dict[str, Any] = {"maps": BASE_ALONE, "map_psnr_db": (), "normal_degrees": None}
+SET_FIELDS: dict[str, Any] = {"maps": BASE_ALONE, "map_psnr_db": (), "normal_degrees": None, "tables": None}
 """Fields that material sets added, and the values that stand for their absence."""
 
 

@@ -107,6 +107,7 @@ MAKERS: Mapping[str, Callable[[], Pack]] = {
     "block-flat": lambda: encode(_flat(), target=BitsTarget(5.0), grouping=GroupingConfig("single")),
     "block-sets": lambda: encode(sets(), target=BitsTarget(12.0), grouping=GroupingConfig("single")),
     "block-universal": lambda: encode(_flat(), target=BitsTarget(3.0), grouping=GroupingConfig("universal")),
+    "block-universal-sets": lambda: encode(sets(), target=BitsTarget(9.0), grouping=GroupingConfig("universal")),
     "grid-textures": lambda: _grid(textures(), GridConfig(output_channels=4, hidden_width=16)),
     "grid-adapters": lambda: _grid(
         textures()[:3],

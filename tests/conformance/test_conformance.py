@@ -10,7 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.api import decode
-from ntc.codec.block.universal import tables_path
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.universal import set_tables_path, tables_path
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_db
@@ -32,6 +33,8 @@ def tables_of(pack: Pack) -> bytes:
     """The shipped tables of a pack of grouping `universal`; of other packs nothing."""
     if pack.grouping.name != "universal":
         return b""
+    if isinstance(pack.config, BlockConfig) and pack.config.tables is not None:
+        return set_tables_path(pack.config.tables).read_bytes()
     return tables_path(int(pack.grouping.parameters["version"]), pack.config.output_channels).read_bytes()
 
 
@@ -184,6 +187,9 @@ def test_files_that_are_no_packs_are_refused_with_a_reason() -> None:
     assert opened(data + b"\0")[:2] == (BAD_FILE, "bytes are left over")
     universal = (FOLDER / "block-universal.ntc").read_bytes()
     assert opened(universal)[:2] == (UNSUPPORTED, "grouping universal needs its tables: give options.tables")
+    sets = (FOLDER / "block-universal-sets.ntc").read_bytes()
+    assert opened(sets)[:2] == (UNSUPPORTED, "the pack needs tables for whole materials: give options.tables")
+    assert opened(sets, tables_path(2, 3).read_bytes())[0] == BAD_FILE
 
 
 @pytest.mark.process

@@ -80,18 +80,22 @@ def test_whole_materials_are_what_codec_block_takes_by_itself(scene_path: Path, 
     assert match_scene(pack, load_scene(scene_path)).matched == 2
 
 
-def test_the_decoder_that_ships_takes_base_colours(
+def test_tables_that_ship_take_whole_materials(
     scene_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    out = tmp_path / "universal.ntc"
-    assert encode(scene_path, out, "--grouping", "universal") == 0
-    assert read_pack(out).config.maps == BASE_ALONE
-    capsys.readouterr()
-    assert encode(scene_path, out, "--grouping", "universal", "--maps", "all") == 2
-    assert capsys.readouterr().err.splitlines()[-1] == (
-        "error: grouping universal: the decoder that ships with the program serves base colours alone; "
-        "use another grouping, or --maps base"
-    )
+    out, base = tmp_path / "universal.ntc", tmp_path / "base.ntc"
+    assert encode(scene_path, out, "--grouping", "universal", "--bits", "8") == 0
+    assert "tables that ship with the program" in capsys.readouterr().out
+    pack = read_pack(out)
+    assert pack.config.maps == WHOLE
+    assert [texture.maps for texture in pack.textures] == [WHOLE, BASE_ALONE]
+    assert match_scene(pack, load_scene(scene_path)).matched == 2
+    assert cli.main(["info", str(out)]) == 0
+    assert "tables that ship with the program" in capsys.readouterr().out
+    assert cli.main(["decode", str(out), "--out", str(tmp_path / "png")]) == 0
+    assert len(list((tmp_path / "png").iterdir())) == len(WHOLE) + 1
+    assert encode(scene_path, base, "--grouping", "universal", "--maps", "base") == 0
+    assert read_pack(base).config.maps == BASE_ALONE
 
 
 def test_the_window_encodes_whole_materials_and_goes_on_from_either_kind(scene_path: Path, tmp_path: Path) -> None:
@@ -100,7 +104,7 @@ def test_the_window_encodes_whole_materials_and_goes_on_from_either_kind(scene_p
     assert [texture.maps for texture in request.textures] == [WHOLE, BASE_ALONE]
     assert request.codec.maps == WHOLE
     universal = prepare(EncodeScene(TrainingSettings("universal")), scene, None, JobReport())
-    assert universal.codec.maps == BASE_ALONE
+    assert universal.codec.maps == WHOLE
     for maps in ("base", "all"):
         out = tmp_path / f"{maps}.ntc"
         assert encode(scene_path, out, "--maps", maps, "--grouping", "baseline") == 0

@@ -19,7 +19,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.codec import Codec
-from ntc.codec.config import UNIVERSAL, GroupingName
+from ntc.codec.config import GroupingName
 from ntc.codec.encoding import PRESETS, BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target
 from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Pack
@@ -297,10 +297,8 @@ def _check_codec(options: EncodeOptions) -> None:
 
 
 def _maps(options: EncodeOptions) -> MapChoice:
-    """Return the maps that the options name, else the default of codec and grouping."""
-    if options.maps is not None:
-        return options.maps
-    return codec_named(_codec_name(options)).default_maps if options.grouping != UNIVERSAL else "base"
+    """Return the maps that the options name, else the default of the codec."""
+    return options.maps or codec_named(_codec_name(options)).default_maps
 
 
 def _codec_name(options: EncodeOptions) -> str:

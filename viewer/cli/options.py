@@ -279,7 +279,8 @@ class EncodeOptions:
     grouping: GroupingName = "clustered"
     """Grouping: decides which textures share a decoder (docs/reference/groupings.md)."""
     clusters: Annotated[int | None, _unset("N")] = None
-    """Number of decoders for clustered, random and covisible. Default: 10, at most one per texture."""
+    """Number of decoders for clustered, random and covisible. Default: 10, at most one per texture.
+    Largest number for whole materials under universal. Default: 16."""
     features: FeatureName = GroupingConfig.features
     """Image features by which clustered and covisible compare textures."""
     clip_weights: Annotated[str | None, _unset("FILE|download")] = None
@@ -311,7 +312,7 @@ class EncodeOptions:
     1bit to 8bit stand for --bits; fast decodes with at most 100 multiply-adds per texel, at about 2 bits."""
     maps: Annotated[MapChoice | None, _unset("all|base")] = None
     """Maps to encode. all: whole materials, the maps of each together. base: base colours.
-    Default: all for codec block, base for codec grid and for grouping universal."""
+    Default: all for codec block, base for codec grid."""
     map_weights: MapWeightsName = "seen"
     """Weights of errors in the maps of a material. seen: by how much they change the lit picture. equal: the same for all maps."""
     recipe: RecipeName = "best"

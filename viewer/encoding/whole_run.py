@@ -16,7 +16,7 @@ from ntc.codec.config import DEFAULT_CLUSTERS, UNIVERSAL, GroupingConfig
 from ntc.codec.encoding import EncodingChoices, EncodingOptions, TextureSet, common_channels
 from ntc.codec.maps import BASE_ALONE, MapName, joint_maps
 from ntc.codec.model import CodecSettings, Grouping
-from ntc.codec.registry import codec_named, codec_of
+from ntc.codec.registry import codec_named, codec_of, shipping_codec
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
@@ -88,6 +88,9 @@ def stand_in(texture: Looked) -> SourceTexture:
 
 def _grouping(asked: Asked, textures: Sequence[Looked]) -> Grouping:
     config = asked.grouping
+    if config.name == UNIVERSAL:
+        # Whoever encodes them has the pixels by which whole materials are grouped.
+        return Grouping(UNIVERSAL, (0,) * len(textures), dict(codec_named(shipping_codec()).shipped))
     stand_ins = [stand_in(texture) for texture in textures]
     if needs_features(asked) and config.clusters is None:
         texels = sum(each.width * each.height for each in textures)

@@ -9,13 +9,14 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ntc.codec.config import FeatureName
+from ntc.codec.config import UNIVERSAL, FeatureName, GroupingConfig
 from ntc.codec.encoding import EncodingOptions
 from ntc.codec.maps import MAP_WEIGHTS, MapName, MapWeightsName
 from ntc.codec.model import CodecSettings, Grouping
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import raw_features
+from ntc.grouping import make_grouping
 from ntc.io import read_file
 from ntc.library.index import Shard
 from ntc.library.reading import SETTINGS
@@ -244,7 +245,9 @@ def _encoded(job: EncodeJob) -> Encoded | Unread:
             textures.append(texture)
     if problems:
         return Unread(problems)
-    pack = encode_textures(textures, job.grouping, job.config, job.options)
+    ships = job.grouping.name == UNIVERSAL
+    grouping = make_grouping(GroupingConfig(UNIVERSAL), textures) if ships else job.grouping
+    pack = encode_textures(textures, grouping, job.config, job.options)
     pack = replace(pack, training={**pack.training, SETTINGS: job.settings})
     data = pack_bytes(pack)
     return Encoded(shard_of(pack, data), data)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ntc.codec.config import UNIVERSAL, GroupingConfig
+from ntc.codec.config import GroupingConfig
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -19,7 +19,7 @@ from viewer.jobs.job import JobReport
 from viewer.locations import features_cache
 
 NICENESS = 10
-WITHOUT_FEATURES = ("baseline", "single", "category", UNIVERSAL)
+WITHOUT_FEATURES = ("baseline", "single", "category")
 """Groupings that are found at once, without another process."""
 
 

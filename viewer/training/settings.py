@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Any, Final, Literal, get_args
 
-from ntc.codec.config import UNIVERSAL, GroupingName
+from ntc.codec.config import GroupingName
 from ntc.codec.encoding import (
     BitsTarget,
     Budget,
@@ -120,7 +120,7 @@ class TrainingSettings:
     target: Target | None = None
     """Target of a pack from nothing, in a codec that takes one. None: what the codec takes for these maps."""
     maps: MapChoice | None = None
-    """Whole materials or base colours alone; None: what codec and grouping take."""
+    """Whole materials or base colours alone; None: what the codec takes."""
     only: frozenset[int] | None = None
     """Ids of the scene's textures to encode; None: all."""
 
@@ -133,8 +133,7 @@ class TrainingSettings:
     @property
     def chosen_maps(self) -> MapChoice:
         """Maps to encode."""
-        # The decoder that ships serves base colours alone.
-        return self.maps or (codec_named(self.codec_kind).default_maps if self.strategy != UNIVERSAL else "base")
+        return self.maps or codec_named(self.codec_kind).default_maps
 
     @property
     def choices(self) -> EncodingChoices:

@@ -15,7 +15,7 @@ from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block.reference import decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
-from ntc.codec.block.universal import VERSION
+from ntc.codec.block.universal import MOST_SCALED_GROUPS, VERSION
 from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.encoding import (
@@ -39,6 +39,10 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
 DEFAULT_TARGET: Final = BitsTarget(DEFAULT_BITS)
+SHIPPED_LINE: Final = (
+    "tables that ship with the program, version {version}: each group stores gains alone. At equal bits, beside tables of their own, "
+    "unseen materials gain about 1.8 dB at 256x256 texels, nothing at 512x512, and lose about 1 dB at 1024x1024"
+)
 
 
 class BlockCodec(Codec):
@@ -46,6 +50,7 @@ class BlockCodec(Codec):
 
     settings_type = BlockConfig
     trains = False
+    added_fields = frozenset({"maps", "tables"})
     default_target = DEFAULT_TARGET
     default_maps = "all"
     psnr_title = "PSNR of mip 0"
@@ -77,6 +82,20 @@ class BlockCodec(Codec):
 
     def shipped_decoder(self, decoders: int, parameters: Mapping[str, Any], settings: CodecSettings) -> Decoder:
         return files.shipped_decoder(decoders, parameters, cast(BlockConfig, settings))
+
+    def stored_decoders(self, grouping: str, decoders: int, settings: CodecSettings) -> int:
+        whole = cast(BlockConfig, settings).tables is None
+        return super().stored_decoders(grouping, decoders, settings) if whole else decoders
+
+    def shipped_groups(self, textures: Sequence[SourceTexture], most: int | None = None) -> tuple[int, ...]:
+        if all(texture.maps == BASE_ALONE for texture in textures) or most == 1:
+            return super().shipped_groups(textures)
+        most = min(most or MOST_SCALED_GROUPS, MOST_SCALED_GROUPS)
+        if len(textures) <= most:
+            return tuple(range(len(textures)))
+        from ntc.codec.block.encoding.gains import shared_gains
+
+        return shared_gains(textures, most)
 
     def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
         own, config = cast(BlockTexture, texture), cast(BlockConfig, settings)
@@ -195,9 +214,11 @@ class BlockCodec(Codec):
         side = config.block_side
         *others, last = map(str, config.block_words)
         sizes = f"{', '.join(others)} or {last} words" if others else f"{last} word{'s' * (last != '1')}"
+        shipped = [] if config.tables is None else [SHIPPED_LINE.format(version=config.tables)]
         return [
             f"codec block: blocks of {side}x{side} texels, codes of {sizes} of 32 bits for {config.mips} mips each, "
-            f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most"
+            f"{config.coefficients} coefficients, {config.modes} modes, {config.multiply_adds} multiply-adds a texel at most",
+            *shipped,
         ]
 
 

@@ -61,6 +61,9 @@ class BlockConfig(CodecSettings):
     """Maps that the channels stand for (`ntc.codec.maps`): all that any texture of the pack has."""
     levels: int | None = None
     """Encoded mips. None: all whose longer side is larger than a block, and the next one. 1: mip 0 alone."""
+    tables: int | None = None
+    """Version of the shipped tables for whole materials that decoders scale by gains (`ntc.codec.block.universal`). None: decoders
+    hold tables of their own."""
 
     def __post_init__(self) -> None:
         checks = {
@@ -78,6 +81,7 @@ class BlockConfig(CodecSettings):
             "maps": ordered_maps(self.maps),
             "output_channels": maps_fit(self.maps, self.output_channels),
             "levels": self.levels is None or 1 <= self.levels <= 16,
+            "tables": self.tables is None or 1 <= self.tables <= 255,
         }
         for field, valid in checks.items():
             if not valid:

@@ -29,6 +29,9 @@ class BlockDecoder(Decoder):
     """[modes, coefficients] uint8: logarithmic scale of each coefficient's levels (`scale_values`)."""
     edges: NDArray[np.uint8]
     """[modes, planes] uint8: index bits a texel of the edge part of each plane, 0 to LARGEST_EDGE_BITS; 0: there is none."""
+    gains: NDArray[np.int8] | None = None
+    """[gains] int8: what a pack stores in place of tables where `scales` are those that ship times these
+    (`ntc.codec.block.universal`)."""
 
     def depths(self, config: BlockConfig) -> NDArray[np.uint8]:
         """[sizes of codes, modes, coefficients] uint8: bits of each coefficient, 0 to LARGEST_DEPTH; they follow from the scales."""
@@ -55,6 +58,8 @@ class BlockDecoder(Decoder):
 
     def stored_bits(self, config: BlockConfig) -> int:
         """Bits of the tables in a pack."""
+        if self.gains is not None:
+            return 8 * self.gains.size
         return 8 * (len(self.basis) * config.row_bytes + self.scales.size + self.edges.size)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import level_rows
-from ntc.codec.block.universal import universal_decoder
+from ntc.codec.block.universal import BANDS, scaled_decoder, set_tables, universal_decoder
 from ntc.codec.codec import Tensors, TensorShape
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.latents import latent_levels
@@ -40,7 +40,13 @@ def texture_shapes(config: BlockConfig) -> dict[str, TensorShape]:
 
 
 def decoder_shapes(config: BlockConfig) -> dict[str, TensorShape]:
-    """Type and shape of the tensors of a decoder."""
+    """Type and shape of the tensors of a decoder: its tables, or gains of those that ship."""
+    if config.tables is not None:
+        return {"decoder.{}.gains": ("I8", (config.output_channels * BANDS,))}
+    return _table_shapes(config)
+
+
+def _table_shapes(config: BlockConfig) -> dict[str, TensorShape]:
     return {
         "decoder.{}.basis": ("I8", (config.coefficients, config.block_texels)),
         "decoder.{}.channels": ("U8", (config.coefficients,)),
@@ -98,12 +104,22 @@ def read_texture(tensors: Tensors, known: Mapping[str, Any], config: BlockConfig
 
 def decoder_tensors(decoder: BlockDecoder, config: BlockConfig) -> dict[str, NDArray[Any]]:
     """The tensors of a decoder, contiguous."""
-    del config
+    if config.tables is not None:
+        return {"decoder.{}.gains": np.ascontiguousarray(decoder.gains)}
     return {f"decoder.{{}}.{part}": np.ascontiguousarray(getattr(decoder, part)) for part in DECODER_PARTS}
 
 
 def read_decoder(tensors: Tensors, config: BlockConfig) -> BlockDecoder:
-    """The decoder of these tensors. Raises ValueError for channels that the codec lacks, and numbers that no encoder writes."""
+    """The decoder of these tensors. Raises ValueError for channels that the codec lacks, numbers that no encoder writes, and gains of
+    tables that do not ship."""
+    if config.tables is not None:
+        try:
+            tables = set_tables(config.maps, config.output_channels, config.tables)
+        except InputError as error:
+            raise ValueError(f"decoder.{{}}.gains: {error}") from error
+        scaled = scaled_decoder(tables, tensors["decoder.{}.gains"])
+        _check_shapes(scaled, config)
+        return scaled
     decoder = BlockDecoder(**{part: tensors[f"decoder.{{}}.{part}"] for part in DECODER_PARTS})
     _check_decoder(decoder, config)
     return decoder
@@ -141,9 +157,14 @@ def shipped_decoder(decoders: int, parameters: Mapping[str, Any], config: BlockC
         decoder = universal_decoder(config.output_channels, version)
     except InputError as error:
         raise ValueError(str(error)) from error
-    for name, (_, shape) in decoder_shapes(config).items():
+    _check_shapes(decoder, config)
+    return decoder
+
+
+def _check_shapes(decoder: BlockDecoder, config: BlockConfig) -> None:
+    """Raises ValueError where tables that ship are not those of `config`."""
+    for name, (_, shape) in _table_shapes(config).items():
         part = name.rpartition(".")[2]
         found: NDArray[Any] = getattr(decoder, part)
         if found.shape != shape:
             raise ValueError(f"{part}: {found.dtype} {list(found.shape)}, not {found.dtype} {list(shape)}")
-    return decoder

@@ -3,16 +3,19 @@
 What it was fitted to, and how it is made anew: assets/README.md.
 """
 
-from dataclasses import fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 from safetensors.numpy import load_file
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import UNIVERSAL
+from ntc.codec.maps import LARGEST_CHANNELS, MAPS, MapName, channel_places, plane_channels
 from ntc.errors import InputError
 
 VERSION = 2
@@ -43,4 +46,71 @@ def universal_decoder(channels: int, version: int = VERSION) -> BlockDecoder:
 
 def universal_tensors(decoder: BlockDecoder) -> dict[str, np.ndarray]:
     """What the file of `tables_path` holds."""
-    return {field.name: getattr(decoder, field.name) for field in fields(decoder)}
+    return {field.name: getattr(decoder, field.name) for field in fields(decoder) if field.name != "gains"}
+
+
+SET_VERSION = 1
+"""Of the tables for whole materials, likewise."""
+SET_MODES = 128
+BANDS = 5
+"""Bands of a channel: coefficients of about one strength, the strongest first. A gain is one number for each."""
+MOST_SCALED_GROUPS = 16
+"""Most groups of textures with gains of their own that grouping `universal` makes: a renderer keeps scaled tables for each."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetTables:
+    """Tables for whole materials, before a group's gains."""
+
+    decoder: BlockDecoder
+    """Tables at gains of 0."""
+    bands: NDArray[np.int64]
+    """[coefficients] number of each coefficient's gain: BANDS for each channel."""
+    energies: NDArray[np.float32]
+    """[gains] energy of a band, in blocks of normalised values, whose gain is 0. For the encoder alone."""
+
+
+def set_tables_path(version: int) -> Path:
+    """Where the tables for all maps lie."""
+    return Path(__file__).with_name(f"universal_sets_{version}.safetensors")
+
+
+@lru_cache(maxsize=16)
+def set_tables(maps: Sequence[MapName], channels: int, version: int | None = SET_VERSION) -> SetTables:
+    """The shipped tables for material sets of `maps` with `channels` channels: the rows of these channels. Raises InputError for
+    tables that this program does not have."""
+    path = set_tables_path(version or 0)
+    if not path.is_file():
+        raise InputError(
+            f"grouping {UNIVERSAL}: this program has no tables of version {version} for whole materials; "
+            "install a newer one, or encode again"
+        )
+    tensors = load_file(path)
+    places = list(channel_places(maps, channels, MAPS, LARGEST_CHANNELS))
+    number = np.full(LARGEST_CHANNELS, -1)
+    number[places] = np.arange(channels)
+    kept = np.nonzero(number[tensors["channels"]] >= 0)[0]
+    own, known = plane_channels(maps, channels), list(plane_channels(MAPS, LARGEST_CHANNELS))
+    rows = {name: tensors[name][kept] for name in ("basis", "channels", "basis_scale", "bands")}
+    decoder = BlockDecoder(
+        rows["basis"],
+        number[rows["channels"]].astype(np.uint8),
+        rows["basis_scale"],
+        np.ascontiguousarray(tensors["scales"][:, kept]),
+        np.ascontiguousarray(tensors["edges"][:, [known.index(plane) for plane in own]]),
+    )
+    bands = number[rows["channels"]] * BANDS + rows["bands"]
+    return SetTables(decoder, bands, tensors["energies"].reshape(LARGEST_CHANNELS, BANDS)[places].reshape(-1))
+
+
+def set_config(maps: Sequence[MapName], channels: int) -> BlockConfig:
+    """Settings of the shipped tables for material sets of `maps` with `channels` channels."""
+    rows = len(set_tables(tuple(maps), channels).bands)
+    plain = replace(UNIVERSAL_CONFIG, coefficients=1, modes=SET_MODES, maps=tuple(maps), output_channels=channels)
+    return replace(plain, coefficients=rows, tables=SET_VERSION)
+
+
+def scaled_decoder(tables: SetTables, gains: NDArray[np.int8]) -> BlockDecoder:
+    """The decoder of a group with these gains, in steps of 1/16 octave."""
+    scales = tables.decoder.scales.astype(np.int64) + gains.astype(np.int64)[tables.bands]
+    return replace(tables.decoder, scales=np.clip(scales, 0, 255).astype(np.uint8), gains=gains)

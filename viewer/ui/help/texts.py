@@ -453,7 +453,7 @@ VALUES: Final = {
     "category": "Textures of one category (brick, wood, ...) share a decoder.",
     "clustered": "Textures that look alike share a decoder.",
     "covisible": "Textures that are visible in the same blocks share a decoder: the least divergence for its number of groups.",
-    "universal": "The decoder that ships with the program and never saw the scene. Nothing is trained.",
+    "universal": "Tables that ship with the program and never saw the scene. Nothing is trained, and packs hold no tables.",
     # Codecs, recipes
     **SUMMARIES,
     "best": "The higher quality.",

@@ -9,8 +9,9 @@ import numpy as np
 import torch
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import sample_textures
+from ntc.codec.block.encoding.blocks import Sample, sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
+from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.rate import MEASURE_WORK, block_count
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
@@ -50,10 +51,23 @@ def fitted_group(
     is told the share of the work that was done since; `threads` change nothing."""
     members = grouping.members(group)
     samples = sample_textures([textures[index] for index in members], config, seed, threads=threads)
-    ships = grouping.name == UNIVERSAL
-    decoder = universal_decoder(config.output_channels) if ships else fit_decoder(samples, config, seed, worked)
+    decoder = _decoder(samples, grouping, config, seed, worked)
     curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
     return FittedGroup(group, members, decoder, tuple(curves))
+
+
+def _decoder(
+    samples: Sequence[Sample],
+    grouping: Grouping,
+    config: BlockConfig,
+    seed: int,
+    worked: Callable[[float], None],
+) -> BlockDecoder:
+    if config.tables is not None:
+        return fitted_gains(samples, config)
+    if grouping.name == UNIVERSAL:
+        return universal_decoder(config.output_channels)
+    return fit_decoder(samples, config, seed, worked)
 
 
 def fitted_groups(

@@ -15,7 +15,7 @@ from ntc.codec.block.config import (
     BlockConfig,
 )
 from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS
-from ntc.codec.block.universal import UNIVERSAL_CONFIG
+from ntc.codec.block.universal import BANDS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
 from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import BASE_ALONE
@@ -44,6 +44,8 @@ def side_bits(textures: TextureSet, config: BlockConfig) -> int:
     """Stored bits besides codes: means, axes, directories and tables."""
     decoder = config.coefficients * config.row_bytes + config.modes * (config.coefficients + len(config.planes))
     bits = 8 * textures.groups * decoder
+    if config.tables is not None:
+        bits = 8 * min(len(textures.sizes), MOST_SCALED_GROUPS) * config.output_channels * BANDS
     for size in textures.sizes:
         bits += 32 * (config.mips * config.output_channels + config.axis_numbers)
         if len(config.block_words) > 1:
@@ -112,25 +114,21 @@ def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
     return tuple(sorted({min(size, largest) for size in sizes}))
 
 
+def _shipped_config(textures: TextureSet) -> BlockConfig:
+    """Settings of the tables that ship."""
+    if textures.maps != BASE_ALONE:
+        return set_config(textures.maps, textures.channels)
+    return replace(UNIVERSAL_CONFIG, output_channels=common_channels(textures.channels))
+
+
 def config_for_words(
     words: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
 ) -> BlockConfig:
     """Codes of about so many words, and tables that are in proportion, of at most so many `multiply_adds` a texel."""
     block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side, largest_words(textures))
     if not textures.groups:
-        if textures.maps != BASE_ALONE:
-            raise InputError(
-                "grouping universal: the decoder that ships with the program serves base colours alone; "
-                "use another grouping, or --maps base"
-            )
-        channels = common_channels(textures.channels)
-        found = replace(
-            UNIVERSAL_CONFIG,
-            mips=code_mips(textures, UNIVERSAL_CONFIG.block_side),
-            block_words=block_words,
-            output_channels=channels,
-            levels=textures.levels,
-        )
+        mips = code_mips(textures, UNIVERSAL_CONFIG.block_side)
+        found = replace(_shipped_config(textures), mips=mips, block_words=block_words, levels=textures.levels)
         if multiply_adds is not None and found.multiply_adds > multiply_adds:
             raise InputError(
                 f"the decoder that ships with the program takes {found.multiply_adds} multiply-adds a texel, not {multiply_adds} "

@@ -37,7 +37,7 @@ def _fitted_scales(squares: torch.Tensor, chosen: NDArray[np.int64], modes: int)
     return stored_scales(np.sqrt(np.maximum(means, 1e-9)))
 
 
-def _first_classes(features: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
+def first_classes(features: Array, count: int, random: np.random.Generator) -> NDArray[np.int64]:
     """[rows] class of each of `features` [rows, K], by a few rounds of Lloyd's iteration from rows chosen at random."""
     centres = features[random.permutation(len(features))[:count]]
     for _ in range(CLASS_ROUNDS):
@@ -62,7 +62,7 @@ def _modes(
     # Leading coefficients: those of greatest variance.
     leading = torch.argsort(squares.mean(0), descending=True, stable=True)[:MODE_FEATURES]
     energies = torch.log(squares[:, leading] + 1e-4).numpy()
-    scales = _fitted_scales(squares, _first_classes(energies, config.modes, random), config.modes)
+    scales = _fitted_scales(squares, first_classes(energies, config.modes, random), config.modes)
     middle = len(config.block_words) // 2
     for _ in range(MODE_ROUNDS):
         tables = Tables.of(replace(decoder, scales=scales), config)

@@ -93,6 +93,14 @@ def fitted_basis(samples: Sequence[Sample], config: BlockConfig) -> Basis:
         variances.append(found.numpy())
         vectors.append(directions.numpy().T)
     rows, variance = np.concatenate(vectors), np.concatenate(variances)
+    return strongest_rows(rows, variance, config)[0]
+
+
+def strongest_rows(
+    rows: NDArray[np.float64], variance: NDArray[np.float64], config: BlockConfig
+) -> tuple[Basis, NDArray[np.float64]]:
+    """(a basis of the `rows` of greatest `variance`, rounded; their variances). `rows` [rows, texels] have a length of 1: those of the
+    first channel, then those of the next."""
     kept = np.argsort(-variance, kind="stable")[: config.coefficients]
     rows = rows[kept] * np.where(rows[kept].sum(1, keepdims=True) < 0.0, -1.0, 1.0)
     channels = kept // config.block_texels
@@ -105,7 +113,7 @@ def fitted_basis(samples: Sequence[Sample], config: BlockConfig) -> Basis:
     scale = np.ceil(np.log2(largest) * SCALE_STEPS_PER_OCTAVE - 1e-9) + SCALE_ORIGIN
     stored = np.clip(scale, 0, 255).astype(np.uint8)
     rounded = np.clip(np.rint(whole / scale_values(stored)[:, None]), -LARGEST_NUMBER, LARGEST_NUMBER)
-    return Basis(rounded.astype(np.int8), channels[order].astype(np.uint8), stored)
+    return Basis(rounded.astype(np.int8), channels[order].astype(np.uint8), stored), variance[kept][order]
 
 
 def _in_planes(config: BlockConfig) -> NDArray[np.int64]:

@@ -16,11 +16,14 @@ import numpy as np
 import pytest
 import torch
 
-from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.config import GroupingConfig
+from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget, texture_set
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
+from ntc.grouping import make_grouping
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.encode import encode_textures
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
@@ -49,6 +52,7 @@ from tests.support.training_workers import (
     threads,
     until,
 )
+from tests.unit.ntc.codec.block.test_material_sets import WHOLE, material
 
 pytestmark = pytest.mark.process
 
@@ -528,3 +532,19 @@ def test_nothing_is_left_of_a_program_that_ends_or_is_killed(tmp_path: Path, clo
     assert not lives(process)
     assert blocks(owner.pid) == []
     assert owner.returncode == (0 if closed else -9)
+
+
+def test_gains_of_tables_that_ship_come_with_their_decoders(shared: TrainingWorker, tmp_path: Path) -> None:
+    sources = tuple(material(WHOLE, (32, 32), seed=seed) for seed in range(2))
+    grouping = make_grouping(GroupingConfig("universal"), sources)
+    config = config_for_bits(6.0, texture_set(sources, grouping.stored_decoders))
+    end, _ = finished(shared, replace(BLOCKS_FROM_NOTHING, textures=sources, grouping=grouping, codec=config))
+    pack = pack_of(end)
+    write_pack(tmp_path / "a.ntc", pack)
+    read = read_pack(tmp_path / "a.ntc")
+    assert len(read.decoders) == 2
+    for index, source in enumerate(sources):
+        assert (pack.textures[index].psnr_db or 0.0) > 25.0
+        assert psnr_db(decode_image(read, index), source.pixels) == pytest.approx(
+            pack.textures[index].psnr_db, abs=0.05
+        )

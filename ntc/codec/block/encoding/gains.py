@@ -1,0 +1,85 @@
+"""Gains of tables that ship for whole materials: how strong each band of each channel is in the textures of a group."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from ntc.codec.block.config import SCALE_STEPS_PER_OCTAVE, BlockConfig
+from ntc.codec.block.encoding.blocks import Sample, sample_textures
+from ntc.codec.block.encoding.transform import Basis, one_thread, projected
+from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.universal import SetTables, scaled_decoder, set_config, set_tables
+from ntc.codec.maps import joint_maps
+from ntc.codec.model import Grouping
+from ntc.codec.textures import SourceTexture
+
+COMPARED_BLOCKS = 1000
+"""Blocks of a texture that decide which textures share gains."""
+COMPARED_TEXELS = 1024
+"""Along one side: so many texels of a texture are looked at for that."""
+SHARING_ROUNDS = 20
+LEAST_ENERGY = 1e-9
+FAINT_STEPS = 72
+"""A band is as good as empty where it is so far below the strongest band, in steps of 1/8 octave of energy: 27 dB."""
+
+
+def band_energies(squares: NDArray[np.float64], bands: NDArray[np.integer], count: int) -> NDArray[np.float64]:
+    """[bands] float64: energy of each of `count` bands, of mean squares [coefficients] of coefficients in `bands` [coefficients]."""
+    return np.asarray(np.bincount(bands, squares, count), np.float64)
+
+
+def _mean_squares(blocks: NDArray[np.float32], tables: SetTables, config: BlockConfig) -> NDArray[np.float64]:
+    """[coefficients] float64: mean squares of the coefficients of `blocks` [blocks, values]."""
+    decoder = tables.decoder
+    projections = Basis(decoder.basis, decoder.channels, decoder.basis_scale).projections(config)
+    return np.asarray(projected(torch.from_numpy(blocks), projections).square().mean(0).numpy(), np.float64)
+
+
+def gains_of(energies: NDArray[np.float64], references: NDArray[np.floating]) -> NDArray[np.int8]:
+    """[bands] int8: gains in steps of 1/16 octave of amplitude that lead from energies `references` to `energies`."""
+    steps = 0.5 * SCALE_STEPS_PER_OCTAVE * np.log2(np.maximum(energies, LEAST_ENERGY) / np.maximum(references, 1e-12))
+    gains: NDArray[np.int8] = np.clip(np.rint(steps), -128, 127).astype(np.int8)
+    return gains
+
+
+def fitted_gains(samples: Sequence[Sample], config: BlockConfig) -> BlockDecoder:
+    """The decoder of a group in a codec whose tables ship: their scales times gains, by samples of the group's textures."""
+    tables = set_tables(config.maps, config.output_channels, config.tables)
+    with one_thread():
+        squares = np.mean([_mean_squares(sample.blocks, tables, config) for sample in samples], axis=0)
+    return scaled_decoder(tables, gains_of(band_energies(squares, tables.bands, len(tables.energies)), tables.energies))
+
+
+def shared_gains(textures: Sequence[SourceTexture], most: int) -> tuple[int, ...]:
+    """Group of each texture where they have `most` gains at most: textures that are alike share theirs."""
+    config = set_config(*joint_maps((texture.maps, texture.channels) for texture in textures))
+    tables = set_tables(config.maps, config.output_channels, config.tables)
+    levels = np.array([_band_levels(texture, tables, config) for texture in textures])
+    return Grouping.of_labels("", _nearest_centres(levels, most).tolist(), {}).groups
+
+
+def _band_levels(texture: SourceTexture, tables: SetTables, config: BlockConfig) -> NDArray[np.float64]:
+    """[bands] how strong the bands of a texture are: 0 where they do not matter."""
+    pixels = texture.pixels[:COMPARED_TEXELS, :COMPARED_TEXELS]
+    part = SourceTexture(texture.name, pixels, texture.pixel_hash, maps=texture.maps, map_weights=texture.map_weights)
+    (sample,) = sample_textures([part], config, most=COMPARED_BLOCKS)
+    with one_thread():
+        squares = _mean_squares(sample.blocks, tables, config)
+    rows = np.bincount(tables.bands, minlength=len(tables.energies))
+    energies = band_energies(squares, tables.bands, len(rows)) / np.maximum(rows, 1)
+    levels = 0.5 * SCALE_STEPS_PER_OCTAVE * np.log2(np.maximum(energies, LEAST_ENERGY))
+    return np.asarray(np.maximum(levels - (levels.max() - FAINT_STEPS), 0.0) * np.sqrt(np.minimum(rows, 12)))
+
+
+def _nearest_centres(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """[points] number of the nearest of `count` centres, by Lloyd's iteration from points that are far apart."""
+    centres = points[:1]
+    while len(centres) < count:
+        distances = np.square(points[:, None] - centres).sum(2).min(1)
+        centres = np.concatenate([centres, points[[int(distances.argmax())]]])
+    for _ in range(SHARING_ROUNDS):
+        chosen = np.square(points[:, None] - centres).sum(2).argmin(1)
+        centres = np.stack([points[chosen == n].mean(0) if (chosen == n).any() else centres[n] for n in range(count)])
+    return np.asarray(chosen, np.int64)

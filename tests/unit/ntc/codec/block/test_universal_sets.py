@@ -1,0 +1,202 @@
+"""Grouping `universal` for whole materials: tables that ship, scaled by gains of each group, from the encoder to the file."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.blocks import sample_textures
+from ntc.codec.block.encoding.gains import fitted_gains, gains_of, shared_gains
+from ntc.codec.block.encoding.rate import config_for_bits
+from ntc.codec.block.model import block_parts
+from ntc.codec.block.tensors import decoder_shapes
+from ntc.codec.block.universal import (
+    BANDS,
+    MOST_SCALED_GROUPS,
+    SET_VERSION,
+    scaled_decoder,
+    set_config,
+    set_tables,
+    set_tables_path,
+)
+from ntc.codec.config import GroupingConfig
+from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, texture_set
+from ntc.codec.maps import BASE_ALONE, MAPS, MapName, joint_maps
+from ntc.codec.model import Pack
+from ntc.codec.reference import decode_image
+from ntc.codec.registry import codec_named
+from ntc.codec.textures import SourceTexture
+from ntc.errors import InputError
+from ntc.grouping import make_grouping
+from ntc.library.reading import joined_pack
+from ntc.metrics.metrics import bits_with_mips, psnr_table
+from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
+from ntc.training.encode import encode_chosen, encode_textures
+from tests.support.pack_bytes import PackBytes
+from tests.support.packs.parity import assert_torch_agrees
+from tests.unit.ntc.codec.block.test_material_sets import KINDS, WHOLE, material
+from viewer.locations import named_scene
+from viewer.scene.load import load_scene
+from viewer.scene.source_textures import source_textures
+
+
+def encoded(sources: list[SourceTexture], bits: float = 6.0, clusters: int | None = None) -> Pack:
+    """`sources` in grouping `universal`."""
+    grouping = make_grouping(GroupingConfig("universal", clusters=clusters), sources)
+    config = config_for_bits(bits, texture_set(sources, grouping.stored_decoders))
+    return encode_textures(sources, grouping, config, BlockOptions())
+
+
+@pytest.mark.parametrize("maps", [*KINDS[:1], *KINDS[2:], ("roughness",), ("base", "emissive")])
+def test_every_kind_of_maps_has_tables(maps: tuple[MapName, ...]) -> None:
+    _, channels = joint_maps([(maps, material(maps).channels)])
+    config, tables = set_config(maps, channels), set_tables(maps, channels)
+    assert (config.tables, config.maps, config.output_channels) == (SET_VERSION, maps, channels)
+    decoder = tables.decoder
+    assert decoder.basis.shape == (config.coefficients, config.block_texels)
+    assert decoder.scales.shape == (config.modes, config.coefficients)
+    assert decoder.edges.shape == (config.modes, len(config.planes))
+    assert set(decoder.channels.tolist()) == set(range(channels))
+    assert tables.energies.shape == (channels * BANDS,)
+    # No row has a place in a plane that lists have no room for.
+    for plane in config.planes:
+        assert np.isin(decoder.channels, plane).sum() <= 256
+
+
+def test_the_tables_are_small() -> None:
+    assert set_tables_path(SET_VERSION).stat().st_size < 150_000
+
+
+def test_gains_move_the_scales_of_a_channels_bands() -> None:
+    tables = set_tables(WHOLE, 8)
+    none = scaled_decoder(tables, np.zeros(8 * BANDS, np.int8))
+    np.testing.assert_array_equal(none.scales, tables.decoder.scales)
+    gains = np.zeros(8 * BANDS, np.int8)
+    gains[3 * BANDS] = -16
+    one = scaled_decoder(tables, gains)
+    moved = (one.scales != none.scales).any(axis=0)
+    assert set(one.channels[moved].tolist()) == {3}
+    lowered = none.scales[:, moved].astype(int) - one.scales[:, moved]
+    assert lowered.max() == 16
+    # 16 steps are an octave of amplitude: a fourth of the energy.
+    np.testing.assert_array_equal(gains_of(np.array([1.0, 0.25, 0.0]), np.ones(3)), [0, -16, -128])
+
+
+def test_packs_hold_gains_alone_and_read_back(tmp_path: Path) -> None:
+    sources = [material(WHOLE, seed=1), material(KINDS[2], (32, 32), seed=2), material(BASE_ALONE, (48, 32), seed=3)]
+    pack = encoded(sources)
+    config = block_parts(pack).config
+    assert pack.grouping.groups == (0, 1, 2)
+    write_pack(tmp_path / "a.ntc", pack)
+    parts = PackBytes.of((tmp_path / "a.ntc").read_bytes())
+    names = [name for name in parts.tensors if name.startswith("decoder")]
+    assert names == [f"decoder.{group}.gains" for group in range(3)]
+    assert list(decoder_shapes(config).values()) == [("I8", (config.output_channels * BANDS,))]
+    assert psnr_table(pack).decoder_bytes == 3 * config.output_channels * BANDS
+    read = read_pack(tmp_path / "a.ntc")
+    assert read.config == pack.config
+    assert pack_bytes(read) == pack_bytes(pack)
+    for index in range(len(sources)):
+        np.testing.assert_array_equal(decode_image(read, index), decode_image(pack, index))
+        assert (read.textures[index].psnr_db or 0.0) > 28.0
+        uv = np.random.default_rng(index).uniform(-2.0, 2.0, (200, 2)).astype(np.float32)
+        assert_torch_agrees(read, index, uv, np.linspace(-1.0, 5.0, 200, dtype=np.float32), None)
+    some = read_textures(tmp_path / "a.ntc", {sources[1].pixel_hash})
+    assert len(some.decoders) == 1
+    np.testing.assert_array_equal(decode_image(some, 0), decode_image(pack, 1))
+
+
+def test_a_pack_is_the_same_each_time_and_counts_its_bits() -> None:
+    sources = [material(WHOLE, (256, 256), seed=seed) for seed in range(2)]
+    for bits in (2.0, 4.0):
+        pack = encoded(sources, bits)
+        assert bits_with_mips(pack) == pytest.approx(bits, rel=0.02)
+    assert pack_bytes(encoded(sources, 4.0)) == pack_bytes(pack)
+
+
+def test_sizes_and_qualities_are_kept() -> None:
+    sources, codec = [material(WHOLE, (128, 128), seed=seed) for seed in range(2)], codec_named("block")
+    grouping = make_grouping(GroupingConfig("universal"), sources)
+    small = encode_chosen(sources, grouping, codec, EncodingChoices(target=SizeTarget(0.02)))
+    assert len(pack_bytes(small)) <= 20_000
+    good = encode_chosen(sources, grouping, codec, EncodingChoices(target=QualityTarget(33.0)))
+    assert min(texture.psnr_db or 0.0 for texture in good.textures) >= 33.0
+
+
+def test_small_scenes_gain_what_tables_of_their_own_take() -> None:
+    scene = load_scene(named_scene(Path("gallery")))
+    source = next(each for each in source_textures(scene, 128, "all") if each.name == "wood_painted_teal")
+    own = make_grouping(GroupingConfig("single"), [source])
+    choices = EncodingChoices(target=BitsTarget(4.0))
+    fitted = encode_chosen([source], own, codec_named("block"), choices)
+    shipped = encode_chosen(
+        [source], make_grouping(GroupingConfig("universal"), [source]), codec_named("block"), choices
+    )
+    assert (shipped.textures[0].psnr_db or 0.0) > (fitted.textures[0].psnr_db or 0.0) + 1.0
+    assert len(pack_bytes(shipped)) <= len(pack_bytes(fitted)) + 200
+
+
+def test_many_materials_share_gains_with_those_that_are_alike() -> None:
+    sources = [material(WHOLE, (32, 32), seed=seed) for seed in range(MOST_SCALED_GROUPS + 4)]
+    groups = make_grouping(GroupingConfig("universal"), sources).groups
+    assert max(groups) < MOST_SCALED_GROUPS
+    assert make_grouping(GroupingConfig("universal", clusters=3), sources[:5]).group_count == 3
+    assert make_grouping(GroupingConfig("universal", clusters=1), sources).groups == (0,) * len(sources)
+    weak = [replace(each, pixels=(each.pixels // 8 + 112).astype(np.uint8)) for each in sources[:2]]
+    # A map that is much weaker than the others tells materials apart.
+    for each in weak:
+        each.pixels[..., :5] = sources[0].pixels[..., :5]
+    found = shared_gains([*sources[:2], *weak], 2)
+    assert found[2] == found[3] != found[0]
+
+
+def test_shards_join_with_their_gains() -> None:
+    first, second = ([material(WHOLE, (32, 32), seed=seed)] for seed in (1, 2))
+    config = replace(config_for_bits(6.0, texture_set(first, 0)), mean_words=8.0)
+    packs = [
+        encode_textures(each, make_grouping(GroupingConfig("universal"), each), config, BlockOptions())
+        for each in (first, second)
+    ]
+    joined = joined_pack(packs)
+    assert (len(joined.decoders), joined.grouping.groups) == (2, (0, 1))
+    for index, pack in enumerate(packs):
+        np.testing.assert_array_equal(decode_image(joined, index), decode_image(pack, 0))
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [("tables", 99, "no tables of version 99"), ("coefficients", 30, "basis"), ("modes", 64, "scales")],
+)
+def test_packs_of_tables_that_do_not_ship_are_refused(tmp_path: Path, field: str, value: int, words: str) -> None:
+    path = tmp_path / "a.ntc"
+    write_pack(path, encoded([material(WHOLE, (32, 32))]))
+    parts = PackBytes.of(path.read_bytes())
+    path.write_bytes(parts.changed(lambda p: p.metadata["codec"].__setitem__(field, value)))
+    with pytest.raises(InputError, match=words):
+        read_pack(path)
+
+
+def test_other_packs_know_nothing_of_it() -> None:
+    sources = [material(WHOLE, (32, 32))]
+    single = encode_chosen(
+        sources, make_grouping(GroupingConfig("single"), sources), codec_named("block"), EncodingChoices()
+    )
+    parts = PackBytes.of(pack_bytes(single))
+    assert "tables" not in parts.metadata["codec"]
+    with pytest.raises(ValueError, match=r"codec\.tables"):
+        BlockConfig(tables=0)
+    with pytest.raises(InputError, match="no tables of version 98"):
+        set_tables(MAPS, 11, 98)
+
+
+def test_a_group_has_the_gains_of_all_its_textures() -> None:
+    sources = [material(WHOLE, (64, 64), seed=seed) for seed in (1, 2)]
+    config = set_config(WHOLE, 8)
+    alone = [fitted_gains(sample_textures([each], config), config).gains for each in sources]
+    both = fitted_gains(sample_textures(sources, config), config).gains
+    assert both is not None
+    each = np.stack([own for own in alone if own is not None])
+    least, most = each.min(0), each.max(0)
+    assert ((both >= least.astype(int) - 1) & (both <= most.astype(int) + 1)).all()
