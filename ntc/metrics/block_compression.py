@@ -4,8 +4,10 @@ Encoders and decoders are packages that the extra `lab` installs. They take and 
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
 from threading import get_ident
 from typing import Any, Literal, get_args
 
@@ -28,7 +30,10 @@ BC7_UBER_LEVELS: dict[Effort, int] = {"medium": 1, "thorough": 4}
 ASTC_QUALITIES: dict[Effort, float] = {"medium": 60.0, "thorough": 98.0}
 """Astcenc's, up to 100."""
 CONTEXTS_KEPT = 16
-_MISSING = "block compression: the packages are not installed ({}); pip install 'ntc-viewer[lab]'"
+_CHECKOUT = Path(__file__).resolve().parents[2] / "pyproject.toml"
+INSTALL_HINT = f"pip install '{'.' if _CHECKOUT.is_file() else 'ntc-viewer'}[lab]'"
+"""Command that installs the packages: of this checkout, else of the package."""
+_MISSING = "block compression: the packages are not installed ({}); " + INSTALL_HINT
 
 
 def _package(name: str) -> Any:
@@ -136,6 +141,14 @@ BLOCK_FORMATS: tuple[BlockFormat, ...] = get_args(BlockFormat)
 def named_format(name: str | None) -> BlockFormat | None:
     """Return the format of that name; None for none."""
     return next((block_format for block_format in BLOCK_FORMATS if block_format == name), None)
+
+
+@cache
+def missing_packages(block_format: BlockFormat) -> str:
+    """Return the line that installs what encodes and decodes a format; "" where all of it is installed."""
+    needed = ("astc_encoder",) if block_format.startswith("astc") else ("quicktex", "etcpak", "PIL")
+    absent = [name for name in needed if find_spec(name) is None]
+    return f"{', '.join(absent)} not installed: {INSTALL_HINT}" if absent else ""
 
 
 def block_size(block_format: BlockFormat) -> tuple[int, int]:

@@ -9,9 +9,12 @@ import pytest
 
 from ntc.codec.quality import psnr_db
 from ntc.errors import InputError
+from ntc.metrics import block_compression
+from ntc.metrics.block_compression import missing_packages
 from ntc.metrics.compressed_textures import CompressedTexture, CompressionRequest, compress_texture
 from tests.support.driven_app import DrivenApp
-from viewer.commands import run_line
+from viewer.commands import run, run_line
+from viewer.commands.compare import source_refusal
 from viewer.inspect import slot_jobs
 from viewer.inspect.memory_table import compressed_memory
 from viewer.inspect.texture_table import compressed_rows
@@ -221,3 +224,18 @@ def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, process
 )
 def test_work_is_told_with_its_share_and_the_time_it_takes(work: Work, text: str) -> None:
     assert work_text(work) == text
+
+
+def test_formats_whose_encoders_are_missing_are_grey_with_the_line_that_installs_them(
+    driven: DrivenApp, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(block_compression, "find_spec", lambda name: None if name == "astc_encoder" else object())
+    missing_packages.cache_clear()
+    try:
+        assert source_refusal(driven.session, "bc7") == ""
+        reason = source_refusal(driven.session, "astc-6x6")
+        assert reason == f"astc_encoder not installed: {block_compression.INSTALL_HINT}"
+        with pytest.raises(InputError, match="not installed"):
+            run(driven.context, "slot.source", "a", "astc-6x6")
+    finally:
+        missing_packages.cache_clear()

@@ -234,7 +234,7 @@ class Effects:
         graphics.reset.check()
         write_png(path, shown)
         if not effect.quiet:
-            notify(session, f"wrote {path}")
+            notify(session, f"wrote {path.absolute()}")
 
     def _end_film(self) -> None:
         film, self._film = self._film, None

@@ -14,6 +14,7 @@ from viewer.scene.model import Scene
 from viewer.script.script import Script
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
+from viewer.ui.theme import load_font
 
 FRAME_SECONDS = 1.0 / 60.0
 REST_SECONDS = 0.02
@@ -42,6 +43,7 @@ class HeadlessApp(App):
         imgui.set_current_context(self._imgui)
         implot.create_context()
         io = imgui.get_io()
+        load_font()
         io.set_ini_filename("")
         io.config_flags |= imgui.ConfigFlags_.docking_enable
         io.display_size = imgui.ImVec2(*size)

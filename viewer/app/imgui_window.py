@@ -26,6 +26,7 @@ from viewer.gl.systems import SYSTEM, set_up_drivers
 from viewer.state.pack_files import packs_beside
 from viewer.state.session import Session
 from viewer.state.view_file import present_view, view_json
+from viewer.ui.theme import load_font
 
 RECOVERED: Final = "the graphics driver was reset; everything was uploaded again"
 MOST_LOSSES = 3
@@ -160,6 +161,7 @@ class ImguiWindow:
         self._place(placement)
         imgui.create_context()
         implot.create_context()
+        load_font()
         io = imgui.get_io()
         io.set_ini_filename(str(layout_file) if layout_file is not None else "")
         io.config_flags |= imgui.ConfigFlags_.docking_enable

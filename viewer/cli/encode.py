@@ -29,6 +29,7 @@ from ntc.errors import InputError, TrainingCancelledError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
+from ntc.io import numbered_path
 from ntc.library.index import is_library, read_index
 from ntc.library.reading import in_order, read_shards
 from ntc.metrics.metrics import bits_with_mips, psnr_table
@@ -47,7 +48,7 @@ from viewer.locations import features_cache, named_scene, packs_folder
 from viewer.scene.images import folder_textures
 from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
-from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.scene.scene_files import PACK_SUFFIX, scene_file
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
 
 KEPT_SUFFIX = ".jobs"
@@ -417,6 +418,8 @@ class _ProgressReport:
 
 def encode(options: EncodeOptions) -> int:
     """Run `ntc-viewer encode`. Raises InputError for bad input."""
+    if options.out == Path():
+        options = replace(options, out=default_out(options))
     _check(options)
     if options.quality is not None and options.quality.unit == "JOD":
         # It draws, and so takes OpenGL.
@@ -447,6 +450,20 @@ def encode_builtin(scene_path: Path, grouping: GroupingName) -> Path:
     sys.stderr.write(f"note: grouping {grouping} of {scene_path.stem} is encoded once and kept in {out}\n")
     _encode(EncodeOptions(scene_path, out, grouping=grouping, codec="block", bits=BUILTIN_BITS))
     return out
+
+
+def default_out(options: EncodeOptions) -> Path:
+    """Return the pack that is written where none is named: a new file beside the scene or folder, as in the window.
+
+    Raises InputError for a list of images.
+    """
+    source = options.source
+    if source.suffix.lower() == LIST_SUFFIX:
+        raise InputError(f"{source}: a list of images has no place of its own; name a pack or a library with --out")
+    if source.is_dir():
+        return numbered_path(source.absolute().parent / f"{source.absolute().name}.{options.grouping}{PACK_SUFFIX}")
+    scene = scene_file(named_scene(source))
+    return numbered_path(packs_folder(scene) / f"{scene.stem}.{options.grouping}{PACK_SUFFIX}")
 
 
 def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float]:

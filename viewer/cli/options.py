@@ -265,8 +265,8 @@ class EncodeOptions:
 
     source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER|LIST"), tyro.conf.Positional]
     """Textures to encode: a scene, a folder of images (sub-folders become categories), or a .txt file with one image path per line."""
-    out: Annotated[Path, tyro.conf.arg(metavar="F.ntc|LIBRARY")]
-    """Pack to write, or folder of a library to add to by jobs."""
+    out: Annotated[Path, _unset("F.ntc|LIBRARY")] = Path()
+    """Pack to write, or folder of a library to add to by jobs. Default: SCENE.GROUPING.ntc beside the scene or folder."""
     workers: Annotated[int | None, _unset("N")] = None
     """Processes that encode by jobs, one thread each. The bytes are the same with any number.
     Default: no jobs; one per core for a library."""

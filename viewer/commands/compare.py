@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, get_args
 
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
-from ntc.metrics.block_compression import named_format
+from ntc.metrics.block_compression import missing_packages, named_format
 from viewer.commands.command import Arg, Context, command, following, gesture, switch
 from viewer.commands.effects import Effect, Measure, RunCommand, TakePicture, WriteText
 from viewer.inspect.measured_figures import figures_json, figures_markdown
@@ -206,8 +206,20 @@ def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
     return WriteText(path, figures_json(session.inspection.measurements), f"wrote {path}", picture)
 
 
+def source_refusal(session: Session, source: str) -> str:
+    """Return why a source cannot be shown: a format whose encoder is not installed. "" where it can."""
+    block_format = named_format(source)
+    known = block_format is None or block_format in session.compressed
+    return "" if known or block_format is None else missing_packages(block_format)
+
+
 Source = Annotated[
-    str, Arg('"reference", an open pack, or bc1, bc7, astc-4x4 to astc-12x12', lambda session: session.sources)
+    str,
+    Arg(
+        '"reference", an open pack, or bc1, bc7, astc-4x4 to astc-12x12',
+        lambda session: session.sources,
+        refuses=source_refusal,
+    ),
 ]
 
 

@@ -12,13 +12,15 @@ from ntc.errors import InputError
 from ntc.io import read_file, write_text
 from viewer.locations import CONFIG_FOLDER_VARIABLE
 from viewer.scene.json_text import Share, convert, parse_json
-from viewer.state.view_state import NO_OVERLAY, Overlay, TexelFilter
+from viewer.state.view_state import Overlay, TexelFilter
 
 CameraMode = Literal["orbit", "fly"]
 Theme = Literal["dark", "light"]
 SETTINGS_FILE = "settings.json"
 LAYOUT_FILE = "layout.ini"
 
+FIRST_OVERLAY = Overlay(opacity=0.6)
+"""The picture stays readable below a map."""
 Anisotropy = Literal[1, 2, 4, 8, 16]
 ANISOTROPIES = get_args(Anisotropy)
 FOV_RANGE = (10.0, 120.0)
@@ -54,7 +56,7 @@ class ViewerSettings:
     """Filter of slot A, of the paths that decode every pixel."""
     wipe_position: Share = 0.5
     """Position of the divider as a share of the picture's width or height."""
-    overlay: Overlay = NO_OVERLAY
+    overlay: Overlay = FIRST_OVERLAY
     """Appearance of maps over the picture. Its `kind` is "none": a start shows no map."""
     window_size: tuple[
         Annotated[int, Meta(ge=320, le=LARGEST_WINDOW_SIDE)], Annotated[int, Meta(ge=200, le=LARGEST_WINDOW_SIDE)]

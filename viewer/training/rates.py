@@ -308,7 +308,7 @@ class Rates:
             self._points = len(found.points)
             self._curves[key] = found
             self.version += 1
-            self.pace.note(RATE_CODEC, float(np.median([point.seconds_per_work for point in found.points])))
+            self.pace.note(RATE_CODEC, min(point.seconds_per_work for point in found.points))
         if job.done:
             if job.problem and key not in self._curves:
                 self._problems[key] = job.problem

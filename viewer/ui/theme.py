@@ -1,8 +1,10 @@
 """Colours and sizes of the panels: dark or light, in the scale of the monitor and the user's own."""
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Literal
 
+import imgui_bundle
 from imgui_bundle import ImVec2, imgui
 
 from viewer.state.settings import Theme
@@ -102,6 +104,18 @@ def theme_colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
         col.docking_empty_bg: _color(0.0, 0.0, 0.0, 0.0),
         col.modal_window_dim_bg: _color(0.0, 0.0, 0.0, 0.45),
     }
+
+
+FONT = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
+"""A font made for screens, with digits of one width. It comes with imgui-bundle."""
+FONT_SIZE = 14.0
+"""Height in window units at normal scale."""
+
+
+def load_font() -> None:
+    """Load the font into the present ImGui context; without its file ImGui's own one stays."""
+    if FONT.is_file():
+        imgui.get_io().fonts.add_font_from_file_ttf(str(FONT), FONT_SIZE)
 
 
 class Appearance:

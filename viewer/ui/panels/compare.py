@@ -6,6 +6,7 @@ from imgui_bundle import imgui
 
 from ntc.codec.config import PrecisionChoice
 from ntc.metrics.divergence import cut_percent
+from viewer.commands.compare import source_refusal
 from viewer.inspect.measured_figures import figure_rows
 from viewer.state.pack_files import source_label
 from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
@@ -129,6 +130,7 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
         "slot.source",
         side,
         width=width,
+        refusal=lambda source: source_refusal(ui.session, source),
         shown=lambda source: source_label(source, ui.session.packs),
     )
     waits = ui.session.awaited_formats.get(side)

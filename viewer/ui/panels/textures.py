@@ -20,9 +20,9 @@ from viewer.ui.widgets import decibels, headings, sort_order
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail in lines of text."""
-HIDDEN_AT_FIRST = frozenset(COLUMNS) - {"name", "mip 0 dB", "bits", "kB", "normals"}
+HIDDEN_AT_FIRST = frozenset(COLUMNS) - {"name", "mip 0 dB", "bits", "normals"}
 WIDTHS: dict[TextureColumn, float] = {
-    "name": 7.0,
+    "name": 6.0,
     "size": 5.6,
     "category": 5.5,
     "group": 3.0,

@@ -377,7 +377,10 @@ class EncodeOffer:
         if {ui.session.view.slot_a.source, ui.session.view.slot_b.source} != {REFERENCE}:
             return
         imgui.set_next_window_pos(
-            ImVec2((area.left + area.right) / 2.0, area.top + 40.0), imgui.Cond_.always, ImVec2(0.5, 0.0)
+            # Warnings lie at the left, and the model in the middle.
+            ImVec2(area.right - 12.0, area.top + 40.0),
+            imgui.Cond_.always,
+            ImVec2(1.0, 0.0),
         )
         imgui.set_next_window_bg_alpha(0.88)
         flags = (
