@@ -12,18 +12,18 @@ SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1,
 SQUARE_UVS = np.array([[0, 1], [1, 1], [1, 0], [0, 1], [1, 0], [0, 0]], np.float32)
 
 
-def two_squares(seed: int = 5) -> GltfBuilder:
-    """Two textured unit squares side by side, facing +Z, around the origin."""
+def two_squares(seed: int = 5, count: int = 2) -> GltfBuilder:
+    """`count` textured unit squares side by side, facing +Z, around the origin."""
     builder = GltfBuilder()
     random = np.random.default_rng(seed)
     primitives = []
-    for number in range(2):
+    for number in range(count):
         ramp = np.linspace(40, 200, 32)[:, None, None] + np.array([10.0, 40.0 * number, 20.0])
         pixels = np.clip(ramp + random.normal(0, 12, (32, 32, 3)), 0, 255).astype(np.uint8)
         material = builder.material(builder.image(png(pixels), name=f"picture {number}"))
         primitives.append(
             builder.triangle(
-                material, POSITION=SQUARE + np.array([number - 1, -0.5, 0], np.float32), TEXCOORD_0=SQUARE_UVS
+                material, POSITION=SQUARE + np.array([number - count // 2, -0.5, 0], np.float32), TEXCOORD_0=SQUARE_UVS
             )
         )
     return builder.drawn(*primitives)

@@ -1,4 +1,4 @@
-"""`ntc-viewer study clusters`."""
+"""`ntc-viewer study`: every study of a small scene or folder, and what it writes."""
 
 import json
 from pathlib import Path
@@ -8,25 +8,52 @@ import numpy as np
 import pytest
 import torch
 
+from lab.bench.stability_block_cases import block_cases
+from lab.bench.stability_cases import stability_cases
+from lab.commands import study_stability
 from lab.commands.options import RateStudyOptions
 from lab.commands.rate_points import PointJob, measured_point
 from lab.studies.rate_table import RatePoint
 from tests.drivers.messages import error_line
+from tests.end_to_end.conftest import two_squares
 from tests.support.textures import waves
 from viewer import cli
 from viewer.locations import builtin_scene_path
 from viewer.scene.images import read_image, write_png
 
 
-def test_the_built_in_scene_is_studied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "o"
-    assert cli.main(["study", "clusters", "--out", str(out), "--clusters", "8", "--features", "low_level"]) == 0
+def camera(x: float, target: float, distance: float) -> dict[str, Any]:
+    return {"name": f"at {x}", "eye": [x, 0.2, distance], "target": [target, 0.0, 0.0], "fov": 45.0}
+
+
+@pytest.fixture(scope="module")
+def row_of_squares(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A scene of six textures, with a pack of three decoders, and beside it views.json of four cameras."""
+    folder = tmp_path_factory.mktemp("row")
+    scene = two_squares(count=6).write(folder / "row.glb")
+    cameras = [camera(x, 0.5 * x, distance) for x, distance in ((-2.0, 3.0), (-1.5, 4.0), (1.5, 3.0), (2.0, 5.0))]
+    (folder / "views.json").write_text(json.dumps(cameras))
+    pack = str(folder / "row.clustered.ntc")
+    assert cli.main(["encode", str(scene), "--out", pack, "--grouping", "clustered", "--clusters", "3"]) == 0
+    return scene
+
+
+@pytest.mark.parametrize("of", ["squares", pytest.param("the courtyard", marks=pytest.mark.nightly)])
+def test_groupings_are_studied(
+    of: str, row_of_squares: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, groups = tmp_path / "o", 8
+    arguments = ["--out", str(out), "--features", "low_level"]
+    if of == "squares":
+        groups, views = 3, str(row_of_squares.with_name("views.json"))
+        arguments = [str(row_of_squares), "--views", views, "--largest-share", "0.4", *arguments]
+    assert cli.main(["study", "clusters", *arguments, "--clusters", str(groups)]) == 0
     record = json.loads((out / "clusters.json").read_text())
-    rows = {row["grouping"]: row for row in record["rows"] if row["groups"] in (8, 55)}
+    rows = {row["grouping"]: row for row in record["rows"] if row["groups"] in (groups, 55)}
     assert rows["covisible"]["held_out_cut_percent"] > rows["clustered"]["held_out_cut_percent"]
     assert any(row["grouping"] == "pack clustered" and row["psnr_db"] > 20 for row in record["rows"])
     assert (out / "clusters.csv").read_text().count("\n") == len(record["rows"]) + 1
-    assert "| covisible | low_level | 8 |" in (out / "clusters.md").read_text()
+    assert f"| covisible | low_level | {groups} |" in (out / "clusters.md").read_text()
     assert read_image(out / "clusters.png").shape[1] > 1000
     assert "covisible" in capsys.readouterr().out
 
@@ -57,9 +84,22 @@ def test_bad_input_is_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_stability_is_studied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = tmp_path / "o"
-    arguments = ["study", "stability", "--out", str(out), "--texels", "20", "--bound-texels", "4000", "--size", "32x18"]
+@pytest.mark.parametrize("of", ["squares", pytest.param("the courtyard", marks=pytest.mark.nightly)])
+def test_stability_is_studied(
+    of: str,
+    row_of_squares: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    out, scene = tmp_path / "o", list[str]()
+    if of == "squares":
+        # tests/gl/lab/test_stability.py tests every case.
+        scene = [str(row_of_squares)]
+        for name, cases in (("stability_cases", stability_cases), ("block_cases", block_cases)):
+            monkeypatch.setattr(study_stability, name, lambda *given, of=cases: of(*given)[::6])
+    arguments = ["study", "stability", *scene, "--out", str(out), "--texels", "20", "--bound-texels", "4000"]
+    arguments += ["--size", "32x18"]
     assert cli.main([*arguments, "--grouping", "clustered", "--precisions", "fp32"]) == 0
     record = json.loads((out / "stability.json").read_text())
     paths = {row["path"] for row in record["rows"]}
@@ -171,18 +211,21 @@ def test_the_papers_table_of_textures(tmp_path: Path, images: Path) -> None:
     assert gaps["best", "single"]["to_paper_db"] == pytest.approx(gained)
 
 
-def test_the_papers_tables_of_scenes(tmp_path: Path) -> None:
-    out = tmp_path / "o"
-    arguments = study("paper-scenes", builtin_scene_path(), out, "--size", "64x36", "--texture-size", "16")
-    arguments += ["--groupings", "baseline", "covisible", "--more-clusters", "3"]
-    assert cli.main(arguments) == 0
+@pytest.mark.parametrize("of", ["squares", pytest.param("the courtyard", marks=pytest.mark.nightly)])
+def test_the_papers_tables_of_scenes(of: str, row_of_squares: Path, tmp_path: Path) -> None:
+    out, views, scene = tmp_path / "o", 8, builtin_scene_path()
+    more = ["--size", "64x36", "--texture-size", "16", "--groupings", "baseline", "covisible", "--more-clusters", "3"]
+    if of == "squares":
+        views, scene = 4, row_of_squares
+        more += ["--views", str(row_of_squares.with_name("views.json"))]
+    assert cli.main(study("paper-scenes", scene, out, *more)) == 0
     rows = {(row["variant"], row["grouping"], row["groups"]) for row in record(out, "paper-scenes")["rows"]}
     assert ("best", "covisible", 3) in rows
     assert ("paper", "covisible", 2) in rows
     rendered = {(row["recipe"], row["grouping"]): row for row in record(out, "paper-scenes-rendered")["rows"]}
     assert rendered["best", "baseline"]["excess"] > rendered["best", "covisible"]["excess"]
     assert rendered["best", "covisible"]["cut_percent"] > 50.0
-    assert rendered["best", "baseline"]["views"] == 8
+    assert rendered["best", "baseline"]["views"] == views
     assert {path.name for path in (out / "packs").iterdir()} == {
         f"{recipe}.{grouping}.ntc" for recipe in ("paper", "best") for grouping in ("baseline", "covisible")
     }
