@@ -6,13 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from tests.drivers.messages import own_session_folders
-
 # Before numpy and torch are imported: tests run side by side, and threads of one that wait for another's core spin.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("LP_NUM_THREADS", "1")
 # Pictures must not wait for measurements, nor programs depend on them.
 os.environ["NTC_VIEWER_DECODER_VARIANT"] = "default"
+
+from tests.drivers.messages import own_session_folders
+from tests.shared_context import share
+
+# Before other conftest.py files import what makes contexts: pytest reads those of folders that it is given first of all.
+share()
 
 TESTS = Path(__file__).parent
 DRAWING = ("drivers", "gl", "golden", "ui")
@@ -20,14 +24,10 @@ DRAWING = ("drivers", "gl", "golden", "ui")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have session folders, and one context to draw in, before anything is drawn in this process or in one that it starts."""
+    """Have session folders before anything is drawn in this process or in one that it starts."""
     stack = ExitStack()
     stack.enter_context(own_session_folders())
     config.add_cleanup(stack.close)
-    # What draws, and with it numpy, is imported only now.
-    from tests.shared_context import share
-
-    share()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,6 +1,7 @@
 """The built-in scene from a fresh process: quick, and without the heavy libraries."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.drivers.messages import SHADERS_VARIABLE
 from tests.end_to_end.conftest import two_squares
 from viewer import cli, locations
 
@@ -37,7 +39,7 @@ def test_viewing_a_pack_imports_no_training_libraries(tmp_path: Path) -> None:
 
 
 def test_without_a_display_pictures_are_drawn_and_their_place_is_said(tmp_path: Path) -> None:
-    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path)}
+    environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), SHADERS_VARIABLE: os.environ[SHADERS_VARIABLE]}
     result = subprocess.run(
         [sys.executable, "-m", "viewer"],
         cwd=tmp_path,

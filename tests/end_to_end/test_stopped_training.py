@@ -3,6 +3,8 @@
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +12,9 @@ import pytest
 
 from viewer import cli
 from viewer.scene.images import write_png
+
+QUESTIONS_BEFORE = 20
+"""Steps that Ctrl-C comes after."""
 
 
 @pytest.fixture
@@ -63,6 +68,11 @@ def test_it_ends_alike(tmp_path: Path, images: Path) -> None:
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "resumed.ntc", "whole.ntc"]
 
 
-def test_without_a_state_nothing_stays(tmp_path: Path, images: Path) -> None:
-    assert interrupted(command(images, tmp_path / "a.ntc")).returncode == 130
+def test_without_a_state_nothing_stays(tmp_path: Path, images: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = count(1)
+    monkeypatch.setattr(
+        "viewer.cli.encode.deferred_interrupt", lambda: nullcontext(lambda: next(asked) > QUESTIONS_BEFORE)
+    )
+    assert cli.main(command(images, tmp_path / "a.ntc")) == 130
+    assert next(asked) > QUESTIONS_BEFORE
     assert [path.name for path in tmp_path.iterdir()] == ["in"]

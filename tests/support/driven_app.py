@@ -13,6 +13,9 @@ from viewer.app.headless import HeadlessApp
 from viewer.capture.film import read_pixels
 from viewer.ui.user_interface import SETTLING_FRAMES
 
+LONGEST_PAUSE = 0.02
+"""Seconds between two frames of an app that waits."""
+
 
 class DrivenApp(HeadlessApp):
     """A HeadlessApp with the hands of a person."""
@@ -37,8 +40,8 @@ class DrivenApp(HeadlessApp):
         while not reached():
             assert time.monotonic() - began < seconds, [entry.text for entry in self.session.window.log]
             self.frame()
-            # What works beside the frames needs the processors, and Python's lock.
-            time.sleep(0.005)
+            # What works beside the frames needs the processors, and Python's lock; the longer it takes, the more.
+            time.sleep(min(0.005 + 0.1 * (time.monotonic() - began), LONGEST_PAUSE))
 
     def rest(self) -> None:
         """Draw until the picture is whole and nothing is to come."""

@@ -45,6 +45,10 @@ GPU: Final = ContextInformation("a GPU", "its vendor", "4.6")
 """What takes the variants of a GPU (viewer/render/resources/decoding_shaders.py)."""
 SIZE: Final = (16, 16)
 CAMERA: Final = Camera("front", (0.5, 0.6, 4.0), (0.0, 0.0, 0.0))
+SOME: Final = ("grid-adapters", "grid-sets", "block-4x4", "block-sets-one-decoder")
+"""Packs of both codecs, of single maps and of sets, with decoders of their own and with one for all."""
+PLAIN: Final = "plain"
+"""The scene with little."""
 TIMED: Final = "grid-adapters"
 """The pack whose decoders are laid out in every variant that is measured on GPUs."""
 SIDE: Final = 16
@@ -128,7 +132,7 @@ def scenes() -> dict[str, Scene]:
         second_uvs=rich.geometry.uvs,
     )
     lights = (Light("point", (1.0, 1.0, 1.0), (0.0, 2.0, 0.0)),)
-    return {"plain": plain, "rich": replace(rich, geometry=geometry, lights=lights)}
+    return {PLAIN: plain, "rich": replace(rich, geometry=geometry, lights=lights)}
 
 
 def _feature_sets(features: Features) -> Iterator[tuple[Features, bool]]:
@@ -194,21 +198,25 @@ def _assemble_drawing(
     renderer.release()
 
 
-def every_program(context: GraphicsContext) -> tuple[AssembledProgram, ...]:
+def every_program(context: GraphicsContext, sparse: bool = False) -> tuple[AssembledProgram, ...]:
     """All distinct programs of every decode path, codec, precision (halves native and emulated), filter, view and overlay.
 
+    `sparse`: with the first set of a driver's features all of them; with the other sets those of some packs in the scene with much.
     `context` holds what is uploaded meanwhile; whether its driver has half arithmetic does not matter.
     """
     recorder = ProgramRecorder()
     opened = packs()
     stages = get_args(Stage)
     with recorder.recording():
-        for scene in scenes().values():
-            for number, (features, emulated) in enumerate(_feature_sets(context.features)):
+        for own, scene in scenes().items():
+            sets = list(_feature_sets(context.features))
+            for number, (features, emulated) in enumerate(sets[:1] if sparse and own == PLAIN else sets):
                 graphics = replace(context, features=features, info=context.info if features.weights_in_image else GPU)
                 renderer = Renderer(graphics, scene, stages[number % len(stages)], emulate_half=emulated)
                 renderer.set_packs(opened)
                 for name, pack in opened.items():
+                    if sparse and number > 0 and name not in SOME:
+                        continue
                     recorder.codec = name
                     for view in _decoding_views(name):
                         renderer.render(view)

@@ -145,6 +145,8 @@ def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
     began = time.monotonic()
     while app.training.active is not None and time.monotonic() - began < PATIENCE:
         app.show(3)
+        # What works beside the frames needs the processors.
+        time.sleep(0.1)
         if app.training.state == "training" and len(states) < losses:
             states.append(app.training.state)
             workers.add(app.training.process_id)

@@ -86,7 +86,23 @@ def press_chord(app: DrivenApp, chord: Chord) -> None:
         app.frame()
 
 
+def shape(command: Command) -> tuple[object, ...]:
+    """What commands are told apart by in palette and menu: kinds of parameters, and which of them must be given."""
+    parts = ((part.type, part.is_choice, part.default_text is None) for part in command.parameters)
+    return (command.is_switch, command.id in ONLY_TYPED, *parts)
+
+
+SHAPES = {shape(command): command for command in COMMANDS}
+"""A command of each shape."""
 every_command = pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.id)
+some_commands = pytest.mark.parametrize(
+    "command",
+    [
+        pytest.param(command, marks=() if SHAPES[shape(command)] is command else pytest.mark.nightly)
+        for command in COMMANDS
+    ],
+    ids=[command.id for command in COMMANDS],
+)
 
 
 @every_command
@@ -97,7 +113,7 @@ def test_by_script(shared: DrivenApp, seen: Seen, command: Command) -> None:
     assert seen == [(command.id, command.parse(arguments))]
 
 
-@every_command
+@some_commands
 def test_by_palette(shared: DrivenApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
     shared.session.window.palette = ""
@@ -112,10 +128,18 @@ def test_by_palette(shared: DrivenApp, seen: Seen, command: Command) -> None:
     assert shared.session.window.palette is None
 
 
-@every_command
+def menu_of(command: Command) -> str | None:
+    """The menu that a command is in."""
+    return next((m for m, sections in menu_entries().items() if any(command in part for part in sections)), None)
+
+
+def test_every_command_is_in_a_menu_or_only_typed() -> None:
+    assert {command.id for command in COMMANDS if menu_of(command) is None} == set(ONLY_TYPED)
+
+
+@some_commands
 def test_by_menu(shared: DrivenApp, seen: Seen, command: Command) -> None:
-    menu = next((m for m, sections in menu_entries().items() if any(command in section for section in sections)), None)
-    assert (menu is None) == (command.id in ONLY_TYPED)
+    menu = menu_of(command)
     if menu is None:
         return
     needed = [parameter for parameter in command.parameters if parameter.default_text is None]

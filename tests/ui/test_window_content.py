@@ -3,6 +3,7 @@
 import copy
 import json
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,10 +22,12 @@ from viewer.commands.keys import parse_chord
 from viewer.inspect.measured_figures import figure_rows
 from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
+from viewer.scene.model import Scene
 from viewer.script.directions import hold
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
-from viewer.state.pack_files import source_label
+from viewer.state.pack_files import open_packs, packs_beside, source_label
 from viewer.state.session import Session
+from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Overlay, Side, Slot, Zoom
 from viewer.ui.panels.timings import timings_text
 
@@ -353,9 +356,31 @@ def state_of(session: Session) -> dict[str, Any]:
     return {name: copy.copy(value) if name in groups else value for name, value in vars(session).items()}
 
 
+@pytest.fixture(scope="module")
+def kept(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DrivenApp]:
+    """An app for several tests."""
+    packs, settings = open_packs(packs_beside(scene_path)), ViewerSettings(live_figures=False, column_folded=False)
+    made = DrivenApp(scene, packs, SIZE, tmp_path_factory.mktemp("pictures"), settings)
+    made.settle()
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def app_as_opened(kept: DrivenApp) -> Iterator[DrivenApp]:
+    """An app whose session is afterwards what it was."""
+    session, before = kept.session, state_of(kept.session)
+    yield kept
+    for name, value in before.items():
+        setattr(session, name, value)
+    kept.settle()
+
+
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command.key], ids=lambda command: command.id)
-def test_every_key_runs_its_command(app: DrivenApp, command: Command, monkeypatch: pytest.MonkeyPatch) -> None:
-    effects: list[Effect] = []
+def test_every_key_runs_its_command(
+    app_as_opened: DrivenApp, command: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app, effects = app_as_opened, list[Effect]()
     monkeypatch.setattr(app.context, "perform", effects.append)
     moved = replace(app.session.view.camera, eye=(3.0, 1.0, 2.0))
     app.session.view = replace(app.session.view, camera=moved, zoom=Zoom(2.0))

@@ -218,6 +218,7 @@ def test_the_built_page_is_that_of_its_sources() -> None:
 
 
 @pytest.mark.timing
+@pytest.mark.nightly
 def test_the_courtyard_is_seen(tmp_path: Path, browser: Browser) -> None:
     page = tmp_path / "courtyard"
     assert cli.main(["export", str(builtin_scene_path()), "--web", str(page)]) == 0

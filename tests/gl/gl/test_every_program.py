@@ -55,10 +55,10 @@ GROUP_INVOCATIONS = 1024
 Stages = tuple[tuple[Declaration, ...], ...]
 
 
-@pytest.fixture(scope="module")
-def programs(graphics: GraphicsContext) -> tuple[AssembledProgram, ...]:
-    """Every program that can be assembled; collecting them takes about 15 s."""
-    return every_program(graphics)
+@pytest.fixture(scope="module", params=["sparse", pytest.param("all", marks=pytest.mark.nightly)])
+def programs(graphics: GraphicsContext, request: pytest.FixtureRequest) -> tuple[AssembledProgram, ...]:
+    """Every program that can be assembled; collecting them takes about 15 s, half of that for the sparse ones."""
+    return every_program(graphics, request.param == "sparse")
 
 
 def test_every_shader_file_is_in_some_program(programs: tuple[AssembledProgram, ...]) -> None:

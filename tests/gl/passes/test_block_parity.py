@@ -98,7 +98,7 @@ def test_random_codes_give_values_across_the_range(codec: Codec) -> None:
 def test_all_wrap_modes_agree_at_random_coordinates(codec: Codec, wrap: tuple[WrapMode, WrapMode]) -> None:
     random = np.random.default_rng(1)
     for texture in range(len(SIZES)):
-        uv, lod = random.uniform(-2.0, 2.0, (800, 2)), random.uniform(-1.0, 8.0, 800)
+        uv, lod = random.uniform(-2.0, 2.0, (300, 2)), random.uniform(-1.0, 8.0, 300)
         assert largest_error(codec, texture, uv, lod, wrap) <= TOLERANCE, SIZES[texture]
 
 
@@ -107,8 +107,8 @@ def test_every_level_agrees(codec: Codec) -> None:
     pack, _ = codec
     for texture, size in enumerate(SIZES):
         for level in range(len(latent_levels(*size, pack.config))):
-            uv = random.uniform(-2.0, 2.0, (300, 2))
-            error = largest_error(codec, texture, uv, np.full(300, float(level)), ("repeat", "mirror"))
+            uv = random.uniform(-2.0, 2.0, (100, 2))
+            error = largest_error(codec, texture, uv, np.full(100, float(level)), ("repeat", "mirror"))
             assert error <= TOLERANCE, (size, level)
 
 

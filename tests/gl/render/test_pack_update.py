@@ -14,6 +14,7 @@ from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import CodecSettings, Pack
 from ntc.codec.registry import codec_of
 from tests.gl.small_scenes import FRONT, INSIDE, objects
+from tests.support.covering import covering
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
@@ -30,6 +31,7 @@ MEMBERS = [1, 3]
 ADAPTED = GridConfig(hidden_width=12, adapters=True, adapter_output=True, output_channels=4)
 BLOCK = BlockConfig(block_words=(3,), mean_words=3.0, modes=8, coefficients=40)
 BLOCK_SIZES = BlockConfig(block_words=(1, 3, 4), mean_words=3.0, modes=8, coefficients=40)
+CODECS = {"plain": None, "adapted": ADAPTED, "block": BLOCK, "block, sizes": BLOCK_SIZES}
 CACHED = Slot("p", "cached")
 DEFERRED = Slot("p", "deferred")
 ELSEWHERE = 1e-3
@@ -82,14 +84,13 @@ def changed_bytes(renderer: Renderer, slot: Slot, pack: Pack) -> tuple[int, int]
 
 @pytest.mark.once
 @pytest.mark.parametrize(
-    "config", [None, ADAPTED, BLOCK, BLOCK_SIZES], ids=["plain", "adapted", "block", "block, sizes"]
+    ("codec", "precision", "path", "in_image"),
+    covering(list(CODECS), ["fp32", "fp16"], ["forward", "deferred", "binned"], [False, True]),
 )
-@pytest.mark.parametrize("precision", ["fp32", "fp16"])
-@pytest.mark.parametrize("path", ["forward", "deferred", "binned"])
-@pytest.mark.parametrize("in_image", [False, True], ids=["buffer", "image"])
 def test_an_update_is_equal_to_a_fresh_upload(
-    graphics: GraphicsContext, config: CodecSettings | None, precision: Precision, path: DecodePath, in_image: bool
+    graphics: GraphicsContext, codec: str, precision: Precision, path: DecodePath, in_image: bool
 ) -> None:
+    config = CODECS[codec]
     context = replace(graphics, features=replace(graphics.features, weights_in_image=in_image))
     slot = Slot("p", path, precision)
     old = pack_of(0, config)

@@ -16,6 +16,7 @@ from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
+from tests.support.covering import covering
 from tests.support.gltf_builder import noise
 from tests.support.picture_scenes import WHITE, as_set, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
@@ -112,9 +113,7 @@ def expected_plane(pack: Pack, name: str, plane: Plane) -> NDArray[np.float64]:
     return found
 
 
-@pytest.mark.parametrize("path", PATHS)
-@pytest.mark.parametrize("kind", ["block", "one decoder", "grid"])
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(("name", "kind", "path"), covering(list(CASES), ["block", "one decoder", "grid"], PATHS))
 def test_planes_agree_with_float64(
     renderer: Renderer, packs: dict[str, Pack], name: str, kind: str, path: DecodePath
 ) -> None:

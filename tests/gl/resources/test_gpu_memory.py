@@ -153,17 +153,28 @@ def truth(
     return pictures, asked
 
 
-@pytest.mark.parametrize("for_good", [False, True], ids=["once", "for good"])
+@pytest.mark.parametrize(
+    ("for_good", "first", "step"),
+    [
+        pytest.param(False, 0, 2, id="once"),
+        pytest.param(True, 1, 4, id="for good"),
+        pytest.param(False, 1, 2, id="once, others", marks=pytest.mark.nightly),
+        *(pytest.param(True, first, 4, id=f"for good, {first}", marks=pytest.mark.nightly) for first in (0, 2, 3)),
+    ],
+)
 def test_any_request_may_fail(
     graphics: GraphicsContext,
     scene: Scene,
     packs: tuple[Pack, Pack],
     truth: tuple[dict[str, NDArray[np.uint8]], int],
     for_good: bool,
+    first: int,
+    step: int,
 ) -> None:
+    """Request `first`, and every `step` later."""
     pictures, requests = truth
     before = existing(graphics)
-    for number in range(requests):
+    for number in range(first, requests, step):
         memory = FailingMemory(graphics.gl, number, for_good)
         window = opened(graphics, memory, scene, packs)
         window.run()

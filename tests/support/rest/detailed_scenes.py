@@ -14,12 +14,12 @@ from viewer import cli
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
 SQUARE_UVS = np.array([[0, 1], [1, 1], [1, 0], [0, 1], [1, 0], [0, 0]], np.float32)
 TOWARDS_CAMERA = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (6, 1))
-SIDE = 512
-"""Texels along a side of a texture: about 1.5 for each pixel of a window of 640x360."""
+SIDE = 256
+"""Texels along a side of a texture: about 1.5 for each pixel of a window of 320x180."""
 FIELD = 0.6
 """Vertical field of view of the scene's camera, radians."""
-FINE, LARGE = 4, 64
-"""Texels along a side of the squares of one colour that a texture is made of: the mips of 64 texels lack the fine ones."""
+FINE, LARGE = 4, 32
+"""Texels along a side of the squares of one colour that a texture is made of: the mips of 32 texels lack the fine ones."""
 FINE_SHARE = 0.7
 """Of the contrast."""
 

@@ -17,7 +17,7 @@ from tests.support.rest.plan import Plan, write_plan
 from viewer.state.view_state import PathChoice, Slot, ViewState
 
 ROOT = Path(__file__).resolve().parents[3]
-SIZE = (640, 360)
+SIZE = (320, 180)
 ALONE = {"show_panels": False, "first_steps": False, "prepare_encoding": False, "column_folded": False}
 """Settings of a window that shows the picture alone, and prepares nothing."""
 STARTING_SECONDS = 120.0

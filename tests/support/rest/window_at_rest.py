@@ -29,7 +29,9 @@ from viewer.commands import run_line
 from viewer.render.frames import read_picture
 from viewer.ui.facts import FrameFacts
 
-REST_SECONDS = 1.0
+FRAME_SECONDS = 0.04
+"""Time between two frames at least, as on a screen: what works beside them has the processors."""
+REST_SECONDS = 0.5
 """A window rests when it has drawn nothing for so long, and waits for events."""
 
 
@@ -44,6 +46,8 @@ class RestingWindow:
         self._began = time.monotonic()
         self._frames = 0
         """Shown since the stage began."""
+        self._shown_at = self._began
+        """Monotonic seconds of the last frame."""
         self._waits_since: float | None = None
         """Monotonic seconds of the first wait for events after the last frame."""
         self._watched_since: tuple[float, float] | None = None
@@ -74,6 +78,8 @@ class RestingWindow:
         if self._plan.records_figures:
             self._record_figures()
         self._show(handle)
+        time.sleep(max(0.0, self._shown_at + FRAME_SECONDS - time.monotonic()))
+        self._shown_at = time.monotonic()
         self._lose_patience()
 
     def _waited(self, seconds: float) -> None:

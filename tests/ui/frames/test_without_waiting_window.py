@@ -1,4 +1,4 @@
-"""The window's way of drawing, which does not wait for the GPU: 300 frames moving through the built-in scene wait for nothing."""
+"""The window's way of drawing, which does not wait for the GPU: 120 frames moving through the built-in scene wait for nothing."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -20,7 +20,7 @@ from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import Slot
 
-FRAMES = 300
+FRAMES = 120
 SIZE = (640, 400)
 SLOT = Slot("clustered", "cached")
 

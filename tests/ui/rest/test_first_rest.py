@@ -10,7 +10,7 @@ from tests.support.rest.plan import Stage
 from tests.ui.rest.conftest import Check, Start
 from viewer.state.view_state import REFERENCE
 
-SMALL = 256
+SMALL = 128
 """Texels along a side of a texture that is encoded for one test."""
 pytestmark = [pytest.mark.process, pytest.mark.slow]
 
@@ -61,9 +61,10 @@ def test_a_library(start: Start, check: Check, tmp_path: Path) -> None:
     check(rest)
 
 
+@pytest.mark.nightly
 def test_surfaces_that_let_light_through(start: Start, check: Check, tmp_path: Path) -> None:
     # Many samples of each pixel are drawn.
-    scene, size = write_wall(tmp_path / "panes.glb", side=SMALL, blend=True), (400, 225)
+    scene, size = write_wall(tmp_path / "panes.glb", side=SMALL, blend=True), (240, 135)
     encode(scene, tmp_path / "panes.clustered.ntc")
     played = start(str(scene), stages=(Stage("side by side", ("compare.mode side-by-side",)),), size=size)
     for name in ("start", "side by side"):

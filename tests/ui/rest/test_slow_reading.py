@@ -11,12 +11,12 @@ from viewer.state.view_state import REFERENCE
 
 pytestmark = [pytest.mark.process, pytest.mark.slow]
 
-SLOWEST = 2.0
+SLOWEST = 1.0
 """Seconds."""
-MATERIALS, SIDE = 4, 256
+MATERIALS, SIDE = 4, 128
 IMAGE_BYTES = 4 * MATERIALS * SIDE * SIDE * 4 * 4 // 3 // 3
 """Of all maps of the scene, about a third."""
-LATENT_BYTES = 60_000
+LATENT_BYTES = 15_000
 TILE_MEGABYTES = 4
 NEAR = "camera.look 0.5 0.5 0.4 0.5 0.5 0"
 """One of the four squares fills the picture."""

@@ -13,7 +13,7 @@ from viewer.state.view_state import REFERENCE
 
 pytestmark = [pytest.mark.process, pytest.mark.slow]
 
-SMALL = 256
+SMALL = 128
 """Texels along a side of a texture that is encoded for one test."""
 TRAINED = 128
 """The same of one that is trained."""
@@ -35,6 +35,7 @@ def test_a_pack_and_a_scene_that_are_dropped(start: Start, check: Check, wall: P
         check(played.of(name))
 
 
+@pytest.mark.nightly
 def test_a_library_that_is_opened(start: Start, check: Check, tmp_path: Path) -> None:
     scene = write_wall(tmp_path / "alone.glb", side=SMALL)
     library = encode(scene, tmp_path / "library", "--workers", "1")
@@ -70,6 +71,7 @@ def switched(path: str) -> Stage:
     return Stage(path, ("slot.source a clustered", f"slot.path a {path}", "compare.mode a"))
 
 
+@pytest.mark.nightly
 def test_a_pack_that_is_encoded_and_accepted(start: Start, check: Check, tmp_path: Path) -> None:
     scene = write_wall(tmp_path / "scene.glb", side=SMALL)
     stages = (

@@ -294,7 +294,7 @@ LARGE = TrainingRequest(
 
 
 @pytest.mark.timing
-@pytest.mark.parametrize(("request_", "rounds"), [(LARGE, 5), (MANY_BLOCKS, 1)], ids=["grid", "block"])
+@pytest.mark.parametrize(("request_", "rounds"), [(LARGE, 3), (MANY_BLOCKS, 1)], ids=["grid", "block"])
 def test_pause_resume_and_cancel_come_at_once(
     shared: TrainingWorker, record_property: Any, request_: TrainingRequest, rounds: int
 ) -> None:
@@ -416,7 +416,7 @@ def test_without_a_process_or_shared_memory_it_says_so(shared: TrainingWorker, m
     assert blocks() == []
 
 
-@pytest.mark.parametrize("kills", [4, pytest.param(20, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.nightly)])
 def test_killed_at_any_moment_it_says_so_and_leaves_nothing(tmp_path: Path, trained: Pack, kills: int) -> None:
     random = np.random.default_rng(0)
     path = tmp_path / "scene.ntc"
