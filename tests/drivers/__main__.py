@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from tests.drivers.drivers import ROOT, SYSTEM, Driver, other_drivers
 from tests.drivers.messages import own_session_folders
+from tests.drivers.pictures import ALL_VARIABLE
 from tests.drivers.test_pictures import FOLDER_VARIABLE
 
 SOME, ALL = "driver and not once", "not timing and not once"
@@ -44,16 +45,16 @@ def main() -> None:
         return
     failed = list[str]()
     with tempfile.TemporaryDirectory() as pictures:
-        if SYSTEM.run("-m", "tests.drivers.pictures", pictures).returncode != 0:
+        variables = {FOLDER_VARIABLE: pictures, **({ALL_VARIABLE: "1"} if everything else {})}
+        if SYSTEM.run("-m", "tests.drivers.pictures", pictures, variables=variables).returncode != 0:
             sys.exit("the system's driver draws no pictures to compare with")
 
         def tested(driver: Driver) -> subprocess.CompletedProcess[str]:
             tests = driver.tests if everything else tuple(marked(driver.tests))
-            variables = {FOLDER_VARIABLE: pictures}
             return driver.run("-m", "pytest", *tests, *options, quiet=not everything, variables=variables)
 
-        # All tests of a driver occupy two cores; some occupy one.
-        with ThreadPoolExecutor(1 if everything else 2) as pool:
+        # All tests of a driver occupy two cores; some occupy one, and two cores are busy to the end if all drivers begin at once.
+        with ThreadPoolExecutor(1 if everything else len(usable)) as pool:
             for driver, done in zip(usable, pool.map(tested, usable), strict=True):
                 say(f"tests with {driver.name}\n{done.stdout or ''}{done.stderr or ''}")
                 failed += [driver.name] if done.returncode != 0 else []

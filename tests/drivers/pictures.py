@@ -3,8 +3,10 @@
 `python -m tests.drivers.pictures FOLDER` draws them all with the driver at hand.
 """
 
+import os
 import sys
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 from typing import get_args
 
@@ -47,7 +49,15 @@ class DriverPicture:
         return linear_to_srgb8(studio.renderer.picture(self.slot))
 
 
-PICTURES = tuple(DriverPicture(camera, slot, view) for slot in SLOTS for view in VIEWS for camera in SMALL_CAMERAS)
+ALL_VARIABLE = "NTC_VIEWER_ALL_PICTURES"
+"""Environment variable: set, every slot is drawn in every view by every camera."""
+SOME = tuple(zip(VIEWS, SMALL_CAMERAS, strict=True))
+"""Each view, and each camera, once."""
+PICTURES = tuple(
+    DriverPicture(camera, slot, view)
+    for slot in SLOTS
+    for view, camera in (product(VIEWS, SMALL_CAMERAS) if ALL_VARIABLE in os.environ else SOME)
+)
 
 
 def main() -> None:

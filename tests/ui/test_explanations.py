@@ -121,12 +121,13 @@ def test_every_label_of_every_panel_is_explained(
 
 
 @pytest.mark.parametrize("menu", get_args(Menu))
-def test_every_entry_of_every_menu_is_explained(app: DrivenApp, menu: str) -> None:
-    if f"menu: {menu}" not in app.widgets.labels():
+def test_every_entry_of_every_menu_is_explained(shared: DrivenApp, menu: str) -> None:
+    if f"menu: {menu}" not in shared.widgets.labels():
         pytest.skip("this menu has no entries")
-    app.click(f"menu: {menu}")
-    assert any(label.startswith("menu: ") and "." in label for label in app.widgets.labels())
-    assert [label for label in unexplained(app.widgets) if label.startswith("menu: ")] == []
+    shared.click(f"menu: {menu}")
+    assert any(label.startswith("menu: ") and "." in label for label in shared.widgets.labels())
+    assert [label for label in unexplained(shared.widgets) if label.startswith("menu: ")] == []
+    shared.press(imgui.Key.escape)
 
 
 def test_other_windows_are_explained(app: DrivenApp) -> None:

@@ -16,6 +16,7 @@ from viewer.commands.command import Context, words
 from viewer.commands.keys import NAMED_KEYS, RESERVED, Chord, parse_chord
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
+from viewer.state.motion import Turntable
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
@@ -55,6 +56,9 @@ def test_lines_run_commands(context: Context) -> None:
     assert context.session.view.slot_b.path == "cached"
     run_line(context, "camera.look 1 2 3 4 5 6")
     assert context.session.view.camera.eye == (1.0, 2.0, 3.0)
+    for speed in (45.0, -45.0):
+        run_line(context, f"camera.turntable {speed}")
+        assert context.session.navigation.motion == Turntable(speed)
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,8 @@ from ntc.pack.file import read_pack
 from ntc.pack.match import changed_groups
 from ntc.training.messages import TrainingRequest, checked_request
 from tests.end_to_end.conftest import two_squares
+from tests.support.gltf_builder import GltfBuilder, noise, png
+from tests.support.scenes import built
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -62,6 +64,14 @@ def test_jobs_go_on_from_a_block_pack_in_its_own_codec(scene: Scene, job: Traini
     assert request.codec == pack.config
     assert request.start is pack
     assert request.dirty == dirty
+
+
+def test_textures_are_trained_again_as_large_as_the_pack_has_them() -> None:
+    builder = GltfBuilder()
+    wide = built(builder.drawn(builder.triangle(builder.material(builder.image(png(noise(32, 64)))))))
+    pack = random_block_pack(((32, 16),), (0,), hashes=[texture.pixel_hash for texture in wide.textures])
+    request = prepare(RetrainGroups(SETTINGS, frozenset({0})), wide, pack, JobReport())
+    assert [texture.size for texture in request.textures] == [(32, 16)]
 
 
 def test_a_pack_of_a_former_format_is_encoded_anew_as_a_whole(scene: Scene) -> None:
