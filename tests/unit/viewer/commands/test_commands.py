@@ -16,6 +16,7 @@ from viewer.commands.command import Context, words
 from viewer.commands.keys import NAMED_KEYS, RESERVED, Chord, parse_chord
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
 from viewer.state.motion import Turntable
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
@@ -23,10 +24,14 @@ from viewer.state.settings import ViewerSettings
 from viewer.ui.picture_input import imgui_key
 
 
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene(assets_folder() / "courtyard.glb")
+
+
 @pytest.fixture
-def context() -> Context:
+def context(scene: Scene) -> Context:
     """The built-in scene without packs."""
-    scene = load_scene(assets_folder() / "courtyard.glb")
     return Context(new_session(scene, {}, ViewerSettings(), InitialView()))
 
 
