@@ -11,7 +11,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import LatentLevel, latent_cell_count, latent_levels
 from ntc.codec.maps import SRGB_MAPS, channel_places, map_slices
-from ntc.codec.mips import mip_chain
+from ntc.codec.mips import mip_chain, srgb_channels
 from ntc.codec.textures import SourceTexture
 from ntc.threads import mapped
 
@@ -56,6 +56,10 @@ class Axes:
     square roots of the channels' weights."""
     inverse: Array
     """[channels, channels]: value - mean, times this, is in units of the axes."""
+    colours: NDArray[np.bool_]
+    """[channels] which are sRGB-coded."""
+    has_derived: bool
+    """Whether mip 1 is derived from the codes of mip 0."""
     contrast: float
     """What the error of a normalised value is multiplied by to give a weighted error of values in [0, 1]."""
 
@@ -110,7 +114,9 @@ def _turned_channels(config: BlockConfig) -> list[list[int]]:
     return found
 
 
-def _principal_axes(moments: _Moments, weights: NDArray[np.float64], config: BlockConfig) -> Axes:
+def _principal_axes(
+    moments: _Moments, weights: NDArray[np.float64], colours: Sequence[bool], has_derived: bool, config: BlockConfig
+) -> Axes:
     """Axes of values with `moments` whose squared errors are worth `weights` [channels].
 
     Of one length after weighting, so that an error has the same weight in every direction.
@@ -130,7 +136,8 @@ def _principal_axes(moments: _Moments, weights: NDArray[np.float64], config: Blo
     scale = roots.astype(np.float32)[:, None]
     # The inverse of orthogonal axes of one length.
     means = np.repeat(mean.astype(np.float32)[None], config.mips, axis=0)
-    return Axes(means, weighted / scale, weighted * scale / np.square(length), float(length))
+    inverse = weighted * scale / np.square(length)
+    return Axes(means, weighted / scale, inverse, np.array(colours), has_derived, float(length))
 
 
 def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTexture:
@@ -149,7 +156,9 @@ def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTextu
         value = np.zeros((*mip.shape[:2], config.output_channels), np.uint8)
         value[..., places] = mip
         values.append(value)
-    axes = _principal_axes(_Moments.of(values[0]), weights, config)
+    colours = srgb_channels(config.maps, config.output_channels, source.color_space)
+    has_derived = any(not level.has_own_cells for level in levels[:2])
+    axes = _principal_axes(_Moments.of(values[0]), weights, colours, has_derived, config)
     for number in range(1, config.mips):
         axes.mean[number] = axes.mean[0] + _offset(values, levels, number)
     own = [number for number, level in enumerate(levels) if level.has_own_cells]

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture
-from ntc.codec.block.encoding.edges import EdgeKind, edge_kinds, fitted_edges
+from ntc.codec.block.encoding.edges import EdgeKind, costs_without_edges, derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.quantizer import compiled, expected_errors
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder
@@ -29,7 +29,10 @@ class Choices:
     """What is expected of some blocks."""
 
     errors: Array
-    """[blocks, sizes] float32: least expected squared error, in units of the axes."""
+    """[blocks, sizes] float32: least expected squared error, in units of the axes, with `derived_costs` where edge parts are compared.
+    """
+    unavoidable: Array
+    """[blocks] float32: what every mode has of those costs."""
     modes: NDArray[np.uint8]
     """[blocks, sizes, CANDIDATES] modes of the least expected errors."""
 
@@ -50,6 +53,8 @@ def paying_kinds(
     rows = np.unique(np.linspace(0, len(texture.texels) - 1, JUDGED_BLOCKS).astype(np.int64))
     blocks = texture.normalised(rows)
     least = block_choices(blocks, texture.axes, tables, decoder, config, kinds[:1]).errors
+    if not any(kinds[0].bits):
+        least += costs_without_edges(blocks, texture.axes, config)[:, None]
     found = kinds[:1]
     for kind in kinds[1:]:
         errors = np.minimum(least, block_choices(blocks, texture.axes, tables, decoder, config, (kind,)).errors)
@@ -72,24 +77,31 @@ def block_choices(
     every = sum(len(kind.modes) for kind in kinds) == config.modes
     if len(kinds) > 1 or not every:
         expected = torch.full((len(blocks), sizes, config.modes), torch.inf)
+    unavoidable: Array | None = None
     fits = torch.from_numpy((decoder.fitting_edges(config) == decoder.edges).all(2))
     for kind in kinds:
-        rest = torch.from_numpy(fitted_edges(blocks, axes, kind.bits, config, ROUNDS_TO_CHOOSE).rest)
+        fit = fitted_edges(blocks, axes, kind.bits, config, ROUNDS_TO_CHOOSE)
+        rest = torch.from_numpy(fit.rest)
         values = tables.project(rest)
         modes = torch.from_numpy(kind.modes)
         # The polynomials that errors come from may fall below 0.
         own = expected_errors(values, tables.depths[:, modes], tables.scales[modes]).clamp_(min=0.0)
         own += left_out(rest, values)[:, None, None]
+        if len(kinds) > 1 or any(kind.bits):
+            costs = derived_costs(blocks, fit, axes, config)
+            own += torch.from_numpy(costs)[:, None, None]
+            unavoidable = costs if unavoidable is None else np.minimum(unavoidable, costs)
         if len(kinds) == 1 and every and bool(fits.all()):
             expected = own
             break
         expected[:, :, modes] = torch.where(fits[:, modes], own, torch.inf)
+    unavoidable = np.zeros(len(blocks), np.float32) if unavoidable is None else unavoidable
     if compiled is not None:
         errors, chosen = (
             np.empty((len(blocks), sizes), np.float32),
             np.empty((len(blocks), sizes, CANDIDATES), np.uint8),
         )
         compiled.two_least(expected.numpy(), errors, chosen)
-        return Choices(errors, chosen)
+        return Choices(errors, unavoidable, chosen)
     least = expected.topk(CANDIDATES, dim=2, largest=False)
-    return Choices(least.values[..., 0].numpy(), least.indices.numpy().astype(np.uint8))
+    return Choices(least.values[..., 0].numpy(), unavoidable, least.indices.numpy().astype(np.uint8))

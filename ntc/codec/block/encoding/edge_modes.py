@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.encoding.blocks import Sample
 from ntc.codec.block.encoding.choices import block_choices, left_out
-from ntc.codec.block.encoding.edges import fitted_edges
+from ntc.codec.block.encoding.edges import costs_without_edges, derived_costs, fitted_edges
 from ntc.codec.block.encoding.quantizer import expected_errors
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder, scale_values, stored_scales
@@ -32,6 +32,8 @@ def with_edge_modes(decoder: BlockDecoder, samples: Sequence[Sample], config: Bl
     tables = Tables.of(decoder, config)
     choices = [block_choices(sample.blocks, sample.axes, tables, decoder, config) for sample in few]
     least = np.concatenate([own.errors for own in choices])
+    bare = [costs_without_edges(sample.blocks, sample.axes, config) for sample in few]
+    least += np.concatenate(bare)[:, None]
     middle = len(config.block_words) // 2
     uses = np.bincount(
         np.concatenate([own.modes[:, middle, 0] for own in choices]).astype(np.int64), minlength=config.modes
@@ -76,13 +78,17 @@ class _Trial:
 
     def __init__(self, bits: tuple[int, ...], samples: Sequence[Sample], tables: Tables, config: BlockConfig) -> None:
         self.bits = bits
-        fits = [fitted_edges(sample.blocks, sample.axes, bits, config).rest for sample in samples]
-        self._rest = torch.from_numpy(np.concatenate(fits))
+        fits = [fitted_edges(sample.blocks, sample.axes, bits, config) for sample in samples]
+        self._rest = torch.from_numpy(np.concatenate([fit.rest for fit in fits]))
+        costs = [
+            derived_costs(sample.blocks, fit, sample.axes, config) for sample, fit in zip(samples, fits, strict=True)
+        ]
+        self._costs = torch.from_numpy(np.concatenate(costs))
         self._values = tables.project(self._rest)
 
     def fitted(self, least: NDArray[np.float32], config: BlockConfig) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """(scales [coefficients], expected errors [blocks, sizes]) of a mode for the blocks that gain by it beside `least`."""
-        own = self._rest.square().sum(1).numpy() < least[:, len(config.block_words) // 2]
+        own = (self._rest.square().sum(1) + self._costs).numpy() < least[:, len(config.block_words) // 2]
         squares = self._values.square()
         for _ in range(FITTING_ROUNDS):
             used = squares[torch.from_numpy(own)] if own.sum() >= FEWEST_BLOCKS else squares
@@ -100,6 +106,6 @@ class _Trial:
         depths = torch.from_numpy(alone.depths(config).astype(np.int64))
         values = torch.from_numpy(scale_values(scales[None]).astype(np.float32))
         errors = expected_errors(self._values, depths, values)[..., 0].clamp_(min=0.0)
-        errors += left_out(self._rest, self._values)[:, None]
+        errors += (left_out(self._rest, self._values) + self._costs)[:, None]
         fits = (alone.fitting_edges(config) == alone.edges).all(2)[:, 0]
         return np.where(fits, errors.numpy(), np.inf).astype(np.float32)

@@ -18,6 +18,8 @@ try:
 except ImportError:
     compiled = None
 
+DERIVED_WORTH = 1.0
+"""Of a squared error in the derived mip, beside one in mip 0, which has four times as many texels."""
 ROUNDS = 4
 """Alternations between the indices of texels and the colours that fit them."""
 POWER_ROUNDS = 6
@@ -69,6 +71,36 @@ def fitted_edges(
         rest[..., columns] = values[..., columns] - edge_values(part, config, 0).astype(np.float32)
         parts.append(part)
     return EdgeFit(tuple(parts), (rest @ axes.inverse).reshape(blocks.shape).astype(np.float32))
+
+
+def derived_costs(blocks: Array, fit: EdgeFit, axes: Axes, config: BlockConfig) -> Array:
+    """[blocks] DERIVED_WORTH times the squared error of the next mip of `blocks`, which is derived from them with the parts of `fit`,
+    if the transform shows all that is left. Its truth is taken for the average by squares. 0 where none is derived."""
+    if not axes.has_derived:
+        return np.zeros(len(blocks), np.float32)
+    values = axes.mean[0] + blocks.reshape(-1, config.block_texels, config.output_channels) @ axes.axes.T
+    squares = np.sqrt(_halved(np.square(values), config))
+    missed = np.where(axes.colours, squares, _halved(values, config)) - axes.mean[1]
+    for channels, part in zip(config.planes, fit.parts, strict=True):
+        if len(part.blocks):
+            columns = list(channels)
+            shown = edge_values(part, config, 1, axes.colours[columns]).astype(np.float32)
+            missed[..., columns] += axes.mean[1][columns] - shown
+    rest = _halved(fit.rest.reshape(-1, config.block_texels, config.output_channels), config)
+    return np.asarray(np.square(missed @ axes.inverse - rest).sum((1, 2)) * np.float32(DERIVED_WORTH))
+
+
+def costs_without_edges(blocks: Array, axes: Axes, config: BlockConfig) -> Array:
+    """[blocks] `derived_costs` of modes without edge parts."""
+    return derived_costs(blocks, fitted_edges(blocks, axes, (0,) * len(config.planes), config), axes, config)
+
+
+def _halved(texels: Array, config: BlockConfig) -> Array:
+    """[blocks, texels / 4, channels]: `texels` [blocks, texels, channels] averaged over 2x2 texels."""
+    half = config.block_side // 2
+    parts = texels.reshape(-1, half, 2, half, 2, config.output_channels)
+    sums = parts[:, :, 0, :, 0] + parts[:, :, 0, :, 1] + parts[:, :, 1, :, 0] + parts[:, :, 1, :, 1]
+    return np.asarray(sums.reshape(-1, half * half, config.output_channels) * np.float32(0.25))
 
 
 def _no_part(config: BlockConfig, channels: tuple[int, ...]) -> EdgePart:

@@ -10,7 +10,7 @@ from ntc.codec.block.codes import EdgePart, bits_before_branches
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepare_texture, sample_textures
 from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, paying_kinds
-from ntc.codec.block.encoding.edges import edge_kinds, fitted_edges
+from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK
 from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
@@ -121,15 +121,16 @@ def _best_codes(
     Each takes the one of its candidates `modes` [blocks, CANDIDATES] that has the least error."""
     found = np.zeros((len(blocks), config.block_words[-1]), np.uint32)
     least = np.full(len(blocks), np.inf)
-    for kind in edge_kinds(decoder):
+    kinds = [kind for kind in edge_kinds(decoder) if np.isin(modes, kind.modes).any()]
+    for kind in kinds:
         suits = np.isin(modes, kind.modes)
         rows = np.nonzero(suits.any(1))[0]
-        if not len(rows):
-            continue
         fit = fitted_edges(blocks[rows], axes, kind.bits, config)
         rest = torch.from_numpy(fit.rest)
         values = tables.project(rest)
         lost = left_out(rest, values).numpy()
+        if len(kinds) > 1:
+            lost = lost + derived_costs(blocks[rows], fit, axes, config)
         for candidate in range(modes.shape[1]):
             # Where all of them have edge parts of this kind, as is usual, nothing is copied.
             own = np.nonzero(suits[rows, candidate])[0]

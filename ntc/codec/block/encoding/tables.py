@@ -95,7 +95,9 @@ def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> Ra
     """What the words of a texture's blocks are worth under `decoder`."""
     with one_thread():
         blocks = sample.blocks[:CURVE_BLOCKS]
-        expected = block_choices(blocks, sample.axes, Tables.of(decoder, config), decoder, config).errors
+        choices = block_choices(blocks, sample.axes, Tables.of(decoder, config), decoder, config)
+        # Curves tell errors of mip 0, but for what modes that suit it cost the next.
+        expected = choices.errors - choices.unavoidable[:, None]
     # In units of the texture's own values, for textures are compared.
     errors = expected * np.float32(sample.axes.contrast**2 / config.block_values)
     return RateCurve(errors, config.block_words, sample.block_count)
