@@ -118,8 +118,10 @@ vec4 row_square(Code code, uint entry, int texel) {
 #if CODE_MIPS > 2
         first = code.mip == 1 ? MIP_1_WORDS : (code.mip == 2 ? MIP_2_WORDS : MIP_3_WORDS);
 #endif
-        int upper = int(table_word(row + first + 2 * texel));
-        int lower = int(table_word(row + first + 2 * texel + 1));
+        int at = row + first + 2 * texel;
+        uvec4 four = table_block(at >> 2);
+        int upper = int((at & 2) == 0 ? four.x : four.z);
+        int lower = int((at & 2) == 0 ? four.y : four.w);
         vec4 sums = vec4(upper << 16 >> 16, upper >> 16, lower << 16 >> 16, lower >> 16);
         return sums * uintBitsToFloat(uint(127 - 2 * code.mip) << 23);
     }
@@ -153,9 +155,13 @@ vec4 transform_square(Code code, int texel, vec4 weights) {
     int branch = int(code.head.z & 65535u) - 3;
     int list = code.tables + int(code.head.x);
     int parts = int(code.head.y);
+    uint window = 0u;
     for (int part = 0; part < parts; ++part) {
         uvec4 entries = table_block(list + part);
-        uint branches = code_bits(code, branch + 4 * part);
+        // 32 bits are enough for the states and branches of seven blocks of the list.
+        int step = part % 7;
+        if (step == 0) window = code_bits(code, branch + 4 * part);
+        uint branches = window >> uint(4 * step);
         // The other bits of four coefficients lie one after the other, at most 24.
         uint first = entries.x & 1023u;
         uint others = code_bits(code, int(first));
@@ -255,9 +261,13 @@ Texels block_texels(Code code, ivec4 texels) {
     int branch = int(code.head.z & 65535u) - 3;
     int list = code.tables + int(code.head.x);
     int parts = int(code.head.y);
+    uint window = 0u;
     for (int part = 0; part < parts; ++part) {
         uvec4 entries = table_block(list + part);
-        uint branches = code_bits(code, branch + 4 * part);
+        // 32 bits are enough for the states and branches of seven blocks of the list.
+        int step = part % 7;
+        if (step == 0) window = code_bits(code, branch + 4 * part);
+        uint branches = window >> uint(4 * step);
         uint first = entries.x & 1023u;
         uint others = code_bits(code, int(first));
         add_texels(sums, code, entries.x, branches, others, texels, is_square);

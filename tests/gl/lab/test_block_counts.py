@@ -1,0 +1,70 @@
+"""Vector instructions of codec `block` on GPUs: bounds that may only fall, and trip counts of small packs."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lab.bench.random_pack import random_block_pack, random_pack
+from lab.benchmarks.shaders.block_counts import TOGETHER, PackCodes, pixel_group, random_tile, rows
+from lab.benchmarks.shaders.compiling import GPUS, find_compiler
+from ntc.codec.block.config import BlockConfig
+from ntc.errors import InputError
+from viewer.gl.context import GraphicsContext
+
+pytestmark = pytest.mark.once
+
+BOUNDS = Path(__file__).with_name("block_bounds.json")
+"""Vector instructions by GPU, variant, path and lod. Write lower ones here when shaders become faster."""
+SLACK = 1.05
+"""Compilers of other versions of Mesa differ a little."""
+CONFIG = BlockConfig(block_words=(2, 4), mean_words=3.0, modes=16, coefficients=60)
+
+
+@pytest.fixture(scope="module")
+def codes() -> PackCodes:
+    """Codes of a pack that is the same everywhere."""
+    return PackCodes(random_block_pack([(64, 64), (128, 64)], (0, 1), CONFIG))
+
+
+@pytest.mark.parametrize("together", [0, 1])
+@pytest.mark.parametrize("gpu", GPUS)
+def test_instructions_stay_within_their_bounds(
+    graphics: GraphicsContext, codes: PackCodes, gpu: str, together: int
+) -> None:
+    try:
+        find_compiler(gpu)
+    except InputError as error:
+        pytest.skip(str(error))
+    found: dict[str, Any] = {
+        f"{row['path']}, lod {row['lod']:g}": row["base"] for row in rows(gpu, "random", codes, graphics, together)
+    }
+    bounds = json.loads(BOUNDS.read_text())[gpu]["together" if together else "alone"]
+    assert found.keys() == bounds.keys()
+    assert not {name: (count, bounds[name]) for name, count in found.items() if count > SLACK * bounds[name]}
+
+
+def test_a_group_reads_each_texel_and_each_code_once(codes: PackCodes) -> None:
+    group = pixel_group(codes, 0, -8.0, False, np.random.default_rng(0))
+    # Magnified so much, all pixels read the same few texels of one mip.
+    assert len(group.fours) <= 4
+    assert group.lists.shape[1] == TOGETHER
+    wide = pixel_group(codes, 0, 0.5, False, np.random.default_rng(0))
+    assert len(wide.fours) > TOGETHER
+    assert wide.coefficients >= 4 * wide.most_fours
+
+
+def test_a_tile_has_a_border_of_codes(codes: PackCodes) -> None:
+    tile = random_tile(codes, 0, np.random.default_rng(0))
+    assert tile.page.shape == (6, 6)
+    assert tile.inside.size == 16
+    # The order of a list has the same coefficients, and at most four words that are not full.
+    assert (tile.fours.sum(axis=1) >= tile.lists - 1).all()
+    assert (tile.fours.sum(axis=1) <= tile.lists + 4).all()
+
+
+def test_other_codecs_are_refused() -> None:
+    with pytest.raises(InputError, match="format 2"):
+        PackCodes(random_pack())
