@@ -19,6 +19,8 @@ COLUMNS = (
     Column("worst_db", "worst dB"),
     Column("ssim", "SSIM", 4),
     Column("flip", "FLIP", 4),
+    Column("ssimulacra2", "SSIMULACRA2", 1),
+    Column("jod", "JOD", 2),
     Column("seconds", "s", 1),
 )
 PLOTTED = (("mean_db", "PSNR, mean of textures, dB"), ("of_mean_mse_db", "PSNR of the mean MSE, dB"))

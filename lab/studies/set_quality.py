@@ -14,6 +14,7 @@ from ntc.codec.quality import PsnrSummary, psnr_db, psnr_of_mse
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip, ssim
 from ntc.metrics.metrics import psnr_table
+from ntc.metrics.perceptual import has_jod, has_ssimulacra2, jod, ssimulacra2
 from ntc.pack.file import write_pack
 
 Size = tuple[int, int]
@@ -28,6 +29,9 @@ class PictureQuality:
     ssim: float
     flip: float | None
     """None where it was not measured."""
+    ssimulacra2: float | None = None
+    jod: float | None = None
+    """ColorVideoVDP. Both are measured with FLIP, where their packages are installed."""
     coarse_db: tuple[float, ...] = ()
     """PSNR of mips 1, 2, ..., where they were measured."""
 
@@ -40,7 +44,11 @@ def capped_psnr_db(truth: NDArray[np.uint8], decoded: NDArray[np.uint8]) -> floa
 def picture_quality(truth: NDArray[np.uint8], decoded: NDArray[np.uint8], with_flip: bool = True) -> PictureQuality:
     """The quality of `decoded`, of the shape of `truth`. Raises InputError where FLIP is not installed."""
     return PictureQuality(
-        capped_psnr_db(truth, decoded), ssim(truth, decoded), flip(truth, decoded) if with_flip else None
+        capped_psnr_db(truth, decoded),
+        ssim(truth, decoded),
+        flip(truth, decoded) if with_flip else None,
+        ssimulacra2(truth, decoded) if with_flip and has_ssimulacra2() else None,
+        jod(truth, decoded) if with_flip and has_jod() else None,
     )
 
 
@@ -61,6 +69,9 @@ class SetQuality:
     """That encoding took: processor time, but of codec `grid` by the clock."""
     file_bits_per_texel: float | None = None
     """Bits of whole files, names and all, per texel of mip 0; None for what is not a file."""
+    ssimulacra2: float | None = None
+    jod: float | None = None
+    """Means of those that were measured."""
 
     @classmethod
     def of(
@@ -74,17 +85,24 @@ class SetQuality:
         summary = PsnrSummary.of([picture.psnr_db for picture in pictures])
         if summary is None:
             raise InputError("no texture to compare; name a scene or folder of images that are not constant")
-        flips = [picture.flip for picture in pictures if picture.flip is not None]
         return cls(
             bits_per_texel,
             summary.mean_db,
             summary.of_mean_mse_db,
             summary.minimum_db,
             float(np.mean([picture.ssim for picture in pictures])),
-            float(np.mean(flips)) if flips else None,
+            _mean([picture.flip for picture in pictures]),
             seconds,
             file_bits_per_texel,
+            _mean([picture.ssimulacra2 for picture in pictures]),
+            _mean([picture.jod for picture in pictures]),
         )
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    """Return the mean of what was measured; None for nothing."""
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else None
 
 
 def texel_count(sizes: Sequence[Size]) -> int:

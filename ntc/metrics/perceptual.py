@@ -18,11 +18,13 @@ DISPLAY = "standard_4k"
 INSTALL = "pip install 'ntc-viewer[perceptual]'"
 
 
+@cache
 def has_jod() -> bool:
     """Return whether ColorVideoVDP is installed."""
     return importlib.util.find_spec("pycvvdp") is not None
 
 
+@cache
 def has_ssimulacra2() -> bool:
     """Return whether SSIMULACRA2 is installed."""
     return importlib.util.find_spec("ssimulacra2") is not None

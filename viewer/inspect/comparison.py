@@ -12,6 +12,7 @@ from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.quality import psnr_of_mse
 from ntc.errors import InputError
 from ntc.metrics.image_quality import flip_map, ssim_map
+from ntc.metrics.perceptual import has_jod, has_ssimulacra2, jod, ssimulacra2
 from viewer.render.resources.layout import materials_of, texture_ids_of
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
@@ -76,6 +77,9 @@ class Comparison:
     """Errors of visible textures, by id."""
     decoders: tuple[ErrorRow, ...]
     """Errors of visible decoders, by number."""
+    ssimulacra2: float | None = None
+    jod: float | None = None
+    """SSIMULACRA2 and ColorVideoVDP of the whole picture; None where their packages are not installed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,4 +166,6 @@ def compare(pair: PicturePair) -> Comparison:
         histogram=histogram,
         textures=textures,
         decoders=decoders,
+        ssimulacra2=ssimulacra2(b, a) if has_ssimulacra2() else None,
+        jod=jod(b, a) if has_jod() else None,
     )

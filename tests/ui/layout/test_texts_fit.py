@@ -26,6 +26,8 @@ FIGURES = LiveFigures(
         histogram=np.full((3, 256), 480, np.int64),
         textures=(ErrorRow(0, 0, 123456, 27.31, 18.20, 12.34, 255), ErrorRow(1, 1, 45678, 31.59, 8.20, 2.34, 128)),
         decoders=(ErrorRow(0, 0, 123456, 27.31, 18.20, 12.34, 255), ErrorRow(1, 1, 45678, 31.59, 8.20, 2.34, 128)),
+        ssimulacra2=91.2,
+        jod=9.87,
     ),
     is_current=True,
 )

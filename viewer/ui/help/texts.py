@@ -299,6 +299,8 @@ FIGURES: Final = {
     "PSNR": "Peak signal-to-noise ratio in dB: higher is better. Above 40 dB a difference is hard to see, below 30 dB it is plain.",
     "SSIM": "Structural similarity, at most 1: 1 is equal.",
     "FLIP": "Difference that an eye sees when it flips between both pictures, 0 to 1: 0 is equal.",
+    "SSIMULACRA2": "Perceptual quality of the picture: 100 is equal, 90 is hard to tell apart, 50 is plain to see.",
+    "JOD": "Quality that ColorVideoVDP predicts, in just-objectionable differences: 10 is equal, each step below is plainer.",
     "PSNR seen dB": "PSNR of the picture against one of the original images in dB, over the pixels that show the scene: higher is "
     "better.",
     "divergence score": "Excess divided by the number of blocks: 0 is best.",

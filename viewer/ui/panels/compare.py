@@ -26,6 +26,7 @@ from viewer.ui.widgets import (
     text_width,
 )
 
+FIGURES_IN_A_ROW = 3
 GAINS = (1.0, 64.0)
 """Range of the slider."""
 
@@ -71,7 +72,7 @@ def draw_difference(ui: UiFrame) -> None:
 
 
 def draw_live_figures(ui: UiFrame) -> None:
-    """Draw PSNR, SSIM and FLIP of A against B."""
+    """Draw PSNR, SSIM, FLIP, and the perceptual measures that are installed, of A against B."""
     check_box(ui, "A against B", ui.session.settings.live_figures, "compare.live", "live figures")
     disabled_beside(figures_state(ui))
     ui.rects.note("figures state")
@@ -81,9 +82,10 @@ def draw_live_figures(ui: UiFrame) -> None:
         ("PSNR", f"{decibels(found.psnr_db)} dB" if found and found.psnr_db is not None else "-"),
         ("SSIM", f"{found.ssim:.4f}" if found and found.ssim is not None else "-"),
         ("FLIP", f"{found.flip:.4f}" if found and found.flip is not None else "-"),
+        *((("SSIMULACRA2", f"{found.ssimulacra2:.1f}"),) if found and found.ssimulacra2 is not None else ()),
+        *((("JOD", f"{found.jod:.2f}"),) if found and found.jod is not None else ()),
     )
-    if imgui.begin_table("live figures", 2 * len(texts), imgui.TableFlags_.sizing_stretch_prop):
-        imgui.table_next_row()
+    if imgui.begin_table("live figures", 2 * FIGURES_IN_A_ROW, imgui.TableFlags_.sizing_stretch_prop):
         for name, text in texts:
             imgui.table_next_column()
             imgui.text_disabled(name)
