@@ -31,6 +31,10 @@ def rows_of(name: str, *columns: str, **equal: Any) -> str:
     return table([row for row in rows if all(row.get(key) in allowed for key, allowed in equal.items())], *columns)
 
 
+MIP_GAINS = ("mip_1_db", "mip_2_db", "mip_3_db")
+"""Fields of what codec block gains at coarse mips."""
+
+
 def beside_astc() -> str:
     """Codec block less ASTC at equal bits, on three sets of textures."""
     rows = []
@@ -43,7 +47,7 @@ def beside_astc() -> str:
                 "bits": astc[row["format"]]["bits_per_texel"],
                 "astc": astc[row["format"]]["mean_db"],
                 "block": astc[row["format"]]["mean_db"] + row["mean_db"],
-                **{key: row[key] for key in ("mean_db", "flip", "largest_loss_db")},
+                **{key: row[key] for key in ("mean_db", *MIP_GAINS, "ssim", "flip", "largest_loss_db")},
                 "worse": row["worse_by_over_1_db"],
             }
             for row in own["differences"]
@@ -56,9 +60,74 @@ def beside_astc() -> str:
         "astc=ASTC, dB",
         "block=`block`, dB",
         "mean_db=gain, dB",
+        *(f"{key}=at mip {mip}" for mip, key in enumerate(MIP_GAINS, 1)),
+        "ssim=SSIM change=4",
         "flip=FLIP change=4",
         "largest_loss_db=largest loss, dB=1",
         "worse=worse by over 1 dB",
+    )
+
+
+def textures_below_astc() -> str:
+    """Textures that lose over 1 dB at mip 0 beside ASTC."""
+    rows = [
+        {"set": own["source"], **{key: f"`{row[key]}`" for key in ("texture", "grouping", "format")}, **_losses(row)}
+        for own in record("studies/block_against_astc")["sets"]
+        for row in own["worse_by_over_1_db"]
+    ]
+    return table(rows, "set", "texture", "grouping", "format=compared with", "astc=ASTC, dB=1", "loss=loss, dB=1")
+
+
+def _losses(row: Row) -> Row:
+    return {"astc": row["astc_db"], "loss": row["loss_db"]}
+
+
+def sizes_of_files() -> str:
+    """Bits of files with all mips, by the mean PSNR that they reach."""
+    rows = [
+        {"set": name, "wanted": row["mean_db"], **{key: row.get(curve) for key, curve in DISK_CURVES.items()}}
+        for name in ("polyhaven", "bistro", "large")
+        for row in record(f"studies/study_{name}_rate")["disk"]
+    ]
+    return table(rows, "set", "wanted=mean, dB=0", *(f"{key}={title}" for key, title in DISK_TITLES.items()))
+
+
+DISK_CURVES = {
+    "block": "block 8x8, single",
+    "jpeg": "JPEG 4:2:0",
+    "etc1s": "ETC1S",
+    "xuastc": "XUASTC",
+    "jxl": "JPEG XL",
+}
+"""Curves of study rate by their key in the table of files."""
+DISK_TITLES = {"block": "`block`", "jpeg": "JPEG 4:2:0", "etc1s": "ETC1S", "xuastc": "XUASTC 6x6", "jxl": "JPEG XL"}
+
+
+def neural_codec() -> str:
+    """Codec block beside a neural codec that was trained to convergence."""
+    rows = [
+        {
+            "material": row["material"],
+            "texels": row["texels"],
+            "steps": row["steps"],
+            "minutes": row["neural"]["processor_minutes"],
+            "codes": row["code_bits_per_texel"],
+            "neural": row["neural"]["psnr_db"],
+            "block": row["block"]["psnr_db"],
+            "seconds": row["block"]["seconds"],
+        }
+        for row in record("neural_codec")["rows"]
+    ]
+    return table(
+        rows,
+        "material",
+        "texels=texels a side",
+        "codes=bits per texel of grids or codes",
+        "neural=neural codec, mip 0 alone, dB",
+        "block=`block`, all mips, dB",
+        "steps",
+        "minutes=processor minutes of training=1",
+        "seconds=processor seconds of `block`=1",
     )
 
 
@@ -333,6 +402,9 @@ TEXTURE_STUDIES: Sequence[tuple[str, str]] = (
 )
 REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     "astc": beside_astc,
+    "below-astc": textures_below_astc,
+    "disk": sizes_of_files,
+    "neural": neural_codec,
     "unseen": unseen_textures,
     "unseen-sets": unseen_materials,
     "rate": partial(

@@ -47,14 +47,30 @@ def _basis(pixels: NDArray[np.uint8], name: DiskFormat, quality: int) -> tuple[i
     return len(file), np.asarray(shown)[:height, :width]
 
 
+def side_by_side(mips: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """[height, width, C] uint8: mip 0, and on its right all others, one below the other; the rest is a mean colour."""
+    first, others = mips[0], mips[1:]
+    height = max(first.shape[0], sum(mip.shape[0] for mip in others))
+    width = first.shape[1] + max((mip.shape[1] for mip in others), default=0)
+    found = np.empty((height, width, first.shape[2]), np.uint8)
+    found[:] = np.rint(first.mean((0, 1)))
+    found[: first.shape[0], : first.shape[1]] = first
+    row = 0
+    for mip in others:
+        found[row : row + mip.shape[0], first.shape[1] : first.shape[1] + mip.shape[1]] = mip
+        row += mip.shape[0]
+    return found
+
+
 def disk_file(pixels: NDArray[np.uint8], name: DiskFormat, quality: int) -> tuple[int, NDArray[np.uint8]]:
-    """(bytes with all mips, what is read of mip 0) of the sRGB picture `pixels` [H, W, 3] in a format. JPEG takes a file for each mip.
+    """(bytes with all mips, what is read of mip 0) of the sRGB picture `pixels` [H, W, 3] in a format. JPEG takes one file with
+    all mips side by side.
 
     Raises InputError where the encoder is not installed.
     """
     if name == "jpeg":
-        files = [_jpeg(mip, quality) for mip in mip_chain(pixels, "srgb")]
-        return sum(size for size, _ in files), files[0][1]
+        size, shown = _jpeg(side_by_side(mip_chain(pixels, "srgb")), quality)
+        return size, shown[: pixels.shape[0], : pixels.shape[1]]
     if alktx2 is None:
         raise InputError(f"{TITLES[name]} needs the extra `export`: pip install 'ntc-viewer[export]'")
     return _basis(pixels, name, quality)

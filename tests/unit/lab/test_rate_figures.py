@@ -9,12 +9,12 @@ import pytest
 
 from lab.benchmarks import block_against_astc
 from lab.studies import hardware_formats
-from lab.studies.disk_formats import measured_disk_format
+from lab.studies.disk_formats import measured_disk_format, side_by_side
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.rate_table import RatePoint, disk_figure, disk_rows, rate_figure, rate_table
 from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
 from lab.studies.settings import DISK_FORMATS
-from ntc.codec.mips import mip_sizes
+from ntc.codec.mips import mip_chain, mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 
@@ -119,6 +119,14 @@ def test_block_beside_astc_writes_record_table_and_plot(
     capsys.readouterr()
     assert block_against_astc.main([str(tmp_path / "nothing")]) == 2
     assert capsys.readouterr().err.startswith("error: ")
+
+
+@pytest.mark.parametrize("size", [(16, 16), (32, 4), (4, 32), (1, 1)])
+def test_mips_side_by_side_are_whole(size: tuple[int, int]) -> None:
+    mips = mip_chain(np.full((*size, 3), 7, np.uint8), "srgb")
+    found = side_by_side(mips)
+    assert (found == 7).all()
+    assert found.shape[0] * found.shape[1] >= sum(mip.shape[0] * mip.shape[1] for mip in mips)
 
 
 def test_files_hold_all_mips_and_sizes_are_compared_at_equal_quality() -> None:
