@@ -197,9 +197,10 @@ def sample_textures(
     seed: int = 0,
     most: int = SAMPLED_BLOCKS,
     threads: int = 1,
+    kept: dict[SourceTexture, PreparedTexture] | None = None,
 ) -> tuple[Sample, ...]:
     """At most `most` blocks of a group's textures, chosen at random; each texture has the same weight, whatever its size. `threads`
-    change nothing."""
+    change nothing. `kept` gets what was prepared."""
     random = np.random.default_rng(seed)
     each = max(1, most // max(1, len(sources)))
     counts = [latent_cell_count(*source.size, config) for source in sources]
@@ -207,6 +208,8 @@ def sample_textures(
 
     def sample(number: int) -> Sample:
         texture = prepare_texture(sources[number], config)
+        if kept is not None:
+            kept[sources[number]] = texture
         return Sample(texture.normalised(chosen[number]), texture.axes, counts[number])
 
     return tuple(mapped(sample, range(len(sources)), threads))

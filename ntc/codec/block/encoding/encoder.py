@@ -34,13 +34,14 @@ def encode_texture(
     group: int = 0,
     worked: Callable[[float], None] = lambda _: None,
     threads: int = 1,
+    prepared: PreparedTexture | None = None,
 ) -> BlockTexture:
     """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that.
 
-    `threads` change no byte. `worked` is called often, with the work that was done since, in blocks (`rate.encoding_work`); what it
-    raises ends the encoding.
+    `prepared` is `source` in blocks, where that is known. `threads` change no byte. `worked` is called often, with the work that was
+    done since, in blocks (`rate.encoding_work`); what it raises ends the encoding.
     """
-    texture = prepare_texture(source, config)
+    texture = prepared or prepare_texture(source, config)
     with one_thread():
         tables = Tables.of(decoder, config)
         kinds = paying_kinds(texture, tables, decoder, config)

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import Sample, sample_textures
+from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
@@ -46,11 +46,12 @@ def fitted_group(
     seed: int,
     worked: Callable[[float], None] = lambda _share: None,
     threads: int = 1,
+    kept: dict[SourceTexture, PreparedTexture] | None = None,
 ) -> FittedGroup:
     """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled. `worked`
-    is told the share of the work that was done since; `threads` change nothing."""
+    is told the share of the work that was done since; `threads` change nothing. `kept` gets the textures in blocks."""
     members = grouping.members(group)
-    samples = sample_textures([textures[index] for index in members], config, seed, threads=threads)
+    samples = sample_textures([textures[index] for index in members], config, seed, threads=threads, kept=kept)
     decoder = _decoder(samples, grouping, config, seed, worked)
     curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
     return FittedGroup(group, members, decoder, tuple(curves))
@@ -114,10 +115,11 @@ def encode_member(
     config: BlockConfig,
     worked: Callable[[float], None],
     threads: int = 1,
+    prepared: PreparedTexture | None = None,
 ) -> BlockTexture:
     """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the work
     that was done since it was called last, in blocks. `threads` work on it and change no byte."""
-    found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked, threads)
+    found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked, threads, prepared)
     decoded = shown_channels(finest_image(found, fitted.decoder, config, threads), found.places(config))
     measured = measured_texture(found, decoded, source.pixels)
     worked(MEASURE_WORK * block_count([source.size], config))

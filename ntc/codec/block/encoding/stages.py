@@ -10,6 +10,7 @@ from typing import Any, cast
 import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.blocks import PreparedTexture
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.rate import block_count, fitting_work
@@ -20,6 +21,7 @@ from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
 from ntc.codec.model import Decoder, EncodedTexture
 from ntc.codec.quality import measured_texture, mse_of_psnr
+from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads, mapped, most_threads
 
@@ -46,6 +48,8 @@ class BlockEncoder(Encoder):
         """In units of the time to encode a block, fitting included."""
         self._threads_each = 1
         """Threads that encode one texture."""
+        self._kept: dict[SourceTexture, PreparedTexture] = {}
+        """Textures in blocks, where they are few, from when tables are fitted until they are encoded."""
         self._ended: set[int] = set()
 
     def pieces(self) -> Generator[Piece]:
@@ -123,7 +127,9 @@ class BlockEncoder(Encoder):
 
             # Groups side by side, or the textures of one.
             threads = most if len(groups) == 1 else 1
-            found = fitted_group(task.textures, task.grouping, group, config, self._options.seed, worked, threads)
+            few = len(task.textures) <= FEW_TEXTURES and self._options.quality_db is None
+            kept = self._kept if few else None
+            found = fitted_group(task.textures, task.grouping, group, config, self._options.seed, worked, threads, kept)
             self._step += 1
             return found
 
@@ -136,7 +142,8 @@ class BlockEncoder(Encoder):
     def _encoded(self, fitted: FittedGroup, part: tuple[int, float]) -> BlockTexture:
         index, words = part
         source = self._task.textures[index]
-        return encode_member(source, words, fitted, self._config, self._worked, self._threads_each)
+        prepared = self._kept.pop(source, None)
+        return encode_member(source, words, fitted, self._config, self._worked, self._threads_each, prepared)
 
     def _worked(self, work: float) -> None:
         """In the thread of a texture. Appending to a list is atomic."""
