@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from lab.runner import chosen_cameras, report, run, scene_options, write_record
+from ntc.codec.registry import codec_named
 from tests.support.driven_app import DrivenApp
 from viewer.commands import run_line
 from viewer.locations import CACHE_FOLDER_VARIABLE
@@ -163,7 +164,8 @@ def phases(app: PersonsApp, options: argparse.Namespace) -> tuple[list[dict[str,
     session.view = replace(session.view, compare="a")
     window.frames_while(lambda: True, 5.0)
     rows.append(summary("without training", window.frames_while(lambda: True, 15.0)))
-    run_line(app.context, f"training.retrain all {options.seconds:g}s")
+    again = f"retrain all {options.seconds:g}s" if codec_named(options.codec).trains else "regroup baseline"
+    run_line(app.context, f"training.{again}")
     rows.append(summary("preparing again", window.frames_while(lambda: training.state == "preparing", 120.0)))
     rows.append(summary("retraining", window.frames_while(lambda: training.active is not None, 600.0)))
     rows.append(summary("without, again", window.frames_while(lambda: True, 15.0)))

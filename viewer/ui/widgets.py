@@ -114,7 +114,10 @@ TOOLTIP_IMAGE = 8.0
 
 
 def draw_tooltip(text: str, image: imgui.ImTextureRef | None = None) -> None:
-    """Draw a tooltip beside the mouse, with wrapped lines, below `image`."""
+    """Draw a tooltip beside the mouse, with wrapped lines, below `image`; one with an image beside the panel, for it is large."""
+    if image is not None:
+        right = imgui.get_window_pos().x + imgui.get_window_width()
+        imgui.set_next_window_pos(ImVec2(right + em(0.5), imgui.get_item_rect_min().y))
     if imgui.begin_tooltip():
         if image is not None:
             imgui.image(image, ImVec2(em(TOOLTIP_IMAGE), em(TOOLTIP_IMAGE)))

@@ -356,6 +356,10 @@ def _log(ui: UiFrame) -> None:
     imgui.end_table()
 
 
+OFFER_WIDTH = 28.0
+"""Width of the offer in font sizes."""
+
+
 class EncodeOffer:
     """Offer to encode a scene without a pack, over the picture until it is answered."""
 
@@ -382,6 +386,9 @@ class EncodeOffer:
             imgui.Cond_.always,
             ImVec2(1.0, 0.0),
         )
+        # A width of its own: rows do not move while their texts change.
+        width = min(em(OFFER_WIDTH), max(area.width - em(2.0), em(12.0)))
+        imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, 1e4))
         imgui.set_next_window_bg_alpha(0.88)
         flags = (
             imgui.WindowFlags_.no_decoration
@@ -391,7 +398,6 @@ class EncodeOffer:
             | imgui.WindowFlags_.no_nav
         )
         if imgui.begin("##offer", None, flags)[0]:
-            imgui.push_text_wrap_pos(min(em(30.0), max(area.width - em(4.0), em(10.0))))
             imgui.text_wrapped("This scene has no pack.")
             kept = ui.training.waiting.of(ui.session.scene)
             if kept and imgui.button(f"Open the unsaved run of {kept[0].clock}"):
@@ -399,7 +405,6 @@ class EncodeOffer:
             if kept:
                 ui.rects.note("Open what was kept back")
             self._form.draw(ui)
-            imgui.pop_text_wrap_pos()
             command_button(ui, "Encode it now", "training.encode", missing=self._form.problem)
             imgui.same_line()
             if imgui.button("Not now"):
