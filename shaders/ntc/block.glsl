@@ -35,6 +35,11 @@ int block_shift(LevelRecord level) {
     return (BLOCK_SIDE == 8 ? 3 : 2) - code_mip(level);
 }
 
+// The block of a texel. Languages of exports have no shifts of vectors.
+ivec2 block_of(ivec2 texel, int shift) {
+    return ivec2(texel.x >> shift, texel.y >> shift);
+}
+
 // Where the code of a block lies, and how the plane is read from it.
 struct Code {
     int first_word;
@@ -291,7 +296,7 @@ struct Parts {
 Parts parts_of(LevelRecord level, Footprint footprint) {
     int shift = block_shift(level);
     bvec2 adjacent = equal(footprint.second, footprint.first + 1);
-    bvec2 one_block = equal(footprint.first >> shift, footprint.second >> shift);
+    bvec2 one_block = equal(block_of(footprint.first, shift), block_of(footprint.second, shift));
     Parts parts;
     parts.together = bvec2(adjacent.x && one_block.x, adjacent.y && one_block.y);
     parts.count.x = parts.together.x || footprint.share.x == 0.0 ? 1 : 2;
@@ -309,8 +314,8 @@ Sum add_part(Sum sum, float share, TextureRecord record, LevelRecord level, Foot
     vec2 near = mix(1.0 - footprint.share, footprint.share, other);
     vec2 far = mix(vec2(0.0), footprint.share, parts.together);
     int shift = block_shift(level);
-    ivec2 block = texel >> shift;
-    ivec2 within = texel - (block << shift);
+    ivec2 block = block_of(texel, shift);
+    ivec2 within = ivec2(texel.x & ((1 << shift) - 1), texel.y & ((1 << shift) - 1));
     vec4 weights = share * vec4(near.x * near.y, far.x * near.y, near.x * far.y, far.x * far.y);
     Sum own = block_square(code_of(record, level, block), (within.y << shift) + within.x, weights);
     return Sum(sum.transform + own.transform, sum.edges + own.edges, sum.mean_weights + own.mean_weights);
@@ -350,8 +355,8 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
     LevelRecord level = levels[record.first_level + int(lod)];
     ivec2 texel = ivec2(place_along(at.x, level.texel_width).part, place_along(at.y, level.texel_height).part);
     int shift = block_shift(level);
-    ivec2 block = texel >> shift;
-    ivec2 within = texel - (block << shift);
+    ivec2 block = block_of(texel, shift);
+    ivec2 within = ivec2(texel.x & ((1 << shift) - 1), texel.y & ((1 << shift) - 1));
     return block_value(record, block_texel(code_of(record, level, block), (within.y << shift) + within.x));
 }
 #else
