@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import SCALE_STEPS_PER_OCTAVE, BlockConfig
 from ntc.codec.block.encoding.blocks import Sample, prepare_texture
-from ntc.codec.block.encoding.gains import band_energies, gains_of
+from ntc.codec.block.encoding.gains import band_energies, steps_between
 from ntc.codec.block.encoding.quantizer import expected_errors
 from ntc.codec.block.encoding.tables import first_classes
 from ntc.codec.block.encoding.transform import Basis, one_thread, projected, strongest_rows
@@ -310,7 +310,7 @@ class _ModeFit:
         self._random = np.random.default_rng(seed)
         means = [own.square().mean(0).numpy().astype(np.float64) for own in coefficients]
         energies = [band_energies(mean, bands, len(reference)) for mean in means]
-        self._gains = [gains_of(each, reference) for each in energies]
+        self._gains = [np.rint(steps_between(each, reference)).clip(-128, 127) for each in energies]
         flat = [torch.from_numpy(2.0 ** (-own.astype(np.float64)[bands] / 8.0)).float() for own in self._gains]
         self._squares = torch.cat([own.square() * by for own, by in zip(coefficients, flat, strict=True)])
         self._owner = torch.from_numpy(np.repeat(np.arange(len(coefficients)), [len(own) for own in coefficients]))

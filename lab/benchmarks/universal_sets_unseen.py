@@ -6,9 +6,7 @@ Tables are fitted to the materials of --fit: scenes, or folders with a folder fo
 --test becomes a scene of its own, and all of them together another one, at each SIZE. A FILE that is there keeps its other rows.
 """
 
-import argparse
 import json
-import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -21,19 +19,21 @@ import numpy as np
 from safetensors.numpy import save
 
 from assets.build.universal_sets import drawn_samples, fitted_set_tables, read_materials
+from lab.runner import options, run, write_record
 from ntc.codec.block import universal
 from ntc.codec.config import UNIVERSAL, GroupingConfig, GroupingName
 from ntc.codec.encoding import BitsTarget, EncodingChoices
 from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
-from ntc.errors import InputError
 from ntc.grouping import make_grouping
-from ntc.io import write_bytes, write_text
+from ntc.io import write_bytes
 from ntc.pack.file import pack_bytes
 from ntc.training.encode import encode_chosen
 from viewer.scene.source_textures import reduce_texture
 
 BITS = (2.0, 4.0)
+KEYS = ("materials_of", "a_pack_each", "size", "bits_per_texel")
+"""What tells the rows of a record apart."""
 GROUPINGS: tuple[GroupingName, ...] = ("clustered", UNIVERSAL)
 
 
@@ -103,9 +103,9 @@ def _mean(values: Sequence[float | None]) -> float | None:
     return round(float(np.mean(known)), 2) if known else None
 
 
-def main() -> int:
-    """Measure and print."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main() -> None:
+    """Measure and print. Raises InputError."""
+    parser = options(__doc__)
     parser.add_argument("name", help="of the materials that are measured")
     parser.add_argument("sizes", type=int, nargs="+")
     parser.add_argument(
@@ -115,35 +115,25 @@ def main() -> int:
     parser.add_argument("--most", type=int, help="measure so many materials, evenly spread")
     parser.add_argument("--one-pack", action="store_true", help="all materials in one pack; else a pack each")
     parser.add_argument("--tables", type=Path, help="file that keeps the fitted tables")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args()
-    try:
-        materials = read_materials(options.test)
-        if options.most:
-            places = np.unique(np.linspace(0, len(materials) - 1, options.most).round().astype(int))
-            materials = tuple(materials[place] for place in places)
-        with tempfile.TemporaryDirectory() as folder:
-            path = options.tables or Path(folder) / "tables.safetensors"
-            seen = read_materials(options.fit)
-            if seen and not path.is_file():
-                write_bytes(path, save(fitted_set_tables(drawn_samples(seen))))
-            with other_tables(path if seen else universal.set_tables_path(universal.SET_VERSION)):
-                rows = [
-                    row
-                    for size in options.sizes
-                    for row in _rows(options.name, materials, size, len(seen), options.one_pack)
-                ]
-    except InputError as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
-    if options.json:
-        known = json.loads(options.json.read_text())["rows"] if options.json.is_file() else []
-        keys = ("materials_of", "a_pack_each", "size", "bits_per_texel")
-        fresh = {tuple(row[key] for key in keys) for row in rows}
-        kept = [row for row in known if tuple(row[key] for key in keys) not in fresh]
-        write_text(options.json, json.dumps({"rows": kept + rows}, indent=1) + "\n")
-    return 0
+    given = parser.parse_args()
+    materials = read_materials(given.test)
+    if given.most:
+        places = np.unique(np.linspace(0, len(materials) - 1, given.most).round().astype(int))
+        materials = tuple(materials[place] for place in places)
+    with tempfile.TemporaryDirectory() as folder:
+        path = given.tables or Path(folder) / "tables.safetensors"
+        seen = read_materials(given.fit)
+        if seen and not path.is_file():
+            write_bytes(path, save(fitted_set_tables(drawn_samples(seen))))
+        with other_tables(path if seen else universal.set_tables_path(universal.SET_VERSION)):
+            rows = [
+                row for size in given.sizes for row in _rows(given.name, materials, size, len(seen), given.one_pack)
+            ]
+    known = json.loads(given.json.read_text())["rows"] if given.json and given.json.is_file() else []
+    fresh = {tuple(row[key] for key in KEYS) for row in rows}
+    kept = [row for row in known if tuple(row[key] for key in KEYS) not in fresh]
+    write_record(given.json, {"rows": kept + rows})
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

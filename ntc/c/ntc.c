@@ -1307,11 +1307,13 @@ static const char *read_scaled(ntc_pack *pack) {
         const tensor *gains = &made[GAINS];
         uint8_t *scales = (uint8_t *)take(&pack->memory, modes, count);
         if (scales == NULL) return "";
-        if (!has_shape(gains, I8, 1, (uint64_t)(own->channels * BANDS), 0))
+        /* A gain for each coefficient, or for each band. */
+        const int fine = has_shape(gains, I8, 1, count, 0);
+        if (!fine && !has_shape(gains, I8, 1, (uint64_t)(own->channels * BANDS), 0))
             return "a tensor of a decoder is missing, or has another shape";
         for (size_t mode = 0; mode < modes; ++mode) {
             for (size_t k = 0; k < count; ++k) {
-                const int scale = parts[3].data[mode * (size_t)rows + places[k]] + (int8_t)gains->data[bands[k]];
+                const int scale = parts[3].data[mode * (size_t)rows + places[k]] + (int8_t)gains->data[fine ? k : bands[k]];
                 scales[mode * count + k] = (uint8_t)(scale < 0 ? 0 : scale > 255 ? 255 : scale);
             }
         }

@@ -30,7 +30,7 @@ class BlockDecoder(Decoder):
     edges: NDArray[np.uint8]
     """[modes, planes] uint8: index bits a texel of the edge part of each plane, 0 to LARGEST_EDGE_BITS; 0: there is none."""
     gains: NDArray[np.int8] | None = None
-    """[gains] int8: what a pack stores in place of tables where `scales` are those that ship times these
+    """[coefficients] or [bands] int8: what a pack stores in place of tables where `scales` are those that ship times these
     (`ntc.codec.block.universal`)."""
 
     def depths(self, config: BlockConfig) -> NDArray[np.uint8]:

@@ -7,7 +7,6 @@ import numpy as np
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import BlockCodes, stored_words
-from ntc.codec.block.universal import BANDS
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import channel_places
@@ -31,7 +30,7 @@ def mean_colour_pack(textures: Sequence[SourceTexture], grouping: Grouping, conf
         np.zeros(config.coefficients, np.uint8),
         np.zeros((config.modes, config.coefficients), np.uint8),
         np.zeros((config.modes, len(config.planes)), np.uint8),
-        None if config.tables is None else np.zeros(config.output_channels * BANDS, np.int8),
+        None if config.tables is None else np.zeros(config.coefficients, np.int8),
     )
     encoded = []
     for texture, group in zip(textures, grouping.groups, strict=True):

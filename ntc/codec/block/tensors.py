@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import level_rows
-from ntc.codec.block.universal import BANDS, scaled_decoder, set_tables, universal_decoder
+from ntc.codec.block.universal import scaled_decoder, set_tables, universal_decoder
 from ntc.codec.codec import Tensors, TensorShape
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.latents import latent_levels
@@ -42,7 +42,7 @@ def texture_shapes(config: BlockConfig) -> dict[str, TensorShape]:
 def decoder_shapes(config: BlockConfig) -> dict[str, TensorShape]:
     """Type and shape of the tensors of a decoder: its tables, or gains of those that ship."""
     if config.tables is not None:
-        return {"decoder.{}.gains": ("I8", (config.output_channels * BANDS,))}
+        return {"decoder.{}.gains": ("I8", (None,))}
     return _table_shapes(config)
 
 
@@ -117,9 +117,13 @@ def read_decoder(tensors: Tensors, config: BlockConfig) -> BlockDecoder:
             tables = set_tables(config.maps, config.output_channels, config.tables)
         except InputError as error:
             raise ValueError(f"decoder.{{}}.gains: {error}") from error
-        scaled = scaled_decoder(tables, tensors["decoder.{}.gains"])
-        _check_shapes(scaled, config)
-        return scaled
+        _check_shapes(tables.decoder, config)
+        gains = tensors["decoder.{}.gains"]
+        if len(gains) not in (len(tables.bands), len(tables.energies)):
+            raise ValueError(
+                f"decoder.{{}}.gains: has {len(gains)} gains, not {len(tables.bands)} or {len(tables.energies)}"
+            )
+        return scaled_decoder(tables, gains)
     decoder = BlockDecoder(**{part: tensors[f"decoder.{{}}.{part}"] for part in DECODER_PARTS})
     _check_decoder(decoder, config)
     return decoder

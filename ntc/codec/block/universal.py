@@ -53,7 +53,10 @@ SET_VERSION = 1
 """Of the tables for whole materials, likewise."""
 SET_MODES = 128
 BANDS = 5
-"""Bands of a channel: coefficients of about one strength, the strongest first. A gain is one number for each."""
+"""Bands of a channel: coefficients of about one strength, the strongest first."""
+FINE_BLOCKS = 3000
+"""A group with a texture of so many blocks, all levels counted, has a gain for each coefficient; else one for each band. 512x512
+texels have more."""
 MOST_SCALED_GROUPS = 16
 """Most groups of textures with gains of their own that grouping `universal` makes: a renderer keeps scaled tables for each."""
 
@@ -65,9 +68,9 @@ class SetTables:
     decoder: BlockDecoder
     """Tables at gains of 0."""
     bands: NDArray[np.int64]
-    """[coefficients] number of each coefficient's gain: BANDS for each channel."""
+    """[coefficients] band of each coefficient: BANDS for each channel."""
     energies: NDArray[np.float32]
-    """[gains] energy of a band, in blocks of normalised values, whose gain is 0. For the encoder alone."""
+    """[bands] energy of a band, in blocks of normalised values, whose coefficients have a gain of 0. For the encoder alone."""
 
 
 def set_tables_path(version: int) -> Path:
@@ -111,6 +114,7 @@ def set_config(maps: Sequence[MapName], channels: int) -> BlockConfig:
 
 
 def scaled_decoder(tables: SetTables, gains: NDArray[np.int8]) -> BlockDecoder:
-    """The decoder of a group with these gains, in steps of 1/16 octave."""
-    scales = tables.decoder.scales.astype(np.int64) + gains.astype(np.int64)[tables.bands]
+    """The decoder of a group with gains [coefficients] or [bands], in steps of 1/16 octave."""
+    each = gains if len(gains) == len(tables.bands) else gains[tables.bands]
+    scales = tables.decoder.scales.astype(np.int64) + each.astype(np.int64)
     return replace(tables.decoder, scales=np.clip(scales, 0, 255).astype(np.uint8), gains=gains)

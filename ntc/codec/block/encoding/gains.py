@@ -1,4 +1,4 @@
-"""Gains of tables that ship for whole materials: how strong each band of each channel is in the textures of a group."""
+"""Gains of tables that ship for whole materials: how strong each coefficient is in the textures of a group."""
 
 from collections.abc import Sequence
 
@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import SCALE_STEPS_PER_OCTAVE, BlockConfig
 from ntc.codec.block.encoding.blocks import Sample, sample_textures
 from ntc.codec.block.encoding.transform import Basis, one_thread, projected
-from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.universal import SetTables, scaled_decoder, set_config, set_tables
+from ntc.codec.block.model import BlockDecoder, scale_values
+from ntc.codec.block.universal import FINE_BLOCKS, SetTables, scaled_decoder, set_config, set_tables
 from ntc.codec.maps import joint_maps
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
@@ -21,6 +21,8 @@ COMPARED_TEXELS = 1024
 """Along one side: so many texels of a texture are looked at for that."""
 SHARING_ROUNDS = 20
 LEAST_ENERGY = 1e-9
+MOST_WITHIN = 40
+"""Steps at most by which a coefficient's gain differs from that of its band: 15 dB."""
 FAINT_STEPS = 72
 """A band is as good as empty where it is so far below the strongest band, in steps of 1/8 octave of energy: 27 dB."""
 
@@ -37,9 +39,26 @@ def _mean_squares(blocks: NDArray[np.float32], tables: SetTables, config: BlockC
     return np.asarray(projected(torch.from_numpy(blocks), projections).square().mean(0).numpy(), np.float64)
 
 
-def gains_of(energies: NDArray[np.float64], references: NDArray[np.floating]) -> NDArray[np.int8]:
-    """[bands] int8: gains in steps of 1/16 octave of amplitude that lead from energies `references` to `energies`."""
-    steps = 0.5 * SCALE_STEPS_PER_OCTAVE * np.log2(np.maximum(energies, LEAST_ENERGY) / np.maximum(references, 1e-12))
+def steps_between(energies: NDArray[np.float64], references: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Steps of 1/16 octave of amplitude that lead from energies `references` to `energies`, of their shape."""
+    ratios = np.maximum(energies, LEAST_ENERGY) / np.maximum(references, 1e-12)
+    return np.asarray(0.5 * SCALE_STEPS_PER_OCTAVE * np.log2(ratios), np.float64)
+
+
+def gains_of(squares: NDArray[np.float64], tables: SetTables, fine: bool) -> NDArray[np.int8]:
+    """[coefficients] int8, or [bands] where they are not `fine`: gains of a group whose coefficients have mean squares `squares`
+    [coefficients]."""
+    count, variances = len(tables.energies), np.square(scale_values(tables.decoder.scales)).mean(0)
+    own, shipped = (band_energies(each, tables.bands, count) for each in (squares, variances))
+    of_band = steps_between(own, tables.energies)
+    if not fine:
+        return _stored_gains(of_band)
+    # Within its band, a coefficient is as strong as modes have it on average, or stronger or weaker by at most so much.
+    within = steps_between(squares / np.maximum(own, LEAST_ENERGY)[tables.bands], variances / shipped[tables.bands])
+    return _stored_gains(np.rint(of_band[tables.bands]) + np.clip(within, -MOST_WITHIN, MOST_WITHIN))
+
+
+def _stored_gains(steps: NDArray[np.float64]) -> NDArray[np.int8]:
     gains: NDArray[np.int8] = np.clip(np.rint(steps), -128, 127).astype(np.int8)
     return gains
 
@@ -49,7 +68,8 @@ def fitted_gains(samples: Sequence[Sample], config: BlockConfig) -> BlockDecoder
     tables = set_tables(config.maps, config.output_channels, config.tables)
     with one_thread():
         squares = np.mean([_mean_squares(sample.blocks, tables, config) for sample in samples], axis=0)
-    return scaled_decoder(tables, gains_of(band_energies(squares, tables.bands, len(tables.energies)), tables.energies))
+    fine = max(sample.block_count for sample in samples) >= FINE_BLOCKS
+    return scaled_decoder(tables, gains_of(squares, tables, fine))
 
 
 def shared_gains(textures: Sequence[SourceTexture], most: int) -> tuple[int, ...]:

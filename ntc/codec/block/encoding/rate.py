@@ -15,7 +15,7 @@ from ntc.codec.block.config import (
     BlockConfig,
 )
 from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS
-from ntc.codec.block.universal import BANDS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
+from ntc.codec.block.universal import BANDS, FINE_BLOCKS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
 from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import BASE_ALONE
@@ -45,13 +45,19 @@ def side_bits(textures: TextureSet, config: BlockConfig) -> int:
     decoder = config.coefficients * config.row_bytes + config.modes * (config.coefficients + len(config.planes))
     bits = 8 * textures.groups * decoder
     if config.tables is not None:
-        bits = 8 * min(len(textures.sizes), MOST_SCALED_GROUPS) * config.output_channels * BANDS
+        bits = 8 * _gains(textures, config)
     for size in textures.sizes:
         bits += 32 * (config.mips * config.output_channels + config.axis_numbers)
         if len(config.block_words) > 1:
             own = [level for level in latent_levels(*size, config) if level.has_own_cells]
             bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in own)
     return bits
+
+
+def _gains(textures: TextureSet, config: BlockConfig) -> int:
+    """Most gains that the groups of textures have together."""
+    blocks = sorted((latent_cell_count(*size, config) for size in textures.sizes), reverse=True)[:MOST_SCALED_GROUPS]
+    return sum(config.coefficients if own >= FINE_BLOCKS else config.output_channels * BANDS for own in blocks)
 
 
 def texel_count(sizes: Sizes, config: BlockConfig) -> int:
