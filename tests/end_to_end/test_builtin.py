@@ -38,10 +38,14 @@ def test_viewing_a_pack_imports_no_training_libraries(tmp_path: Path) -> None:
     assert np.load(tmp_path / "o" / "divergence.npy").max() >= 3
 
 
-def test_without_a_display_pictures_are_drawn_and_their_place_is_said(tmp_path: Path) -> None:
+@pytest.mark.parametrize("of", ["a small scene", pytest.param("the courtyard", marks=pytest.mark.nightly)])
+def test_without_a_display_pictures_are_drawn_and_their_place_is_said(
+    encoded_scene: Path, tmp_path: Path, of: str
+) -> None:
+    scene = [str(encoded_scene)] if of == "a small scene" else []
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), SHADERS_VARIABLE: os.environ[SHADERS_VARIABLE]}
     result = subprocess.run(
-        [sys.executable, "-m", "viewer"],
+        [sys.executable, "-m", "viewer", *scene],
         cwd=tmp_path,
         env=environment,
         capture_output=True,

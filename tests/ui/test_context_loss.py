@@ -70,6 +70,7 @@ def test_training_goes_on(display: str, scene_path: Path, tmp_path: Path) -> Non
     assert (found["outcome"], found["has_pack"]) == ("done", True)
 
 
+@pytest.mark.nightly
 def test_losses_leave_nothing_behind(display: str, scene_path: Path, tmp_path: Path) -> None:
     found = lose(display, tmp_path, "often", scene_path, 5)
     assert found["told"] == 5
@@ -87,6 +88,7 @@ def test_a_loss_in_the_midst_of_a_panel(display: str, scene_path: Path, tmp_path
     assert found["told"] == [RECOVERED]
 
 
+@pytest.mark.nightly
 def test_losses_before_anything_is_drawn(display: str, scene_path: Path, tmp_path: Path) -> None:
     assert lose(display, tmp_path, "before_any_frame", scene_path, 6)["told"] == 6
 
