@@ -3,7 +3,6 @@
 python -m lab.benchmarks.material_sets FOLDER --bits 4.25 --json F.json
 """
 
-import argparse
 import json
 import re
 import sys
@@ -15,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.runner import options, run, write_record
 from lab.studies.set_quality import pack_bits_per_texel
 from ntc import material
 from ntc.codec.block.config import BlockOptions
@@ -24,7 +24,6 @@ from ntc.codec.maps import MAP_CHANNELS, MAP_WEIGHTS, MapName
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
-from ntc.io import write_text
 from ntc.training.encode import encode_textures
 from viewer.cli.table import Cell, Column, Table
 from viewer.scene.images import IMAGE_SUFFIXES, read_image
@@ -109,24 +108,18 @@ def measured(source: SourceTexture, bits: float, weights: str) -> dict[str, Any]
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Measure, print a table, and write the record."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Measure, print a table, and write the record. Raises InputError."""
+    parser = options(__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--bits", type=float, default=4.25, help="bits per texel of mip 0 of all maps, mips and tables")
     parser.add_argument("--texture-size", type=int, help="at most so many texels a side; default: as the files are")
     parser.add_argument("--weights", choices=sorted(MAP_WEIGHTS), default="equal", help="of errors in the maps")
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args(arguments)
-    try:
-        sets = material_sets(options.folder, options.texture_size)
-        rows = list[dict[str, Any]]()
-        for source in sets:
-            rows.append(measured(source, options.bits, options.weights))
-            sys.stderr.write(f"{source.name}: {rows[-1]['mean_of_maps_db']:.2f} dB\n")
-    except InputError as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
+    given = parser.parse_args(arguments)
+    rows = list[dict[str, Any]]()
+    for source in material_sets(given.folder, given.texture_size):
+        rows.append(measured(source, given.bits, given.weights))
+        sys.stderr.write(f"{source.name}: {rows[-1]['mean_of_maps_db']:.2f} dB\n")
     every = [value for row in rows for value in row["map_db"].values()]
     kinds = dict[str, list[float]]()
     for row in rows:
@@ -137,16 +130,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     sys.stdout.write(Table(COLUMNS, shown).markdown())
     sys.stdout.write(f"mean of {len(every)} maps: {np.mean(every):.2f} dB; of kinds of maps: ")
     sys.stdout.write(f"{np.mean(list(by_kind.values())):.2f} dB ({json.dumps(by_kind)})\n")
-    if options.json:
-        record = {
-            "weights": options.weights,
-            "mean_of_maps_db": float(np.mean(every)),
-            "by_kind_db": by_kind,
-            "rows": rows,
-        }
-        write_text(options.json, json.dumps(record, indent=1) + "\n")
-    return 0
+    facts = {"weights": given.weights, "mean_of_maps_db": float(np.mean(every)), "by_kind_db": by_kind}
+    write_record(given.json, {**facts, "rows": rows})
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

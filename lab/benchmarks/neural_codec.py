@@ -7,12 +7,10 @@ hidden layers. Grids are rounded by noise while they train; then they are rounde
 python -m lab.benchmarks.neural_codec SCENE --texture-size 256 --steps 10000 --json F.json
 """
 
-import argparse
 import json
 import math
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +20,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from lab.runner import options, run, write_record
 from lab.studies.set_quality import pack_bits_per_texel
 from ntc.codec.block.config import BlockOptions
 from ntc.codec.block.encoding.rate import block_count, config_for_words
@@ -32,7 +31,6 @@ from ntc.codec.quality import psnr_db
 from ntc.codec.registry import codec_of
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.io import write_text
 from ntc.training.encode import encode_textures
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
@@ -238,9 +236,9 @@ def measured(source: SourceTexture, shape: NeuralShape, steps: int, batch: int, 
     }
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Train, compare, print, and write the record."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def main() -> None:
+    """Train, compare, print, and write the record. Raises InputError."""
+    parser = options(__doc__)
     parser.add_argument("scene", type=Path)
     parser.add_argument(
         "--material", default="", help="part of the name of its first map; default: the first material set"
@@ -249,27 +247,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--steps", type=int, default=15_000)
     parser.add_argument("--batch", type=int, default=1 << 14, help="texels of a step")
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--json", type=Path)
-    options = parser.parse_args(arguments)
+    given = parser.parse_args()
     torch.set_num_threads(1)
-    try:
-        found = source_textures(load_scene(options.scene), options.texture_size, "all")
-        sources = [each for each in found if len(each.maps) > 1 and options.material in each.name]
-        if not sources:
-            raise InputError(f"{options.scene}: has no such material set")
-    except InputError as error:
-        sys.stderr.write(f"error: {error}\n")
-        return 2
+    found = source_textures(load_scene(given.scene), given.texture_size, "all")
+    sources = [each for each in found if len(each.maps) > 1 and given.material in each.name]
+    if not sources:
+        raise InputError(f"{given.scene}: has no such material set")
     # Both codecs make the mean error of all channels least.
     source = SourceTexture(**{**vars(sources[0]), "map_weights": EQUAL_WEIGHTS})
     rows = list[dict[str, Any]]()
     for shape in SHAPES:
-        rows.append(measured(source, shape, options.steps, options.batch, options.seed))
+        rows.append(measured(source, shape, given.steps, given.batch, given.seed))
         sys.stdout.write(f"{json.dumps(rows[-1])}\n")
-        if options.json:
-            write_text(options.json, json.dumps({"rows": rows}, indent=1) + "\n")
-    return 0
+        write_record(given.json, {"rows": rows})
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

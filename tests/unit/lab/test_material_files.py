@@ -11,6 +11,7 @@ from lab.benchmarks.material_sets import named_maps
 from lab.benchmarks.neural_codec import SHAPES, NeuralShape, trained_image
 from ntc import material
 from ntc.codec.quality import psnr_db
+from ntc.errors import InputError
 from viewer.scene.images import write_png
 
 
@@ -36,12 +37,13 @@ def test_a_folder_of_map_files_is_measured(tmp_path: Path, capsys: pytest.Captur
     for word in ("Color", "NormalGL", "Roughness"):
         write_png(tmp_path / f"Rails001_1K-PNG_{word}.png", random.integers(90, 160, (32, 32, 3), dtype=np.uint8))
     out = tmp_path / "o.json"
-    assert material_sets.main([str(tmp_path), "--bits", "8", "--json", str(out)]) == 0
+    material_sets.main([str(tmp_path), "--bits", "8", "--json", str(out)])
     record = json.loads(out.read_text())
     assert list(record["rows"][0]["map_db"]) == ["base", "normal", "roughness"]
     assert record["mean_of_maps_db"] == pytest.approx(np.mean(list(record["rows"][0]["map_db"].values())))
     assert "mean of 3 maps" in capsys.readouterr().out
-    assert material_sets.main([str(tmp_path / "none")]) == 2
+    with pytest.raises(InputError, match="none"):
+        material_sets.main([str(tmp_path / "none")])
 
 
 def test_the_neural_codec_learns_and_is_decoded_as_it_is_stored() -> None:
