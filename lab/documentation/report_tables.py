@@ -86,12 +86,14 @@ def sizes_of_files() -> str:
     """Bits of files with all mips, by the mean PSNR that they reach."""
     rows = [
         {"set": name, "wanted": row["mean_db"], **{key: row.get(curve) for key, curve in DISK_CURVES.items()}}
-        for name in ("polyhaven", "bistro", "large")
+        for name in DISK_SETS
         for row in record(f"studies/study_{name}_rate")["disk"]
     ]
     return table(rows, "set", "wanted=mean, dB=0", *(f"{key}={title}" for key, title in DISK_TITLES.items()))
 
 
+DISK_SETS = ("polyhaven",)
+"""Sets of textures whose files were compared."""
 DISK_CURVES = {
     "block": "block 8x8, single",
     "jpeg": "JPEG 4:2:0",

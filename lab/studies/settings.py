@@ -15,7 +15,7 @@ DiskFormat = Literal["jpeg", "xuastc", "etc1s"]
 DISK_FORMATS: tuple[DiskFormat, ...] = ("jpeg", "xuastc", "etc1s")
 QUALITIES: dict[DiskFormat, tuple[int, ...]] = {
     "jpeg": (20, 40, 60, 75, 85, 92, 96, 99),
-    "xuastc": (10, 50, 90, 100),
+    "xuastc": (10, 90, 100),
     "etc1s": (10, 50, 100),
 }
 """Settings of quality, each encoder's own from 1 to 100. Of XUASTC, alktx2 has blocks of 6x6 texels alone."""
