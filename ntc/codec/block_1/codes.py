@@ -14,32 +14,6 @@ def bit_offsets(depths: NDArray[np.integer], config: BlockConfig) -> NDArray[np.
     return config.mode_bits + np.cumsum(wide, axis=-1) - wide
 
 
-def packed_codes(
-    modes: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    indices: NDArray[np.uint32],
-    depths: NDArray[np.integer],
-    config: BlockConfig,
-) -> NDArray[np.uint32]:
-    """[blocks, words of the largest code] uint32 of modes [blocks], size classes [blocks] and stored indices [blocks, coefficients].
-
-    `depths` are those of `BlockDecoder.depths`. Words beyond a block's size are 0.
-    """
-    largest = config.block_words[-1]
-    # One word more: an index may seem to reach over the end while its high part is empty.
-    words = np.zeros((len(modes), largest + 1), np.uint64)
-    words[:, 0] = modes.astype(np.uint64)
-    offsets = bit_offsets(depths, config)[sizes, modes]
-    rows = np.arange(len(modes))
-    for k in np.nonzero(indices.any(axis=0))[0]:
-        word, shift = offsets[:, k] >> 5, (offsets[:, k] & 31).astype(np.uint64)
-        word = np.minimum(word, largest)
-        value = indices[:, k].astype(np.uint64) << shift
-        words[rows, word] |= value & np.uint64(0xFFFFFFFF)
-        words[rows, np.minimum(word + 1, largest)] |= value >> np.uint64(32)
-    return words[:, :largest].astype(np.uint32)
-
-
 def unpacked_codes(
     codes: NDArray[np.uint32], sizes: NDArray[np.int64], decoder: BlockDecoder, config: BlockConfig
 ) -> tuple[NDArray[np.int64], NDArray[np.uint8], NDArray[np.uint32]]:

@@ -81,10 +81,3 @@ def _depths(scales: bytes, modes: int, bits_of_sizes: tuple[int, ...]) -> NDArra
 def scale_values(stored: NDArray[np.uint8]) -> NDArray[np.float64]:
     """Scales as numbers: 2^((stored - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE), float64 of the shape of `stored`."""
     return np.exp2((stored.astype(np.float64) - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE)
-
-
-def stored_scales(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The nearest stored scales of positive `values`, uint8 of their shape."""
-    steps = np.rint(np.log2(np.maximum(values, 1e-9)) * SCALE_STEPS_PER_OCTAVE) + SCALE_ORIGIN
-    stored: NDArray[np.uint8] = np.clip(steps, 0, 255).astype(np.uint8)
-    return stored

@@ -32,25 +32,6 @@ def directory_words(blocks: int, config: BlockConfig) -> int:
     return 2 * -(-blocks // DIRECTORY_RUN) if len(config.block_words) > 1 else 0
 
 
-def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: BlockConfig) -> Words:
-    """[words] uint32: the codes of all blocks of all `levels` as they are stored."""
-    lengths = np.array(config.block_words, np.int64)[codes.sizes]
-    parts: list[Words] = []
-    for level in levels:
-        own = slice(level.first_cell, level.first_cell + level.cells)
-        directory = directory_words(level.cells, config)
-        if directory:
-            begins = directory + np.cumsum(lengths[own]) - lengths[own]
-            classes = np.zeros(directory // 2 * DIRECTORY_RUN, np.uint32)
-            classes[: level.cells] = codes.sizes[own]
-            shifted = classes.reshape(-1, DIRECTORY_RUN) << (2 * np.arange(DIRECTORY_RUN, dtype=np.uint32))
-            runs = np.stack([begins[::DIRECTORY_RUN].astype(np.uint32), shifted.sum(1, dtype=np.uint32)], axis=1)
-            parts.append(runs.reshape(-1))
-        inside = np.arange(codes.codes.shape[1]) < lengths[own, None]
-        parts.append(codes.codes[own][inside])
-    return np.concatenate(parts).astype(np.uint32)
-
-
 def _level_sizes(words: Words, blocks: int, config: BlockConfig) -> NDArray[np.int64]:
     """[blocks] size classes of a level whose stored words begin `words`. Raises ValueError where they end too early."""
     directory = directory_words(blocks, config)
@@ -66,7 +47,7 @@ def _level_sizes(words: Words, blocks: int, config: BlockConfig) -> NDArray[np.i
 def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockConfig) -> tuple[StoredRows, ...]:
     """Where each of `levels` lies in a texture's stored `words` [words] uint32.
 
-    Raises ValueError for words that are not what `stored_words` gives: wrong places in a directory, unknown classes, wrong length.
+    Raises ValueError for words that no encoder writes: wrong places in a directory, unknown classes, wrong length.
     """
     found, first = list[StoredRows](), 0
     lengths_of = np.array(config.block_words, np.int64)

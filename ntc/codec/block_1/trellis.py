@@ -56,26 +56,6 @@ def level_table() -> NDArray[np.float32]:
     return table
 
 
-def indices_of(numbers: NDArray[np.int64], depths: NDArray[np.int64]) -> NDArray[np.uint32]:
-    """[blocks, coefficients] uint32: the bits that are stored: the branch in the lowest bit, the place in the subset above it.
-
-    `numbers` are level numbers along a path that starts in state 0. Raises ValueError where they are none.
-    """
-    stored = np.zeros(numbers.shape, np.uint32)
-    state = np.zeros(len(numbers), np.int64)
-    following, subsets = branch_tables()
-    for k in range(numbers.shape[1]):
-        subset, active = numbers[:, k] & 3, depths[:, k] > 0
-        if not active.any():
-            continue
-        branch = (subsets[state, 1] == subset).astype(np.int64)
-        if (active & (subsets[state, branch] != subset)).any():
-            raise ValueError("level numbers that no path through the trellis has")
-        stored[:, k] = np.where(active, (numbers[:, k] >> 2) * 2 + branch, 0)
-        state = np.where(active, following[state, branch], state)
-    return stored
-
-
 def branch_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """(next state, subset), each [STATES, 2] int64 by state and branch bit."""
     table = np.array(BRANCHES, np.int64)

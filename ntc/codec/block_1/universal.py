@@ -8,15 +8,12 @@ from pathlib import Path
 
 from safetensors.numpy import load_file
 
-from ntc.codec.block_1.config import BlockConfig
 from ntc.codec.block_1.model import BlockDecoder
 from ntc.codec.config import UNIVERSAL
 from ntc.errors import InputError
 
 VERSION = 1
 """Of the tables. Packs name theirs: tables that packs were written for are never changed, only others added."""
-UNIVERSAL_CONFIG = BlockConfig(coefficients=192, modes=64)
-"""What the tables were fitted with. They serve every size of codes, for bits of coefficients follow from scales."""
 
 
 def tables_path(version: int, channels: int) -> Path:
