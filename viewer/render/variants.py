@@ -66,6 +66,11 @@ def _in_order(first: DecoderVariant, precisions: Sequence[Precision]) -> Iterato
     yield from ((precision, variant) for variant in others for precision in precisions if precision != "fp32")
 
 
+def _codes_alone_or_together(first: DecoderVariant) -> tuple[DecoderVariant, ...]:
+    """Return the variants of a codec whose pixels share no weights, the device's default first."""
+    return first, replace(first, together=1 - first.together)
+
+
 class VariantMeasurement:
     """Measurement of the decoders of one pack, on its texture with the fewest texels."""
 
@@ -74,26 +79,33 @@ class VariantMeasurement:
         self._programs = scene_programs(context)
         areas = [texture.width * texture.height for texture in pack.textures]
         self._texture = areas.index(min(areas))
+        self._shares = codec_of(pack.config).gpu_tables(pack.config).shares_decoders
+        """True where pixels of one decoder share weights; else codes are decoded by each pixel or by work groups, in any precision."""
 
     def times(self, seconds: float = SECONDS) -> VariantTimes:
         """Measure as many precisions and variants as `seconds` allow, one at least. What the driver cannot compile is left out."""
         found: dict[Precision, dict[DecoderVariant, float]] = {}
         end = time.perf_counter() + seconds
         first = default_variant(self._context, self._pack.config)
+        precisions = supported_precisions(self._context)
+        order = (
+            _in_order(first, precisions) if self._shares else (("fp32", own) for own in _codes_alone_or_together(first))
+        )
         try:
-            for precision, variant in _in_order(first, supported_precisions(self._context)):
+            for precision, variant in order:
                 if found and time.perf_counter() > end:
                     break
                 with suppress(ShaderError, InputError, moderngl.Error):
                     found.setdefault(precision, {})[variant] = self._nanoseconds(precision, variant)
         finally:
             self._programs.release()
-        return VariantTimes(found)
+        return VariantTimes(found if self._shares else dict.fromkeys(precisions, found.get("fp32", {})))
 
     def _nanoseconds(self, precision: Precision, variant: DecoderVariant) -> float:
         """Return the least time of a texel in ns."""
         context, pack = self._context, self._pack
         program = codec_programs(self._programs, pack, variant)
+        name, pixels = ("decode", variant.pixels) if self._shares else ("lookups", 1)
         with context.memory.transaction():
             buffers = PackBuffers(context, pack, [self._texture], precision, variant=variant)
             ranges = DecoderRanges(context, pack, precision, variant)
@@ -101,7 +113,7 @@ class VariantMeasurement:
                 "timing of decoders", reserve=16 * (MOST_TEXELS + BIN_GROUP * variant.pixels)
             )
         try:
-            shader = program.compute("passes/time_decoder/decode.comp", {**buffers.defines, **ranges.defines})
+            shader = program.compute(f"passes/time_decoder/{name}.comp", {**buffers.defines, **ranges.defines})
             set_uniforms(shader, {"network_blocks": buffers.network_blocks})
             buffers.bind()
             ranges.bind(pack.textures[self._texture].group)
@@ -110,7 +122,7 @@ class VariantMeasurement:
             def taken(texels: int) -> float:
                 context.gl.finish()
                 start = time.perf_counter()
-                shader.run(-(-texels // (BIN_GROUP * variant.pixels)))
+                shader.run(-(-texels // (BIN_GROUP * pixels)))
                 context.gl.finish()
                 return time.perf_counter() - start
 
@@ -226,7 +238,8 @@ class VariantChoice:
     def _measured(self, context: GraphicsContext, pack: Pack) -> VariantTimes | None:
         tables = codec_of(pack.config).gpu_tables(pack.config)
         measures = self.wanted == "measured" or (not self.wanted and not context.info.is_software)
-        if not measures or not context.features.compute or not tables.shares_decoders or not pack.textures:
+        has_variants = tables.shares_decoders or tables.together_shader
+        if not measures or not context.features.compute or not has_variants or not pack.textures:
             return None
         shape, folder = tables.shape_text(), self.folder or variants_cache()
         if shape not in self._times:

@@ -200,6 +200,13 @@ class BlockTables(GpuTables):
     def latent_words(self, texture: EncodedTexture, rows: slice) -> Words:
         return np.ascontiguousarray(cast(BlockTexture, texture).words[rows, None], "<u4")
 
+    def shape_text(self) -> str:
+        config = self._config
+        words = ", ".join(map(str, config.block_words))
+        return (
+            f"{config.kind} {config.block_side}x{config.block_side}, {config.coefficients} coefficients, {words} words"
+        )
+
     def defines(self) -> list[str]:
         config = self._config
         values = {

@@ -62,9 +62,19 @@ def test_nothing_is_measured_unasked_on_software(graphics: GraphicsContext, tmp_
     pack = random_pack(config=SMALL)
     for wanted in ("", "default"):
         assert VariantChoice(wanted, tmp_path).variant(graphics, pack, "fp32") == SOFTWARE
-    assert VariantChoice("measured", tmp_path).variant(graphics, random_block_pack(), "fp32") == SOFTWARE
     assert VariantChoice("pixels=2", tmp_path).variant(graphics, pack, "fp32") == NVIDIA
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.computes
+def test_codes_are_timed_alone_and_together(graphics: GraphicsContext, tmp_path: Path) -> None:
+    pack, told = random_block_pack(), list[str]()
+    variants = {replace(SOFTWARE, together=0), replace(SOFTWARE, together=1)}
+    times = VariantMeasurement(graphics, pack).times(seconds=60.0)
+    assert set(times.nanoseconds["fp32"]) == set(times.nanoseconds["fp16"]) == variants
+    choice = VariantChoice("measured", tmp_path, told.append)
+    assert choice.variant(graphics, pack, "fp32") in variants
+    assert [line.startswith("decoder block 8x8") for line in told] == [True]
 
 
 def test_kept_times_of_another_driver_or_spoilt_ones_are_none(graphics: GraphicsContext, tmp_path: Path) -> None:
