@@ -5,6 +5,15 @@ layout(rgba32ui, binding = IMAGE_WEIGHTS) uniform readonly uimage2D table_image;
 uvec4 table_block(int block) {
     return imageLoad(table_image, ivec2(block & ((1 << WEIGHT_COLUMN_BITS) - 1), block >> WEIGHT_COLUMN_BITS));
 }
+#elif DECODES_TOGETHER
+// As words: work groups read them alone.
+layout(std430, binding = BINDING_WEIGHTS) readonly buffer Tables {
+    uint table_words[];
+};
+uvec4 table_block(int block) {
+    int word = 4 * block;
+    return uvec4(table_words[word], table_words[word + 1], table_words[word + 2], table_words[word + 3]);
+}
 #else
 layout(std430, binding = BINDING_WEIGHTS) readonly buffer Tables {
     uvec4 table_blocks[];
@@ -14,11 +23,17 @@ uvec4 table_block(int block) {
 }
 #endif
 
+#if DECODES_TOGETHER && !WEIGHTS_IN_IMAGE
+uint table_word(int word) {
+    return table_words[word];
+}
+#else
 uint table_word(int word) {
     uvec4 four = table_block(word >> 2);
     uvec2 pair = (word & 2) == 0 ? four.xy : four.zw;
     return (word & 1) == 0 ? pair.x : pair.y;
 }
+#endif
 
 // Which of the mips of a code a level shows, 0 to 3, whatever a damaged record says.
 int code_mip(LevelRecord level) {

@@ -8,20 +8,6 @@ const int SLOT_BITS = 5;
 const uint NO_CODE = 0xFFFFFFFFu;
 const int MOST_FOURS = MOST_COEFFICIENTS / 4;
 
-#if WEIGHTS_IN_IMAGE
-int shared_word(int word) {
-    return int(table_word(word));
-}
-#else
-// The tables once more: a word is read alone.
-layout(std430, binding = BINDING_WEIGHTS) readonly buffer TableWords {
-    int table_words[];
-};
-int shared_word(int word) {
-    return table_words[word];
-}
-#endif
-
 shared uint slot_code[SLOTS];         // the code's number among all on the GPU
 shared int slot_texture[SLOTS];
 shared int slot_level[SLOTS];         // a mip that is decoded from the code
@@ -62,7 +48,7 @@ void find_slot(int slot) {
     Code code = numbered_code(textures[slot_texture[slot]], level, int(slot_code[slot]) - level.first_cell);
     slot_place[slot] = ivec4(code.first_word, code.last_word, code.tables, 0);
     slot_head[slot] = code.head;
-    uint ends = uint(shared_word(4 * (code.tables + int(code.head.x) + int(code.head.y))));
+    uint ends = table_word(4 * (code.tables + int(code.head.x) + int(code.head.y)));
     slot_ends[slot] = ends;
     slot_fours[slot] = int(ends >> 24);
 }
@@ -100,9 +86,9 @@ void decode_coefficients(int lane) {
         Code code = slot_content(slot, 0);
         int own = number - 4 * slot_first[slot];
         int list = 4 * (code.tables + int(code.head.x));
-        uint places = uint(shared_word(list + 4 * int(code.head.y) + 1 + (own >> 2)));
+        uint places = table_word(list + 4 * int(code.head.y) + 1 + (own >> 2));
         int place = int((places >> uint(8 * (own & 3))) & 255u);
-        uint entry = uint(shared_word(list + place));
+        uint entry = table_word(list + place);
         uint branches = code_bits(code, int(code.head.z & 65535u) - 3 + place);
         float value = coefficient_of(entry, branches, code_bits(code, int(entry & 1023u)));
         coefficient_values[number >> 2][number & 3] = entry == 0u ? 0.0 : value;
@@ -133,7 +119,7 @@ vec4 transformed_texel(int slot, int mip, int texel) {
         float sum = 0.0;
         for (; four < end; ++four) {
             ivec4 at = coefficient_rows[four] + place;
-            ivec4 words = ivec4(shared_word(at.x), shared_word(at.y), shared_word(at.z), shared_word(at.w));
+            ivec4 words = ivec4(table_word(at.x), table_word(at.y), table_word(at.z), table_word(at.w));
             sum += dot(coefficient_values[four], vec4(bitfieldExtract(words, 0, bits)));
         }
         sums += vec4(equal(ivec4(component), ivec4(0, 1, 2, 3))) * sum;
@@ -158,8 +144,8 @@ void transformed_square(int slot, int texel, out vec4 sums[4]) {
         for (; four < end; ++four) {
             ivec4 at = coefficient_rows[four] + texel;
             vec4 values = coefficient_values[four];
-            sum += values.x * four_bytes(shared_word(at.x)) + values.y * four_bytes(shared_word(at.y));
-            sum += values.z * four_bytes(shared_word(at.z)) + values.w * four_bytes(shared_word(at.w));
+            sum += values.x * four_bytes(int(table_word(at.x))) + values.y * four_bytes(int(table_word(at.y)));
+            sum += values.z * four_bytes(int(table_word(at.z))) + values.w * four_bytes(int(table_word(at.w)));
         }
         for (int other = 0; other < 4; ++other) sums[other] = other == component ? sum : sums[other];
     }
