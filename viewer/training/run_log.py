@@ -262,6 +262,10 @@ class ActiveRun:
         request, pack = self.request, self.pack
         if request is None or pack is None or not self.groups_seen >= (request.dirty or frozenset()):
             return None
+        sizes = [(texture.width, texture.height) for texture in pack.textures]
+        if sizes != [source.size for source in request.textures]:
+            # A coarse picture to look at is nothing to keep.
+            return None
         whole = ended_pack(pack, request.grouping)
         return replace(whole, training={**whole.training, "ended_early": True})
 

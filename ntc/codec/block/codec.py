@@ -38,6 +38,8 @@ from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pa
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
+PREVIEW_SIDE: Final = 128
+"""Texels along one side of the textures that the window shows first."""
 DEFAULT_TARGET: Final = BitsTarget(DEFAULT_BITS)
 SHIPPED_LINE: Final = (
     "tables that ship with the program, version {version}: each group stores gains alone. At equal bits, beside tables of their own, "
@@ -163,7 +165,7 @@ class BlockCodec(Codec):
         )
 
     def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
-        return replace(self.options_for(choices), groups_apart=True)
+        return replace(self.options_for(choices), groups_apart=True, preview_side=PREVIEW_SIDE)
 
     def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
         return BlockOptions(choices.seed, threads=1)

@@ -191,6 +191,9 @@ class BlockOptions(EncodingOptions):
     """How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
     threads: int | None = None
     """Most threads; None: as many as pay."""
+    preview_side: int | None = None
+    """Texels along the longer side of reduced textures that are encoded first, where groups have many times as many: a picture to show
+    until they are encoded. None: none."""
     texture_words: tuple[tuple[int, float], ...] = ()
     """(texture, words a block on average) of textures to encode anew under the decoders of the pack that the encoding starts from.
     All other textures stay as they are. Empty: encode all textures of the groups, with tables of their own."""

@@ -1,7 +1,7 @@
 """Images in blocks of texels, and textures as the encoder works on them: in blocks of normalised values."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar
 
 import numpy as np
@@ -43,6 +43,18 @@ def blocks_of(image: NDArray[Number], side: int, wrap: tuple[WrapMode, WrapMode]
     rows, columns = image.shape[0] // side, image.shape[1] // side
     parts = image.reshape(rows, side, columns, side, channels).transpose(0, 2, 1, 3, 4)
     return np.ascontiguousarray(parts.reshape(rows * columns, side * side, channels))
+
+
+def reduced(source: SourceTexture, side: int) -> SourceTexture:
+    """`source` with at most about `side` texels along its longer side: means of stored values, for a picture that is soon replaced."""
+    height, width, channels = source.pixels.shape
+    factor = min(-(-max(width, height) // side), width, height)
+    if factor <= 1:
+        return source
+    rows, columns = height // factor, width // factor
+    cut = source.pixels[: rows * factor, : columns * factor]
+    sums = cut.reshape(rows, factor, columns, factor, channels).sum((1, 3), np.uint32)
+    return replace(source, pixels=np.asarray((sums + factor * factor // 2) // (factor * factor), np.uint8))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, sample_text
 from ntc.codec.block.encoding.encoder import encode_texture
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
-from ntc.codec.block.encoding.rate import MEASURE_WORK, block_count
+from ntc.codec.block.encoding.rate import MEASURE_WORK, SAMPLING_WORK, block_count, fitting_work
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
@@ -52,7 +52,10 @@ def fitted_group(
     is told the share of the work that was done since; `threads` change nothing. `kept` gets the textures in blocks."""
     members = grouping.members(group)
     samples = sample_textures([textures[index] for index in members], config, seed, threads=threads, kept=kept)
-    decoder = _decoder(samples, grouping, config, seed, worked)
+    blocks = sum(sample.block_count for sample in samples)
+    sampling = SAMPLING_WORK * blocks / fitting_work(blocks)
+    worked(sampling)
+    decoder = _decoder(samples, grouping, config, seed, lambda share: worked((1.0 - sampling) * share))
     curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
     return FittedGroup(group, members, decoder, tuple(curves))
 

@@ -71,15 +71,15 @@ def block_count(sizes: Sizes, config: BlockConfig) -> int:
     return sum(latent_cell_count(*size, config) for size in sizes)
 
 
-FIT_WORK = 2.0
-"""Time to fit tables to a block, as a multiple of the time to encode one."""
+FIT_WORK, SAMPLING_WORK = 1.625, 0.625
+"""Time to fit tables to a sampled block, and to make a block ready for sampling, as multiples of the time to encode one."""
 CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.375, 0.25, 0.375
 """Shares of the time to encode a block: rate curves and sizes, codes, and the measure of the quality."""
 
 
 def fitting_work(blocks: float) -> float:
     """Time to fit a group of so many blocks, in units of the time to encode a block."""
-    return FIT_WORK * min(SAMPLED_BLOCKS, blocks) + 0.125 * blocks
+    return FIT_WORK * min(SAMPLED_BLOCKS, blocks) + SAMPLING_WORK * blocks
 
 
 def encoding_work(groups: Sequence[Sizes], config: BlockConfig, to_quality: bool, ships: bool) -> float:

@@ -4,13 +4,14 @@ Where a quality is asked for, textures are corrected until they have it.
 """
 
 from collections.abc import Generator, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any, cast
 
 import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
-from ntc.codec.block.encoding.blocks import PreparedTexture
+from ntc.codec.block.encoding.blocks import PreparedTexture, reduced
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.rate import block_count, fitting_work
@@ -25,6 +26,8 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads, mapped, most_threads
 
+PREVIEW_TIMES = 48
+"""Texels of a group, as a multiple of those of its preview, from which on it has one."""
 FEW_TEXTURES = 8
 """Up to so many are encoded one after the other, each by all threads."""
 HIGHEST_PSNR_DB = 120.0
@@ -51,6 +54,8 @@ class BlockEncoder(Encoder):
         self._kept: dict[SourceTexture, PreparedTexture] = {}
         """Textures in blocks, where they are few, from when tables are fitted until they are encoded."""
         self._ended: set[int] = set()
+        self._previews: dict[int, EncodedGroup] = {}
+        """Coarse groups to show until they are encoded."""
 
     def pieces(self) -> Generator[Piece]:
         """Raises InputError for a quality under which no settings are possible."""
@@ -62,6 +67,8 @@ class BlockEncoder(Encoder):
             return
         members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
         self._expect(members, fits=0 if self._given is not None else 1)
+        if self._options.preview_side is not None:
+            yield from self._preview(self._options.preview_side)
         with self._threads_for(len(members)) as paced:
             for fitted, words in self._plans():
                 self._fitted[fitted.group] = fitted
@@ -94,6 +101,35 @@ class BlockEncoder(Encoder):
                     self._step += 1
                 self._found[index] = own
             yield Piece(ended=(group,))
+
+    def _preview(self, side: int) -> Iterator[Piece]:
+        """Encode reduced textures of the groups that have PREVIEW_TIMES as many texels, under tables of their own."""
+        task = self._task
+        small = tuple(reduced(texture, side) for texture in task.textures)
+        few = {
+            group: sum(small[i].size[0] * small[i].size[1] for i in task.grouping.members(group))
+            for group in task.groups
+        }
+        groups = tuple(group for group in task.groups if self._texels_of(group) >= PREVIEW_TIMES * few[group])
+        if not groups:
+            return
+        options = replace(self._options, preview_side=None)
+        encoder = BlockEncoder(replace(task, textures=small, groups=groups, options=options))
+        blocks = [block_count([small[i].size for i in task.grouping.members(group)], self._config) for group in groups]
+        # Its work is counted with all other.
+        fits = task.grouping.name != UNIVERSAL
+        self._all_work += sum(count + (fitting_work(count) if fits else 0.0) for count in blocks)
+        encoder._work_done = self._work_done
+        self._work, self._step, self._steps = "coarse picture of group", 0, len(groups)
+        for piece in encoder.pieces():
+            for found in encoder.encoded(piece.ended):
+                # Its quality is that of other textures.
+                unknown: dict[str, Any] = {"psnr_db": None, "map_psnr_db": (), "normal_degrees": None}
+                self._previews[found.group] = replace(
+                    found, textures=tuple(replace(texture, **unknown) for texture in found.textures)
+                )
+                self._step += 1
+                yield Piece(groups=(found.group,), is_first=True)
 
     def _threads_for(self, textures: int) -> PacedThreads:
         """Threads that encode so many textures: a texture each, or all one texture where textures are few."""
@@ -235,6 +271,9 @@ class BlockEncoder(Encoder):
 
     def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:
         for group in groups:
+            if group in self._previews and group not in self._ended:
+                yield self._previews[group]
+                continue
             fitted = self._fitted[group]
             yield EncodedGroup(
                 group, fitted.members, tuple(map(self._found.__getitem__, fitted.members)), fitted.decoder
