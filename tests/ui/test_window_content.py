@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from imgui_bundle import imgui
 
+from lab.bench.random_pack import random_pack
 from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, Opener, hide_panels
@@ -88,7 +89,12 @@ def test_paths_that_the_driver_lacks_are_grey_with_the_reason_and_left_out_by_th
     app.session.view = before
 
 
-def test_auto_finds_the_cheapest_precision_beside_the_frames(app: DrivenApp) -> None:
+def test_auto_finds_the_cheapest_precision_beside_the_frames(open_window: Opener, scene: Scene) -> None:
+    hashes = [texture.pixel_hash for texture in scene.textures]
+    # Of this seed, whose weights lose little as halves.
+    wide = random_pack(((32, 32), (32, 32)), (0, 1), hashes=hashes, seed=9)
+    app = open_window(packs={"clustered": wide}, live_figures=False, column_folded=False)
+    app.settle()
     app.click("A precision")
     app.click("A precision: auto")
     app.frame()
