@@ -106,7 +106,7 @@ def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
         raise InputError(
             f"texture {texture} to group {group}: there are {len(grouping.groups)} textures and {grouping.group_count} groups"
         )
-    if grouping.name == UNIVERSAL:
+    if grouping.name == UNIVERSAL and grouping.group_count == 1:
         raise InputError(f"grouping {UNIVERSAL} has one decoder for all textures; regroup the textures instead")
     groups = list(grouping.groups)
     groups[texture] = group

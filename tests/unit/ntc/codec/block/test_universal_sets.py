@@ -24,7 +24,7 @@ from ntc.codec.block.universal import (
 from ntc.codec.config import GroupingConfig
 from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, texture_set
 from ntc.codec.maps import BASE_ALONE, MAPS, MapName, joint_maps
-from ntc.codec.model import Pack
+from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
@@ -34,6 +34,7 @@ from ntc.library.reading import joined_pack
 from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
 from ntc.training.encode import encode_chosen, encode_textures
+from ntc.training.messages import moved_texture
 from tests.support.pack_bytes import PackBytes
 from tests.support.packs.parity import assert_torch_agrees
 from tests.unit.ntc.codec.block.test_material_sets import KINDS, WHOLE, material
@@ -152,6 +153,12 @@ def test_many_materials_share_gains_with_those_that_are_alike() -> None:
         each.pixels[..., :5] = sources[0].pixels[..., :5]
     found = shared_gains([*sources[:2], *weak], 2)
     assert found[2] == found[3] != found[0]
+
+
+def test_textures_move_between_groups_with_gains_of_their_own() -> None:
+    assert moved_texture(Grouping("universal", (0, 1, 1)), 0, 1).groups == (0, 0, 0)
+    with pytest.raises(InputError, match="one decoder for all textures"):
+        moved_texture(Grouping("universal", (0, 0)), 0, 1)
 
 
 def test_shards_join_with_their_gains() -> None:
