@@ -189,14 +189,29 @@ class LatentStore:
     def _fitting(self, wanted: Mapping[int, int]) -> dict[int, int]:
         """Return as much of `wanted` as the budget holds; of every texture at least the coarsest mip."""
         fitting = dict(wanted)
-        while sum(self._cells(index, level) for index, level in fitting.items()) > self._budget_cells:
-            open_ones = [index for index, level in fitting.items() if level + 1 < len(self.pyramids[index])]
-            if not open_ones:
+        cells = sum(self._cells(index, level) for index, level in fitting.items())
+        saved = {index: self._saved(index, level) for index, level in fitting.items()}
+        while cells > self._budget_cells:
+            largest = max(saved, key=saved.__getitem__)
+            if not saved[largest]:
                 break
-            largest = max(open_ones, key=lambda index: self.rows[index][fitting[index]].rows)
-            fitting[largest] += 1
-            self._without_room += 1
+            coarser = self._smaller(largest, fitting[largest])
+            cells -= saved[largest]
+            self._without_room += coarser - fitting[largest]
+            fitting[largest] = coarser
+            saved[largest] = self._saved(largest, coarser)
         return fitting
+
+    def _saved(self, index: int, level: int) -> int:
+        """Return the number of cells that a texture takes less where its mips begin at the next one that takes fewer."""
+        return self._cells(index, level) - self._cells(index, self._smaller(index, level))
+
+    def _smaller(self, index: int, level: int) -> int:
+        """Return the next coarser mip that takes fewer cells: mips of one code take the same. `level` itself where there is none."""
+        cells = self._cells(index, level)
+        return next(
+            (each for each in range(level, len(self.pyramids[index])) if self._cells(index, each) < cells), level
+        )
 
     def _reserve(self, cells: int) -> None:
         size = cells * self.cell_bytes
