@@ -329,6 +329,24 @@ def shader_statistics() -> str:
     )
 
 
+def block_counts() -> str:
+    """Vector instructions of codec block: machine code times the trip counts of packs, with estimated times."""
+    decoded = ("by each pixel", "by work groups")
+    rows = [{**row, "decoded": decoded[row["together"]]} for row in record("shaders/block")["rows"]]
+    return table(
+        rows,
+        "gpu=GPU",
+        "pack",
+        "path",
+        "lod=lod=1",
+        "decoded",
+        "base",
+        "all planes",
+        "floor ms, 1080p=estimated floor at 1080p, ms=1",
+        "floor ms, 4K=at 4K, ms=1",
+    )
+
+
 def fuzzing() -> str:
     """Files that the readers were fuzzed with, sums by reader."""
     sums: dict[str, dict[str, Any]] = {}
@@ -506,6 +524,7 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
         "tiles a frame=tiles per frame",
     ),
     "shaders": shader_statistics,
+    "block-counts": block_counts,
     "window-training": window_training,
     "first-pictures": first_pictures,
     "jobs": encoding_by_jobs,

@@ -75,14 +75,15 @@ class PackCodes:
 
         [decoders, sizes * modes, planes], the second with [4] more.
         """
-        lists, fours, edges = [], [], []
+        lists, fours, edges = list[Array](), list[Array](), list[Array]()
         for decoder in self.pack.decoders:
             heads, blocks = self._tables.heads_and_lists(cast(BlockDecoder, decoder))
             words = heads.astype(np.int64)
             lists.append(words[:, 1])
             edges.append(words[:, 3] & 3)
             ends = blocks[words[:, 0] + words[:, 1] - len(heads), :1] >> (8 * np.arange(4)) & 255
-            fours.append(np.diff(ends.astype(np.int64), axis=1, prepend=0))
+            ends = ends.astype(np.int64)
+            fours.append(np.concatenate([ends[:, :1], ends[:, 1:] - ends[:, :-1]], axis=1))
         shape = (len(lists), -1, len(self.config.planes))
         return (
             np.stack(lists).reshape(shape),
