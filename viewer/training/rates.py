@@ -7,7 +7,6 @@ import json
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
@@ -285,20 +284,31 @@ class Rates:
             return
         self._scene = scene
         self._curves, self._problems, self._wanted, self._asked = {}, {}, [], set()
+        self._stop()
+
+    def _stop(self) -> None:
+        """End the curve under way, and its process, which may be in the middle of its work."""
         if self._job is not None:
             self._job.cancel()
-            self._job = None
-        self._key = None
+            if self._process is not None:
+                self._process.close()
+            self._process = None
+        self._job = self._key = None
 
     def tick(self, may_start: bool) -> None:
-        """Take what is new, and begin the next curve where `may_start`."""
+        """Take what is new, and begin the next curve where `may_start`. Otherwise a curve under way is put off: an encoding needs the
+        processors."""
         job = self._job
         if job is not None:
             self._take(job)
+        if not may_start and self._job is not None and self._key is not None:
+            self._wanted.append(self._key)
+            self._stop()
         if self._job is None and may_start and self._wanted and self._scene is not None:
             key = self._wanted.pop()
             self._key, self._points = key, 0
-            self._job = Job(partial(self._measure, self._scene, *key)).start("rate curve")
+            self._process = self._process or FunctionProcess(rate_point, "rates", NICENESS)
+            self._job = Job(partial(self._measure, self._process, self._scene, *key)).start("rate curve")
 
     def _take(self, job: Job[None]) -> None:
         key = self._key
@@ -315,24 +325,20 @@ class Rates:
             self._job = self._key = None
             self.version += 1
 
-    def _measure(self, scene: Scene, texture: int, maps: MapChoice, report: JobReport) -> None:
+    @staticmethod
+    def _measure(
+        process: FunctionProcess[PointJob, RatePoint], scene: Scene, texture: int, maps: MapChoice, report: JobReport
+    ) -> None:
         """Measure one curve, in a thread that waits for the process."""
         source = source_texture(scene, texture, None, maps)
         whole, part = texture_set([source], 1), part_of(source)
         texels = source.size[0] * source.size[1]
         points: list[RatePoint] = []
         problem = ""
-        if self._process is None:
-            self._process = FunctionProcess(rate_point, "rates", NICENESS)
         for number, bits in enumerate(CURVE_BITS):
             report.progress(number, len(CURVE_BITS))
             try:
-                points.append(self._process.call(PointJob(part, whole, bits), report.check))
-            except CancelledError:
-                # The process is in the middle of its work.
-                self._process.close()
-                self._process = None
-                raise
+                points.append(process.call(PointJob(part, whole, bits), report.check))
             except InputError as error:
                 problem = str(error)
                 continue
@@ -375,8 +381,7 @@ class Rates:
 
     def close(self) -> None:
         """End the process."""
-        if self._job is not None:
-            self._job.cancel()
+        self._stop()
         if self._process is not None:
             self._process.close()
 
