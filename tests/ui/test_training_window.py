@@ -175,7 +175,9 @@ def picture_at_rest(app: DrivenApp) -> np.ndarray:
     return shot
 
 
-@pytest.mark.parametrize(("codec", "budget"), [("grid", "30steps"), ("block", "1s")])
+@pytest.mark.parametrize(
+    ("codec", "budget"), [pytest.param("grid", "30steps", marks=pytest.mark.nightly), ("block", "1s")]
+)
 def test_encode_accept_retrain_discard(
     app: DrivenApp, folder: Path, monkeypatch: pytest.MonkeyPatch, codec: str, budget: str
 ) -> None:

@@ -8,7 +8,7 @@ from tests.support.rest.records import ALONE, share_equal
 from tests.support.rest.truth import LEAST_SHARE, Truth
 from tests.ui.rest.conftest import Start
 
-pytestmark = [pytest.mark.process, pytest.mark.slow]
+pytestmark = [pytest.mark.process, pytest.mark.slow, pytest.mark.nightly]
 
 WITH_PANELS = {**ALONE, "show_panels": True}
 SIZE = (1000, 600)
@@ -19,10 +19,9 @@ LARGEST_ERROR_DB = 0.01
     ("path", "slowest"),
     [
         ("deferred", 1.5),
-        *(
-            pytest.param(*given, marks=pytest.mark.nightly)
-            for given in (("deferred", 0.0), ("cached", 0.0), ("cached", 1.5))
-        ),
+        ("deferred", 0.0),
+        ("cached", 0.0),
+        ("cached", 1.5),
     ],
 )
 def test_figures_are_of_the_final_picture(start: Start, truth: Truth, wall: Path, path: str, slowest: float) -> None:

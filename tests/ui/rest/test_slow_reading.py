@@ -54,7 +54,8 @@ def test_images_and_answers_that_come_late(start: Start, check: Check, four: Pat
     check(played.of("start"))
 
 
-@pytest.mark.parametrize("slowest", [pytest.param(0.0, marks=pytest.mark.nightly), SLOWEST])
+@pytest.mark.nightly
+@pytest.mark.parametrize("slowest", [0.0, SLOWEST])
 def test_images_that_there_is_no_room_for(start: Start, check: Check, four: Path, slowest: float) -> None:
     """They are read in threads, while frames show coarser ones."""
     budgets = Budgets(image_bytes=IMAGE_BYTES)

@@ -44,6 +44,7 @@ def test_a_library_that_is_opened(start: Start, check: Check, tmp_path: Path) ->
     check(played.of("library"))
 
 
+@pytest.mark.nightly
 def test_light_that_is_prefiltered(start: Start, check: Check, wall: Path, tmp_path: Path) -> None:
     panorama = write_panorama(tmp_path / "room.hdr")
     stages = (
