@@ -11,9 +11,9 @@ import json
 import math
 import sys
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import torch
@@ -22,8 +22,8 @@ from torch import nn
 
 from lab.runner import options, run, write_record
 from lab.studies.set_quality import pack_bits_per_texel
-from ntc.codec.block.config import BlockOptions
-from ntc.codec.block.encoding.rate import block_count, config_for_words
+from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.rate import block_count, config_for_bits, config_for_words
 from ntc.codec.encoding import texture_set
 from ntc.codec.maps import EQUAL_WEIGHTS
 from ntc.codec.model import Grouping
@@ -35,6 +35,8 @@ from ntc.training.encode import encode_textures
 from viewer.scene.load import load_scene
 from viewer.scene.source_textures import source_textures
 
+MIPS: tuple[Literal[2, 4], ...] = (2, 4)
+"""Of a code of codec `block`."""
 TUNED_SHARE = 0.1
 """Of the steps: the last ones, in which grids are rounded and the network alone is trained."""
 GRID_RATE, NETWORK_RATE, TUNING_RATE = 0.01, 0.005, 0.002
@@ -194,12 +196,16 @@ def decoded(codec: NeuralCodec, source: SourceTexture) -> NDArray[np.uint8]:
     return np.rint(values * 255.0).astype(np.uint8).reshape(source.pixels.shape)
 
 
-def block_figures(source: SourceTexture, bits: float) -> dict[str, Any]:
-    """Codec `block` in codes of `bits` bits per texel, all mips: dB, and bits with its tables."""
+def code_settings(source: SourceTexture, bits: float, mips: Literal[2, 4]) -> BlockConfig:
+    """Settings whose codes take `bits` bits per texel, all mips, so many in a code; tables are not counted."""
     known = texture_set([source], 1)
-    first = config_for_words(2.0 * bits, known)
+    first = replace(config_for_words(2.0 * bits, known), mips=mips)
     words = bits * source.pixels.shape[0] * source.pixels.shape[1] / (32.0 * block_count([source.size], first))
-    config = config_for_words(words, known)
+    return replace(config_for_words(words, known), mips=mips, mean_words=words)
+
+
+def block_figures(source: SourceTexture, config: BlockConfig) -> dict[str, Any]:
+    """Codec `block` under `config`: PSNR of mip 0, and bits with its tables."""
     began = time.process_time()
     pack = encode_textures([source], Grouping("single", (0,)), config, BlockOptions())
     seconds = time.process_time() - began
@@ -214,7 +220,7 @@ def block_figures(source: SourceTexture, bits: float) -> dict[str, Any]:
 
 def measured(source: SourceTexture, shape: NeuralShape, steps: int, batch: int, seed: int) -> dict[str, Any]:
     """Both codecs at the bits of the neural codec's grids."""
-    block = block_figures(source, shape.grid_bits)
+    two, four = (block_figures(source, code_settings(source, shape.grid_bits, mips)) for mips in MIPS)
     began, clock = time.process_time(), time.monotonic()
     codec, image, curve = trained_image(source, shape, steps, batch, seed)
     return {
@@ -232,7 +238,11 @@ def measured(source: SourceTexture, shape: NeuralShape, steps: int, batch: int, 
             "minutes": (time.monotonic() - clock) / 60.0,
             "curve": curve,
         },
-        "block": block,
+        "block": two,
+        "block_of_four_mips": four,
+        "block_of_equal_bytes": block_figures(
+            source, config_for_bits(shape.grid_bits + codec.network_bits, texture_set([source], 1))
+        ),
     }
 
 

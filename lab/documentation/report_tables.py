@@ -116,6 +116,9 @@ def neural_codec() -> str:
             "codes": row["code_bits_per_texel"],
             "neural": row["neural"]["psnr_db"],
             "block": row["block"]["psnr_db"],
+            "four": row["block_of_four_mips"]["psnr_db"],
+            "whole": row["neural"]["bits_per_texel"],
+            "equal": row["block_of_equal_bytes"]["psnr_db"],
             "seconds": row["block"]["seconds"],
         }
         for row in record("neural_codec")["rows"]
@@ -127,6 +130,9 @@ def neural_codec() -> str:
         "codes=bits per texel of grids or codes",
         "neural=neural codec, mip 0 alone, dB",
         "block=`block`, all mips, dB",
+        "four=`block`, four mips a code, dB",
+        "whole=bits per texel with the network",
+        "equal=`block` with tables in these bits, dB",
         "steps",
         "minutes=processor minutes of training=1",
         "seconds=processor seconds of `block`=1",
