@@ -252,6 +252,9 @@ class Rates:
         """Keys that were ever asked for in this scene."""
         self._job: Job[None] | None = None
         self._key: tuple[int, MapChoice] | None = None
+        self._forecasts: dict[TrainingSettings, Forecast | None] = {}
+        self._forecast_for: tuple[object, ...] = ()
+        """Facts that `_forecasts` follow from."""
         self._points = 0
         """Points of the job under way that were taken."""
         self._process: FunctionProcess[PointJob, RatePoint] | None = None
@@ -348,6 +351,14 @@ class Rates:
 
     def forecast(self, settings: TrainingSettings, scene: Scene) -> Forecast | None:
         """Return what an encoding of `scene` would give, as far as it is known; None where it has no textures."""
+        known = (scene, self.version, self.pace.seconds_per_work(RATE_CODEC))
+        if known != self._forecast_for:
+            self._forecasts, self._forecast_for = {}, known
+        if settings not in self._forecasts:
+            self._forecasts[settings] = self._forecast(settings, scene)
+        return self._forecasts[settings]
+
+    def _forecast(self, settings: TrainingSettings, scene: Scene) -> Forecast | None:
         ids, maps = chosen_textures(settings, scene), settings.chosen_maps
         if not ids:
             return None

@@ -1,11 +1,12 @@
 """How to encode the scene: the target, the grouping and the textures, and what they would give. Offer and panel draw the same form."""
 
+from dataclasses import replace
 from typing import get_args
 
 from imgui_bundle import imgui
 
 from ntc.codec.config import GroupingName
-from ntc.codec.encoding import RecipeName
+from ntc.codec.encoding import BitsTarget, RecipeName
 from ntc.codec.registry import MODULES, codec_named
 from ntc.errors import InputError
 from viewer.scene.source_textures import MapChoice, has_source
@@ -31,6 +32,8 @@ USUAL_TARGETS = {"bits": "4", "dB": "40", "MB": "2"}
 UNIT_NAMES = {"s": "seconds", "steps": "steps", "dB": "dB PSNR"}
 TARGET_NAMES = {"bits": "bits per texel", "dB": "dB at least", "MB": "MB in all"}
 MAP_NAMES: dict[str, MapChoice] = {"whole materials": "all", "base colours": "base"}
+CHOICES = (2.0, 4.0, 8.0)
+"""Bits per texel whose results stand beside the target."""
 LABEL_PLACE = 6.0
 """Left edge of the fields, in font sizes."""
 NUMBER = 4.5
@@ -152,6 +155,20 @@ class EncodeForm:
             }[other]
             # What the present choice gives, where that is known: the choice changes as little as possible.
             self._setter.set(ui, "target", f"{f'{known:.3g}' if known else USUAL_TARGETS[other]}{other}")
+        self._draw_choices(plan, ui)
+
+    def _draw_choices(self, plan: TrainingSettings, ui: UiFrame) -> None:
+        """Draw what some bitrates would give, as buttons that choose them; nothing before it is known."""
+        for bits in CHOICES:
+            target = BitsTarget(bits)
+            found = ui.training.rates.forecast(replace(plan, target=target), ui.session.scene)
+            if found is None or found.psnr_db is None or found.megabytes is None:
+                return
+            if bits != CHOICES[0]:
+                beside(text_width(" 16 bits: 50 dB "))
+            if imgui.small_button(f"{bits:g} bits: {found.psnr_db:.0f} dB##{self._place}"):
+                self._setter.set(ui, "target", f"{bits:g}bits")
+            ui.rects.note(f"target {bits:g} bits", found.line())
 
     def _draw_grouping(self, plan: TrainingSettings, ui: UiFrame) -> None:
         labelled("grouping")
