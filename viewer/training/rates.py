@@ -105,7 +105,7 @@ class RateCurve:
         return bits * self.texels / 8e6
 
 
-SLOPE_DB = 3.0
+SLOPE_DB = 4.4
 """Rise in dB for twice the bits where a curve has one point."""
 
 

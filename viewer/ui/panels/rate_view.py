@@ -20,6 +20,8 @@ OTHER_LINES = 4.0
 LARGEST_SHARE = 0.66
 """Largest share of the panel's height."""
 DRAWN_POINTS = 60
+ENOUGH_POINTS = 3
+"""Measured points from which on an answer is not called a guess."""
 AXIS_ENDS = (0.5, 24.0)
 """Bits per texel at the ends of the axis."""
 TICKS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
@@ -102,7 +104,9 @@ class RateView:
         imgui.same_line()
         try:
             bits = curve.bits_at(min(max(float(self._asked_db), 1.0), 80.0))
-            answer = f"dB: {bits:.1f} bits, {_size(curve.megabytes(bits))}"
+            # The first points come within seconds, and tell less.
+            about = "about " if len(curve.points) < ENOUGH_POINTS else ""
+            answer = f"dB: {about}{bits:.1f} bits, {_size(curve.megabytes(bits))}"
         except ValueError:
             answer = "dB: type a number"
         imgui.text(answer)
