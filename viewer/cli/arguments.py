@@ -77,15 +77,13 @@ def _with_packs_merged(arguments: list[str]) -> list[str]:
 def _one_line(box: str) -> str:
     """Return the message of tyro's error box: the lines above its inner rule, on one line."""
     text = re.sub(r"\x1b\[[0-9;]*m", "", box)
-    lines: list[str] = []
-    for line in text.splitlines():
-        stripped = line.strip().strip("│").strip()
-        if stripped.startswith(("╭", "╰")) or not stripped:
-            continue
-        if set(stripped) == {"─"}:
-            break
-        lines.append(stripped)
-    return " ".join(lines) or "the arguments could not be read"
+    lines = [line.strip().strip("│").strip() for line in text.splitlines()]
+    lines = [line for line in lines if line and not line.startswith(("╭", "╰"))]
+    rules = [number for number, line in enumerate(lines) if set(line) in ({"─"}, {"-"})]
+    if rules[:1] == [1]:
+        # Without UTF-8 there is no box: a title over a first rule.
+        lines, rules = lines[2:], [number - 2 for number in rules[1:]]
+    return " ".join(lines[: rules[0]] if rules else lines) or "the arguments could not be read"
 
 
 def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:

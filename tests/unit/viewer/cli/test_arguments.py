@@ -107,7 +107,7 @@ def test_encode_decode_and_info() -> None:
         ("render", "--out"),
         ("render --out {out} --eye 1 2", "--eye"),
         ("encode s.glb --out {out}.ntc --grouping nonsense", "--grouping"),
-        ("encode", "--out"),
+        ("encode", "Missing from ntc-viewer encode: SCENE|FOLDER|LIST"),
         ("render missing.glb --out {out}", "missing.glb"),
         ("render --out {out} --pack missing.ntc", "missing.ntc"),
         ("render --out {out} --grouping nonsense", "nonsense"),
