@@ -53,6 +53,8 @@ class PackBuffers:
         self.decodes_quads = self._tables.decodes_quads
         """True where tiles are decoded four texels at a time (shaders/passes/decode_cached/decode.comp)."""
         self.variant = variant or default_variant(context, pack.config)
+        self.shares_decoders = self._tables.shares_decoders
+        """True where programs read one decoder at a time, whose range is bound."""
         self.decodes_together = bool(self._tables.together_shader and self.variant.together)
         """True where a work group decodes the codes that its pixels read once (`decode_together`)."""
         self.defines = {

@@ -338,6 +338,9 @@ class DecodeCachedPass:
         self._write_tiles(tiles.tobytes())
         self._atlas.bind_image(int(ImageUnit.ATLAS))
         together = ~too_coarse & self._buffers.decodes_together
+        if not self._buffers.shares_decoders:
+            # Each tile finds its decoder: one dispatch decodes those of all.
+            decoders = np.zeros_like(decoders)
         starts = np.nonzero(np.diff(2 * decoders + together, prepend=-1))[0].tolist()
         for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
             self._ranges.bind(int(decoders[start]))
