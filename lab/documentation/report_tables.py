@@ -92,7 +92,7 @@ def sizes_of_files() -> str:
     return table(rows, "set", "wanted=mean, dB=0", *(f"{key}={title}" for key, title in DISK_TITLES.items()))
 
 
-DISK_SETS = ("polyhaven",)
+DISK_SETS = ("polyhaven", "bistro", "large")
 """Sets of textures whose files were compared."""
 DISK_CURVES = {
     "block": "block 8x8, single",
@@ -443,7 +443,7 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
         "of_mean_mse_db=of mean MSE, dB=1",
         "ssim=SSIM=3",
         "flip=FLIP=3",
-        curve=("block 8x8, single", "block 4x4, single", "BC1", "BC7", "ASTC", "JPEG XL"),
+        "ssimulacra2=SSIMULACRA2=1",
     ),
     "materials": partial(
         rows_of,
