@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.metrics.block_compression import INSTALL_HINT
 from ntc.metrics.divergence import divergence_map
 from viewer import cli
 from viewer.scene.images import read_image
@@ -98,7 +99,7 @@ def test_a_missing_encoder_is_one_line(
     assert cli.main(["render", str(encoded_scene), "--out", str(tmp_path / "out"), "--grouping", "bc7"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("error: block compression: the packages are not installed")
-    assert line.endswith("pip install 'ntc-viewer[lab]'")
+    assert line.endswith(INSTALL_HINT)
     assert not (tmp_path / "out").exists()
 
 
