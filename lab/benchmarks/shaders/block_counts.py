@@ -18,11 +18,11 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from lab.benchmarks.measuring import report
 from lab.benchmarks.shaders.compiling import GPUS, compiled, find_compiler
 from lab.benchmarks.shaders.decoding_programs import gpu_of
 from lab.benchmarks.shaders.machine_code import MachineCode
 from lab.benchmarks.shaders.recording import AssembledProgram, ProgramRecorder
+from lab.runner import report
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture

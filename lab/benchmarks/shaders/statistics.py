@@ -12,10 +12,10 @@ from math import gcd
 from pathlib import Path
 from typing import Any, Final
 
-from lab.benchmarks.measuring import report
 from lab.benchmarks.shaders.compiling import GPUS, compiled, find_compiler
 from lab.benchmarks.shaders.decoding_programs import CODECS, DecodingProgram, decoding_programs
 from lab.benchmarks.shaders.machine_code import MachineCode
+from lab.runner import report
 from ntc.codec.gpu import GPU, DecoderVariant
 from ntc.codec.grid.model import GridConfig
 from ntc.errors import InputError
