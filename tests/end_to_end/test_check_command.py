@@ -35,7 +35,19 @@ def cache(tmp_path_factory: pytest.TempPathFactory) -> None:
 def checked(folder: Path, bits: str, *options: str) -> int:
     pack = folder / "packs" / f"{bits}.ntc"
     return cli.main(
-        ["check", str(folder / "scene.glb"), "--pack", str(pack), "--size", "96x64", "--views", "1", *options]
+        [
+            "check",
+            str(folder / "scene.glb"),
+            "--pack",
+            str(pack),
+            "--size",
+            "96x64",
+            "--views",
+            "1",
+            "--close",
+            "1",
+            *options,
+        ]
     )
 
 
@@ -44,7 +56,7 @@ def test_an_unchanged_scene_passes_without_measuring_again(folder: Path, capsys:
     capsys.readouterr()
     assert checked(folder, "8", *limits) == 0
     out = capsys.readouterr().out
-    assert "(0 measured now), 2 lit views (0 measured now): all within the budget" in out
+    assert "(0 measured now), 4 lit views (0 measured now): all within the budget" in out
 
 
 def test_fewer_bits_are_found_and_reported(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -40,6 +40,7 @@ from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.camera import frame_all
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import is_image_source
+from viewer.viewpoints.sampling import CandidateSampler, ViewpointConfig
 
 FOUND = 1
 """Exit status where a limit is passed, or something got worse."""
@@ -91,6 +92,8 @@ def check(options: CheckOptions) -> int:
 
 
 def _measured(options: CheckOptions, kept: KeptValues) -> _Checked:
+    if options.views < 0 or options.close < 0:
+        raise InputError("--views and --close: must be 0 or more")
     path = options.source
     if path is not None and (path.suffix.lower() == PACK_SUFFIX or is_library(path)):
         if options.pack:
@@ -127,7 +130,15 @@ def _of_packs(path: Path) -> _Checked:
 
 def _cameras(options: CheckOptions, scene: Scene) -> Sequence[Camera]:
     cameras = read_cameras(options.cameras) if options.cameras is not None else scene.cameras
-    return (cameras or (frame_all(scene.bounds),))[: options.views]
+    chosen = (cameras or (frame_all(scene.bounds),))[: options.views]
+    return (*chosen, *_close_cameras(scene, options.close)) if chosen else ()
+
+
+def _close_cameras(scene: Scene, count: int) -> list[Camera]:
+    """Return cameras close to surfaces, the same for the same scene; fewer where too few places are found."""
+    sampler = CandidateSampler.of(scene, ViewpointConfig()) if count > 0 else None
+    found = sampler.close(count) if sampler is not None else []
+    return [replace(own.camera, name=f"close {number}") for number, own in enumerate(found, 1)]
 
 
 def _views(options: CheckOptions, views: ViewsToMeasure, textures: MeasuredTextures, kept: KeptValues) -> MeasuredViews:

@@ -447,6 +447,8 @@ class CheckOptions:
     """Budget to write: limits that the measured values keep, with a little room."""
     views: Annotated[int, tyro.conf.arg(metavar="N")] = 2
     """Number of cameras whose lit pictures are measured, each in two lights; 0 measures textures alone."""
+    close: Annotated[int, tyro.conf.arg(metavar="N")] = 1
+    """Number of further views from as close as a player comes to a surface, found in the scene; none with --views 0."""
     cameras: Annotated[Path | None, _unset("FILE")] = None
     """JSON file of named cameras. Default: the scene's own; without any, one that frames the scene."""
     size: Size = (640, 360)
