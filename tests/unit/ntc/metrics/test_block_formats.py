@@ -180,7 +180,7 @@ def test_missing_packages_are_one_line(
     monkeypatch: pytest.MonkeyPatch, block_format: BlockFormat, package: str
 ) -> None:
     monkeypatch.setitem(sys.modules, package, None)
-    with pytest.raises(InputError, match=r"ntc-viewer\[lab\]"):
+    with pytest.raises(InputError, match=r"\[lab\]"):
         compress(noise(4, 4, 3), block_format)
 
 

@@ -220,7 +220,7 @@ def test_astc_of_every_block_size_is_decoded(block_format: BlockFormat, kind: Li
 
 def test_without_its_decoder_astc_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "astc_encoder", None)
-    with pytest.raises(InputError, match=r"a\.ktx2: ASTC: .*pip install 'ntc-viewer\[lab\]'"):
+    with pytest.raises(InputError, match=r"a\.ktx2: ASTC: .*pip install '.*\[lab\]'"):
         decode_image(ktx2(bytes(16), (4, 4), 157), "a.ktx2")
 
 
