@@ -534,6 +534,14 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     "window-training": window_training,
     "first-pictures": first_pictures,
     "jobs": encoding_by_jobs,
+    "measures": partial(
+        rows_of,
+        "measures_agree",
+        "measure",
+        "all pictures=all pictures=2",
+        "textures at one rate=textures at one rate=2",
+        "rates of one texture=rates of one texture=2",
+    ),
     "tiny": tiny_textures,
     "fuzzing": fuzzing,
     "conformance": partial(
