@@ -10,22 +10,18 @@ from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none
-from ntc.errors import InputError
 from ntc.metrics.image_quality import flip
 from ntc.metrics.perceptual import has_jod, has_ssimulacra2, jod, ssimulacra2
 from viewer.checking.kept_values import KeptValues
 from viewer.checking.record import TextureRecord, ViewRecord
 from viewer.gl.context import GraphicsContext
-from viewer.inspect.measurement import measure
+from viewer.inspect.measurement import WholeDrawing, measure
 from viewer.jobs.job import Background
-from viewer.render.frames import FrameTimes
-from viewer.render.viewport import Viewport
 from viewer.scene.images import ProgressReport
 from viewer.scene.model import Camera, Scene
 from viewer.state.event_handlers import apply_event
-from viewer.state.events import Event, Notification, ViewChanged
+from viewer.state.events import ViewChanged
 from viewer.state.open_files import InitialView, new_session
-from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import Lighting, Slot, ViewState
 
@@ -107,9 +103,8 @@ def measured_views(
 ) -> MeasuredViews:
     """Draw and measure all pictures of `views`. Raises InputError where one cannot be drawn, ContextLostError."""
     session = new_session(views.scene, {views.source: views.pack}, ViewerSettings(), InitialView())
-    events = _Events(session)
     background = Background()
-    viewport = Viewport(context, session, FrameTimes(context.waits), background, events.emit)
+    drawing = WholeDrawing(context, session, background)
     records: list[ViewRecord] = []
     gpu_bytes = 0
     pictures = views.pictures()
@@ -117,11 +112,9 @@ def measured_views(
         slot = Slot(views.source)
         view = ViewState(camera, views.size, slot, material_view="lit", lighting=LIGHTS[light])
         apply_event(session, ViewChanged(replace(view, compare="a")))
-        viewport.draw(views.size, whole=True)
-        if viewport.last is None or viewport.renderer is None:
-            raise InputError(events.errors[0] if events.errors else f"{views.scene.name}: no picture can be drawn")
-        (picture,) = measure(viewport.renderer, [slot], session.packs)
-        memory = viewport.renderer.memory(slot)
+        _, renderer = drawing.draw(views.size)
+        (picture,) = measure(renderer, [slot], session.packs)
+        memory = renderer.memory(slot)
         gpu_bytes = memory.total if memory is not None else 0
         record = ViewRecord(
             camera=camera.name,
@@ -139,17 +132,3 @@ def measured_views(
             report.progress(number + 1, len(pictures))
     background.close()
     return MeasuredViews(tuple(records), gpu_bytes, len(records))
-
-
-class _Events:
-    """Applies the events of a viewport to the session, and keeps errors."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self.errors: list[str] = []
-
-    def emit(self, event: Event) -> None:
-        if not isinstance(event, Notification):
-            apply_event(self._session, event)
-        elif event.kind == "error":
-            self.errors.append(event.text)

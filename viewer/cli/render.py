@@ -24,16 +24,14 @@ from viewer.cli.builtin_packs import packs_with
 from viewer.cli.options import RenderOptions
 from viewer.cli.sources import choose_camera, choose_source, compress_scene, open_scene, resolve_precision
 from viewer.gl.context import create_headless_context
-from viewer.inspect.measurement import MapError, MeasuredPicture, errors_by_map, measure
+from viewer.inspect.measurement import MapError, MeasuredPicture, WholeDrawing, errors_by_map, measure
 from viewer.jobs.job import Background
 from viewer.lighting.panorama import load_panorama
-from viewer.render.frames import FrameResult, FrameTimes, read_picture
-from viewer.render.renderer import Renderer
-from viewer.render.viewport import Viewport
+from viewer.render.frames import FrameResult, read_picture
 from viewer.scene.images import write_png
 from viewer.scene.model import Pose, Scene
 from viewer.state.event_handlers import apply_event
-from viewer.state.events import Event, Notification, TexturesCompressed, ViewChanged
+from viewer.state.events import TexturesCompressed, ViewChanged
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
@@ -177,30 +175,6 @@ def _check(options: RenderOptions) -> None:
         raise InputError(f"--out {options.out}: is a file; name a folder")
 
 
-class _Console:
-    """Tells what a session tells: messages on the terminal. Errors end the command where nothing could be drawn."""
-
-    def __init__(self, session: Session) -> None:
-        self._session = session
-        self.errors: list[str] = []
-
-    def emit(self, event: Event) -> None:
-        """Apply an event of the viewport to the session."""
-        if isinstance(event, Notification) and event.kind == "error":
-            self.errors.append(event.text)
-        elif isinstance(event, Notification):
-            sys.stdout.write(f"{event.text}\n")
-        else:
-            apply_event(self._session, event)
-
-    def draw(self, viewport: Viewport, size: tuple[int, int]) -> tuple[FrameResult, Renderer]:
-        """Draw the session's view whole at `size`. Raises InputError where that cannot be."""
-        viewport.draw(size, whole=True)
-        if viewport.last is None or viewport.last_view is None or viewport.renderer is None:
-            raise InputError(self.errors[0])
-        return viewport.last, viewport.renderer
-
-
 def _opened(options: RenderOptions) -> Session:
     """Return a session with the scene, the pack and the view that the options name. Raises InputError."""
     pose = None if options.time is None else Pose(options.animation, options.time)
@@ -240,14 +214,14 @@ def render(options: RenderOptions) -> int:
     if options.require_gpu and context.info.is_software:
         raise InputError(f"--require-gpu: the renderer is {context.info.renderer}, a software rasteriser")
     with context.reset.watched():
-        console, background = _Console(session), Background()
-        viewport = Viewport(context, session, FrameTimes(context.waits), background, console.emit)
-        fastest_first = partial(viewport.variants.precisions, context)
+        background = Background()
+        drawing = WholeDrawing(context, session, background, lambda text: sys.stdout.write(f"{text}\n"))
+        fastest_first = partial(drawing.viewport.variants.precisions, context)
         precision = resolve_precision(options.precision, session.packs.get(source), fastest_first)
         view = replace(session.view, slot_a=replace(session.view.slot_a, precision=precision))
         apply_event(session, ViewChanged(view))
-        console.draw(viewport, (-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR)))
-        frame, renderer = console.draw(viewport, view.size)
+        drawing.draw((-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR)))
+        frame, renderer = drawing.draw(view.size)
         # Read first: the calls below check whether the context was lost.
         shown = read_picture(frame.image)
         (measured,) = measure(renderer, [view.slot_a], session.packs, options.block)

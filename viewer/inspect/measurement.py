@@ -1,6 +1,6 @@
 """Quality and divergence of slots, whole and map by map, for `render`, Measure in the window, and scripts."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,15 +10,55 @@ from ntc.codec.maps import MAPS, PLANE_OF_MAP, MapName
 from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none, psnr_db
+from ntc.errors import InputError
 from ntc.metrics.divergence import DivergenceStatistics, divergence_map
 from ntc.pack.match import PackMatch
+from viewer.gl.context import GraphicsContext
+from viewer.jobs.job import Background
+from viewer.render.frames import FrameResult, FrameTimes
 from viewer.render.renderer import Renderer
+from viewer.render.viewport import Viewport
+from viewer.state.event_handlers import apply_event
+from viewer.state.events import Event, Notification
+from viewer.state.session import Session
 from viewer.state.view_state import BLOCKS, REFERENCE, BlockName, DecodedMaps, Overlay, Slot
 
 
 def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) -> NDArray[np.int32]:
     """Return the decoder [H, W] int32 of each pixel from its texture id [H, W]; -1 where the pack decodes nothing."""
     return np.array([*match.decoders(pack), -1], dtype=np.int32)[texture_ids]
+
+
+class WholeDrawing:
+    """Draws the view of a session whole, without a window: events change the session, errors end the work."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        session: Session,
+        background: Background,
+        tell: Callable[[str], object] = lambda _: None,
+    ) -> None:
+        """`tell` takes what the session notifies of, besides errors."""
+        self._session, self._tell = session, tell
+        self._errors: list[str] = []
+        self.viewport = Viewport(context, session, FrameTimes(context.waits), background, self._emit)
+
+    def _emit(self, event: Event) -> None:
+        if isinstance(event, Notification) and event.kind == "error":
+            self._errors.append(event.text)
+        elif isinstance(event, Notification):
+            self._tell(event.text)
+        else:
+            apply_event(self._session, event)
+
+    def draw(self, size: tuple[int, int]) -> tuple[FrameResult, Renderer]:
+        """Draw the session's view at `size` (width, height) in pixels. Raises InputError where that cannot be."""
+        viewport = self.viewport
+        viewport.draw(size, whole=True)
+        if viewport.last is None or viewport.last_view is None or viewport.renderer is None:
+            raise InputError(self._errors[0])
+        return viewport.last, viewport.renderer
 
 
 @dataclass(frozen=True, eq=False)
