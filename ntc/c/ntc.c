@@ -84,18 +84,10 @@ static void release_all(memory *own) {
     }
 }
 
-static ntc_status fail(ntc_error *error, ntc_status status, const char *text, const char *name) {
+static ntc_status fail(ntc_error *error, ntc_status status, const char *text) {
     if (error != NULL) {
-        size_t length = 0;
-        for (; *text != 0 && length + 1 < sizeof error->text; ++text) {
-            if (*text == '%') {
-                for (; *name != 0 && length + 1 < sizeof error->text; ++name)
-                    error->text[length++] = (unsigned char)*name < 32 || *name == 127 ? '?' : *name;
-            } else {
-                error->text[length++] = *text;
-            }
-        }
-        error->text[length] = 0;
+        strncpy(error->text, text, sizeof error->text - 1);
+        error->text[sizeof error->text - 1] = 0;
     }
     return status;
 }
@@ -1371,7 +1363,7 @@ ntc_status ntc_open(const void *data, size_t bytes, const ntc_options *options, 
     if (error != NULL) error->text[0] = 0;
     *pack = NULL;
     ntc_pack *made = (ntc_pack *)take(&own, 1, sizeof(ntc_pack));
-    if (made == NULL) return fail(error, NTC_NO_MEMORY, "there is no memory for the pack", "");
+    if (made == NULL) return fail(error, NTC_NO_MEMORY, "there is no memory for the pack");
     made->memory = own;
     const char *problem = open_pack(made, data, bytes);
     if (problem == NULL) {
@@ -1380,9 +1372,9 @@ ntc_status ntc_open(const void *data, size_t bytes, const ntc_options *options, 
     }
     own = made->memory;
     release_all(&own);
-    if (*problem == 0) return fail(error, NTC_NO_MEMORY, "there is no memory for the pack", "");
-    if (*problem == '@') return fail(error, NTC_UNSUPPORTED, problem + 1, "");
-    return fail(error, NTC_BAD_FILE, problem, "");
+    if (*problem == 0) return fail(error, NTC_NO_MEMORY, "there is no memory for the pack");
+    if (*problem == '@') return fail(error, NTC_UNSUPPORTED, problem + 1);
+    return fail(error, NTC_BAD_FILE, problem);
 }
 
 void ntc_close(ntc_pack *pack) {

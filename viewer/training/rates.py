@@ -15,7 +15,7 @@ import numpy as np
 
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target, TextureSet, texture_set
-from ntc.codec.maps import MapName
+from ntc.codec.maps import MAP_CHANNELS, MapName
 from ntc.codec.model import Grouping
 from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.registry import codec_named, codec_of
@@ -416,9 +416,8 @@ def _work(
     codec, count = codec_named(settings.codec_kind), group_count(settings, len(sizes))
     groups = [sizes[first::count] for first in range(count)]
     names = tuple(dict.fromkeys(name for own in maps for name in own)) if settings.chosen_maps == "all" else ("base",)
-    channels = {"base": 3, "normal": 2, "emissive": 3}
     known = TextureSet(
-        sizes, 0 if settings.strategy == UNIVERSAL else count, sum(channels.get(name, 1) for name in names), maps=names
+        sizes, 0 if settings.strategy == UNIVERSAL else count, sum(MAP_CHANNELS[name] for name in names), maps=names
     )
     with suppress(InputError, ValueError):
         config = codec.settings_for(replace(known, groups=max(known.groups, 1)), EncodingChoices())

@@ -47,6 +47,12 @@ SHIPPED_LINE: Final = (
 )
 
 
+def _range_of_bits(config: BlockConfig, size: tuple[int, int]) -> tuple[float, float]:
+    """Return the least and most bits per texel of mip 0 that codes of a texture of `size` can take."""
+    low, high = (bits_of_words(config.block_words[place], size, config) for place in (0, -1))
+    return low, high
+
+
 class BlockCodec(Codec):
     """Encoded in closed form, decoded in single precision."""
 
@@ -176,14 +182,12 @@ class BlockCodec(Codec):
         return encoding_work(groups, cast(BlockConfig, settings), isinstance(target, QualityTarget), ships)
 
     def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:
-        config = cast(BlockConfig, settings)
-        low, high = (bits_of_words(config.block_words[place], size, config) for place in (0, -1))
-        return low, high
+        return _range_of_bits(cast(BlockConfig, settings), size)
 
     def anew_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
         own, config = pack.textures[texture], cast(BlockConfig, pack.config)
         size = (own.width, own.height)
-        low, high = (bits_of_words(config.block_words[place], size, config) for place in (0, -1))
+        low, high = _range_of_bits(config, size)
         # Typed bits have few digits.
         if not low - 0.01 <= bits <= high + 0.01:
             raise InputError(
