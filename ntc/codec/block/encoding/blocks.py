@@ -109,6 +109,10 @@ class _Moments:
         """Those of `pixels` [H, W, channels], from exact sums."""
         channels = pixels.shape[2]
         rows, count = pixels.reshape(-1, channels), pixels.size // channels
+        if compiled is not None:
+            totals, of_products = np.zeros(channels, np.int64), np.zeros((channels, channels), np.int64)
+            compiled.add_moments(rows, totals, of_products)
+            return cls(totals / (255.0 * count), of_products / (255.0**2 * count))
         sums, products = np.zeros(channels), np.zeros((channels, channels))
         for start in range(0, count, ROWS_AT_ONCE):
             part = rows[start : start + ROWS_AT_ONCE].astype(np.float64)
@@ -170,23 +174,24 @@ def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTextu
         values.append(value)
     colours = srgb_channels(config.maps, config.output_channels, source.color_space)
     has_derived = any(not level.has_own_cells for level in levels[:2])
-    axes = _principal_axes(_Moments.of(values[0]), weights, colours, has_derived, config)
+    moments = [_Moments.of(value) for value in values]
+    axes = _principal_axes(moments[0], weights, colours, has_derived, config)
     for number in range(1, config.mips):
-        axes.mean[number] = axes.mean[0] + _offset(values, levels, number)
+        axes.mean[number] = axes.mean[0] + _offset([each.mean for each in moments], levels, number)
     own = [number for number, level in enumerate(levels) if level.has_own_cells]
     return PreparedTexture(
         axes, np.concatenate([blocks_of(values[number], config.block_side, source.wrap) for number in own])
     )
 
 
-def _offset(values: Sequence[NDArray[np.uint8]], levels: Sequence[LatentLevel], mip: int) -> Array:
+def _offset(means: Sequence[NDArray[np.float64]], levels: Sequence[LatentLevel], mip: int) -> Array:
     """[channels]: by how much mips that codes hold as their mip `mip` are above the average of stored values, for colours are
-    averaged in linear light."""
-    sums, count = np.zeros(values[0].shape[2]), 0
+    averaged in linear light. `means` [channels] by level."""
+    sums, count = np.zeros(len(means[0])), 0
     for number, level in enumerate(levels):
         if level.mip_of_cell == mip:
-            finer, texels = values[number - mip], values[number].shape[0] * values[number].shape[1]
-            sums += texels * (_Moments.of(values[number]).mean - _Moments.of(finer).mean)
+            texels = level.texel_width * level.texel_height
+            sums += texels * (means[number] - means[number - mip])
             count += texels
     return np.asarray(sums / max(1, count), np.float32)
 

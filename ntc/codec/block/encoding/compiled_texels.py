@@ -4,6 +4,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+MOMENTS_AT_ONCE = 4096
+"""Texels whose squares of 8-bit values are summed in 32 bits, which hold them."""
+
 
 @njit(nogil=True, cache=True)
 def _used(matrix: NDArray[np.floating]) -> NDArray[np.int64]:
@@ -24,16 +27,41 @@ def normalise(
 ) -> None:
     """Write (value - `mean`) @ `inverse` of 8-bit `texels` [blocks, texels, channels] into `out` [blocks, texels x channels]."""
     channels, used = texels.shape[2], _used(inverse)
-    centred = np.zeros(channels, np.float32)
+    centred = np.zeros((channels, 256), np.float32)
+    for channel in range(channels):
+        for value in range(256):
+            centred[channel, value] = np.float32(value) / np.float32(255.0) - mean[channel]
     for block in range(texels.shape[0]):
         for texel in range(texels.shape[1]):
             for channel in range(channels):
-                centred[channel] = np.float32(texels[block, texel, channel]) / np.float32(255.0) - mean[channel]
-            for channel in range(channels):
                 total = np.float32(0.0)
                 for row in range(used[channel, 0], used[channel, 1]):
-                    total += centred[row] * inverse[row, channel]
+                    total += centred[row, texels[block, texel, row]] * inverse[row, channel]
                 out[block, texel * channels + channel] = total
+
+
+@njit(nogil=True, cache=True)
+def add_moments(values: NDArray[np.uint8], sums: NDArray[np.int64], products: NDArray[np.int64]) -> None:
+    """Add the sums of 8-bit `values` [texels, channels] and of the products of channels to `sums` and `products`, which are exact."""
+    channels = values.shape[1]
+    run = np.zeros((channels, MOMENTS_AT_ONCE), np.uint32)
+    for start in range(0, len(values), MOMENTS_AT_ONCE):
+        count = min(MOMENTS_AT_ONCE, len(values) - start)
+        for one in range(channels):
+            own = run[one]
+            total = np.uint32(0)
+            for texel in range(count):
+                own[texel] = values[start + texel, one]
+                total += own[texel]
+            sums[one] += np.int64(total)
+            for other in range(one + 1):
+                beside = run[other]
+                total = np.uint32(0)
+                for texel in range(count):
+                    total += own[texel] * beside[texel]
+                products[one, other] += np.int64(total)
+                if other < one:
+                    products[other, one] = products[one, other]
 
 
 @njit(nogil=True, cache=True)

@@ -53,10 +53,33 @@ class EdgeFit(NamedTuple):
 def fitted_edges(
     blocks: Array, axes: Axes, bits: tuple[int, ...], config: BlockConfig, rounds: int = ROUNDS
 ) -> EdgeFit:
-    """Edge parts of `bits` by plane for normalised `blocks` [blocks, texels x channels], after so many rounds."""
-    shown = blocks.reshape(-1, config.block_texels, config.output_channels)
+    """Edge parts of `bits` by plane for normalised `blocks` [blocks, texels x channels], after so many rounds. Compiled where numba is
+    installed."""
     if not any(bits):
         return EdgeFit(tuple(_no_part(config, channels) for channels in config.planes), blocks)
+    if compiled is None:
+        return fitted_edges_by_numpy(blocks, axes, bits, config, rounds)
+    shown = blocks.reshape(-1, config.block_texels, config.output_channels)
+    rest, parts = shown.copy(), []
+    for channels, own in zip(config.planes, bits, strict=True):
+        if not own:
+            parts.append(_no_part(config, channels))
+            continue
+        colours, indices = _room_for(len(blocks), config, len(channels))
+        plane = _plane_of(axes, channels)
+        squares = _squares(np.linalg.norm(axes.inverse, axis=1)[list(channels)])
+        compiled.fit_plane(
+            shown, *plane[:1], plane[1][0], *plane[2:], squares, (1 << own) - 1, rounds, colours, indices, rest
+        )
+        parts.append(EdgePart(np.arange(len(blocks)), np.full(len(blocks), own), colours, indices))
+    return EdgeFit(tuple(parts), rest.reshape(blocks.shape))
+
+
+def fitted_edges_by_numpy(
+    blocks: Array, axes: Axes, bits: tuple[int, ...], config: BlockConfig, rounds: int = ROUNDS
+) -> EdgeFit:
+    """As `fitted_edges`, without compiled code."""
+    shown = blocks.reshape(-1, config.block_texels, config.output_channels)
     values = axes.mean[0] + shown @ axes.axes.T
     weights = np.linalg.norm(axes.inverse, axis=1)
     # What edge parts show takes the place of the mean.
@@ -66,7 +89,9 @@ def fitted_edges(
         if not own:
             parts.append(_no_part(config, channels))
             continue
-        colours, indices = two_colours(values[..., columns] * np.float32(255.0), weights[columns], own, rounds)
+        colours, indices = two_colours_by_numpy(
+            values[..., columns] * np.float32(255.0), _squares(weights[columns]), own, rounds
+        )
         part = EdgePart(np.arange(len(blocks)), np.full(len(blocks), own), colours, indices)
         rest[..., columns] = values[..., columns] - edge_values(part, config, 0).astype(np.float32)
         parts.append(part)
@@ -75,9 +100,33 @@ def fitted_edges(
 
 def derived_costs(blocks: Array, fit: EdgeFit, axes: Axes, config: BlockConfig) -> Array:
     """[blocks] DERIVED_WORTH times the squared error of the next mip of `blocks`, which is derived from them with the parts of `fit`,
-    if the transform shows all that is left. Its truth is taken for the average by squares. 0 where none is derived."""
+    if the transform shows all that is left. Its truth is taken for the average by squares. 0 where none is derived. Compiled where
+    numba is installed."""
+    costs = np.zeros(len(blocks), np.float32)
     if not axes.has_derived:
-        return np.zeros(len(blocks), np.float32)
+        return costs
+    if compiled is None:
+        return derived_costs_by_numpy(blocks, fit, axes, config)
+    shape = (-1, config.block_texels, config.output_channels)
+    for channels, part in zip(config.planes, fit.parts, strict=True):
+        has_part = len(part.blocks) > 0
+        colours, indices = (part.colours, part.indices) if has_part else _room_for(1, config, len(channels))
+        compiled.add_derived(
+            blocks.reshape(shape),
+            fit.rest.reshape(shape),
+            config.block_side,
+            *_plane_of(axes, channels),
+            axes.colours[list(channels)],
+            (1 << int(part.bits[0])) - 1 if has_part else 0,
+            colours,
+            indices,
+            costs,
+        )
+    return costs * np.float32(DERIVED_WORTH)
+
+
+def derived_costs_by_numpy(blocks: Array, fit: EdgeFit, axes: Axes, config: BlockConfig) -> Array:
+    """As `derived_costs` where a mip is derived, without compiled code."""
     values = axes.mean[0] + blocks.reshape(-1, config.block_texels, config.output_channels) @ axes.axes.T
     squares = np.sqrt(_halved(np.square(values), config))
     missed = np.where(axes.colours, squares, _halved(values, config)) - axes.mean[1]
@@ -109,26 +158,28 @@ def _no_part(config: BlockConfig, channels: tuple[int, ...]) -> EdgePart:
     return EdgePart(none, none, np.zeros((0, 2, len(channels)), np.uint8), texels)
 
 
-def two_colours(
-    values: Array, weights: NDArray[np.floating], bits: int, rounds: int = ROUNDS
-) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Return (colours [blocks, 2, channels] uint8, indices [blocks, texels] uint8) nearest to `values` [blocks, texels, channels].
+def _squares(weights: NDArray[np.floating]) -> Array:
+    """[channels] what squared errors are worth beside each other."""
+    return np.square(weights / max(float(weights.max()), 1e-9)).astype(np.float32)
 
-    Values are in steps of 8 bits; `weights` [channels] are those of their errors. Compiled where numba is installed.
-    """
-    squares = np.square(weights / max(float(weights.max()), 1e-9)).astype(np.float32)
-    if compiled is None:
-        return two_colours_by_numpy(values, squares, bits, rounds)
-    colours = np.zeros((len(values), 2, values.shape[2]), np.uint8)
-    indices = np.zeros(values.shape[:2], np.uint8)
-    compiled.fit_two_colours(np.ascontiguousarray(values), squares, (1 << bits) - 1, rounds, colours, indices)
-    return colours, indices
+
+def _plane_of(axes: Axes, channels: tuple[int, ...]) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    """(channels, means by mip, axes, inverse) of a plane: axes never mix planes."""
+    own = np.ix_(channels, channels)
+    means = np.ascontiguousarray(axes.mean[:, list(channels)])
+    return np.array(channels, np.int64), means, axes.axes[own], axes.inverse[own]
+
+
+def _room_for(blocks: int, config: BlockConfig, channels: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """Zeros for the (colours, indices) of so many blocks."""
+    return np.zeros((blocks, 2, channels), np.uint8), np.zeros((blocks, config.block_texels), np.uint8)
 
 
 def two_colours_by_numpy(
     values: Array, squares: Array, bits: int, rounds: int = ROUNDS
 ) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """As `two_colours`, without compiled code; `squares` [channels] are those of the weights."""
+    """(colours [blocks, 2, channels] uint8, indices [blocks, texels] uint8) nearest to `values` [blocks, texels, channels], which are
+    in steps of 8 bits; `squares` [channels]: what their squared errors are worth."""
     largest = (1 << bits) - 1
     mean = values.mean(1, keepdims=True)
     centred = values - mean

@@ -68,10 +68,11 @@ def expected_errors(values: torch.Tensor, depths: torch.Tensor, scales: torch.Te
     constant, square, fourth = _polynomials()[depths].flatten(0, 1).unbind(-1)
     variances = scales.square().repeat(len(depths), 1)
     squares = values.square()
-    rough = squares @ square.T + squares.square() @ (fourth / variances).T + (constant * variances).sum(1)
+    powers, factors = torch.cat([squares, squares.square()], dim=1), torch.cat([square, fourth / variances], dim=1)
+    rough = torch.addmm((constant * variances).sum(1), powers, factors.T)
     # Polynomials may fall below what the closest levels leave, and even below 0.
     least = LEAST_SHARE * (constant.clamp(min=0.0) * variances).sum(1)
-    rough = torch.maximum(rough, least)
+    torch.maximum(rough, least, out=rough)
     return rough.view(len(values), *depths.shape[:2])
 
 

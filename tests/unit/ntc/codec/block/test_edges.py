@@ -1,14 +1,15 @@
 """Edge parts of codec `block`: two colours and an index a texel, and what flat graphics gain by them."""
 
 import itertools
+from typing import Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from ntc.codec.block import reference
 from ntc.codec.block.config import BlockConfig, BlockOptions
-from ntc.codec.block.encoding.edges import two_colours, two_colours_by_numpy
+from ntc.codec.block.encoding import edges
+from ntc.codec.block.encoding.blocks import Axes
 from ntc.codec.block.encoding.encoder import encode_group
 from ntc.codec.block.encoding.measuring import finest_image
 from ntc.codec.block.encoding.rate import config_for_bits
@@ -99,15 +100,36 @@ def test_blocks_of_two_colours_are_exact_at_both_mips() -> None:
     assert np.abs(reference.decode_image(texture, decoder, config, 1) - halved).max() <= 1.0
 
 
-def _error(values: NDArray[np.float32], colours: NDArray[np.uint8], indices: NDArray[np.uint8], bits: int) -> float:
-    ends = colours.astype(np.float64)
-    shares = (indices / ((1 << bits) - 1))[..., None]
-    return float(np.square(ends[:, None, 0] + (ends[:, None, 1] - ends[:, None, 0]) * shares - values).mean())
+@pytest.mark.parametrize(("side", "bits"), [(8, (1, 0)), (8, (2, 3)), (4, (0, 1)), (4, (3, 2))])
+def test_compiled_and_numpy_edge_parts_are_as_good(side: Literal[4, 8], bits: tuple[int, int]) -> None:
+    config = BlockConfig(block_side=side, coefficients=16, output_channels=5, maps=("base", "normal"))
+    random = np.random.default_rng(side + bits[0])
+    axes = random_axes(random, config)
+    blocks = random.normal(0.0, 0.5, (60, config.block_values)).astype(np.float32)
+    blocks[:20] = np.sign(blocks[:20])
+    blocks[20] = 0.0
+    found = edges.fitted_edges(blocks, axes, bits, config)
+    expected = edges.fitted_edges_by_numpy(blocks, axes, bits, config)
+    errors = [np.square(fit.rest).sum(1) for fit in (found, expected)]
+    assert errors[0].sum() == pytest.approx(errors[1].sum(), rel=0.01)
+    assert (np.abs(errors[0] - errors[1]) < 1e-3 * errors[1]).mean() > 0.8
+    costs = edges.derived_costs(blocks, found, axes, config)
+    np.testing.assert_allclose(costs, edges.derived_costs_by_numpy(blocks, found, axes, config), rtol=1e-3, atol=1e-4)
+    for part, own, channels in zip(found.parts, bits, config.planes, strict=True):
+        assert len(part.blocks) == (len(blocks) if own else 0)
+        if own:
+            values = (axes.mean[0] + blocks.reshape(60, -1, 5) @ axes.axes.T)[..., list(channels)]
+            left = values - reference.edge_values(part, config, 0)
+            rest = found.rest.reshape(60, -1, 5)[..., list(channels)]
+            np.testing.assert_allclose(rest, left @ axes.inverse[np.ix_(channels, channels)], atol=1e-4)
 
 
-@pytest.mark.parametrize("bits", [1, 2, 3])
-def test_compiled_and_numpy_find_colours_that_are_as_good(bits: int) -> None:
-    values = np.random.default_rng(bits).uniform(0, 255, (50, 64, 3)).astype(np.float32)
-    found = _error(values, *two_colours(values, np.ones(3), bits), bits)
-    expected = _error(values, *two_colours_by_numpy(values, np.ones(3, np.float32), bits), bits)
-    assert found == pytest.approx(expected, rel=0.01)
+def random_axes(random: np.random.Generator, config: BlockConfig) -> Axes:
+    """Axes of a plane of colours and one of two numbers."""
+    turned = np.zeros((5, 5))
+    turned[:3, :3], turned[3:, 3:] = np.linalg.qr(random.normal(size=(3, 3)))[0], np.eye(2)
+    weights = random.uniform(0.5, 2.0, 5)
+    means = random.uniform(0.3, 0.7, (config.mips, 5)).astype(np.float32)
+    matrix, back = 0.3 * turned / weights[:, None], turned * weights[:, None] / 0.3
+    colours = np.array([True, True, True, False, False])
+    return Axes(means, matrix.astype(np.float32), back.astype(np.float32), colours, True, 0.3)
