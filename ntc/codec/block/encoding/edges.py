@@ -160,7 +160,7 @@ def _no_part(config: BlockConfig, channels: tuple[int, ...]) -> EdgePart:
 
 def _squares(weights: NDArray[np.floating]) -> Array:
     """[channels] what squared errors are worth beside each other."""
-    return np.square(weights / max(float(weights.max()), 1e-9)).astype(np.float32)
+    return np.asarray(np.square(weights / max(float(weights.max()), 1e-9)).astype(np.float32))
 
 
 def _plane_of(axes: Axes, channels: tuple[int, ...]) -> tuple[NDArray[np.int64], Array, Array, Array]:
