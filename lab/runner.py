@@ -27,7 +27,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.timer import PassTimer
 from viewer.scene.cameras_file import read_cameras
 from viewer.scene.model import Camera, Scene
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 
 LOG_COLUMNS = 160
 """Width of a table that goes to a file."""
@@ -65,7 +65,7 @@ def scene_options(description: str | None) -> argparse.ArgumentParser:
 
 def chosen_cameras(scene: Scene, file: Path | None, names: Sequence[str] | None) -> tuple[Camera, ...]:
     """The cameras to measure. Raises InputError for a bad file."""
-    cameras = read_cameras(file) if file is not None else scene.cameras or (frame_all(scene.bounds),)
+    cameras = read_cameras(file) if file is not None else scene.cameras or (frame_all(scene),)
     return tuple(camera for camera in cameras if not names or camera.name in names)
 
 

@@ -31,7 +31,7 @@ from viewer.render.resources.decoding_shaders import supported_precisions
 from viewer.render.variants import VariantChoice
 from viewer.scene.json_text import counted
 from viewer.scene.model import Camera, Scene
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.view_state import DecodePath, Precision
 from viewer.viewpoints.scene_views import ViewSource, cameras_of
 
@@ -105,7 +105,7 @@ def _open(options: BenchOptions) -> _SceneToBench:
     packs = packs_for(scene, options.pack)
     if not packs:
         raise InputError(f"{scene.name}: has no packs beside it; name some with --pack, or make one with encode")
-    cameras = cameras_of(scene, ViewSource(options.views)) or (frame_all(scene.bounds),)
+    cameras = cameras_of(scene, ViewSource(options.views)) or (frame_all(scene),)
     if options.views is None and not options.thorough:
         cameras = cameras[:1]
     compressed = {block_format: compress_scene(scene, block_format) for block_format in options.formats}

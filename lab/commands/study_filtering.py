@@ -15,7 +15,7 @@ from ntc.errors import InputError
 from viewer.cli.sources import choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context
 from viewer.render.renderer import Renderer
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import is_image_source
 
@@ -68,7 +68,7 @@ def study_filtering(options: FilteringStudyOptions) -> int:
         floor.release()
         renderer = Renderer(context, scene)
         renderer.set_packs(studied)
-        camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds)
+        camera = scene.cameras[0] if scene.cameras else frame_all(scene)
         rows += motion_sweep(renderer, camera, all_ways, config, advance)
         renderer.release()
     table = filtering_table(rows)

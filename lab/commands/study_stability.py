@@ -20,7 +20,7 @@ from viewer.cli.sources import open_scene, packs_for
 from viewer.cli.table import Cell, Column, Table
 from viewer.gl.context import create_headless_context
 from viewer.scene.source_textures import source_textures
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 
 TRAINED_SHARE = 16
 """One in so many of the texels at which bounds are checked is of a trained pack: their networks are larger."""
@@ -181,7 +181,7 @@ def study_stability(options: StabilityStudyOptions) -> int:
             if (loss := trained_loss(bench, name, pack, images, precision, options.texels)) is not None
         ]
         bench.release()
-        camera = scene.cameras[0] if scene.cameras else frame_all(scene.bounds, 60.0)
+        camera = scene.cameras[0] if scene.cameras else frame_all(scene, 60.0)
         first = dict(list(packs.items())[:1])
         rows += scene_rows(context, scene, first, camera, options.size, options.precisions, console.print)
     checks = _checks(options, packs, console) if options.bound_texels else []

@@ -20,9 +20,20 @@ vec3 place_on_plane(PlaneRecord plane, Surface surface) {
     return place;
 }
 
+// Squares that stand for an image that could not be read: MISSING_SQUARES along each side of it, of one colour where a pixel holds many.
+const float MISSING_SQUARES = 8.0;
+vec3 missing_image(Surface surface) {
+    vec2 square = floor(surface.uv * MISSING_SQUARES);
+    float odd = mod(square.x + square.y, 2.0);
+    odd = mix(odd, 0.5, smoothstep(0.3, 1.0, surface.footprint * MISSING_SQUARES));
+    return mix(vec3(0.05), vec3(0.45, 0.03, 0.45), odd);
+}
+
 // Factor of a surface's base colour, linear: the base colour itself where there is no texture. Black for the background.
 vec3 base_factor(Surface surface) {
-    return surface.material >= 0 ? materials[surface.material].factor.rgb * surface.color : vec3(0.0);
+    if (surface.material < 0) return vec3(0.0);
+    vec3 factor = materials[surface.material].factor.rgb * surface.color;
+    return materials[surface.material].missing_base == 0 ? factor : factor * missing_image(surface);
 }
 
 // Content of the plane's target for a texel in linear light. `components` has a bit for each component that the texel tells; the others

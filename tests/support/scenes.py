@@ -7,7 +7,7 @@ from tests.support.gltf_builder import GltfBuilder
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.load import build_scene
 from viewer.scene.model import Scene
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.session import Session
 from viewer.state.view_file import SavedView
 
@@ -41,4 +41,4 @@ def sorted_triangles(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
 
 def example_view(session: Session) -> SavedView:
     """The view of `session` with a bookmark."""
-    return SavedView(session.scene.name, session.view, 1.0, {"bookmark": frame_all(session.scene.bounds)})
+    return SavedView(session.scene.name, session.view, 1.0, {"bookmark": frame_all(session.scene)})

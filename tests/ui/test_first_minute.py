@@ -11,7 +11,7 @@ from tests.support.driven_app import DrivenApp
 from tests.support.gltf_builder import GltfBuilder, png
 from tests.ui.conftest import run_window, write_scene
 from viewer.scene.model import Camera
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.settings import SETTINGS_FILE, ViewerSettings, parse_settings
 
 TILES = 8
@@ -167,7 +167,8 @@ def searched(app: DrivenApp) -> None:
 def test_a_small_scene_is_seen_whole(app: DrivenApp, tmp_path: Path) -> None:
     app.drop(write_scene(tmp_path, seed=21))
     searched(app)
-    assert app.session.view.camera == frame_all(app.session.scene.bounds, app.session.settings.fov_degrees)
+    width, height = app.session.window.picture_size
+    assert app.session.view.camera == frame_all(app.session.scene, app.session.settings.fov_degrees, width / height)
     assert not any("searching" in toast.text for toast in app.session.window.toasts)
 
 
@@ -179,7 +180,7 @@ def test_a_place_is_found_in_a_scene_that_is_a_speck_from_afar(app: DrivenApp, t
     assert camera.name == "first view"
     assert app.session.bookmarks["first view"] == camera
     assert renderer is not None
-    overview = renderer.texture_ids_from(frame_all(app.session.scene.bounds), (160, 90))
+    overview = renderer.texture_ids_from(frame_all(app.session.scene), (160, 90))
     found = renderer.texture_ids_from(camera, (160, 90))
     assert (found >= 0).mean() > 4 * (overview >= 0).mean()
     assert len(np.unique(found)) > 8

@@ -37,7 +37,7 @@ from viewer.scene.cameras_file import read_cameras, with_cameras_beside
 from viewer.scene.json_text import counted
 from viewer.scene.model import Camera, Scene
 from viewer.scene.scene_files import PACK_SUFFIX
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import is_image_source
 from viewer.viewpoints.sampling import CandidateSampler, ViewpointConfig
@@ -130,7 +130,7 @@ def _of_packs(path: Path) -> _Checked:
 
 def _cameras(options: CheckOptions, scene: Scene) -> Sequence[Camera]:
     cameras = read_cameras(options.cameras) if options.cameras is not None else scene.cameras
-    chosen = (cameras or (frame_all(scene.bounds),))[: options.views]
+    chosen = (cameras or (frame_all(scene, aspect=options.size[0] / options.size[1]),))[: options.views]
     return (*chosen, *_close_cameras(scene, options.close)) if chosen else ()
 
 

@@ -20,7 +20,7 @@ from viewer.gl.context import create_headless_context
 from viewer.locations import named_scene
 from viewer.scene.cameras_file import with_cameras_beside
 from viewer.scene.json_text import counted
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 
 FEWEST_BITS, MOST_BITS = 0.75, 16.0
 """Bits per texel that are tried at least and at most."""
@@ -88,7 +88,7 @@ def encode_to_jod(options: EncodeOptions, goal: float, encode_pack: Callable[[En
             f"--quality {goal:g}jod: needs a scene to look at, and one pack; ask for dB or --bits otherwise"
         )
     scene = with_cameras_beside(open_scene(named_scene(options.source)))
-    cameras = (scene.cameras or (frame_all(scene.bounds),))[:MOST_CAMERAS]
+    cameras = (scene.cameras or (frame_all(scene),))[:MOST_CAMERAS]
     context = create_headless_context()
     with tempfile.TemporaryDirectory() as folder, context.reset.watched():
         place = Path(folder, options.out.name)

@@ -233,15 +233,16 @@ class RenderOptions(DecoderOptions):
     """Anisotropic filtering of images and of path cached, in samples. 1 is trilinear, as the other paths filter."""
     view: MaterialView = "base"
     """Picture to draw: lit surfaces, or one of the maps (orm: occlusion, roughness, metalness)."""
-    environment: Annotated[Path | None, _unset("FILE")] = None
-    """Equirectangular panorama (.hdr or .exr) that lights --view lit. Default: a procedural sky with a sun."""
+    environment: Annotated[Path | None, _unset("sky|studio|FILE")] = None
+    """Light from all sides of --view lit: `sky`, `studio` (soft boxes in a grey room) or an equirectangular panorama (.hdr or .exr).
+    Default: `sky`, with a sun."""
     sun: Annotated[tuple[float, float], tyro.conf.arg(metavar="AZIMUTH ELEVATION")] = (
         Lighting.sun_azimuth,
         Lighting.sun_elevation,
     )
     """Direction of the sun for --view lit, in degrees: azimuth from north (-Z) towards east (+X), elevation above the horizon."""
     sun_strength: Annotated[float | None, _unset("X")] = None
-    """Factor on the sun's strength for --view lit; 0 removes the sun. Default: 1 with the sky, 0 with a panorama."""
+    """Factor on the sun's strength for --view lit; 0 removes the sun. Default: 1 with the sky, else 0."""
     exposure: float = Lighting.exposure
     """Exposure of --view lit in stops; 1 is twice as bright."""
     tone_map: ToneMap = Lighting.tone_map

@@ -35,7 +35,17 @@ from viewer.state.events import TexturesCompressed, ViewChanged
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import BLOCKS, SKY, Lighting, Overlay, OverlayKind, Slot, ViewState, is_image_source
+from viewer.state.view_state import (
+    BLOCKS,
+    OWN_ENVIRONMENTS,
+    SKY,
+    Lighting,
+    Overlay,
+    OverlayKind,
+    Slot,
+    ViewState,
+    is_image_source,
+)
 
 
 def map_error_statistics(errors: Sequence[MapError], scene: Scene) -> dict[str, dict[str, Any]]:
@@ -146,16 +156,15 @@ def write_picture(
 
 def chosen_lighting(options: RenderOptions) -> Lighting:
     """Return the light of --view lit. Raises InputError for values that are out of range, and for a panorama that cannot be used."""
-    if options.environment is not None:
+    environment = SKY if options.environment is None else str(options.environment)
+    if options.environment is not None and environment not in OWN_ENVIRONMENTS:
         # Whatever is wrong with the file is said before anything is drawn.
         load_panorama(options.environment)
     given: dict[str, Any] = {
-        "environment": SKY if options.environment is None else str(options.environment),
+        "environment": environment,
         "sun_azimuth": options.sun[0] % 360.0 if math.isfinite(options.sun[0]) else options.sun[0],
         "sun_elevation": options.sun[1],
-        "sun_strength": options.sun_strength
-        if options.sun_strength is not None
-        else float(options.environment is None),
+        "sun_strength": options.sun_strength if options.sun_strength is not None else float(environment == SKY),
         "exposure": options.exposure,
         "tone_map": options.tone_map,
     }

@@ -25,7 +25,7 @@ from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Camera, Pose, Scene
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.pack_files import (
     match_scene,
     open_packs,
@@ -157,7 +157,7 @@ def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
     cameras = read_cameras(options.cameras) if options.cameras is not None else scene.cameras
     if options.camera is not None:
         return find_camera(cameras, options.camera)
-    return cameras[0] if cameras else frame_all(scene.bounds)
+    return cameras[0] if cameras else frame_all(scene, aspect=options.size[0] / options.size[1])
 
 
 def resolve_precision(

@@ -11,8 +11,9 @@ from viewer.scene.cameras_file import cameras_json, read_cameras
 from viewer.scene.json_text import printable
 from viewer.scene.model import Camera
 from viewer.state.event_handlers import notify
+from viewer.state.framing import frame_shown
 from viewer.state.motion import Playback, Turntable
-from viewer.state.navigation import frame
+from viewer.state.navigation import FREE
 from viewer.state.session import Session
 from viewer.state.settings import CameraMode
 from viewer.state.view_file import MOST_BOOKMARKS
@@ -42,10 +43,11 @@ def fly_faster(session: Session, notches: float) -> None:
     session.navigation.speed_notches += notches
 
 
-@command("camera.frame-all", "Frame all", "frame the whole scene", "Camera", "F")
+@command("camera.frame-all", "Frame all", "frame the whole scene as it stands now", "Camera", "F")
 def frame_all(session: Session) -> None:
     width, height = session.window.picture_size
-    place_camera(session, frame(session.view.camera, session.scene.bounds, width / height))
+    camera = replace(session.view.camera, name=FREE)
+    place_camera(session, frame_shown(camera, session.scene, width / height, session.view.pose))
 
 
 def _no_cameras(context: Context) -> str:

@@ -12,6 +12,7 @@ from viewer.state.session import Session
 from viewer.state.view_state import (
     ELEVATION_RANGE,
     EXPOSURE_RANGE,
+    OWN_ENVIRONMENTS,
     SKY,
     SUN_STRENGTH_RANGE,
     MaterialView,
@@ -140,13 +141,13 @@ def use_environment(session: Session, file: Path) -> None:
     notify(session, f"lit by {path.name} alone; the sun is off")
 
 
-@command("light.environment", "Environment", "light the scene by a panorama, or by the sky", "View")
+@command("light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama", "View")
 def set_environment(
     session: Session,
-    file: Annotated[Path, Arg("an equirectangular .hdr or .exr, or `sky`")],
+    file: Annotated[Path, Arg("`sky`, `studio`, or an equirectangular .hdr or .exr")],
 ) -> None:
-    if file == Path(SKY):
-        _light(session, environment=SKY, sun_strength=1.0)
+    if str(file) in OWN_ENVIRONMENTS:
+        _light(session, environment=str(file), sun_strength=float(str(file) == SKY))
         return
     use_environment(session, file)
 

@@ -10,6 +10,7 @@ from ntc.metrics.compressed_textures import BlockCache
 from viewer.lighting.panorama import Panorama, load_panorama
 from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize
 from viewer.lighting.sky import environment_turn, sky_radiance, sun_of
+from viewer.lighting.studio import studio
 from viewer.locations import environments_cache
 from viewer.render.pass_scheduler import Output
 from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
@@ -18,7 +19,7 @@ from viewer.render.render_context import RenderContext
 from viewer.render.resources.light import EnvironmentMaps, SceneLight, ShadowMap, ShadowView, SurfaceKinds, shadow_view
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.scene.model import Camera
-from viewer.state.view_state import SKY, Lighting
+from viewer.state.view_state import SKY, STUDIO, Lighting
 
 MOST_CACHED_BYTES = 1 << 28
 """Limit of prefiltered panoramas on disk, in bytes."""
@@ -87,7 +88,8 @@ class LightDrawer:
                 return self._asked, SKY_SIZE
             return PrefilterInputs(key, sky_radiance(lighting.sun_elevation)), SKY_SIZE
         if self._panorama is None or self._panorama[0] != lighting.environment:
-            self._panorama = lighting.environment, load_panorama(Path(lighting.environment))
+            name = lighting.environment
+            self._panorama = name, studio() if name == STUDIO else load_panorama(Path(name))
         panorama = self._panorama[1]
         return PrefilterInputs(panorama.digest, panorama.pixels, is_kept=True), PANORAMA_SIZE
 

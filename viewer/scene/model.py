@@ -133,6 +133,8 @@ class Material:
     emission: PlaneTexture | None = None
     """Emission and occlusion."""
     factors: SurfaceFactors = DEFAULT_FACTORS
+    missing_base: bool = False
+    """True where the image of the base colour could not be read: a pattern stands for it."""
 
     def plane(self, plane: Plane) -> PlaneTexture | None:
         """Return where the maps of `plane` are found; None where there are none."""

@@ -1,4 +1,4 @@
-"""Camera matrices, and cameras that frame a box."""
+"""Camera matrices."""
 
 import math
 from functools import lru_cache
@@ -11,15 +11,6 @@ from viewer.scene.model import Camera
 Matrix = NDArray[np.float64]
 NEAREST_SHARE = 2e-4
 """Near plane as a share of the far distance, where the camera stands inside the scene and names no near distance."""
-
-
-def frame_all(bounds: NDArray[np.float32], fov_degrees: float = 60.0) -> Camera:
-    """Return a camera that sees all of `bounds` [2, 3] from the front, a little from above and from the right."""
-    low, high = bounds.astype(np.float64)
-    centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-6)
-    direction = np.array([0.45, 0.35, 1.0]) / np.linalg.norm([0.45, 0.35, 1.0])
-    eye = centre + direction * radius / math.sin(math.radians(fov_degrees) / 2.0)
-    return Camera("all", tuple(eye.tolist()), tuple(centre.tolist()), fov_degrees=fov_degrees)
 
 
 def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,6 +6,7 @@ from functools import singledispatch
 
 from viewer.state import events
 from viewer.state.events import Event
+from viewer.state.framing import ALL
 from viewer.state.message_log import MessageKind
 from viewer.state.session import PointedOut, PreviousView, Session, SlotMeasurement, Toast
 from viewer.state.view_state import REFERENCE, Side, Slot, is_image_source
@@ -144,6 +145,8 @@ def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
     if event.camera is None:
         return
     session.view = replace(session.view, camera=event.camera)
+    if event.camera.name == ALL:
+        return
     bookmarks = {**session.bookmarks, event.camera.name: event.camera}
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: bookmarks}
     notify(

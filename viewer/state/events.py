@@ -103,7 +103,7 @@ class FirstViewFound(Event):
 
     scene: Scene
     camera: Camera | None
-    """Camera found; None keeps the view of the whole scene."""
+    """Camera found, or the one that frames the whole scene in this window; None keeps the present one."""
 
 
 EmitEvent = Callable[[Event], None]

@@ -132,19 +132,6 @@ def fly(camera: Camera, direction: tuple[float, float, float], distance: float) 
     return _free(camera, _vector(camera.eye) + shift, _vector(camera.target) + shift)
 
 
-def frame(camera: Camera, bounds: NDArray[np.float32], aspect: float) -> Camera:
-    """Frame all of `bounds` [2, 3] from the present direction; `aspect` is width over height of the picture."""
-    low, high = bounds.astype(np.float64)
-    centre, radius = (low + high) / 2.0, max(float(np.linalg.norm(high - low)) / 2.0, 1e-6)
-    _, _, forward = _axes(camera)
-    half = math.radians(camera.fov_degrees) / 2.0
-    half = min(half, math.atan(math.tan(half) * aspect))
-    framed = _free(camera, centre - forward * radius / math.sin(half), centre)
-    if camera.orthographic_height is not None:
-        framed = replace(framed, orthographic_height=2.0 * radius / min(1.0, aspect))
-    return framed
-
-
 def fly_speed(bounds: NDArray[np.float32], near: float, notches: float, fast: bool) -> float:
     """Return the speed of flight in scene units per second: NEAR_SHARE times `near`, the distance to the nearest surface.
 

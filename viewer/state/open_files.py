@@ -15,8 +15,8 @@ from viewer.scene.images import ProgressReport
 from viewer.scene.json_text import counted
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.state.camera import frame_all
 from viewer.state.event_handlers import notify
+from viewer.state.framing import frame_all
 from viewer.state.message_log import details_of
 from viewer.state.pack_files import (
     match_scene,
@@ -101,8 +101,9 @@ def _initial_view(scene: Scene, packs: Mapping[str, Pack], settings: ViewerSetti
     last = settings.last_packs.get(str(scene.path.absolute()), "") if scene.path is not None else ""
     source = REFERENCE if wanted == REFERENCE else found or preferred_source(packs, last)
     precision = "fp32" if initial.precision == "auto" else initial.precision
+    width, height = settings.window_size
     return ViewState(
-        camera=scene.cameras[0] if scene.cameras else frame_all(scene.bounds, settings.fov_degrees),
+        camera=scene.cameras[0] if scene.cameras else frame_all(scene, settings.fov_degrees, width / height),
         size=settings.window_size,
         slot_a=Slot(source, initial.path, precision, initial.filter or settings.texel_filter),
         slot_b=Slot(REFERENCE),

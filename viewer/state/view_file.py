@@ -20,6 +20,7 @@ from viewer.state.view_state import (
     LARGEST_ZOOM,
     REFERENCE,
     SKY,
+    STUDIO,
     CompareMode,
     Difference,
     Lighting,
@@ -156,7 +157,7 @@ class _ViewFile(msgspec.Struct):
         self.scene = nonempty_line(self.scene)
         environment = printable(self.lighting.environment)
         if not environment:
-            raise ValueError(f"lighting: the environment must be {SKY!r} or a file")
+            raise ValueError(f"lighting: the environment must be {SKY!r}, {STUDIO!r} or a file")
         self.lighting = replace(self.lighting, environment=environment)
         names = Counter(camera.name for camera in self.bookmarks or ())
         if len(names) < names.total():

@@ -151,7 +151,9 @@ SUN_STRENGTH_RANGE: Final = (0.0, 20.0)
 EXPOSURE_RANGE: Final = (-10.0, 10.0)
 """Range of the exposure in stops."""
 SKY: Final = "sky"
-"""Name of the environment that needs no file."""
+STUDIO: Final = "studio"
+OWN_ENVIRONMENTS: Final = (SKY, STUDIO)
+"""Names of the environments that need no file."""
 REFERENCE: Final = "reference"
 """Name of the source that shows the original images."""
 
@@ -195,9 +197,9 @@ class Lighting:
     """Light of the scene, exposure and tone map. No effect on the views of maps."""
 
     environment: str = SKY
-    """Environment: SKY, or the file of an equirectangular panorama (HDR or EXR)."""
+    """Environment: SKY, STUDIO, or the file of an equirectangular panorama (HDR or EXR)."""
     environment_turn: Annotated[float, Meta(ge=0.0, le=360.0)] = 0.0
-    """Turn of the panorama about the vertical axis, in degrees. No effect on SKY."""
+    """Turn of studio or panorama about the vertical axis, in degrees. No effect on SKY."""
     sun_azimuth: Annotated[float, Meta(ge=0.0, le=360.0)] = 140.0
     """Direction of the sun in degrees, from north (-Z) towards east (+X)."""
     sun_elevation: Annotated[float, Meta(ge=ELEVATION_RANGE[0], le=ELEVATION_RANGE[1])] = 40.0

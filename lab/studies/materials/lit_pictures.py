@@ -31,7 +31,7 @@ from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Scene
 from viewer.scene.source_textures import source_textures
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.view_state import Slot, ViewState
 
 FORMATS: tuple[BlockFormat, ...] = ("astc-10x10", "astc-8x8", "astc-6x6", "bc7")
@@ -55,7 +55,7 @@ def cameras_of(scene: Scene, most: int) -> tuple[Camera, ...]:
     """The scene's own, else views around it."""
     if scene.cameras:
         return scene.cameras[:most]
-    whole = frame_all(scene.bounds)
+    whole = frame_all(scene)
     target = np.array(whole.target)
     distance = NEARER * float(np.linalg.norm(np.array(whole.eye) - target))
     found = []

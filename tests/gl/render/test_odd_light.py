@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of
+from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, straight_camera
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material, Scene
-from viewer.state.camera import frame_all
-from viewer.state.view_state import Lighting, Slot, ViewState
+from viewer.state.framing import frame_all
+from viewer.state.view_state import STUDIO, Lighting, Slot, ViewState
 
 PLAIN = [Material("m", -1, WHITE)]
 CUBE = scene_of([cube(0)], PLAIN)
@@ -25,6 +25,7 @@ LIGHTINGS = {
     "nadir": Lighting(sun_elevation=-90.0),
     "horizon": Lighting(sun_elevation=0.0, sun_azimuth=720.0),
     "blinding": Lighting(exposure=40.0, sun_strength=1e6, tone_map="agx"),
+    "studio": Lighting(environment=STUDIO, sun_strength=0.0),
     "black": Lighting(exposure=-200.0),
 }
 CAMERAS = {
@@ -48,12 +49,12 @@ def lit(graphics: GraphicsContext, scene: Scene, camera: Camera, lighting: Light
 @pytest.mark.parametrize("name", SCENES)
 def test_scenes_of_any_size_are_lit(graphics: GraphicsContext, name: str) -> None:
     scene = SCENES[name]
-    assert lit(graphics, scene, frame_all(scene.bounds), Lighting()).max() > 0.2
+    assert lit(graphics, scene, frame_all(scene), Lighting()).max() > 0.2
 
 
 @pytest.mark.parametrize("name", LIGHTINGS)
 def test_any_light_makes_a_picture(graphics: GraphicsContext, name: str) -> None:
-    picture = lit(graphics, CUBE, frame_all(CUBE.bounds), LIGHTINGS[name])
+    picture = lit(graphics, CUBE, frame_all(CUBE), LIGHTINGS[name])
     assert (picture.mean() > 0.01) == (name not in ("nadir", "black"))
 
 
@@ -64,6 +65,17 @@ def test_any_camera_sees_light(graphics: GraphicsContext, name: str) -> None:
 
 
 def test_tiny_and_huge_scenes_look_alike(graphics: GraphicsContext) -> None:
-    small = lit(graphics, CUBE, frame_all(CUBE.bounds), Lighting())
-    huge = lit(graphics, SCENES["huge"], frame_all(SCENES["huge"].bounds), Lighting())
+    small = lit(graphics, CUBE, frame_all(CUBE), Lighting())
+    huge = lit(graphics, SCENES["huge"], frame_all(SCENES["huge"]), Lighting())
     assert (np.abs(small - huge).max(axis=-1) < 0.02).mean() > 0.99
+
+
+def test_a_pattern_stands_for_an_image_that_is_missing(graphics: GraphicsContext) -> None:
+    scene = scene_of([Part(0)], [Material("m", -1, WHITE, missing_base=True)])
+    renderer = Renderer(graphics, scene)
+    renderer.render(ViewState(straight_camera(), (64, 64)), whole=True)
+    picture = renderer.picture(Slot())
+    renderer.release()
+    square = picture[4::8, 4::8]
+    assert not np.allclose(square[0, 0], square[0, 1], atol=0.1)
+    np.testing.assert_allclose(square[1:, 1:], square[:-1, :-1], atol=1e-3)

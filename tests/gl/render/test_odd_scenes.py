@@ -20,7 +20,7 @@ from tests.support.picture_scenes import (
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Scene
-from viewer.state.camera import frame_all
+from viewer.state.framing import frame_all
 from viewer.state.view_state import DecodePath, Slot, ViewState
 
 PATHS = get_args(DecodePath)
@@ -120,6 +120,6 @@ def test_degenerate_transforms_and_triangles_draw_nothing_and_break_nothing(grap
     broken = Part(0, np.zeros((4, 3), np.float32), QUAD_UVS)
     scene = scene_of([cube(0, flat, np.eye(4) * 0.0), broken, cube(0)], [Material("m", -1, WHITE)])
     renderer = Renderer(graphics, scene)
-    renderer.render(ViewState(frame_all(scene.bounds), (32, 32)))
+    renderer.render(ViewState(frame_all(scene), (32, 32)))
     assert 0.1 < renderer.covered().mean() < 1.0
     renderer.release()

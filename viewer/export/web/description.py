@@ -11,7 +11,8 @@ from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.quality import finite_or_none
 from ntc.metrics.metrics import bits_with_mips, psnr_table
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene
-from viewer.state.camera import clip_distances, frame_all
+from viewer.state.camera import clip_distances
+from viewer.state.framing import frame_all
 
 FORMAT = 1
 """Version of `page.json`: raised with each change that an older page would misread."""
@@ -152,7 +153,7 @@ def describe_figures(pack: Pack, scene: Scene, chosen: Sequence[int], original_b
 
 def describe_view(scene: Scene) -> dict[str, Any]:
     """Return where the page looks from, and what lights the scene."""
-    cameras = scene.cameras or (frame_all(scene.bounds),)
+    cameras = scene.cameras or (frame_all(scene),)
     return {
         "bounds": scene.bounds.tolist(),
         "cameras": [_camera(scene, camera) for camera in cameras],

@@ -30,7 +30,7 @@ class PrefilterInputs:
     panorama: NDArray[np.float32] = field(compare=False)
     """[H, 2 H, 3] linear radiance."""
     is_kept: bool = field(default=False, compare=False)
-    """True where the result is kept on disk, and found there: for files, whose key is the digest of their content."""
+    """True where the result is kept on disk, and found there: for panoramas, whose key is the digest of their content."""
 
 
 @dataclass(eq=False)

@@ -60,7 +60,7 @@ def material_records(scene: Scene) -> np.ndarray:
         record["specular"] = dielectric_reflectance(material)
         record["alpha_cutoff"] = material.alpha_cutoff
         record["alpha_mode"] = ALPHA_CODES[material.alpha_mode]
-        record["unlit"] = material.unlit
+        record["unlit"], record["missing_base"] = material.unlit, material.missing_base
         record["clearcoat"], record["clearcoat_roughness"] = factors.clearcoat, factors.clearcoat_roughness
         for own, plane in zip(record["planes"], PLANES, strict=True):
             # Coverage is read as the base colour would be, also where there is none.

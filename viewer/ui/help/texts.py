@@ -181,8 +181,8 @@ CONTROLS: Final = {
     # Light
     "view": "View of the materials: lit surfaces, or one of the maps.",
     "materials": "View of the materials: lit surfaces, or one of the maps.",
-    "environment": "Light from all sides: the sky, or a panorama. Drop an .hdr or .exr file on the window.",
-    "turned by": "Turn of the panorama about the vertical axis, in degrees.",
+    "environment": "Light from all sides: the sky, a studio or a panorama. Drop an .hdr or .exr file on the window.",
+    "turned by": "Turn of studio or panorama about the vertical axis, in degrees.",
     "sun from": "Direction of the sun in degrees, from north (-Z) towards east (+X).",
     "sun height": "Elevation of the sun in degrees above the horizon.",
     "sun": "Strength of the sun: 1 is the usual one, 0 turns it off.",

@@ -6,7 +6,15 @@ from typing import get_args
 from imgui_bundle import imgui
 
 from viewer.commands.materials import VIEWS
-from viewer.state.view_state import ELEVATION_RANGE, REFERENCE, SKY, DecodedMaps, MaterialView, ToneMap
+from viewer.state.view_state import (
+    ELEVATION_RANGE,
+    OWN_ENVIRONMENTS,
+    REFERENCE,
+    SKY,
+    DecodedMaps,
+    MaterialView,
+    ToneMap,
+)
 from viewer.ui.controls import command_list, slider
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo, em, wrapped_disabled
@@ -35,11 +43,11 @@ def _slider(ui: UiFrame, label: str, value: float, ends: tuple[float, float], te
 def _draw_environment(ui: UiFrame) -> None:
     lighting = ui.session.view.lighting
     _label("environment", ui)
-    is_sky = lighting.environment == SKY
-    choices = (SKY,) if is_sky else (Path(lighting.environment).name, SKY)
-    if combo("environment", choices[0], choices, ui.rects) == SKY and not is_sky:
-        ui.emit("light.environment", Path(SKY))
-    if not is_sky:
+    shown = Path(lighting.environment).name
+    chosen = combo("environment", shown, tuple(dict.fromkeys((*OWN_ENVIRONMENTS, shown))), ui.rects)
+    if chosen != shown:
+        ui.emit("light.environment", Path(chosen))
+    if lighting.environment != SKY:
         turn = _slider(ui, "turned by", lighting.environment_turn, (0.0, 360.0), "%.0f deg")
         if turn is not None:
             ui.emit("light.turn", turn)

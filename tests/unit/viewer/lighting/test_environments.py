@@ -24,6 +24,7 @@ from viewer.lighting.directions import (
 from viewer.lighting.panorama import LARGEST_RADIANCE, load_panorama, reduced
 from viewer.lighting.prefilter import PrefilteredEnvironment, PrefilterSize, irradiance_map
 from viewer.lighting.sky import environment_turn, sky_radiance, sun_irradiance, sun_of
+from viewer.lighting.studio import METERED, studio_radiance
 from viewer.state.view_state import Lighting
 
 
@@ -231,3 +232,10 @@ def test_faulty_files_are_one_line(tmp_path: Path, fault: str) -> None:
         load_panorama(path)
     assert str(caught.value).startswith(str(path))
     assert "\n" not in str(caught.value)
+
+
+def test_the_studio_is_metered_and_has_edges_to_reflect() -> None:
+    made = studio_radiance(64)
+    normals = np.array([direction_towards(*METERED)])
+    assert irradiance(made, normals).mean() == pytest.approx(1.0, abs=0.03)
+    assert made.max() > 20.0 * np.median(made)

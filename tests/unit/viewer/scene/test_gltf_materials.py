@@ -159,6 +159,7 @@ def test_missing_and_broken_images_are_reported_and_the_factor_stays(tmp_path: P
     scene = load_scene(builder.write(tmp_path / "scene.gltf"))
     assert scene.textures == ()
     assert all(material.factor == (0.1, 0.2, 0.3, 1.0) for material in scene.materials)
+    assert all(material.missing_base for material in scene.materials)
     for index in images:
         assert any(f"images[{index}]" in line and "factor is used" in line for line in scene.report.missing), index
 

@@ -405,7 +405,7 @@ def find_images(
         if image.failure:
             reason = image.failure.removeprefix(f"{file.name}: ")
             base = "base" in merged[index].maps
-            notes.missing(f"{reason} [{'the factor is used' if base else 'factors are used'}]")
+            notes.missing(f"{reason} [{'a magenta pattern times the factor is used' if base else 'factors are used'}]")
         for key, found in image.facts.maps.items():
             if found.remark:
                 notes.note(f"{image.name}: {key} map {found.remark}")

@@ -357,6 +357,8 @@ def _set_hash(
 
 
 def _with_base(material: Material, image: SceneImage | None, texture_id: int) -> Material:
+    if image is not None and image.failure:
+        return replace(material, missing_base=True)
     constant = None if image is None else image.facts.constant
     if constant is None:
         return replace(material, texture_id=texture_id)

@@ -1,0 +1,78 @@
+"""The parts of a scene in a pose as points, and those of them that a picture of the whole is framed to."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.scene.model import Pose, Scene
+
+Array = NDArray[np.float64]
+MOST_PARTS = 4096
+"""Number of parts that are looked at; of more, evenly chosen ones."""
+MOST_POINTS = 1 << 18
+LEAST_POINTS = 64
+"""Number of points that any part may have, however many parts there are."""
+FARTHEST = 16.0
+"""Reach of a part, in multiples of the median reach, beyond which it is not framed."""
+PLAIN, FARTHEST_PLAIN = 0.01, 4.0
+"""The same for parts with less than the share PLAIN of all triangles: ground planes and sky domes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """A primitive where it stands."""
+
+    points: Array
+    """[N, 3] corners of its triangles in world space, evenly chosen."""
+    triangles: int
+    instance: int
+    """Row of `Scene.instances`."""
+
+
+def parts_of(scene: Scene, pose: Pose | None = None) -> list[Part]:
+    """Return the parts of `scene` in `pose`, moved by skins and morph targets; None: as it was read. Raises InputError for an
+    unknown animation."""
+    stand = scene.motion.at(pose) if scene.motion is not None and pose is not None else None
+    instances = scene.instances if stand is None else stand.instances
+    moved = {}
+    if stand is not None and scene.motion is not None:
+        moved = {part.base_vertex: part.at(stand.deformations[part.node]).positions for part in scene.motion.moving}
+    rows = np.arange(0, len(instances.primitive), -(-len(instances.primitive) // MOST_PARTS) or 1)
+    each = max(LEAST_POINTS, MOST_POINTS // max(1, len(rows)))
+    parts: list[Part] = []
+    for row in rows.tolist():
+        primitive = scene.primitives[instances.primitive[row]]
+        end = primitive.first_index + primitive.index_count
+        used = scene.geometry.indices[primitive.first_index : end : -(-primitive.index_count // each) or 1]
+        base = primitive.base_vertex
+        own = moved[base][used] if base in moved else scene.geometry.positions[base + used.astype(np.int64)]
+        transform = instances.transform[row].astype(np.float64)
+        with np.errstate(over="ignore", invalid="ignore"):
+            points = own.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
+        points = points[np.isfinite(points).all(axis=1)]
+        if len(points):
+            parts.append(Part(points, primitive.index_count // 3, row))
+    return parts
+
+
+def _median(values: Array, weights: Array) -> float:
+    """Return the smallest value that half of the weight does not exceed."""
+    order = np.argsort(values)
+    return float(values[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2.0)])
+
+
+def near_parts(parts: Sequence[Part]) -> list[Part]:
+    """Return the parts without those that reach much farther from the middle than the median of triangles does.
+
+    A ground plane, a sky dome or a prop left at the wrong scale would else make the rest a speck.
+    """
+    if not parts:
+        return []
+    weights = np.array([part.triangles for part in parts], np.float64)
+    centres = np.array([(part.points.min(axis=0) + part.points.max(axis=0)) / 2.0 for part in parts])
+    middle = np.array([_median(centres[:, axis], weights) for axis in range(3)])
+    reaches = np.array([np.linalg.norm(part.points - middle, axis=1).max() for part in parts])
+    limits = np.where(weights < PLAIN * weights.sum(), FARTHEST_PLAIN, FARTHEST) * _median(reaches, weights)
+    return [part for part, is_near in zip(parts, (reaches <= limits).tolist(), strict=True) if is_near]
