@@ -345,7 +345,8 @@ def test_cameras_of_the_scene_and_frame_all(app: DrivenApp) -> None:
     assert (framed.target <= high).all()
     # From where the camera looked before, far enough to see all.
     ways = [np.subtract(camera.eye, camera.target) for camera in (framed, replace(before, eye=(5.0, 5.0, 5.0)))]
-    np.testing.assert_allclose(*(way / np.linalg.norm(way) for way in ways), atol=1e-6)
+    now, then = (way / np.linalg.norm(way) for way in ways)
+    np.testing.assert_allclose(now, then, atol=1e-6)
 
 
 def test_resolution(app: DrivenApp) -> None:

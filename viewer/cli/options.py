@@ -154,6 +154,7 @@ class ViewOptions(DecoderOptions):
 
     scene: OptionalScene = None
     """Scene to open: .gltf, .glb, .obj, .ply, .stl, .off, a zip archive or a folder; or `gallery`, the built-in spheres.
+    A folder of images is shown on panels and spheres.
     Default: the built-in courtyard."""
     pack: Packs = ()
     """Packs or libraries to open besides the packs beside the scene (NAME.*.ntc). Example: --pack a.ntc b.ntc."""

@@ -250,13 +250,20 @@ def split_alpha(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[n
     return np.ascontiguousarray(pixels[..., :3]), np.ascontiguousarray(pixels[..., 3])
 
 
+def _is_image(path: Path) -> bool:
+    return path.suffix.lower() in IMAGE_SUFFIXES and not is_partial(path) and path.is_file()
+
+
+def has_images(folder: Path) -> bool:
+    """Return whether `folder` or a sub-folder holds an image file."""
+    return any(_is_image(path) for path in folder.rglob("*"))
+
+
 def folder_images(folder: Path) -> list[Path]:
     """Return the image files in `folder` and its sub-folders, ordered by path. Raises InputError where there are none."""
     if not folder.is_dir():
         raise InputError(f"{folder}: not a folder; give one that holds images")
-    paths = sorted(
-        p for p in folder.rglob("*") if p.suffix.lower() in IMAGE_SUFFIXES and not is_partial(p) and p.is_file()
-    )
+    paths = sorted(path for path in folder.rglob("*") if _is_image(path))
     if not paths:
         raise InputError(f"{folder}: holds no images (PNG, JPEG, WebP ...)")
     return paths

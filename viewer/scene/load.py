@@ -24,6 +24,7 @@ from viewer.scene.gltf.shapes import (
     posed_values,
     read_shapes,
 )
+from viewer.scene.image_folder import folder_gltf
 from viewer.scene.images import ProgressReport
 from viewer.scene.mesh_files import convert_mesh
 from viewer.scene.model import Instances, Pose, Scene
@@ -43,7 +44,7 @@ def load_scene(
     before: Scene | None = None,
 ) -> Scene:
     """Return the scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if
-    that holds one.
+    that holds one; of a folder with images and no scene, the images on panels and spheres.
 
     `variant`: name of the material variant that is drawn (KHR_materials_variants), "" for the materials that primitives name
     themselves; the textures of all variants are read. `pose`: a moment of an animation at which the scene stands. `report` is told
@@ -95,6 +96,8 @@ def _container(path: Path) -> GltfFile:
 
 
 def _file(path: Path, name: str) -> GltfFile:
+    if path.is_dir():
+        return folder_gltf(path)
     if path.suffix.lower() in MESH_SUFFIXES:
         mesh = convert_mesh(path)
         return replace(parse_gltf(mesh.glb, name, None), converted=mesh)

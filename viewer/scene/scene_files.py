@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ntc.errors import InputError
+from viewer.scene.images import has_images
 from viewer.scene.json_text import printable
 
 SCENE_SUFFIXES = (".gltf", ".glb")
@@ -50,7 +51,7 @@ OTHER_SCENES = (
 )
 """Formats of scenes that are not read."""
 OTHER_ARCHIVES = (".7z", ".rar", ".tar", ".tgz", ".gz", ".bz2", ".xz", ".zst")
-OPENABLE = "a scene is a .gltf, .glb, .zip with one of them, .obj, .ply, .stl or .off"
+OPENABLE = "a scene is a .gltf, .glb, .zip with one of them, .obj, .ply, .stl, .off or a folder of images"
 
 
 def scenes_in(folder: Path) -> tuple[Path, ...]:
@@ -60,11 +61,16 @@ def scenes_in(folder: Path) -> tuple[Path, ...]:
 
 
 def scene_file(path: Path) -> Path:
-    """Return `path`, or where that is a folder, the one scene in it. Raises InputError for a folder with none or several."""
+    """Return `path`, or where that is a folder, the one scene in it, and a folder without scenes but with images itself.
+
+    Raises InputError for a folder with neither or with several scenes.
+    """
     try:
         if not path.is_dir():
             return path
         found = scenes_in(path)
+        if not found and has_images(path):
+            return path
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     return one_scene(found, path, "folder")
@@ -88,7 +94,7 @@ def require_scene(path: Path) -> None:
     suffix = path.suffix.lower()
     if path.parts[:1] in (("http:",), ("https:",)):
         raise InputError(f"{path}: scenes are opened from files; download it, then open the file")
-    if suffix in SCENE_SUFFIXES or suffix in MESH_SUFFIXES or suffix == ARCHIVE_SUFFIX:
+    if suffix in SCENE_SUFFIXES or suffix in MESH_SUFFIXES or suffix == ARCHIVE_SUFFIX or path.is_dir():
         return
     if suffix in OTHER_SCENES:
         raise InputError(

@@ -21,6 +21,7 @@ from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.scenes import sorted_triangles, world_triangles
 from viewer.scene.cameras_file import cameras_beside, with_cameras_beside
 from viewer.scene.folder_listing import completed, list_folder, matching
+from viewer.scene.images import folder_textures, write_png
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import FREE_BYTES, SCENES_NAMED, scene_file
@@ -468,3 +469,26 @@ def test_vertex_colours_become_linear(tmp_path: Path, suffix: str) -> None:
     colors = load_scene(tmp_path / f"a{suffix}").geometry.colors
     assert colors is not None
     np.testing.assert_allclose(colors[:, :3], np.tile([[1.0, 0.2158605, 0.000607]], (len(colors), 1)), atol=2e-5)
+
+
+def test_a_folder_of_images_is_shown_as_it_is_encoded(tmp_path: Path) -> None:
+    folder = tmp_path / "wall paper"
+    (folder / "brick").mkdir(parents=True)
+    clear = np.full((8, 8, 1), 128, np.uint8)
+    images = {
+        "brick/a ü.png": noise(8, 8),
+        "b.png": np.dstack([noise(8, 8, seed=1), clear]),
+        "c.png": noise(4, 8, seed=2),
+    }
+    for name, pixels in images.items():
+        write_png(folder / name, pixels)
+    write_png(folder / "constant.png", np.full((4, 4, 3), 7, np.uint8))
+    scene = load_scene(folder)
+    encoded = {(each.name, each.pixel_hash, each.category) for each in folder_textures(folder)}
+    assert {(each.name, each.pixel_hash, each.category) for each in scene.textures} == encoded
+    assert (scene.path, scene.name, scene.report.missing) == (folder, "wall paper", ())
+    assert len(scene.instances.primitive) == 2 * 4
+    # Triangles face outwards: panels to the camera, spheres from their middles.
+    triangles = world_triangles(scene)
+    facing = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])[:, 2].sum()
+    assert facing > 0.0

@@ -48,7 +48,8 @@ def test_a_huge_ground_and_a_dome_do_not_count() -> None:
 def test_the_camera_stays_outside_of_what_is_left_out() -> None:
     # A bar from the cube through the place that the camera would take.
     first = np.array(frame_all(CUBE).eye)
-    bar = placed(*first.tolist(), (1.0, 1.0, 30.0))
+    x, y, z = first.tolist()
+    bar = placed(x, y, z, (1.0, 1.0, 30.0))
     scene = scene_of([cube(0), cube(0, bar)], PLAIN)
     eye = np.array(frame_all(scene).eye)
     assert np.sign(eye[0]) != np.sign(first[0])
