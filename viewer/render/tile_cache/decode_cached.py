@@ -8,29 +8,27 @@ from numpy.typing import NDArray
 
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
-from viewer.gl.program import Defines, ProgramFactory, set_uniforms
+from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import (
-    BIN_GROUP,
     GROUP_SIDE,
     LATE_TILE_REQUESTS,
     MAX_TILE_REQUESTS,
-    PAGE_QUADS,
     PAGE_SIDE,
     PAGES_ACROSS,
     TEXEL_GROUP,
     TILE_LEVEL_RECORD,
     TILE_RECORD,
-    ImageUnit,
     StorageBinding,
     TextureUnit,
     TileBinding,
 )
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
-from viewer.render.tile_cache.budget import AHEAD_MILLISECONDS, TILES_AT_ONCE, TileBudget, TileCounts
+from viewer.render.tile_cache.budget import AHEAD_MILLISECONDS, TileBudget, TileCounts
+from viewer.render.tile_cache.tile_decoder import TileDecoder
 from viewer.render.tile_cache.tiles import LAYER_PAGES, PagePool, TileTable, finest_levels
 
 FOLDER = "passes/decode_cached"
@@ -55,8 +53,8 @@ class DecodeCachedPass:
         """True where every request is answered in the frame that makes it; else fewer tiles are listed."""
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
         self._buffers, self._ranges, self._table, self._budget = buffers, ranges, table, budget
-        self._programs, self._defines = programs, reading.defines()
-        self._compile({**self._defines, **buffers.defines, **ranges.defines})
+        self._programs, self._reading, self._defines = programs, reading, reading.defines()
+        self._compile()
         self._pool = PagePool(max(1, min(budget.config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = TileAtlas(context, PAGES_ACROSS * PAGE_SIDE, srgb=reading.plane != "surface")
         self._out_of_memory = False
@@ -85,16 +83,9 @@ class DecodeCachedPass:
         self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
         self._tile_ms: float | None = None
 
-    def _compile(self, defines: Defines) -> None:
-        self._decoding = defines
-        # What the first frame needs; the other one is compiled where a tile needs it.
-        self._decode_program(self._buffers.decodes_together)
+    def _compile(self) -> None:
+        self._tile_decoder = TileDecoder(self._context, self._programs, self._buffers, self._ranges, self._reading)
         self._invalidate = self._programs.compute(f"{FOLDER}/invalidate.comp")
-
-    def _decode_program(self, together: bool) -> moderngl.ComputeShader:
-        """Return the program that decodes tiles, each code once for all of its texels or not."""
-        name = "decode_together" if together else "decode"
-        return self._programs.compute(f"{FOLDER}/{name}.comp", self._decoding)
 
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
@@ -333,33 +324,9 @@ class DecodeCachedPass:
     def _run_decoders(
         self, tiles: NDArray[np.void], decoders: NDArray[np.int64], too_coarse: NDArray[np.bool_]
     ) -> None:
-        self._buffers.bind()
         self._places[TileBinding.TILE_ENTRIES].bind_to_storage_buffer(int(TileBinding.TILE_ENTRIES))
         self._write_tiles(tiles.tobytes())
-        self._atlas.bind_image(int(ImageUnit.ATLAS))
-        together = ~too_coarse & self._buffers.decodes_together
-        if not self._buffers.shares_decoders:
-            # Each tile finds its decoder: one dispatch decodes those of all.
-            decoders = np.zeros_like(decoders)
-        starts = np.nonzero(np.diff(2 * decoders + together, prepend=-1))[0].tolist()
-        for start, end in zip(starts, [*starts[1:], len(tiles)], strict=True):
-            self._ranges.bind(int(decoders[start]))
-            program = self._decode_program(bool(together[start]))
-            set_uniforms(program, {"network_blocks": self._buffers.network_blocks})
-            for first in range(start, end, TILES_AT_ONCE):
-                number = min(TILES_AT_ONCE, end - first)
-                set_uniforms(program, {"first_tile": first, "tile_count": number})
-                program.run(*self._work_groups(number, bool(together[start])))
-        self._gl.memory_barrier()
-
-    def _work_groups(self, tiles: int, together: bool) -> tuple[int, int]:
-        """Return the work groups that decode `tiles` tiles: a quarter each, four texels of a block in each invocation, or any."""
-        if together:
-            return tiles, 4
-        if self._buffers.decodes_quads:
-            return tiles, -(-PAGE_QUADS // BIN_GROUP)
-        groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
-        return self._context.memory.limits.rows_of_work_groups(groups)
+        self._tile_decoder.run(decoders, too_coarse, self._atlas)
 
     def _write_tiles(self, data: bytes) -> None:
         replace_content(self._tiles, data)
@@ -417,7 +384,8 @@ ROW = 4096
 class DrawnTileCache(DecodeCachedPass):
     """Tile cache without compute shaders: the CPU keeps the table of tiles, and fragment shaders mark the tiles that are read."""
 
-    def _compile(self, defines: Defines) -> None:
+    def _compile(self) -> None:
+        defines = {**self._defines, **self._buffers.defines, **self._ranges.defines}
         program = self._programs.program(f"{FOLDER}/decode.vert", f"{FOLDER}/decode.frag", defines)
         self._pages = self._gl.vertex_array(program, [])
         self._points: dict[moderngl.Program, moderngl.VertexArray] = {}

@@ -1,0 +1,68 @@
+"""Decoding of tiles of one plane of a pack into the pages of an atlas, by compute shaders."""
+
+import moderngl
+import numpy as np
+from numpy.typing import NDArray
+
+from viewer.gl.context import GraphicsContext
+from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.gl.texture_arrays import TileAtlas
+from viewer.render.resources.layout import BIN_GROUP, PAGE_QUADS, PAGE_SIDE, ImageUnit
+from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
+from viewer.render.resources.visibility_buffer import PlaneReading
+from viewer.render.tile_cache.budget import TILES_AT_ONCE
+
+
+class TileDecoder:
+    """Programs that decode tiles of one plane of a pack, with their borders, into the pages that they name."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        ranges: DecoderRanges,
+        reading: PlaneReading,
+    ) -> None:
+        """Compile what the first tiles need; the other program is compiled where a tile needs it. Raises ShaderError."""
+        self._gl, self._limits = context.gl, context.memory.limits
+        self._programs, self._buffers, self._ranges = programs, buffers, ranges
+        self._defines = {**reading.defines(), **buffers.defines, **ranges.defines}
+        self._program(buffers.decodes_together)
+
+    def _program(self, together: bool) -> moderngl.ComputeShader:
+        """Return the program that decodes tiles, each code once for all of its texels or not."""
+        name = "decode_together" if together else "decode"
+        return self._programs.compute(f"passes/decode_cached/{name}.comp", self._defines)
+
+    def run(self, decoders: NDArray[np.int64], too_coarse: NDArray[np.bool_], atlas: TileAtlas) -> None:
+        """Decode the tiles that are bound to StorageBinding.REQUESTS as TILE_RECORDs; TileBinding.TILE_ENTRIES gets their pages.
+
+        `decoders` [N]: decoder of each tile, ascending. `too_coarse` [N]: whether the mip is not on the GPU; texels of the next one
+        are filtered then.
+        """
+        self._buffers.bind()
+        atlas.bind_image(int(ImageUnit.ATLAS))
+        together = ~too_coarse & self._buffers.decodes_together
+        if not self._buffers.shares_decoders:
+            # Each tile finds its decoder: one dispatch decodes those of all.
+            decoders = np.zeros_like(decoders)
+        starts = np.nonzero(np.diff(2 * decoders + together, prepend=-1))[0].tolist()
+        for start, end in zip(starts, [*starts[1:], len(decoders)], strict=True):
+            self._ranges.bind(int(decoders[start]))
+            program = self._program(bool(together[start]))
+            set_uniforms(program, {"network_blocks": self._buffers.network_blocks})
+            for first in range(start, end, TILES_AT_ONCE):
+                number = min(TILES_AT_ONCE, end - first)
+                set_uniforms(program, {"first_tile": first, "tile_count": number})
+                program.run(*self._work_groups(number, bool(together[start])))
+        self._gl.memory_barrier()
+
+    def _work_groups(self, tiles: int, together: bool) -> tuple[int, int]:
+        """Return the work groups that decode `tiles` tiles: a quarter each, four texels of a block in each invocation, or any."""
+        if together:
+            return tiles, 4
+        if self._buffers.decodes_quads:
+            return tiles, -(-PAGE_QUADS // BIN_GROUP)
+        groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
+        return self._limits.rows_of_work_groups(groups)
