@@ -345,9 +345,8 @@ Sum block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
     return sum;
 }
 
-// The texture's value for a sum over parts; it may lie outside [0, 1].
-vec4 unlimited_value(TextureRecord record, Sum sum) {
-    const int first = 4 * PLANE_PLACE;
+// The texture's value for a sum over parts, without what the transform shows.
+vec4 untransformed_value(TextureRecord record, Sum sum) {
     const int mean = CODE_MIPS * PLANE_PLACE;
     vec4 value = sum.edges + record.mean[mean] * sum.mean_weights.x;
 #if CODE_MIPS > 1
@@ -356,6 +355,13 @@ vec4 unlimited_value(TextureRecord record, Sum sum) {
 #if CODE_MIPS > 2
     value += record.mean[mean + 2] * sum.mean_weights.z + record.mean[mean + 3] * sum.mean_weights.w;
 #endif
+    return value;
+}
+
+// The texture's value for a sum over parts; it may lie outside [0, 1].
+vec4 unlimited_value(TextureRecord record, Sum sum) {
+    const int first = 4 * PLANE_PLACE;
+    vec4 value = untransformed_value(record, sum);
     value += record.axes[first] * sum.transform.x + record.axes[first + 1] * sum.transform.y;
     return value + record.axes[first + 2] * sum.transform.z + record.axes[first + 3] * sum.transform.w;
 }

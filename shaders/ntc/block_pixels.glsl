@@ -1,4 +1,4 @@
-// Codec `block` for pixels side by side: the codes that they read are found in a hash table, and each texel is decoded once.
+// Codec `block` for pixels side by side: the codes that they read are found in a hash table, and squares of texels are decoded once.
 // Where shared memory does not hold all, further rounds decode the rest.
 #include "ntc/block_together.glsl"
 
@@ -10,23 +10,16 @@ const int MIPS_READ = 2;
 const int CORNERS = 4;
 #endif
 const int TAPS = MIPS_READ * CORNERS;
-const int MOST_TEXELS = 256;
+const int MOST_SQUARES = 112;
+// A texel of a code: its square in the upper bits, its number in the square in the lower two.
 const int TEXEL_BITS = 7;
-const int TEXEL_MASK = (1 << TEXEL_BITS) - 1;
-// Texels of a code: those of its mips one after the other.
-const int MIP_1_TEXEL = BLOCK_SIDE * BLOCK_SIDE;
-const int MIP_2_TEXEL = MIP_1_TEXEL + MIP_1_TEXEL / 4;
-const int MIP_3_TEXEL = MIP_2_TEXEL + MIP_1_TEXEL / 16;
-const int MASKS = 3;
+const int SQUARE_BITS = TEXEL_BITS - 2;
+const int SQUARE_MASK = (1 << SQUARE_BITS) - 1;
 
-shared int tap_places[TAPS * TOGETHER];   // of each invocation's taps: slot and number of the texel; -1: none
-shared uint slot_masks[SLOTS * MASKS];    // of texels that are read
-shared int slot_texel[SLOTS];             // of its texels among those in shared memory
-shared vec4 texel_values[MOST_TEXELS];    // before a texel is decoded: its slot and number
-
-int mip_texel(int mip) {
-    return mip == 0 ? 0 : (mip == 1 ? MIP_1_TEXEL : (mip == 2 ? MIP_2_TEXEL : MIP_3_TEXEL));
-}
+shared int tap_places[TAPS * TOGETHER];   // of each invocation's taps: slot and texel; -1: none
+shared uint slot_squares[SLOTS];          // a bit for each square that is read
+shared int slot_square[SLOTS];            // of its squares among those in shared memory; -1: it is not decoded in this round
+shared vec4 texel_values[4 * MOST_SQUARES];    // by texel of a square; before, of its first texel: its slot and number
 
 // The slot of a code; -1 where there is none left.
 int claimed_slot(uint number) {
@@ -39,14 +32,9 @@ int claimed_slot(uint number) {
     return -1;
 }
 
-// Place of a texel of a slot among those in shared memory.
-int texel_place(int slot, int number) {
-    uint below = (1u << uint(number & 31)) - 1u;
-    int word = number >> 5;
-    int before = bitCount(slot_masks[slot * MASKS + word] & below);
-    if (word > 0) before += bitCount(slot_masks[slot * MASKS]);
-    if (word > 1) before += bitCount(slot_masks[slot * MASKS + 1]);
-    return slot_texel[slot] + before;
+// Place of a square of a slot among those in shared memory.
+int square_place(int slot, int square) {
+    return slot_square[slot] + bitCount(slot_squares[slot] & ((1u << uint(square)) - 1u));
 }
 
 // The texels that a pixel reads of one mip.
@@ -80,6 +68,17 @@ float corner_weight(MipTexels mip, int corner) {
     return mip.weight * across * ((corner & 2) != 0 ? share.y : 1.0 - share.y);
 }
 
+// A bit for each corner of weight 0.
+int unread_corners(MipTexels mip) {
+    if (mip.weight == 0.0) return 15;
+    return (mip.footprint.share.x == 0.0 ? 10 : 0) | (mip.footprint.share.y == 0.0 ? 12 : 0);
+}
+
+// What the column and the row of a texel of a block add to its number in the code.
+ivec2 texel_numbers(ivec2 texel, int shift) {
+    return ivec2((texel.x >> 1) << 2 | (texel.x & 1), (texel.y >> 1) << shift << 1 | (texel.y & 1) << 1);
+}
+
 // The value of texture `texture_id` at `at` and `lod`, limited to [0, 1], for each invocation of the group. Where `wanted` is false
 // nothing is decoded, and the result is undefined.
 vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod, ivec2 wrap) {
@@ -91,11 +90,11 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
     for (int round = 0; round < TAPS * TOGETHER && again != 0u; ++round) {
         if (lane < SLOTS) {
             slot_code[lane] = NO_CODE;
-            for (int word = 0; word < MASKS; ++word) slot_masks[lane * MASKS + word] = 0u;
+            slot_squares[lane] = 0u;
         }
         begin_round(lane);
         barrier();
-        // Of texels that several pixels read, one has to list it.
+        // Of squares that several pixels read, one has to list it.
         int owned = 0;
         uint before = NO_CODE;
         int slot = -1;
@@ -103,29 +102,33 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             MipTexels own = texels_of(mip, record, at, lod, wrap);
             LevelRecord level = levels[own.level];
             int shift = block_shift(level);
-            int first_texel = mip_texel(code_mip(level));
+            left &= ~(unread_corners(own) << (CORNERS * mip));
+            ivec2 first = own.footprint.first >> shift;
+            ivec2 second = own.footprint.second >> shift;
+            first.y = level.first_cell + first.y * level.width;
+            second.y = level.first_cell + second.y * level.width;
+            ivec2 texel = texel_numbers(own.footprint.first & ((1 << shift) - 1), shift);
+            ivec2 other = texel_numbers(own.footprint.second & ((1 << shift) - 1), shift);
+            texel.x += 4 * mip_square(code_mip(level));
+            other.x += 4 * mip_square(code_mip(level));
             for (int corner = 0; corner < CORNERS * network_blocks; ++corner) {
                 int tap = CORNERS * mip + corner;
+                bvec2 is_second = bvec2((corner & 1) != 0, (corner & 2) != 0);
                 int place = -1;
                 if ((left & (1 << tap)) != 0) {
-                    if (corner_weight(own, corner) == 0.0) left &= ~(1 << tap);
-                    ivec2 texel = own.footprint.first;
-                    if ((corner & 1) != 0) texel.x = own.footprint.second.x;
-                    if ((corner & 2) != 0) texel.y = own.footprint.second.y;
-                    ivec2 block = texel >> shift;
-                    ivec2 within = texel - (block << shift);
-                    uint code = code_number(level, block);
-                    if ((left & (1 << tap)) != 0 && code != before) {
+                    uint code = uint((is_second.x ? second.x : first.x) + (is_second.y ? second.y : first.y));
+                    if (code != before) {
                         slot = claimed_slot(code);
                         before = code;
+                        if (slot >= 0) {
+                            slot_texture[slot] = texture_id;
+                            slot_level[slot] = own.level;
+                        }
                     }
-                    if ((left & (1 << tap)) != 0 && slot >= 0) {
-                        slot_texture[slot] = texture_id;
-                        slot_level[slot] = own.level;
-                        int number = first_texel + (within.y << shift) + within.x;
-                        uint bit = 1u << uint(number & 31);
-                        uint old = atomicOr(slot_masks[slot * MASKS + (number >> 5)], bit);
-                        if ((old & bit) == 0u) owned |= 1 << tap;
+                    if (slot >= 0) {
+                        int number = (is_second.x ? other.x : texel.x) + (is_second.y ? other.y : texel.y);
+                        uint bit = 1u << uint(number >> 2);
+                        if ((atomicOr(slot_squares[slot], bit) & bit) == 0u) owned |= 1 << tap;
                         place = slot << TEXEL_BITS | number;
                     }
                 }
@@ -133,32 +136,26 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             }
         }
         barrier();
-        if (lane < SLOTS && slot_code[lane] != NO_CODE) {
-            int texels = 0;
-            for (int word = 0; word < MASKS; ++word) texels += bitCount(slot_masks[lane * MASKS + word]);
-            slot_texel[lane] = take_room(lane, texels, MOST_TEXELS);
+        if (lane < SLOTS) {
+            int squares = bitCount(slot_squares[lane]);
+            slot_square[lane] = squares > 0 ? take_room(lane, squares, MOST_SQUARES) : -1;
         }
         barrier();
         for (int number = 0; number < TAPS * network_blocks; ++number) {
-            int place = tap_places[number * TOGETHER + lane];
-            int own = place >> TEXEL_BITS;
-            if ((owned & (1 << number)) != 0 && slot_fits[own] != 0)
-                texel_values[texel_place(own, place & TEXEL_MASK)].x = uintBitsToFloat(uint(place));
+            if ((owned & (1 << number)) == 0) continue;
+            int texel = tap_places[number * TOGETHER + lane] >> 2;
+            int own_slot = texel >> SQUARE_BITS;
+            if (slot_square[own_slot] >= 0)
+                texel_values[square_place(own_slot, texel & SQUARE_MASK)].x = uintBitsToFloat(uint(texel));
         }
         decode_coefficients(lane);
         barrier();
-        int texels = int(room_taken >> 16);
-        for (int place = lane; place < texels; place += TOGETHER) {
+        int squares = int(room_taken >> 16);
+        for (int place = lane; place < squares; place += TOGETHER) {
             int found = int(floatBitsToUint(texel_values[place].x));
-            int number = found & TEXEL_MASK;
-            int mip = 0;
-#if CODE_MIPS > 1
-            mip = int(number >= MIP_1_TEXEL);
-#endif
-#if CODE_MIPS > 2
-            mip += int(number >= MIP_2_TEXEL) + int(number >= MIP_3_TEXEL);
-#endif
-            texel_values[place] = decoded_texel(found >> TEXEL_BITS, mip, number - mip_texel(mip));
+            vec4 values[4];
+            decode_square(found >> SQUARE_BITS, found & SQUARE_MASK, values);
+            for (int one = 0; one < 4; ++one) texel_values[one * MOST_SQUARES + place] = values[one];
         }
         barrier();
         for (int mip = 0; mip < MIPS_READ * network_blocks; ++mip) {
@@ -166,9 +163,10 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             for (int corner = 0; corner < CORNERS * network_blocks; ++corner) {
                 int tap = CORNERS * mip + corner;
                 int place = tap_places[tap * TOGETHER + lane];
-                int slot_of_place = max(place >> TEXEL_BITS, 0);
-                if (place >= 0 && slot_fits[slot_of_place] != 0) {
-                    sum += corner_weight(own, corner) * texel_values[texel_place(slot_of_place, place & TEXEL_MASK)];
+                int own_slot = max(place >> TEXEL_BITS, 0);
+                if (place >= 0 && slot_square[own_slot] >= 0) {
+                    int square = square_place(own_slot, (place >> 2) & SQUARE_MASK);
+                    sum += corner_weight(own, corner) * texel_values[(place & 3) * MOST_SQUARES + square];
                     left &= ~(1 << tap);
                 }
             }

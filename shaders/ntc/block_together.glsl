@@ -16,12 +16,12 @@ shared uvec4 slot_head[SLOTS];
 shared uint slot_ends[SLOTS];         // of the coefficients of each component, in fours: a byte each
 shared int slot_fours[SLOTS];         // groups of four coefficients
 shared int slot_first[SLOTS];         // of its fours in shared memory
-shared uint four_slots[MOST_FOURS];
+shared uint four_slots[MOST_FOURS + 1];    // one more: with three numbers below, vectors stay aligned
 shared vec4 coefficient_values[MOST_FOURS];
-shared ivec4 coefficient_rows[MOST_FOURS];    // word of the tables where the row begins
+shared ivec4 coefficient_rows[MOST_FOURS];    // word of the tables where the squares of the row begin
 
 shared int slot_fits[SLOTS];          // 1: it is decoded in this round
-shared uint room_asked;               // by all slots: fours in the lower half, texels in the upper half
+shared uint room_asked;               // by all slots: fours in the lower half, squares of texels in the upper half
 shared uint room_taken;               // the same of slots that are decoded in this round
 shared uint waiting;                  // 1: some are for the next round
 
@@ -59,15 +59,15 @@ void begin_round(int lane) {
     if (lane == 0) room_asked = room_taken = waiting = 0u;
 }
 
-// Finds the code of a slot, and room for it and for `texels` of at most `most_texels`; gives the first of these, or -1 where it has to
-// wait for another round. Both are shared out at once, so that slots that fit lie before all others.
-int take_room(int slot, int texels, int most_texels) {
+// Finds the code of a slot, and room for it and for `squares` of at most `most_squares`; gives the first of these, or -1 where it has
+// to wait for another round. Both are shared out at once, so that slots that fit lie before all others.
+int take_room(int slot, int squares, int most_squares) {
     find_slot(slot);
     int fours = slot_fours[slot];
-    uint own = uint(fours) | uint(texels) << 16;
+    uint own = uint(fours) | uint(squares) << 16;
     uint first = atomicAdd(room_asked, own);
     uint end = first + own;
-    if (int(end & 65535u) > MOST_FOURS || int(end >> 16) > most_texels) {
+    if (int(end & 65535u) > MOST_FOURS || int(end >> 16) > most_squares) {
         atomicOr(waiting, 1u);
         return -1;
     }
@@ -92,73 +92,74 @@ void decode_coefficients(int lane) {
         uint branches = code_bits(code, int(code.head.z & 65535u) - 3 + place);
         float value = coefficient_of(entry, branches, code_bits(code, int(entry & 1023u)));
         coefficient_values[number >> 2][number & 3] = entry == 0u ? 0.0 : value;
-        coefficient_rows[number >> 2][number & 3] = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS;
+        coefficient_rows[number >> 2][number & 3] = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS + SQUARES_WORD;
     }
 }
 
-// By component of the plane, what the coefficients of a slot show at a texel.
-vec4 transformed_texel(int slot, int mip, int texel) {
-    int place = texel;
-    int bits = 8;
+// Squares of 2x2 texels of a code have numbers: mip after mip, row by row. A mip of one texel has one.
+const int MIP_1_SQUARE = BLOCK_SIDE * BLOCK_SIDE / 4;
+const int MIP_2_SQUARE = MIP_1_SQUARE + BLOCK_SIDE * BLOCK_SIDE / 16;
+const int MIP_3_SQUARE = MIP_2_SQUARE + 1;
+
+int mip_square(int mip) {
+    return mip == 0 ? 0 : (mip == 1 ? MIP_1_SQUARE : (mip == 2 ? MIP_2_SQUARE : MIP_3_SQUARE));
+}
+
+int mip_of_square(int square) {
+    int mip = 0;
 #if CODE_MIPS > 1
-    if (mip > 0) {
-        int first = MIP_1_WORDS;
+    mip = int(square >= MIP_1_SQUARE);
+#endif
 #if CODE_MIPS > 2
-        first = mip == 1 ? MIP_1_WORDS : (mip == 2 ? MIP_2_WORDS : MIP_3_WORDS);
+    mip += int(square >= MIP_2_SQUARE) + int(square >= MIP_3_SQUARE);
 #endif
-        place = first + 2 * texel;
-        bits = 16;
-    }
-#endif
-    vec4 sums = vec4(0.0);
-    uint ends = slot_ends[slot];
-    int four = slot_first[slot];
-    int first = four;
-    for (int component = 0; component < 4 * network_blocks; ++component) {
-        int end = first + int((ends >> uint(8 * component)) & 255u);
-        float sum = 0.0;
-        for (; four < end; ++four) {
-            ivec4 at = coefficient_rows[four] + place;
-            ivec4 words = ivec4(table_word(at.x), table_word(at.y), table_word(at.z), table_word(at.w));
-            sum += dot(coefficient_values[four], vec4(bitfieldExtract(words, 0, bits)));
+    return mip;
+}
+
+vec4 four_halves(int word) {
+    return vec4(unpackHalf2x16(table_word(word)), unpackHalf2x16(table_word(word + 1)));
+}
+
+// Values, not limited, of the texels of a square: the first, then those on its right, below, and on its right below.
+void decode_square(int slot, int square, out vec4 values[4]) {
+    int texture_id = slot_texture[slot];
+    int mip = mip_of_square(square);
+    Code code = slot_content(slot, mip);
+    vec4 mean = textures[texture_id].mean[CODE_MIPS * PLANE_PLACE + mip];
+    for (int one = 0; one < 4; ++one) values[one] = mean;
+    uint width = code.head.w & 3u;
+    if (width != 0u) {
+        int side = BLOCK_SIDE >> code.mip;
+        int own = square - mip_square(mip);
+        int row = own / max(side / 2, 1);
+        int texel = 2 * row * side + 2 * (own - row * (side / 2));
+        for (int one = 0; one < 4 * network_blocks; ++one) {
+            int place = min(texel + (one >> 1) * side + (one & 1), side * side - 1);
+            Sum sum = with_base(code, place, vec4(1.0, 0.0, 0.0, 0.0), vec4(0.0));
+            values[one] = untransformed_value(textures[texture_id], sum);
         }
-        sums += vec4(equal(ivec4(component), ivec4(0, 1, 2, 3))) * sum;
     }
-    return sums * uintBitsToFloat(uint(127 - 2 * mip) << 23);
-}
-
-vec4 four_bytes(int word) {
-    return vec4(word << 24 >> 24, word << 16 >> 24, word << 8 >> 24, word >> 24);
-}
-
-// By component of the plane, what the coefficients of a slot show at a texel of mip 0 of the code and at its neighbours on the right,
-// below, and on the right below.
-void transformed_square(int slot, int texel, out vec4 sums[4]) {
-    for (int component = 0; component < 4; ++component) sums[component] = vec4(0.0);
     uint ends = slot_ends[slot];
     int four = slot_first[slot];
     int first = four;
-    for (int component = 0; component < 4 * network_blocks; ++component) {
+    for (int component = 0; component < COMPONENTS * network_blocks; ++component) {
         int end = first + int((ends >> uint(8 * component)) & 255u);
         vec4 sum = vec4(0.0);
         for (; four < end; ++four) {
-            ivec4 at = coefficient_rows[four] + texel;
-            vec4 values = coefficient_values[four];
-            sum += values.x * four_bytes(int(table_word(at.x))) + values.y * four_bytes(int(table_word(at.y)));
-            sum += values.z * four_bytes(int(table_word(at.z))) + values.w * four_bytes(int(table_word(at.w)));
+            ivec4 at = coefficient_rows[four] + 2 * square;
+            vec4 own = coefficient_values[four];
+            sum += own.x * four_halves(at.x);
+            sum += own.y * four_halves(at.y);
+            sum += own.z * four_halves(at.z);
+            sum += own.w * four_halves(at.w);
         }
-        for (int other = 0; other < 4; ++other) sums[other] = other == component ? sum : sums[other];
+#if BLOCK_SIDE >> (CODE_MIPS - 1) == 1
+        if (BLOCK_SIDE >> mip == 1) sum.x += sum.y;
+#endif
+        vec4 axis = textures[texture_id].axes[4 * PLANE_PLACE + component];
+        values[0] += axis * sum.x;
+        values[1] += axis * sum.y;
+        values[2] += axis * sum.z;
+        values[3] += axis * sum.w;
     }
-}
-
-// A texel's value, not limited, for what its transform shows.
-vec4 texel_value(int slot, int mip, int texel, vec4 transform) {
-    TextureRecord record = textures[slot_texture[slot]];
-    Code code = slot_content(slot, mip);
-    Sum sum = with_base(code, texel, vec4(1.0, 0.0, 0.0, 0.0), transform);
-    return unlimited_value(record, sum);
-}
-
-vec4 decoded_texel(int slot, int mip, int texel) {
-    return texel_value(slot, mip, texel, transformed_texel(slot, mip, texel));
 }

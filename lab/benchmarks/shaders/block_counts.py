@@ -112,7 +112,7 @@ class PixelGroup:
     lists: Array
     """[parts, pixels] fours of the list of the code that a pixel reads in each step; NOTHING where it reads none."""
     fours: Array
-    """[texels, 4] fours by component of the code of each texel that is read, texels of a code one after the other."""
+    """[squares, 4] fours by component of the code of each square of texels that is read, those of a code one after the other."""
     coefficients: int
     """Coefficients of all codes that are read."""
     most_fours: int
@@ -154,7 +154,8 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
                 both = both[corner[0, lane] + 2 * corner[1, lane] :][:1]
             for tap, (column, row) in enumerate(both):
                 block = int(row // side * level.width + column // side)
-                taps[lane, 4 * place + tap] = number, block, row % side * side + column % side
+                square = row % side // 2 * (side // 2) + column % side // 2
+                taps[lane, 4 * place + tap] = number, block, square
                 if (number, block) not in lanes[lane]:
                     lanes[lane].append((number, block))
     lists, fours, edges = (own[texture.group, :, plane] for own in codes.work)
@@ -198,14 +199,14 @@ def _in_rounds(fours: Array, lanes: int, group: int) -> tuple[float, float]:
     return float((subgroups[:, 0] >= 0).sum() * share), float(np.maximum(subgroups, 0).sum() * share)
 
 
-def together_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
+def together_trips(group: PixelGroup, components: int, lanes: int, is_single: bool) -> list[float]:
     """How often each loop runs where a work group decodes the codes of its pixels together, in one round."""
     mips, taps = (1, 1) if is_single else (2, 8)
     # A lane finds a code; half of the lanes do. Most places in the hash table are free at once.
     finding = group.most_fours * (1.0 if lanes == TOGETHER else 0.5)
     coefficients = -(-group.coefficients // TOGETHER)
     rounds, inner = _in_rounds(group.fours, lanes, TOGETHER)
-    return [1, mips, taps, PROBES * taps, finding, taps, coefficients, rounds, 4 * rounds, inner, mips, taps]
+    return [1, mips, taps, PROBES * taps, finding, taps, coefficients, rounds, components * rounds, inner, mips, taps]
 
 
 @dataclass(frozen=True)
@@ -250,29 +251,24 @@ def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
     return whole / PAGE_TEXELS
 
 
-def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
-    """Vector instructions a texel where a work group decodes a quarter of a tile; texels of codes side by side."""
-    half = (tile.page.shape[0] - 2) // 2
+def tile_together(code: MachineCode, tile: Tile, components: int, lanes: int) -> float:
+    """Vector instructions a texel where a work group decodes half a tile; squares of 2x2 texels, those of the border last."""
+    across = tile.page.shape[0] - 2
     found = []
-    for y, x in ((0, 0), (0, half + 1), (half + 1, 0), (half + 1, half + 1)):
-        page = tile.page[y : y + half + 1, x : x + half + 1]
-        top, left = 1 - y // (half + 1), 1 - x // (half + 1)
-        inside = page[top : top + half, left : left + half]
+    for page in (tile.page[: across // 2 + 1], tile.page[across // 2 + 1 :][::-1]):
+        # Squares of a block along an axis, and one of the border's texel.
+        squares = np.pad(np.full(across, TILE_SIDE // across // 2), 1, constant_values=1)
+        each = np.repeat(np.repeat(page, squares[: len(page)], axis=0), squares, axis=1)
+        order = np.concatenate([each[1:, 1:-1], each[1:, :1], each[1:, -1:]], axis=1)
+        order = np.concatenate([order.reshape(-1), each[0]])
         fours = tile.fours[page.reshape(-1)]
         coefficients = -(-4 * int(fours.sum()) // TOGETHER)
-        squares = np.repeat(tile.fours[inside.reshape(-1)], TOGETHER // inside.size, axis=0)
-        _, inner = _in_rounds(squares, lanes, TOGETHER)
-        side = QUARTER_SIDE // half
-        border = np.concatenate([page[:, 0 if left else -1], page[0 if top else -1]])
-        rounds, single = _in_rounds(
-            np.repeat(tile.fours[border], side, axis=0)[: 2 * QUARTER_SIDE + 2], lanes, TOGETHER
-        )
+        rounds, inner = _in_rounds(tile.fours[order], lanes, TOGETHER)
         finding = fours.sum(axis=1).max() * (1.0 if lanes == TOGETHER else 0.5)
-        found.append(code.weighted([1, 1, finding, coefficients, 4, inner, 4, rounds, 4 * rounds, single]))
+        found.append(code.weighted([1, 1, finding, coefficients, rounds, components * rounds, inner]))
     return float(np.sum(found)) * TOGETHER / PAGE_TEXELS
 
 
-QUARTER_SIDE: Final = TILE_SIDE // 2
 PROBES: Final = 1.5
 """Places of the hash table that a subgroup looks at for a code, estimated."""
 PAGE_TEXELS: Final = PAGE_SIDE * PAGE_SIDE
@@ -326,13 +322,19 @@ def counted(found: CountedProgram, told: dict[str, Any], codes: PackCodes, seed:
     """Vector instructions of a program for a pixel, or for a texel of a tile."""
     random = np.random.default_rng(seed)
     code, lanes = MachineCode.parsed(told["assembly"]), min(int(told["subgroup"]), TOGETHER)
-    plane = list(plane_channels(codes.config.maps, codes.config.output_channels)).index(found.plane)
+    planes = plane_channels(codes.config.maps, codes.config.output_channels)
+    plane, components = list(planes).index(found.plane), 1 + max(planes[found.plane])
     if found.path.startswith("cached"):
-        of_tile = tile_together if found.together else tile_alone
-        return float(np.mean([of_tile(code, random_tile(codes, plane, random), lanes) for _ in range(GROUPS)]))
-    is_single, trips = found.path.endswith("stochastic"), together_trips if found.together else alone_trips
+
+        def of_tile(tile: Tile) -> float:
+            return tile_together(code, tile, components, lanes) if found.together else tile_alone(code, tile, lanes)
+
+        return float(np.mean([of_tile(random_tile(codes, plane, random)) for _ in range(GROUPS)]))
+    is_single = found.path.endswith("stochastic")
     groups = [pixel_group(codes, plane, found.lod, is_single, random) for _ in range(GROUPS)]
-    return instructions(code, [trips(group, lanes, is_single) for group in groups])
+    if found.together:
+        return instructions(code, [together_trips(group, components, lanes, is_single) for group in groups])
+    return instructions(code, [alone_trips(group, lanes, is_single) for group in groups])
 
 
 def rows(

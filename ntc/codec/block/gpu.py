@@ -7,7 +7,8 @@
   begin (10 bits), its depth (3), component (2), row of the plane (8), and scale in steps of 1/16 octave (9);
 - rows: words for each row of the basis. Of mip 0 of a code a word for each texel: signed bytes of the texel, its neighbours on the
   right, below, and on the right below. Of each coarser mip two words for each texel: the same as signed halves of a word, of sums
-  over texels.
+  over texels. Then two words for each square of 2x2 texels of every mip, which work groups decode together: its texels, averaged
+  in coarser mips, as floats of 16 bits, which hold them exactly. Of a mip of one texel that is the sum of the first two.
 """
 
 from collections.abc import Mapping
@@ -70,6 +71,23 @@ def _ordered(components: NDArray[np.int64]) -> tuple[Words, bool]:
     )
 
 
+def _squares(side: int) -> int:
+    """Return the squares of 2x2 texels of a mip of `side` texels; one where it is a texel."""
+    return max(side // 2, 1) ** 2
+
+
+def _square_words(texels: NDArray[np.float64]) -> Words:
+    """Rows `texels` [coefficients, side, side] of a mip: [coefficients, words], two words for each square."""
+    side = texels.shape[1]
+    if side == 1:
+        # Of more than 11 bits: what the first float leaves is in the second.
+        high = texels.astype(np.float16)
+        four = np.concatenate([high, texels - high, np.zeros((len(texels), 1, 2))], axis=2)
+    else:
+        four = texels.reshape(-1, side // 2, 2, side // 2, 2).transpose(0, 1, 3, 2, 4)
+    return np.ascontiguousarray(four, "<f2").reshape(len(texels), -1).view("<u4")
+
+
 class BlockTables(GpuTables):
     """Codes as files hold them, in rows of one word; tables of the transform, the same for every precision."""
 
@@ -95,17 +113,19 @@ class BlockTables(GpuTables):
 
     @property
     def _mip_words(self) -> tuple[int, ...]:
-        """Words of a row by mip of a code, the last padded to whole blocks."""
-        words = [side * side * (1 if mip == 0 else 2) for mip, side in enumerate(self._config.code_sides)]
-        words[-1] += -sum(words) % AT_ONCE
-        return tuple(words)
+        """Words of a row by mip of a code, then of squares of all mips, padded to whole blocks."""
+        sides = self._config.code_sides
+        words = [side * side * (1 if mip == 0 else 2) for mip, side in enumerate(sides)]
+        squares = 2 * sum(_squares(side) for side in sides)
+        return (*words, squares + -(sum(words) + squares) % AT_ONCE)
 
     def _rows(self, decoder: BlockDecoder) -> Words:
         """[coefficients, words of a row]."""
-        config, parts = self._config, []
-        for mip, (side, length) in enumerate(zip(config.code_sides, self._mip_words, strict=True)):
+        config, parts, squares = self._config, [], []
+        for mip, side in enumerate(config.code_sides):
             count = 1 << mip
             sums = decoder.basis.astype(np.int64).reshape(-1, side, count, side, count).sum(axis=(2, 4))
+            squares.append(_square_words(sums / count**2))
             padded = np.pad(sums, ((0, 0), (0, 1), (0, 1)))
             right, down = padded[:, :side, 1:], padded[:, 1:, :side]
             four = [sums, right, down, padded[:, 1:, 1:]]
@@ -114,9 +134,9 @@ class BlockTables(GpuTables):
             else:
                 low, high = ((four[n] & 65535) | (four[n + 1] & 65535) << 16 for n in (0, 2))
                 words = np.stack([low, high], axis=-1)
-            flat = np.asarray(words).reshape(len(sums), -1)
-            parts.append(np.pad(flat, ((0, 0), (0, length - flat.shape[1]))))
-        return np.concatenate(parts, axis=1).astype(np.uint32)
+            parts.append(np.asarray(words).reshape(len(sums), -1))
+        found = np.concatenate([*parts, *squares], axis=1).astype(np.uint32)
+        return np.pad(found, ((0, 0), (0, -found.shape[1] % AT_ONCE)))
 
     def heads_and_lists(self, decoder: BlockDecoder) -> tuple[Words, Words]:
         """Return the heads of [sizes of codes * modes, planes], and the lists with their orders: [blocks, 4] each."""
@@ -220,6 +240,7 @@ class BlockTables(GpuTables):
             "TABLE_BLOCKS": self.decoder_blocks,
             "ROW_WORDS": AT_ONCE * self.row_blocks,
             **{f"MIP_{mip}_WORDS": sum(self._mip_words[:mip]) for mip in range(config.mips)},
+            "SQUARES_WORD": sum(self._mip_words[:-1]),
             "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
             "STEPS_ORIGIN": STEPS_ORIGIN,
             "STEPS_PER_OCTAVE": f"{SCALE_STEPS_PER_OCTAVE}.0",
@@ -250,6 +271,7 @@ def _edge_defines(config: BlockConfig, channels: Mapping[int, int]) -> list[str]
         for component in range(4)
     ]
     return [
+        f"#define COMPONENTS {1 + max(channels)}",
         f"#define EDGE_CHANNELS {len(channels)}",
         f"#define EDGE_COLOUR(code, at) vec4({', '.join(parts)})",
         f"#define EDGE_COLOURS(srgb) vec4({', '.join(colours)})",

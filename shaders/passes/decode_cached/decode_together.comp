@@ -1,5 +1,5 @@
 #version 430
-// Decodes tiles, with their borders, into their pages of the atlas, a quarter in each work group: each code once for all its texels.
+// Decodes tiles, with their borders, into their pages of the atlas, half of one in each work group: each code once for all its texels.
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "ntc/decode.glsl"
@@ -16,67 +16,70 @@ layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
-const int QUARTER_SIDE = TILE_SIDE / 2;
-const int QUARTER_PAGE = QUARTER_SIDE + TILE_BORDER;
-const int SIDE_SQUARES = QUARTER_SIDE / 2;
+const int HALF_ROWS = TILE_SIDE / 2;
 
-// A quarter of a tile in texels of its mip. Along each axis its blocks come in runs: those inside, that of the border's texel, and that
-// of the texel right beyond the texture's edge, where the edge does not lie between two blocks.
-struct Quarter {
-    ivec2 first;     // texel on the left and top, the border not counted
-    ivec2 border;    // column and row of its border
-    ivec2 size;      // of the mip
-    ivec2 wrap;
-    int side;        // of a block
-    int shift;       // the same as a power of two
-    int inside;      // runs inside
+// Half of a tile along one axis, in texels of its mip. What is read there comes in runs: of blocks or of squares of texels inside, then
+// one for each texel of the border, then one for the texel right beyond the texture's edge, where the edge cuts a run.
+struct Axis {
+    int first;       // texel, the border not counted
+    int texels;
+    ivec2 border;    // its texels
+    int borders;     // how many
+    int size;        // of the mip
+    ivec2 beside;    // texels that are read before the first one, and beyond the last one
 };
 
-bvec2 cuts_block(Quarter quarter) {
-    bvec2 begins = greaterThan(quarter.size, quarter.first);
-    bvec2 ends = lessThan(quarter.size, quarter.first + QUARTER_SIDE);
-    ivec2 rest = quarter.size & (quarter.side - 1);
-    return bvec2(begins.x && ends.x && rest.x != 0, begins.y && ends.y && rest.y != 0);
+Axis axis_of(int first, int texels, ivec2 border, int borders, int size, int wrap) {
+    return Axis(first, texels, border, borders, size, ivec2(from_first(-1, size, wrap), to_last(size, size, wrap)));
 }
 
-ivec2 wrapped_in(Quarter quarter, ivec2 texel) {
-    return ivec2(
-        wrapped_texel(texel.x, quarter.size.x, quarter.wrap.x), wrapped_texel(texel.y, quarter.size.y, quarter.wrap.y)
-    );
+bool cuts_run(Axis axis, int shift) {
+    return axis.size > axis.first && axis.size < axis.first + axis.texels && (axis.size & ((1 << shift) - 1)) != 0;
 }
 
-// First texel of a run along one axis.
-int run_texel(int run, int inside, int side, int first, int border, int size) {
-    return run < inside ? first + run * side : (run == inside ? border : size);
+int run_count(Axis axis, int shift) {
+    return (axis.texels >> shift) + axis.borders + int(cuts_run(axis, shift));
 }
 
-int run_of(int texel, int inside, int shift, int first, int border, bool cuts, int size) {
-    if (texel == border) return inside;
-    return cuts && texel == size ? inside + 1 : (texel - first) >> shift;
+// First texel of a run of 2^`shift` texels.
+int run_texel(Axis axis, int shift, int run) {
+    int outside = run - (axis.texels >> shift);
+    if (outside < 0) return axis.first + (run << shift);
+    return outside < axis.borders ? (outside == 0 ? axis.border.x : axis.border.y) : axis.size;
 }
 
-// The slot of a texel that is read, before those of earlier rounds are taken off.
-int slot_of(Quarter quarter, ivec2 texel) {
-    bvec2 cuts = cuts_block(quarter);
-    int x = run_of(texel.x, quarter.inside, quarter.shift, quarter.first.x, quarter.border.x, cuts.x, quarter.size.x);
-    int y = run_of(texel.y, quarter.inside, quarter.shift, quarter.first.y, quarter.border.y, cuts.y, quarter.size.y);
-    return y * (quarter.inside + 2) + x;
+// The run of 2^`shift` texels with run `run` of 2^`fine_shift` texels, which begins at `texel`.
+int run_around(Axis axis, int shift, int fine_shift, int run, int texel) {
+    int outside = run - (axis.texels >> fine_shift);
+    if (texel == axis.size && cuts_run(axis, shift)) outside = axis.borders;
+    return outside < 0 ? run << fine_shift >> shift : (axis.texels >> shift) + outside;
+}
+
+// The texel of the texture that is read at `texel`, at most one beyond its edges.
+int texel_read(Axis axis, int texel) {
+    return texel < 0 ? axis.beside.x : (texel == axis.size ? axis.beside.y : texel);
+}
+
+// `number` of rows of `across` by column and row. Both are small: a division of whole numbers takes long.
+ivec2 in_rows(int number, int across) {
+    int row = int((float(number) + 0.5) / float(across));
+    return ivec2(number - row * across, row);
+}
+
+// Squares of one texel where the mip of a code has no more.
+int square_shift(int shift) {
+    return min(shift, 1);
 }
 
 // Writes the number of a slot's code; false: no texel reads one.
-bool fill_slot(int slot, Quarter quarter, int number, LevelRecord level, TileRecord tile) {
-    int runs = quarter.inside + 2;
-    if (number >= runs * runs) return false;
-    ivec2 run = ivec2(number % runs, number / runs);
-    ivec2 texel;
-    texel.x = run_texel(run.x, quarter.inside, quarter.side, quarter.first.x, quarter.border.x, quarter.size.x);
-    texel.y = run_texel(run.y, quarter.inside, quarter.side, quarter.first.y, quarter.border.y, quarter.size.y);
-    bvec2 cuts = cuts_block(quarter);
-    bvec2 unused = bvec2(run.x == quarter.inside + 1 && !cuts.x, run.y == quarter.inside + 1 && !cuts.y);
-    if (any(unused) || any(greaterThan(texel, quarter.size))) return false;
+bool fill_slot(int slot, Axis across, Axis down, int number, int shift, LevelRecord level, TileRecord tile) {
+    ivec2 run = in_rows(number, run_count(across, shift));
+    if (run.y >= run_count(down, shift)) return false;
+    ivec2 texel = ivec2(run_texel(across, shift, run.x), run_texel(down, shift, run.y));
+    if (texel.x > across.size || texel.y > down.size) return false;
     slot_texture[slot] = tile.texture_id;
     slot_level[slot] = textures[tile.texture_id].first_level + tile.level;
-    slot_code[slot] = code_number(level, wrapped_in(quarter, texel) >> quarter.shift);
+    slot_code[slot] = code_number(level, ivec2(texel_read(across, texel.x), texel_read(down, texel.y)) >> shift);
     return true;
 }
 
@@ -86,48 +89,31 @@ void store(TileRecord tile, ivec2 texel, vec4 value) {
     imageStore(atlas, at, stored_texel(tile, limit_output(value)));
 }
 
-// Texels that are decoded one by one: of mip 0 of a code those along the border and beyond the texture's edge, of other mips all.
-int single_texels(Quarter quarter, int mip) {
-    if (mip > 0) return QUARTER_PAGE * QUARTER_PAGE;
-    bvec2 cuts = cuts_block(quarter);
-    return QUARTER_PAGE * (2 + int(cuts.x) + int(cuts.y));
-}
-
-ivec2 single_texel(Quarter quarter, int mip, int number) {
-    ivec2 texel = min(quarter.first, quarter.border);
-    int row = number / QUARTER_PAGE;
-    int within = number - row * QUARTER_PAGE;
-    if (mip > 0) return texel + ivec2(within, row);
-    texel += within;
-    bool cuts = cuts_block(quarter).x;
-    if (row == 0) texel.x = quarter.border.x;
-    if (row == 1) texel.y = quarter.border.y;
-    if (row == 2 && cuts) texel.x = quarter.size.x;
-    if (row == 3 || (row == 2 && !cuts)) texel.y = quarter.size.y;
-    return texel;
+// Whether a run of texels that begins inside goes on with a second one.
+bool has_second(Axis axis, int shift, int run, int texel) {
+    return shift > 0 && run < axis.texels >> shift && texel + 1 < axis.size;
 }
 
 void main() {
     int lane = int(gl_LocalInvocationID.x);
     TileRecord tile = tiles[first_tile + min(int(gl_WorkGroupID.x), tile_count - 1)];
-    int level_number = textures[tile.texture_id].first_level + tile.level;
-    LevelRecord level = levels[level_number];
-    ivec2 part = ivec2(gl_WorkGroupID.y & 1u, gl_WorkGroupID.y >> 1u);
-    Quarter quarter;
-    quarter.first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + part * QUARTER_SIDE;
-    quarter.border = quarter.first + part * (QUARTER_SIDE + TILE_BORDER) - TILE_BORDER;
-    quarter.size = ivec2(level.texel_width, level.texel_height);
-    quarter.wrap = ivec2(tile.wrap_u, tile.wrap_v);
-    quarter.side = block_side(level);
-    quarter.shift = block_shift(level);
-    quarter.inside = QUARTER_SIDE >> quarter.shift;
+    LevelRecord level = levels[textures[tile.texture_id].first_level + tile.level];
+    int part = int(gl_WorkGroupID.y);
+    ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + ivec2(0, part * HALF_ROWS);
+    ivec2 borders = ivec2(first.x - 1, first.x + TILE_SIDE);
+    Axis across = axis_of(first.x, TILE_SIDE, borders, 2, level.texel_width, tile.wrap_u);
+    Axis down = axis_of(first.y, HALF_ROWS, ivec2(first.y + (part == 0 ? -1 : HALF_ROWS)), 1, level.texel_height, tile.wrap_v);
+    int shift = block_shift(level);
     int mip = code_mip(level);
-    int slots = (quarter.inside + 2) * (quarter.inside + 2);
+    int fine_shift = square_shift(shift);
+    int slots = run_count(across, shift) * run_count(down, shift);
+    int columns = run_count(across, fine_shift);
+    int squares = columns * run_count(down, fine_shift);
     // Nothing of it is read.
-    if (any(greaterThan(quarter.first, quarter.size))) slots = 0;
-    if (lane == 0 && gl_WorkGroupID.y == 0u) tile_entries[tile.entry] = uint(tile.page + 1);
+    if (across.first > across.size || down.first > down.size) slots = 0;
+    if (lane == 0 && part == 0) tile_entries[tile.entry] = uint(tile.page + 1);
     for (int before = 0; before < slots; before += SLOTS) {
-        bool waits = lane < SLOTS && fill_slot(lane, quarter, before + lane, level, tile);
+        bool waits = lane < SLOTS && fill_slot(lane, across, down, before + lane, shift, level, tile);
         uint again = 1u;
         // Each round decodes one code at least.
         for (int round = 0; round < SLOTS && again != 0u; ++round) {
@@ -137,34 +123,25 @@ void main() {
             barrier();
             decode_coefficients(lane);
             barrier();
-            if (mip == 0) {
-                ivec2 texel = quarter.first + 2 * ivec2(lane % SIDE_SQUARES, lane / SIDE_SQUARES);
-                bvec2 cuts = cuts_block(quarter);
-                bool at_edge = (cuts.x && texel.x == quarter.size.x) || (cuts.y && texel.y == quarter.size.y);
-                int slot = slot_of(quarter, texel) - before;
-                bool own = !at_edge && all(lessThanEqual(texel, quarter.size)) && slot >= 0 && slot < SLOTS;
-                if (own && slot_fits[max(slot, 0)] != 0) {
-                    ivec2 within = wrapped_in(quarter, texel) & (quarter.side - 1);
-                    int number = (within.y << quarter.shift) + within.x;
-                    vec4 sums[4];
-                    transformed_square(slot, number, sums);
-                    for (int one = 0; one < 4 * network_blocks; ++one) {
-                        ivec2 step = ivec2(one & 1, one >> 1);
-                        // Texels beyond the texture's edge are others of the texture.
-                        bool inside = all(bvec2(step.x == 0 || texel.x + step.x < quarter.size.x, step.y == 0 || texel.y + step.y < quarter.size.y));
-                        vec4 transform = vec4(sums[0][one], sums[1][one], sums[2][one], sums[3][one]);
-                        vec4 value = texel_value(slot, 0, number + step.y * quarter.side + step.x, transform);
-                        if (inside) store(tile, texel + step, value);
-                    }
-                }
-            }
-            for (int number = lane; number < single_texels(quarter, mip); number += TOGETHER) {
-                ivec2 texel = single_texel(quarter, mip, number);
-                if (any(greaterThan(texel, quarter.size))) continue;
-                int slot = slot_of(quarter, texel) - before;
+            for (int number = lane; number < squares; number += TOGETHER) {
+                ivec2 run = in_rows(number, columns);
+                ivec2 texel = ivec2(run_texel(across, fine_shift, run.x), run_texel(down, fine_shift, run.y));
+                if (texel.x > across.size || texel.y > down.size) continue;
+                int slot = run_around(down, shift, fine_shift, run.y, texel.y) * run_count(across, shift) - before;
+                slot += run_around(across, shift, fine_shift, run.x, texel.x);
                 if (slot < 0 || slot >= SLOTS || slot_fits[slot] == 0) continue;
-                ivec2 within = wrapped_in(quarter, texel) & (quarter.side - 1);
-                store(tile, texel, decoded_texel(slot, mip, (within.y << quarter.shift) + within.x));
+                ivec2 read = ivec2(texel_read(across, texel.x), texel_read(down, texel.y)) & ((1 << shift) - 1);
+                ivec2 within = read & fine_shift;
+                int square = mip_square(mip) + ((read.y >> 1) << shift >> 1) + (read.x >> 1);
+                vec4 values[4];
+                decode_square(slot, square, values);
+                // A texel of the border stands alone: its square's others belong elsewhere.
+                bvec2 more = bvec2(has_second(across, fine_shift, run.x, texel.x), has_second(down, fine_shift, run.y, texel.y));
+                for (int one = 0; one < 4; ++one) {
+                    ivec2 place = ivec2(one & 1, one >> 1);
+                    bool reads = (more.x || place.x == within.x) && (more.y || place.y == within.y);
+                    if (reads) store(tile, texel - within + place, values[one]);
+                }
             }
             barrier();
             again = waiting;

@@ -59,9 +59,9 @@ class TileDecoder:
         self._gl.memory_barrier()
 
     def _work_groups(self, tiles: int, together: bool) -> tuple[int, int]:
-        """Return the work groups that decode `tiles` tiles: a quarter each, four texels of a block in each invocation, or any."""
+        """Return the work groups that decode `tiles` tiles: half a tile each, four texels of a block in each invocation, or any."""
         if together:
-            return tiles, 4
+            return tiles, 2
         if self._buffers.decodes_quads:
             return tiles, -(-PAGE_QUADS // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
