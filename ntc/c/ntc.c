@@ -1455,7 +1455,7 @@ static float bc4_fit(const float *values, int first, int second, uint8_t *indice
     return error;
 }
 
-static void compress_bc4(const float *values, uint8_t *block) {
+static void compress_bc4(const float *values, int is_quick, uint8_t *block) {
     int low = 255, high = 0, inner_low = 255, inner_high = 0, best_first = 0, best_second = 0;
     uint8_t indices[16], best_indices[16] = {0};
     float best = 1e30f;
@@ -1467,7 +1467,7 @@ static void compress_bc4(const float *values, uint8_t *block) {
         if (value < 255 && value > inner_high) inner_high = value;
     }
     /* Ends a little inside or outside of the values: what rounding of the six between them takes. */
-    const int reach = high - low > 64 ? 3 : 2;
+    const int reach = is_quick ? 0 : high - low > 64 ? 3 : 2;
     for (int up = -reach; up <= reach; ++up) {
         for (int down = -reach; down <= reach; ++down) {
             const int first = high + up, second = low + down;
@@ -1655,13 +1655,10 @@ static float principal_axis(const line_kind *kind, colours texels, uint32_t mask
     return total - along;
 }
 
-/* The line of `kind` through the texels of `mask`. */
-static line_fit fit_line(const line_kind *kind, colours texels, uint32_t mask) {
-    float mean[4], axis[4], ends[2][4] = {{0}}, low = 1e30f, high = -1e30f;
-    line_fit best;
-    memset(&best, 0, sizeof best);
-    best.error = 1e30f;
-    principal_axis(kind, texels, mask, 8, mean, axis);
+/* The ends of the line of `kind` that follows the principal axis of the texels of `mask`. */
+static void find_ends(const line_kind *kind, colours texels, uint32_t mask, int rounds, float ends[2][4]) {
+    float mean[4], axis[4], low = 1e30f, high = -1e30f;
+    principal_axis(kind, texels, mask, rounds, mean, axis);
     for (int texel = 0; texel < 16; ++texel) {
         float along = 0.0f;
         if (!(mask >> texel & 1u)) continue;
@@ -1673,10 +1670,41 @@ static line_fit fit_line(const line_kind *kind, colours texels, uint32_t mask) {
         ends[0][part] = mean[part] + low * axis[part];
         ends[1][part] = mean[part] + high * axis[part];
     }
+}
+
+/* The line of `kind` through the texels of `mask`. */
+static line_fit fit_line(const line_kind *kind, colours texels, uint32_t mask) {
+    float ends[2][4] = {{0}};
+    line_fit best;
+    memset(&best, 0, sizeof best);
+    best.error = 1e30f;
+    find_ends(kind, texels, mask, 8, ends);
     try_ends(kind, texels, mask, ends, &best);
     for (int round = 0; round < 2 && best.error > 0.0f && refit(kind, texels, mask, &best, ends); ++round)
         try_ends(kind, texels, mask, ends, &best);
     return best;
+}
+
+/* Stores each of `ends` with the p bit that comes nearer, and keeps them in `best` where that is better. */
+static void try_nearest_ends(const line_kind *kind, colours texels, float ends[2][4], line_fit *best) {
+    line_fit made = *best;
+    for (int end = 0; end < 2; ++end) {
+        float least = 1e30f;
+        for (int p_bit = 0; p_bit < 2; ++p_bit) {
+            float distance = 0.0f;
+            int stored[4] = {0};
+            for (int part = kind->first; part < kind->first + kind->count; ++part) {
+                stored[part] = stored_end(kind, ends[end][part], p_bit);
+                const float off = (float)shown_end(kind, stored[part]) - ends[end][part];
+                distance += off * off;
+            }
+            if (distance >= least) continue;
+            least = distance;
+            memcpy(made.ends[end], stored, sizeof stored);
+        }
+    }
+    find_indices(kind, texels, 0xFFFFu, &made);
+    if (made.error < best->error) *best = made;
 }
 
 /* Turns a line where the index of its anchor has its highest bit, which is not stored. */
@@ -1741,19 +1769,33 @@ static void write_mode_6(line_fit own, uint8_t *block) {
     put_indices(&out, &MODE_6, &own);
 }
 
+/* A line of mode 6 through all texels, for which few ends are tried. */
+static line_fit fit_line_quickly(colours texels) {
+    float ends[2][4] = {{0}};
+    line_fit best;
+    memset(&best, 0, sizeof best);
+    best.error = 1e30f;
+    find_ends(&MODE_6, texels, 0xFFFFu, 4, ends);
+    try_nearest_ends(&MODE_6, texels, ends, &best);
+    if (refit(&MODE_6, texels, 0xFFFFu, &best, ends)) try_nearest_ends(&MODE_6, texels, ends, &best);
+    return best;
+}
+
+/* Errors of a block above which other modes are tried: squares, in steps of 1/255. */
 #define WORTH_MORE 4.0f
+#define WORTH_MORE_QUICKLY 160.0f
 #define PARTITIONS_FITTED 3
 
 /* BC7 in the best of mode 6 (one line through RGBA), mode 5 (a line for three channels, another for the fourth), and modes 1 (opaque)
    and 7 (two lines). */
-static void compress_bc7(colours texels, uint8_t *block) {
-    const line_fit one = fit_line(&MODE_6, texels, 0xFFFFu);
+static void compress_bc7(colours texels, int is_quick, uint8_t *block) {
+    const line_fit one = is_quick ? fit_line_quickly(texels) : fit_line(&MODE_6, texels, 0xFFFFu);
     float best = one.error;
     int is_opaque = 1;
     for (int texel = 0; texel < 16; ++texel) is_opaque = is_opaque && texels[texel][3] >= 255.0f;
     memset(block, 0, 16);
     write_mode_6(one, block);
-    if (best <= WORTH_MORE) return;
+    if (best <= (is_quick ? WORTH_MORE_QUICKLY : WORTH_MORE)) return;
     for (int rotation = 0; rotation < 4 && !is_opaque; ++rotation) {
         float turned[16][4];
         memcpy(turned, texels, sizeof turned);
@@ -1773,7 +1815,7 @@ static void compress_bc7(colours texels, uint8_t *block) {
     for (int number = 0; number < 16; ++number)
         away[number] = principal_axis(kind, texels, PARTITIONS[number], 3, mean, axis) +
                        principal_axis(kind, texels, 0xFFFFu & ~(uint32_t)PARTITIONS[number], 3, mean, axis);
-    for (int round = 0; round < PARTITIONS_FITTED; ++round) {
+    for (int round = 0; round < (is_quick ? 1 : PARTITIONS_FITTED); ++round) {
         int least = 0;
         for (int number = 1; number < 16; ++number) least = away[number] < away[least] ? number : least;
         away[least] = 1e30f;
@@ -1788,15 +1830,16 @@ static void compress_bc7(colours texels, uint8_t *block) {
 
 int ntc_compress(const uint8_t texels[64], ntc_block_format format, uint8_t *block) {
     float values[16][4], channel[16];
+    const int is_quick = format >= NTC_BC4_QUICK;
     for (int at = 0; at < 64; ++at) values[at / 4][at % 4] = (float)texels[at];
-    if (format == NTC_BC7) {
-        compress_bc7((const float(*)[4])values, block);
+    if (format == NTC_BC7 || format == NTC_BC7_QUICK) {
+        compress_bc7((const float(*)[4])values, is_quick, block);
         return 16;
     }
-    const int count = format == NTC_BC5 ? 2 : 1;
+    const int count = format == NTC_BC5 || format == NTC_BC5_QUICK ? 2 : 1;
     for (int part = 0; part < count; ++part) {
         for (int texel = 0; texel < 16; ++texel) channel[texel] = values[texel][part];
-        compress_bc4(channel, block + 8 * part);
+        compress_bc4(channel, is_quick, block + 8 * part);
     }
     return 8 * count;
 }
@@ -1806,7 +1849,7 @@ ntc_status ntc_decode_blocks(const ntc_pack *pack, int texture_number, int mip, 
     if (texture_number < 0 || texture_number >= pack->texture_count) return NTC_BAD_ARGUMENT;
     const texture *from = &pack->textures[texture_number];
     int first = 0, count = 0;
-    if (mip < 0 || mip >= from->info.mips || format < NTC_BC4 || format > NTC_BC7) return NTC_BAD_ARGUMENT;
+    if (mip < 0 || mip >= from->info.mips || format < NTC_BC4 || format > NTC_BC7_QUICK) return NTC_BAD_ARGUMENT;
     for (int number = 0; number < from->info.map_count && count == 0; ++number) {
         if (from->info.maps[number] == map) count = from->info.map_channels[number];
         else first += from->info.map_channels[number];
@@ -1814,7 +1857,8 @@ ntc_status ntc_decode_blocks(const ntc_pack *pack, int texture_number, int mip, 
     if (count == 0) return NTC_BAD_ARGUMENT;
     const level *stored = &from->levels[mip];
     /* One channel, or grey with alpha. */
-    const int is_grey = format == NTC_BC7 && (count == 1 || (map == NTC_BASE && count == 2));
+    const int is_bc7 = format == NTC_BC7 || format == NTC_BC7_QUICK, is_bc4 = format == NTC_BC4 || format == NTC_BC4_QUICK;
+    const int is_grey = is_bc7 && (count == 1 || (map == NTC_BASE && count == 2));
     uint8_t texels[8 * 8 * NTC_MOST_CHANNELS], four[64];
     /* Eight texels at a time along both axes: blocks of the codec are decoded once. */
     for (int y = 0; y < stored->texel_height; y += 8) {
@@ -1836,7 +1880,7 @@ ntc_status ntc_decode_blocks(const ntc_pack *pack, int texture_number, int mip, 
                     }
                 }
                 uint8_t *out = (uint8_t *)blocks + (size_t)((y + top) / 4) * row_bytes;
-                out += (size_t)((x + left) / 4) * (format == NTC_BC4 ? 8u : 16u);
+                out += (size_t)((x + left) / 4) * (is_bc4 ? 8u : 16u);
                 ntc_compress(four, format, out);
             }
         }

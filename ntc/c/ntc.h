@@ -39,7 +39,10 @@ typedef enum {
 typedef enum {
     NTC_BC4,    /* 8 bytes: one channel */
     NTC_BC5,    /* 16 bytes: two channels, such as x and y of normals */
-    NTC_BC7     /* 16 bytes: colours; a fourth channel is alpha, which is 255 without one */
+    NTC_BC7,    /* 16 bytes: colours; a fourth channel is alpha, which is 255 without one */
+    NTC_BC4_QUICK,  /* the same formats, for loading: several times faster, at a somewhat larger error */
+    NTC_BC5_QUICK,
+    NTC_BC7_QUICK
 } ntc_block_format;
 
 typedef struct {

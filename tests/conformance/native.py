@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "ntc" / "c"
 TABLES = ROOT / "ntc" / "codec" / "block"
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
-BC4, BC5, BC7 = range(3)
+BC4, BC5, BC7, BC4_QUICK, BC5_QUICK, BC7_QUICK = range(6)
 
 
 def compiler() -> str:
@@ -104,7 +104,7 @@ class NativePack:
         """Return the blocks of a map of a mip, row by row."""
         own = self.info(texture)
         across, down = (-(-max(1, side >> mip) // 4) for side in (own.width, own.height))
-        row = across * (8 if form == BC4 else 16)
+        row = across * (8 if form in (BC4, BC4_QUICK) else 16)
         out = ctypes.create_string_buffer(row * down)
         status = library().ntc_decode_blocks(self.handle, texture, mip, map_number, form, out, ctypes.c_size_t(row))
         assert status == 0

@@ -5,7 +5,6 @@ import hashlib
 import json
 import shutil
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from ntc.codec.maps import plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image
 from ntc.pack.file import read_pack
-from tests.end_to_end.export.browser import Browser, chromium, served
+from tests.end_to_end.export.browser import Browser, served
 from tests.end_to_end.export.material_scene import materials_scene, waves
 from viewer import cli
 from viewer.export.web.export import PAGE
@@ -43,14 +42,6 @@ pytestmark = pytest.mark.process
 @pytest.fixture(scope="module")
 def scene(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return materials_scene().write(tmp_path_factory.mktemp("scene") / "scene.glb")
-
-
-@pytest.fixture(scope="module")
-def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    if chromium() is None:
-        pytest.skip("no Chromium is installed (Debian: apt-get install chromium)")
-    with Browser(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
 
 
 def page_of(scene: Path, folder: Path, kind: str) -> tuple[Path, Pack]:

@@ -1,0 +1,109 @@
+// Decodes textures of one pack by libntc in WebAssembly. index.js sends jobs and gets their mips.
+
+const RGBA8 = -1;
+const BLOCK_BYTES = [8, 16, 16, 8, 16, 16];
+const OUTPUT_WORDS = 7;
+
+let ntc;
+const decoder = new TextDecoder();
+
+/** Copies bytes into the module's memory, and returns their address. Memory may move: views are made anew each time. */
+function put(bytes) {
+    const at = ntc.allocate(bytes.byteLength || 1);
+    if (at === 0) throw new Error("there is no memory");
+    new Uint8Array(ntc.memory.buffer, at, bytes.byteLength).set(bytes);
+    return at;
+}
+
+function text(at) {
+    const bytes = new Uint8Array(ntc.memory.buffer, at);
+    return decoder.decode(bytes.slice(0, bytes.indexOf(0)));
+}
+
+/** Opens a pack; returns size, mips, channels and pixel hash of its textures. */
+async function open({ module, pack, tables }) {
+    ntc = (await WebAssembly.instantiate(module, {})).exports;
+    ntc._initialize();
+    const bytes = new Uint8Array(pack);
+    const own = tables ? new Uint8Array(tables) : new Uint8Array();
+    if (ntc.open(put(bytes), bytes.length, put(own), own.length) !== 0) throw new Error(text(ntc.error()));
+    const facts = ntc.allocate(20);
+    return Array.from({ length: ntc.textures() }, (_, number) => {
+        ntc.texture(number, facts);
+        const [width, height, mips, channels, hash] = new Int32Array(ntc.memory.buffer, facts, 5);
+        return { width, height, mips, channels, hash: text(hash) };
+    });
+}
+
+/** RGBA8 of half the width and height, each texel the mean of four. */
+function halved({ data, width, height }) {
+    const [w, h] = [Math.max(1, width >> 1), Math.max(1, height >> 1)];
+    const half = new Uint8Array(4 * w * h);
+    for (let y = 0; y < h; ++y) {
+        for (let x = 0; x < w; ++x) {
+            for (let k = 0; k < 4; ++k) {
+                const rows = [2 * y, Math.min(2 * y + 1, height - 1)];
+                const columns = [2 * x, Math.min(2 * x + 1, width - 1)];
+                let sum = 2;
+                for (const row of rows) for (const column of columns) sum += data[4 * (row * width + column) + k];
+                half[4 * (y * w + x) + k] = sum >> 2;
+            }
+        }
+    }
+    return { data: half, width: w, height: h };
+}
+
+/** RGBA8 of an image at each of `sizes`, which are those of rising mips. */
+function fillMips(image, sizes) {
+    const { width, height } = sizes[0];
+    const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
+    context.drawImage(image, 0, 0, width, height);
+    const mips = [{ data: context.getImageData(0, 0, width, height).data, width, height }];
+    while (mips.length < sizes.length) mips.push(halved(mips[mips.length - 1]));
+    return mips;
+}
+
+/** Decodes mips `first` to `last` of a texture; returns, for each output, [{data, width, height}]. */
+function decode({ texture, width, height, first, last, outputs }) {
+    const sizes = Array.from({ length: last + 1 }, (_, mip) => ({
+        width: Math.max(1, width >> mip),
+        height: Math.max(1, height >> mip),
+    }));
+    const fills = outputs.map((output) => output.fill && fillMips(output.fill, sizes));
+    const found = outputs.map(() => []);
+    for (let mip = first; mip <= last; ++mip) {
+        const size = sizes[mip];
+        const taken = [];
+        const take = (at) => (taken.push(at), at);
+        const bytes = outputs.map(({ format }) =>
+            format === RGBA8
+                ? 4 * size.width * size.height
+                : BLOCK_BYTES[format] * Math.ceil(size.width / 4) * Math.ceil(size.height / 4),
+        );
+        const places = bytes.map((count) => take(ntc.allocate(count)));
+        const words = outputs.flatMap(({ channels, format }, number) => {
+            const fill = fills[number] ? take(put(fills[number][mip].data)) : 0;
+            return [...channels, format, fill, places[number]];
+        });
+        const table = take(put(new Uint8Array(Int32Array.from(words).buffer)));
+        if (taken.includes(0)) throw new Error("there is no memory");
+        const status = ntc.decode(texture, mip, table, words.length / OUTPUT_WORDS);
+        if (status !== 0) throw new Error(`texture ${texture}, mip ${mip}: cannot be decoded (${status})`);
+        places.forEach((at, number) => {
+            const data = new Uint8Array(ntc.memory.buffer, at, bytes[number]).slice();
+            found[number].push({ data, ...size });
+        });
+        taken.forEach((at) => ntc.release(at));
+    }
+    return found;
+}
+
+self.onmessage = async ({ data: { id, task, ...job } }) => {
+    try {
+        const result = task === "open" ? await open(job) : decode(job);
+        const moved = task === "open" ? [] : result.flat().map((mip) => mip.data.buffer);
+        self.postMessage({ id, result }, moved);
+    } catch (error) {
+        self.postMessage({ id, error: error.message });
+    }
+};

@@ -1,0 +1,212 @@
+"""integrations/three: three.js shows the texels of packs, coarse mips first, and the other images where a pack cannot be read."""
+
+import base64
+import json
+import os
+import shutil
+import struct
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from ntc.codec.mips import coded_z
+from ntc.codec.quality import psnr_db
+from ntc.codec.reference import decode_image
+from ntc.pack.file import read_pack
+from tests.end_to_end.export.browser import Browser, served
+from tests.end_to_end.export.material_scene import materials_scene, waves
+from viewer import cli
+from viewer.scene.images import decode_image as decode_picture
+
+ROOT = Path(__file__).resolve().parents[3]
+PLUGIN = ROOT / "integrations" / "three"
+THREE = Path(os.environ.get("NTC_VIEWER_THREE", PLUGIN / "node_modules" / "three"))
+SIDE = 136
+SWIZZLE = "NV_texture_swizzle"
+READY = "window.own !== undefined"
+
+pytestmark = pytest.mark.process
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder to serve, with the page, three.js and the plug-in."""
+    if not (THREE / "package.json").is_file():
+        pytest.skip(
+            "three.js is not there: npm install --prefix integrations/three, or set NTC_VIEWER_THREE to its folder"
+        )
+    if not (PLUGIN / "ntc.wasm").is_file():
+        pytest.skip("ntc.wasm is not there: pip install ziglang && python integrations/three/build.py")
+    folder = tmp_path_factory.mktemp("site")
+    (folder / "three").symlink_to(THREE)
+    (folder / "ntc-three").symlink_to(PLUGIN)
+    shutil.copy(Path(__file__).with_name("three.html"), folder / "index.html")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(site: Path, browser: Browser) -> Iterator[Browser]:
+    with served(site) as address:
+        browser.open(address)
+        browser.wait(READY)
+        yield browser
+
+
+@pytest.fixture(scope="module")
+def materials(site: Path) -> Path:
+    """materials.glb with all kinds of maps, its pack beside it."""
+    scene = materials_scene(SIDE).write(site / "scene.glb")
+    pack = site / "scene.universal.ntc"
+    command = ["encode", str(scene), "--out", str(pack), "--grouping", "universal", "--maps", "all", "--bits", "8"]
+    assert cli.main(command) == 0
+    out = site / "materials.glb"
+    assert cli.main(["export", str(scene), "--pack", str(pack), "--out", str(out)]) == 0
+    return out
+
+
+def load(page: Browser, name: str, texture_format: str, workers: int = 1, report: bool = True) -> list[int]:
+    """Widths of the textures of a scene when three.js has it."""
+    page.messages.clear()
+    found: list[int] = page.ask(f"own.load({name!r}, {texture_format!r}, {workers}, {json.dumps(report)})")
+    return found
+
+
+def faults(page: Browser) -> list[str]:
+    """What the page wrote to the console, but for what the driver says of reading pixels, and three.js of the test's scene."""
+    return [line for line in page.messages if "GPU stall" not in line and "Missing min/max" not in line]
+
+
+def glb_json(path: Path) -> dict[str, Any]:
+    data = path.read_bytes()
+    found: dict[str, Any] = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    return found
+
+
+def shown(page: Browser, index: int, width: int, height: int, level: int = 0) -> NDArray[np.uint8]:
+    """[height, width, 4]: a mip of a texture entry, as the GPU reads it."""
+    data = base64.b64decode(page.ask(f"own.texels({index}, {level})"))
+    return np.frombuffer(data, np.uint8).reshape(height, width, 4)
+
+
+def compare(page: Browser, scene: Path, level: int = 0, compressed: bool = False, step: int = 1) -> int:
+    """Compare every `step`th texture entry with the float64 reference; returns how many were compared."""
+    document = glb_json(scene)
+    pack = read_pack(scene.with_name(next(i["uri"] for i in document["images"] if i.get("uri", "").endswith(".ntc"))))
+    decoded = {}
+    entries = 0
+    for index, texture in list(enumerate(document["textures"]))[::step]:
+        if SWIZZLE not in texture.get("extensions", {}):
+            continue
+        option = texture["extensions"][SWIZZLE]["options"][0]
+        layer, channels = option["arrayLayer"], option["channels"]
+        if layer not in decoded:
+            decoded[layer] = decode_image(pack, layer, level)
+        expected = decoded[layer]
+        height, width = expected.shape[:2]
+        pixels = shown(page, index, width, height, level)
+        held = [component for component in range(4) if channels[component] >= 0]
+        assert held
+        wanted = expected[..., [channels[component] for component in held]]
+        if compressed:
+            assert psnr_db(np.ascontiguousarray(pixels[..., held]), np.ascontiguousarray(wanted)) > 36.0
+        else:
+            assert np.abs(pixels[..., held].astype(int) - wanted).max() <= 2
+        entries += 1
+    return entries
+
+
+def test_texels_are_those_of_the_reference(page: Browser, materials: Path) -> None:
+    assert set(load(page, "materials.glb", "rgba8")) == {SIDE // 2}, "the first picture has coarse mips"
+    page.ask("own.complete()")
+    assert page.ask("own.updates") == 5
+    assert compare(page, materials) == 5
+    assert compare(page, materials, level=3) == 5
+    # z of normals and coverage are in no channel of the pack.
+    number = next(n for n, own in enumerate(glb_json(materials)["images"]) if own.get("name") == "bumps")
+    normals = shown(page, number, SIDE, SIDE)
+    assert np.abs(normals[..., 2:3].astype(int) - coded_z(normals[..., :2])).max() <= 2
+    coverage = shown(page, 4, SIDE, SIDE)[..., 3]
+    assert np.abs(coverage.astype(int) - waves(2, SIDE)[..., 1]).max() <= 1
+    assert page.ask("own.errors") == []
+    assert faults(page) == []
+
+
+def test_blocks_for_the_gpu_are_near_the_reference(page: Browser, materials: Path) -> None:
+    if not page.ask("own.has('EXT_texture_compression_bptc') && own.has('EXT_texture_compression_rgtc')"):
+        pytest.skip("this browser has no BC7 and BC5")
+    load(page, "materials.glb", "auto", workers=2)
+    page.ask("own.complete()")
+    formats = page.ask("own.textures.map((texture) => texture.format)")
+    assert sorted(set(formats)) == [36285, 36492], "BC5 for normals, else BC7"
+    assert compare(page, materials, compressed=True) == 5
+    assert faults(page) == []
+
+
+@pytest.mark.nightly
+def test_the_built_in_scene(page: Browser, site: Path) -> None:
+    assert cli.main(["export", "--out", str(site / "courtyard.glb")]) == 0
+    load(page, "courtyard.glb", "rgba8")
+    page.ask("own.complete()")
+    assert compare(page, site / "courtyard.glb", level=2, step=10) > 10
+    page.ask("own.draw()")
+    assert decode_picture(page.picture(), "the page")[:240, :320].std() > 10.0
+    assert page.ask("own.errors") == []
+    assert faults(page) == []
+
+
+def test_a_pack_inside_the_file(page: Browser, materials: Path, site: Path) -> None:
+    document = glb_json(materials)
+    data = materials.read_bytes()
+    start = 28 + struct.unpack_from("<I", data, 12)[0]
+    binary = data[start:]
+    image = next(own for own in document["images"] if own.get("uri", "").endswith(".ntc"))
+    pack = (site / image.pop("uri")).read_bytes()
+    image["bufferView"] = len(document["bufferViews"])
+    document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(pack)})
+    binary += pack + bytes(-len(pack) % 4)
+    document["buffers"][0]["byteLength"] = len(binary)
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    (site / "inside.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    load(page, "inside.glb", "rgba8")
+    page.ask("own.complete()")
+    assert compare(page, materials) == 5
+    assert faults(page) == []
+
+
+def test_a_pack_that_cannot_be_read_leaves_the_other_images(page: Browser, materials: Path, site: Path) -> None:
+    text = materials.read_bytes()
+    pack = next(own["uri"] for own in glb_json(materials)["images"] if own.get("uri", "").endswith(".ntc"))
+    whole = (site / pack).read_bytes()
+    contents = {"tensor": whole[: len(whole) // 2], "safetensors": whole[:50], "not there": None}
+    for number, (reason, content) in enumerate(contents.items()):
+        # A browser keeps files by their names.
+        name = f"spoilt{number}".ljust(len(pack), "_")
+        (site / f"spoilt{number}.glb").write_bytes(text.replace(pack.encode(), name.encode()))
+        if content is not None:
+            (site / name).write_bytes(content)
+        load(page, f"spoilt{number}.glb", "rgba8", report=False)
+        own = [line for line in faults(page) if "404" not in line]
+        assert len(own) == 1, own
+        assert reason in own[0], own
+        pixels = shown(page, 0, SIDE, SIDE)[..., :3]
+        assert np.abs(pixels.astype(int) - waves(0, SIDE)).max() <= 1
+
+
+@pytest.mark.nightly
+def test_a_scene_of_large_textures(page: Browser, site: Path, data_folder: Path) -> None:
+    scene = data_folder / "scenes" / "dutch_ship" / "dutch_ship_medium_1k.gltf"
+    if not scene.is_file():
+        pytest.skip(f"{scene} is not there")
+    pack = site / "ship.ntc"
+    assert cli.main(["encode", str(scene), "--out", str(pack), "--grouping", "universal", "--maps", "all"]) == 0
+    assert cli.main(["export", str(scene), "--pack", str(pack), "--out", str(site / "ship.glb")]) == 0
+    assert max(load(page, "ship.glb", "rgba8", workers=2)) <= 128
+    page.ask("own.complete()")
+    assert compare(page, site / "ship.glb") >= 6
+    assert faults(page) == []
