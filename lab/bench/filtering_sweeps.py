@@ -14,7 +14,7 @@ from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.model import Camera, Geometry, Instances, Material, Primitive, Scene
 from viewer.state.navigation import turned
-from viewer.state.view_state import REFERENCE, DecodePath, PathChoice, Slot, ViewState
+from viewer.state.view_state import REFERENCE, Anisotropy, DecodePath, PathChoice, Slot, ViewState
 
 SUPERSAMPLES = 4
 """Samples of the ground truth along each side of a pixel."""
@@ -46,7 +46,7 @@ class Way:
 
     name: str
     slot: Slot
-    anisotropy: int = 1
+    anisotropy: Anisotropy = 1
     whole: bool = True
     """Whether the picture is drawn to the end; else the stochastic filter takes one sample."""
 

@@ -21,7 +21,7 @@ from viewer.render.renderer import Renderer
 from viewer.scene.images import read_image, write_png
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Precision, Slot, ViewState
+from viewer.state.view_state import REFERENCE, Anisotropy, DecodePath, Overlay, Precision, Slot, ViewState
 
 FOLDER = Path(__file__).parent / "llvmpipe"
 FAILED = Path(__file__).parent / "failed"
@@ -70,7 +70,7 @@ class GoldenPicture:
     overlay: Overlay = PLAIN
     size: tuple[int, int] = SIZE
     """(width, height) in pixels."""
-    anisotropy: int = 1
+    anisotropy: Anisotropy = 1
 
     @property
     def path(self) -> Path:

@@ -75,6 +75,20 @@ def test_block_shape_and_palette_are_chosen(mapped: DrivenApp) -> None:
     assert mapped.session.view.overlay.palette == "viridis"
 
 
+def test_a_widget_is_explained_and_grey_with_the_reason(mapped: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> None:
+    about = mapped.widgets.explanation("block")
+    assert about.startswith("Shape of the blocks")
+    assert about.endswith("Key: B")
+    monkeypatch.setattr(frontend, "why_not", lambda _context, _command_id: "the map is locked")
+    mapped.settle()
+    assert mapped.widgets.explanation("block") == f"{about}\nNot now: the map is locked"
+    mapped.click("block")
+    assert "block: 8x4" not in labels(mapped)
+    left, top, right, bottom = mapped.widgets.rectangle("opacity")
+    mapped.drag((left + 5, (top + bottom) / 2), (right - 5, (top + bottom) / 2))
+    assert mapped.session.view.overlay == Overlay("divergence")
+
+
 def test_the_map_is_opaque_titled_and_its_scale_does_not_depend_on_the_other_slot(mapped: DrivenApp) -> None:
     overlay = mapped.session.view.overlay
     assert (overlay.opacity, overlay.palette, overlay.scale) == (1.0, "viridis", "block")

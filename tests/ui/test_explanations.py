@@ -13,9 +13,9 @@ from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
-from viewer.commands.command import Menu
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
+from viewer.state.setting import Menu
 from viewer.state.settings import ViewerSettings
 from viewer.ui.help.sheets import TERMS
 from viewer.ui.widgets import TOOLTIP_SECONDS, WidgetRects
@@ -28,7 +28,7 @@ MAKE_WIDGETS = (
 )
 """ImGui's functions after which `rects.note(LABEL)` is due."""
 WHERE_TO_ADD = (
-    "add it to viewer/ui/help/texts.py: COMMAND_OF for a control that runs a command, CONTROLS for any other "
+    "draw what runs a command with viewer/ui/controls.py, or add it to viewer/ui/help/texts.py: CONTROLS for any other "
     "control (a sentence), FIGURES for a figure, column or plot, VALUES for an entry of a list; "
     "or give note() a text of its own. # stands for any number, first words do for labels that go on"
 )

@@ -13,8 +13,8 @@ from ntc.codec.maps import MapWeightsName
 from ntc.codec.registry import SUMMARIES, CodecName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
-from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
+    Anisotropy,
     BlockName,
     Lighting,
     MaterialView,

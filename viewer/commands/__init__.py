@@ -29,7 +29,10 @@ _MODULES = (edit, compare, inspection, overlay, materials, animation, camera, fi
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.menu is not None)
 """Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have none."""
-_BY_ID = {command.id: command for command in _ALL}
+BY_ID = {command.id: command for command in _ALL}
+"""Commands and gestures by id."""
+NEXT = {command.steps: command.id for command in COMMANDS if command.steps}
+"""Commands that take the next choice, by the id of the command that takes a given one."""
 PICTURE_HINTS = (
     ("left drag", "orbit; look around when flying"),
     ("right or middle drag", "pan"),
@@ -62,7 +65,7 @@ def run(context: Context, command_id: str, *values: Any) -> None:
 
     Raises InputError for wrong values, and where a file cannot be read or written.
     """
-    command, session, training = _BY_ID[command_id], context.session, context.training
+    command, session, training = BY_ID[command_id], context.session, context.training
     before = present_state(session, training)
     try:
         effect = command.run(context, values)
@@ -77,7 +80,7 @@ def run(context: Context, command_id: str, *values: Any) -> None:
 
 def why_not(context: Context, command_id: str) -> str:
     """Return in a line why a command cannot run now; "" where it can."""
-    return _BY_ID[command_id].why_not(context)
+    return BY_ID[command_id].why_not(context)
 
 
 def run_or_notify(context: Context, command_id: str, *values: Any) -> None:

@@ -3,13 +3,12 @@
 from dataclasses import replace
 from typing import Annotated
 
-from viewer.commands.command import Arg, Context, command, switch
+from viewer.commands.command import Arg, Context, command, field_command
 from viewer.scene.model import Pose
 from viewer.state.motion import chosen_animation
 from viewer.state.session import Session
 
 LONGEST_SECONDS = 1e6
-SLOWEST, FASTEST = 0.05, 20.0
 
 
 def _no_animations(context: Context) -> str:
@@ -37,7 +36,7 @@ AnimationName = Annotated[
     "View",
     "K",
     unavailable=_no_animations,
-    current=switch(lambda session: session.playback.is_playing),
+    current=lambda session: session.playback.is_playing,
 )
 def play(session: Session) -> None:
     session.playback = replace(session.playback, is_playing=not session.playback.is_playing)
@@ -53,6 +52,7 @@ def play(session: Session) -> None:
     "show the scene at a time of an animation",
     "View",
     unavailable=_no_animations,
+    current=lambda session, _time: chosen_animation(session.scene.animations, session.view.pose).name,
 )
 def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") -> None:
     name = animation or chosen_animation(session.scene.animations, session.view.pose).name
@@ -65,27 +65,5 @@ def rest(session: Session) -> None:
     _stand(session, None)
 
 
-Speed = Annotated[float, Arg("seconds of the animation per second", None, SLOWEST, FASTEST, clamp=True)]
-
-
-@command(
-    "animation.speed",
-    "Animation speed",
-    "set the speed of the animation",
-    "View",
-    unavailable=_no_animations,
-)
-def set_speed(session: Session, speed: Speed) -> None:
-    session.playback = replace(session.playback, speed=speed)
-
-
-@command(
-    "animation.repeat",
-    "Repeat animation",
-    "restart the animation at its end",
-    "View",
-    unavailable=_no_animations,
-    current=switch(lambda session: session.playback.repeats),
-)
-def toggle_repeat(session: Session) -> None:
-    session.playback = replace(session.playback, repeats=not session.playback.repeats)
+speed = field_command("playback.speed", unavailable=_no_animations)
+repeat = field_command("playback.repeats", unavailable=_no_animations)

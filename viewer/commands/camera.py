@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.command import Arg, Context, command, field_command, gesture, next_command
 from viewer.commands.effects import Effect, WriteText
 from viewer.scene.cameras_file import cameras_json, read_cameras
 from viewer.scene.json_text import printable
@@ -15,7 +15,6 @@ from viewer.state.framing import frame_shown
 from viewer.state.motion import Playback, Turntable
 from viewer.state.navigation import FREE
 from viewer.state.session import Session
-from viewer.state.settings import CameraMode
 from viewer.state.view_file import MOST_BOOKMARKS
 
 FIELD_OF_VIEW = Arg(
@@ -102,25 +101,8 @@ def look(
     place_camera(session, Camera("free", eye, target, fov_degrees=fov))
 
 
-def _set_mode(session: Session, mode: CameraMode) -> None:
-    session.settings = replace(session.settings, camera_mode=mode)
-    notify(session, f"camera: {mode}")
-
-
-@command("camera.next-mode", "Orbit or fly", "switch between orbiting and flying", "Camera", "V")
-def next_mode(session: Session) -> None:
-    _set_mode(session, "fly" if session.settings.camera_mode == "orbit" else "orbit")
-
-
-@command(
-    "camera.mode",
-    "Orbit or fly",
-    "choose whether the mouse orbits, or looks around while keys fly",
-    "Camera",
-    current=lambda session: session.settings.camera_mode,
-)
-def set_mode(session: Session, mode: Annotated[CameraMode, Arg("mode of the camera")]) -> None:
-    _set_mode(session, mode)
+mode = field_command("settings.camera_mode", said=lambda mode: f"camera: {mode}")
+next_mode = next_command(mode, "camera.next-mode", "Orbit or fly", "switch between orbiting and flying", "V")
 
 
 @command(
@@ -129,7 +111,7 @@ def set_mode(session: Session, mode: Annotated[CameraMode, Arg("mode of the came
     "record the camera's path; the same command again writes it as a cameras file",
     "Camera",
     "R",
-    current=switch(lambda session: session.navigation.recording is not None),
+    current=lambda session: session.navigation.recording is not None,
 )
 def record(session: Session) -> Effect | None:
     navigation = session.navigation
@@ -189,7 +171,7 @@ def turntable(session: Session, degrees: Degrees = USUAL_DEGREES) -> None:
     "rotate the camera around the scene's centre until pressed again",
     "Camera",
     "Y",
-    current=switch(lambda session: isinstance(session.navigation.motion, Turntable)),
+    current=lambda session: isinstance(session.navigation.motion, Turntable),
 )
 def toggle_turntable(session: Session) -> None:
     turns = isinstance(session.navigation.motion, Turntable)

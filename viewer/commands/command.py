@@ -3,23 +3,29 @@
 import inspect
 import shlex
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin, get_type_hints
+
+from msgspec import Meta
 
 from ntc.errors import InputError
 from viewer.commands.effects import Effect
 from viewer.commands.history import History
-from viewer.state.event_handlers import apply_event
+from viewer.state.event_handlers import apply_event, notify
 from viewer.state.session import Session
+from viewer.state.setting import Arg as Arg
+from viewer.state.setting import Menu, Setting
+from viewer.state.view_state import Side
 from viewer.training.kept_runs import KeptRuns
 from viewer.training.live_training import LiveTraining
 
-Menu = Literal["File", "Edit", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
 SWITCH = {"on": True, "off": False}
 Name = TypeVar("Name", bound=str)
 REQUIRED: Any = inspect.Parameter.empty
+SlotSide = Annotated[Side, Arg("which slot")]
 
 
 class Context:
@@ -40,23 +46,11 @@ class Context:
         """Function that carries out an effect; without a window it does nothing. Raises InputError."""
 
 
-@dataclass(frozen=True)
-class Arg:
-    """Description and limits of a command's parameter, written as `Annotated[type, Arg(...)]`."""
-
-    help: str = ""
-    choices: Callable[[Session], tuple[str, ...]] | None = None
-    """Function that lists the choices, where they depend on what is open. A Literal declares choices that never change."""
-    minimum: float | None = None
-    maximum: float | None = None
-    """Range of a number, `minimum` to `maximum`: both or neither is given. A value outside is an error."""
-    clamp: bool = False
-    """Replace a value outside the range by the nearer end, instead of refusing it."""
-    suggestion: Callable[[Session], str] | None = None
-    """Function that gives the text with which the palette's field begins; None leaves it empty."""
-    refuses: Callable[[Session, str], str] | None = None
-    """Function that says why a typed choice cannot be taken now, "" where it can. Menus, lists and palette grey the choice out
-    and show the reason; a script gets the reason as its error."""
+def typed(value: Any) -> str:
+    """Return a value as it is typed."""
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    return f"{value:g}" if isinstance(value, float) else "" if value == Path() else str(value)
 
 
 def typed_path(text: str) -> Path:
@@ -94,13 +88,7 @@ class Parameter:
     @property
     def default_text(self) -> str | None:
         """Default value as it is typed; None where a value must be given."""
-        if self.default is REQUIRED:
-            return None
-        if isinstance(self.default, bool):
-            return "on" if self.default else "off"
-        if isinstance(self.default, float):
-            return f"{self.default:g}"
-        return "" if self.default == Path() else str(self.default)
+        return None if self.default is REQUIRED else typed(self.default)
 
     def options(self, session: Session) -> tuple[str, ...]:
         """Return the choices as texts; empty where the parameter is not a choice."""
@@ -142,6 +130,8 @@ class Parameter:
         elif self.type in (int, float):
             self._require_finite(value)
             low, high = self.arg.minimum, self.arg.maximum
+            if self.arg.wraps and high is not None:
+                return value % high
             if low is not None and high is not None and not low <= value <= high:
                 if not self.arg.clamp:
                     raise InputError(f"{self.name} {value:g}: must be {low:g} to {high:g}")
@@ -176,9 +166,13 @@ class Command:
     unavailable: Callable[[Context], str] | None = None
     """Function that says in a line why the command cannot run now, "" where it can. Menus, palette and buttons are grey then, with
     the reason as tooltip; a script gets the reason as its error."""
-    current: Callable[..., str | None] | None = None
-    """Function that returns the present choice as it is typed; menus tick it. It takes the session and the texts of all parameters
-    but the last. A command without parameters that switches something returns `on` or `off`."""
+    current: Callable[..., Any] | None = None
+    """Function that returns the present value, which menus tick and widgets show. It takes the session and the texts of all
+    parameters but the last. A command without parameters that switches something returns a bool."""
+    about: str = ""
+    """Tooltip of the widget in sentences; "" takes `help`."""
+    steps: str = ""
+    """Id of the command whose next choice this one takes; "" for none."""
 
     @property
     def usage(self) -> str:
@@ -199,7 +193,7 @@ class Command:
 
     def is_on(self, session: Session) -> bool:
         """Return True where a switch is on now."""
-        return self.current is not None and self.current(session) == "on"
+        return self.current is not None and self.current(session) is True
 
     def why_not(self, context: Context) -> str:
         """Return why the command cannot run now; "" where it can."""
@@ -246,17 +240,14 @@ def command(
     second_key: str = "",
     *,
     unavailable: Callable[[Context], str] | None = None,
-    current: Callable[..., str | None] | None = None,
+    current: Callable[..., Any] | None = None,
+    about: str = "",
 ) -> Callable[[Callable[..., Effect | None]], Command]:
     """Return a decorator that makes a `Command` of a function; the parameters after its first are the command's."""
     return lambda function: Command(
-        command_id, title, help_line, menu, function, _parameters(function), key, second_key, unavailable, current
+        *(command_id, title, help_line, menu, function, _parameters(function)),
+        *(key, second_key, unavailable, current, about),
     )
-
-
-def switch(is_on: Callable[[Session], bool]) -> Callable[[Session], str]:
-    """Return a function for `Command.current` that tells the state of a switch as `on` or `off`."""
-    return lambda session: "on" if is_on(session) else "off"
 
 
 def gesture(command_id: str, title: str = "") -> Callable[[Callable[..., Effect | None]], Command]:
@@ -268,9 +259,86 @@ def _parameters(function: Callable[..., Effect | None]) -> tuple[Parameter, ...]
     hints = get_type_hints(function, include_extras=True)
     parameters = []
     for name, declared in list(inspect.signature(function).parameters.items())[1:]:
-        kind, arg = get_args(hints[name]) if get_origin(hints[name]) is Annotated else (hints[name], Arg())
-        parameters.append(Parameter(name, kind, arg, declared.default))
+        parameters.append(_parameter(name, hints[name], declared.default))
     return tuple(parameters)
+
+
+def _parameter(name: str, hint: Any, default: Any = REQUIRED) -> Parameter:
+    """Return the parameter of a type hint with its `Arg` and, for a number, its range as `Meta`."""
+    kind, *declared = get_args(hint) if get_origin(hint) is Annotated else (hint,)
+    arg = next((each for each in declared if isinstance(each, Arg)), Arg())
+    limits = next((each for each in declared if isinstance(each, Meta)), None)
+    if limits is not None and arg.minimum is None:
+        arg = replace(arg, minimum=limits.ge, maximum=limits.le)
+    return Parameter(arg.name or name, kind, arg, default)
+
+
+def hint_of(path: str) -> Any:
+    """Return the type hint of a field of the session, such as `view.overlay.block`."""
+    kind: Any = Session
+    for name in path.split("."):
+        kind = get_type_hints(kind, include_extras=True)[name]
+    return kind
+
+
+def with_field(owner: Any, path: str, value: Any) -> Any:
+    """Return `owner` with another value of the field at `path`. Frozen dataclasses are replaced, others change in place."""
+    name, _, rest = path.partition(".")
+    value = with_field(getattr(owner, name), rest, value) if rest else value
+    if owner.__dataclass_params__.frozen:
+        return replace(owner, **{name: value})
+    setattr(owner, name, value)
+    return owner
+
+
+def field_command(
+    path: str,
+    *,
+    default: Any = REQUIRED,
+    unavailable: Callable[[Context], str] | None = None,
+    refuses: Callable[[Session, str], str] | None = None,
+    said: Callable[[Any], str] | None = None,
+) -> Command:
+    """Return the command that sets the field of the session at `path`, as its `Setting` and `Arg` describe it.
+
+    A `*` in the path stands for the side of a slot, which is the first parameter then. `said` gives a message about the value.
+    """
+    hint = hint_of(path.replace("*", "a"))
+    setting = next(each for each in get_args(hint) if isinstance(each, Setting))
+    parameter = _parameter(path.rpartition(".")[2], hint, default)
+    if refuses is not None:
+        parameter = replace(parameter, arg=replace(parameter.arg, refuses=refuses))
+
+    def present(session: Session, side: str = "") -> Any:
+        return attrgetter(path.replace("*", side))(session)
+
+    def change(session: Session, *values: Any) -> None:
+        *side, value = values if values else (not present(session),)
+        with_field(session, path.replace("*", "".join(side)), value)
+        if said is not None:
+            notify(session, said(value))
+
+    parameters = () if setting.toggles else (parameter,)
+    return Command(
+        *(setting.command, setting.title, setting.help, setting.menu, change),
+        (_parameter("side", SlotSide), *parameters) if "*" in path else parameters,
+        *(setting.key, "", unavailable, present, setting.about),
+    )
+
+
+def next_command(
+    of: Command, command_id: str, title: str, help_line: str, key: str, said: Callable[[Any], str] | None = None
+) -> Command:
+    """Return the command that takes the next choice of another command. `said` gives a message about it."""
+
+    def change(session: Session) -> None:
+        assert of.current is not None
+        value = following(tuple(of.parameters[-1].fixed.values()), of.current(session))
+        of.function(session, value)
+        if said is not None:
+            notify(session, said(value))
+
+    return Command(command_id, title, help_line, of.menu, change, (), key, steps=of.id)
 
 
 def following(names: Sequence[Name], present: Name) -> Name:

@@ -2,33 +2,28 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, get_args
 
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from ntc.metrics.block_compression import missing_packages, named_format
-from viewer.commands.command import Arg, Context, command, following, gesture, switch
+from viewer.commands.command import Arg, Context, SlotSide, command, field_command, following, gesture, next_command
 from viewer.commands.effects import Effect, Measure, RunCommand, TakePicture, WriteText
 from viewer.inspect.measured_figures import figures_json, figures_markdown
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE
 from viewer.state.view_state import (
-    GAIN_RANGE,
+    FILTER_ARG,
     REFERENCE,
-    CompareMode,
-    DecodedMaps,
     DecodePath,
     DifferenceKind,
-    PathChoice,
     Side,
     TexelFilter,
     is_image_source,
 )
 
-MODES: tuple[CompareMode, ...] = get_args(CompareMode)
 PATHS: tuple[DecodePath, ...] = ("deferred", "binned", "cached", "forward")
-SlotSide = Annotated[Side, Arg("which slot")]
 
 
 def _shown_difference(session: Session) -> str | None:
@@ -54,42 +49,29 @@ def _change_slot(session: Session, side: Side, **changes: Any) -> None:
     session.view = session.view.with_slot(side, replace(session.view.slots[side], **changes))
 
 
-@command(
+mode = field_command("view.compare")
+next_mode = next_command(
+    mode,
     "compare.next",
     "Next compare mode",
     "switch to the next mode: A, B, left/right, above/below, side by side, difference",
-    "Compare",
     "Tab",
 )
-def next_mode(session: Session) -> None:
-    session.view = replace(session.view, compare=following(MODES, session.view.compare))
+toggle_flicker = field_command("window.flickers")
+
+
+Rate = Annotated[float, Arg("rate in Hz, 0.2 to 30; 0 stops", ends=FLICKER_RANGE, text="%.1f Hz", logarithmic=True)]
 
 
 @command(
-    "compare.mode",
-    "Compare mode",
-    "show A, B, both with a divider, both side by side, or their difference",
+    "compare.flicker",
+    "Flicker rate",
+    "alternate between A and B at this rate; 0 stops",
     "Compare",
-    current=lambda session: session.view.compare,
+    current=lambda session: session.settings.flicker_hz,
+    about="Rate of the flicker between A and B, in Hz.",
 )
-def set_mode(session: Session, mode: Annotated[CompareMode, Arg("what is shown")]) -> None:
-    session.view = replace(session.view, compare=mode)
-
-
-@command(
-    "compare.toggle-flicker",
-    "Flicker",
-    "alternate between A and B",
-    "Compare",
-    "J",
-    current=switch(lambda session: session.window.flickers),
-)
-def toggle_flicker(session: Session) -> None:
-    session.window.flickers = not session.window.flickers
-
-
-@command("compare.flicker", "Flicker rate", "alternate between A and B at this rate; 0 stops", "Compare")
-def set_flicker(session: Session, rate: Annotated[float, Arg("rate in Hz, 0.2 to 30; 0 stops")] = 2.0) -> None:
+def set_flicker(session: Session, rate: Rate = 2.0) -> None:
     low, high = FLICKER_RANGE
     if rate != 0.0 and not low <= rate <= high:
         raise InputError(f"compare.flicker: rate {rate:g} must be {low:g} to {high:g} Hz, or 0 to stop")
@@ -98,52 +80,35 @@ def set_flicker(session: Session, rate: Annotated[float, Arg("rate in Hz, 0.2 to
         session.settings = replace(session.settings, flicker_hz=rate)
 
 
+Kind = Annotated[
+    DifferenceKind,
+    Arg(
+        "kind of difference",
+        values={
+            "raw": "|A - B| of sRGB values.",
+            "amplified": "|A - B| of sRGB values times a gain.",
+            "relative": "|A - B| / A of linear light: the error relative to the brightness of the pixel.",
+            "flip": "FLIP: the difference that an eye sees when it flips between both pictures. Dark is 0, bright is 1.",
+        },
+    ),
+]
+
+
 @command(
     "compare.difference",
     "Difference",
     "show the difference between A and B: raw, amplified, relative or FLIP",
     "Compare",
     current=_shown_difference,
+    about="How the difference between A and B is measured and coloured.",
 )
-def set_difference(session: Session, kind: Annotated[DifferenceKind, Arg("kind of difference")]) -> None:
+def set_difference(session: Session, kind: Kind) -> None:
     session.view = replace(session.view, compare="difference", difference=replace(session.view.difference, kind=kind))
 
 
-Gain = Annotated[float, Arg("factor of the amplified difference", None, *GAIN_RANGE)]
-
-
-@command(
-    "compare.gain",
-    "Difference gain",
-    "set the factor of the amplified difference",
-    "Compare",
-)
-def set_gain(session: Session, gain: Gain) -> None:
-    session.view = replace(session.view, difference=replace(session.view.difference, gain=gain))
-
-
-@command(
-    "compare.live",
-    "Live figures",
-    "measure A against B whenever the picture rests",
-    "Compare",
-    current=switch(lambda session: session.settings.live_figures),
-)
-def set_live(session: Session, state: Annotated[bool, Arg("on or off")]) -> None:
-    session.settings = replace(session.settings, live_figures=state)
-
-
-Position = Annotated[float, Arg("place as a share of the width or height, 0 to 1", None, 0.0, 1.0, clamp=True)]
-
-
-@command(
-    "compare.divider",
-    "Centre the divider",
-    "move the divider to the middle, or to a share of the picture's width or height",
-    "Compare",
-)
-def set_divider(session: Session, position: Position = 0.5) -> None:
-    session.view = replace(session.view, wipe_position=position)
+gain = field_command("view.difference.gain")
+live = field_command("settings.live_figures")
+divider = field_command("view.wipe_position", default=0.5)
 
 
 @command("compare.swap", "Swap A and B", "exchange what slots A and B show", "Compare", "X")
@@ -246,6 +211,7 @@ def leave_formats(session: Session) -> None:
     "show the original images, a pack, or a block format in a slot",
     "Compare",
     current=lambda session, side: session.view.slots[side].source,
+    about="What the slot shows: the original images (reference), a pack, or a block format of graphics hardware.",
 )
 def set_source(session: Session, side: SlotSide, source: Source) -> None:
     show_source(session, side, source)
@@ -255,17 +221,7 @@ def _unsupported(session: Session, text: str) -> str:
     return session.unsupported.get(text, "")
 
 
-@command(
-    "slot.path",
-    "Slot decode path",
-    "choose the decode path of a slot",
-    "Compare",
-    current=lambda session, side: session.view.slots[side].path,
-)
-def set_path(
-    session: Session, side: SlotSide, path: Annotated[PathChoice, Arg("decode path", refuses=_unsupported)]
-) -> None:
-    _change_slot(session, side, path=path)
+path = field_command("view.slot_*.path", refuses=_unsupported)
 
 
 Precision = Annotated[
@@ -273,6 +229,13 @@ Precision = Annotated[
     Arg(
         "number format of the decoders; auto measures and picks the fastest one without visible error",
         refuses=_unsupported,
+        values={
+            "auto": "The program measures and chooses.",
+            "fp32": "32-bit numbers: exact.",
+            "fp16": "Decoders are stored in 16-bit numbers; arithmetic is in 32 bits.",
+            "fp16-arithmetic": "Storage and arithmetic in 16-bit numbers, sums in 32 bits.",
+            "fp16-accumulate": "Storage, arithmetic and sums in 16-bit numbers: the fastest and least exact.",
+        },
     ),
 ]
 
@@ -283,6 +246,7 @@ Precision = Annotated[
     "choose the number format of a slot's decoders; auto picks the fastest one without visible error",
     "Compare",
     current=_precision,
+    about="Number format of the decoders on the GPU. auto measures and picks the fastest one without visible error.",
 )
 def set_precision(session: Session, side: SlotSide, precision: Precision) -> None:
     session.precision_searches -= {side}
@@ -295,31 +259,8 @@ def set_precision(session: Session, side: SlotSide, precision: Precision) -> Non
         session.precision_searches |= {side}
 
 
-@command(
-    "slot.maps",
-    "Slot maps",
-    "decode all maps of a slot, or only one and keep the others original",
-    "Compare",
-    current=lambda session, side: session.view.slots[side].maps,
-)
-def set_maps(
-    session: Session, side: SlotSide, maps: Annotated[DecodedMaps, Arg("decoded maps: all, or only one")]
-) -> None:
-    _change_slot(session, side, maps=maps)
-
-
-TEXELS = "exact: all texels of the footprint; stochastic: one random texel, accumulated while the picture rests"
-
-
-@command(
-    "slot.filter",
-    "Slot texel filter",
-    "filter a slot's texels exactly, or sample one at random",
-    "Compare",
-    current=lambda session, side: session.view.slots[side].filter,
-)
-def set_filter(session: Session, side: SlotSide, texels: Annotated[TexelFilter, Arg(TEXELS)]) -> None:
-    _change_slot(session, side, filter=texels)
+maps = field_command("view.slot_*.maps")
+texels = field_command("view.slot_*.filter")
 
 
 @command("slot.next-source", "Next source in A", "show the next open source in slot A", "Compare", "N")
@@ -345,15 +286,7 @@ def next_path(session: Session) -> None:
     _change_slot(session, "a", path=path)
 
 
-@command(
-    "filter.anisotropy",
-    "Anisotropy",
-    "set the anisotropic filtering of images and path cached, 1 (trilinear) to 16 samples",
-    "View",
-    current=lambda session: str(session.view.anisotropy),
-)
-def set_anisotropy(session: Session, value: Annotated[Literal[1, 2, 4, 8, 16], Arg("1 is trilinear")]) -> None:
-    session.view = replace(session.view, anisotropy=value)
+anisotropy = field_command("view.anisotropy")
 
 
 @command(
@@ -363,7 +296,7 @@ def set_anisotropy(session: Session, value: Annotated[Literal[1, 2, 4, 8, 16], A
     "View",
     current=_filter_of_both,
 )
-def set_filters(session: Session, texels: Annotated[TexelFilter, Arg(TEXELS)]) -> None:
+def set_filters(session: Session, texels: Annotated[TexelFilter, FILTER_ARG]) -> None:
     for side in get_args(Side):
         _change_slot(session, side, filter=texels)
 

@@ -4,29 +4,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from viewer.commands.command import Arg, Context, command, following, gesture
+from viewer.commands.command import Arg, Context, command, field_command, gesture, next_command
 from viewer.commands.effects import Effect, ReadVariant
 from viewer.lighting.panorama import load_panorama
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
-from viewer.state.view_state import (
-    ELEVATION_RANGE,
-    EXPOSURE_RANGE,
-    OWN_ENVIRONMENTS,
-    SKY,
-    SUN_STRENGTH_RANGE,
-    MaterialView,
-    ToneMap,
-)
-
-VIEWS: dict[MaterialView, str] = {
-    "lit": "lit surfaces",
-    "base": "base colours without light",
-    "normal": "normal maps as stored",
-    "orm": "occlusion, roughness and metalness as red, green and blue",
-    "emissive": "emitted light",
-}
-"""Description of each view in a few words."""
+from viewer.state.view_state import OWN_ENVIRONMENTS, SKY, VIEWS, Azimuth, Elevation
 
 OWN_MATERIALS = "default"
 """Name of the variant in which primitives have their own materials."""
@@ -36,28 +19,15 @@ def _light(session: Session, **changes: Any) -> None:
     session.view = replace(session.view, lighting=replace(session.view.lighting, **changes))
 
 
-@command(
+view = field_command("view.material_view")
+next_view = next_command(
+    view,
     "materials.next",
     "Next material view",
     "show the next view: lit, base colour, normals, roughness and metalness, emission",
-    "View",
     "G",
+    lambda view: f"{view}: {VIEWS[view]}",
 )
-def next_view(session: Session) -> None:
-    view = following(tuple(VIEWS), session.view.material_view)
-    session.view = replace(session.view, material_view=view)
-    notify(session, f"{view}: {VIEWS[view]}")
-
-
-@command(
-    "materials.view",
-    "Material view",
-    "show lit surfaces, or one of the maps",
-    "View",
-    current=lambda session: session.view.material_view,
-)
-def set_view(session: Session, view: Annotated[MaterialView, Arg("what is shown")]) -> None:
-    session.view = replace(session.view, material_view=view)
 
 
 def _no_variants(context: Context) -> str:
@@ -83,53 +53,25 @@ def set_variant(session: Session, name: Variant) -> Effect:
 
 
 @command("light.sun", "Sun direction", "set azimuth and elevation of the sun", "View")
-def set_sun(
-    session: Session,
-    azimuth: Annotated[float, Arg("degrees from north (-Z) towards east (+X)")],
-    elevation: Annotated[float, Arg("degrees above the horizon", None, *ELEVATION_RANGE, clamp=True)],
-) -> None:
-    _light(session, sun_azimuth=azimuth % 360.0, sun_elevation=elevation)
+def set_sun(session: Session, azimuth: Azimuth, elevation: Elevation) -> None:
+    _light(session, sun_azimuth=azimuth, sun_elevation=elevation)
+
+
+sun_azimuth = field_command("view.lighting.sun_azimuth")
+sun_elevation = field_command("view.lighting.sun_elevation")
 
 
 @gesture("light.move-sun")
 def move_sun(session: Session, azimuth: float, elevation: float) -> None:
     """Turn the sun by these angles, in degrees."""
     lighting = session.view.lighting
-    low, high = ELEVATION_RANGE
-    raised = min(max(lighting.sun_elevation + elevation, low), high)
-    _light(session, sun_azimuth=(lighting.sun_azimuth + azimuth) % 360.0, sun_elevation=raised)
+    moved = (lighting.sun_azimuth + azimuth, lighting.sun_elevation + elevation)
+    set_sun.function(session, *(p.checked(value, session) for p, value in zip(set_sun.parameters, moved, strict=True)))
 
 
-@command(
-    "light.sun-strength",
-    "Sun strength",
-    "set the strength of the sun: 1 is the usual one, 0 turns it off",
-    "View",
-)
-def set_sun_strength(
-    session: Session, strength: Annotated[float, Arg("factor, 0 to 20", None, *SUN_STRENGTH_RANGE)]
-) -> None:
-    _light(session, sun_strength=strength)
-
-
-@command("light.exposure", "Exposure", "make the lit picture brighter or darker", "View")
-def set_exposure(
-    session: Session, stops: Annotated[float, Arg("stops: +1 is twice as bright", None, *EXPOSURE_RANGE)]
-) -> None:
-    _light(session, exposure=stops)
-
-
-@command(
-    "light.tone-map",
-    "Tone map",
-    "choose how light is mapped to the colours of the screen",
-    "View",
-    current=lambda session: session.view.lighting.tone_map,
-)
-def set_tone_map(
-    session: Session, curve: Annotated[ToneMap, Arg("Khronos PBR Neutral, AgX, or only clipping")]
-) -> None:
-    _light(session, tone_map=curve)
+sun_strength = field_command("view.lighting.sun_strength")
+exposure = field_command("view.lighting.exposure")
+tone_map = field_command("view.lighting.tone_map")
 
 
 def use_environment(session: Session, file: Path) -> None:
@@ -152,6 +94,4 @@ def set_environment(
     use_environment(session, file)
 
 
-@command("light.turn", "Turn environment", "turn the panorama about the vertical axis; the sky stays", "View")
-def turn_environment(session: Session, degrees: Annotated[float, Arg("degrees")]) -> None:
-    _light(session, environment_turn=degrees % 360.0)
+turn = field_command("view.lighting.environment_turn")

@@ -11,13 +11,13 @@ from ntc.codec.model import Pack
 from ntc.codec.registry import FORMER_FORMATS, MODULES, codec_named, codec_of
 from ntc.errors import InputError
 from ntc.io import numbered_path
-from viewer.commands.command import Arg, Context, command, gesture, switch
+from viewer.commands.command import Arg, Context, command, field_command, gesture
 from viewer.commands.effects import Effect, OpenScene, RaisePanel, RunCommand
 from viewer.commands.inspection import named_texture
 from viewer.commands.leaving import DISCARD, ask, asks_about_runs
 from viewer.state.event_handlers import notify, point_out
 from viewer.state.pack_files import base_pack_name, match_scene
-from viewer.state.session import CANCEL, Choice, Question, Session
+from viewer.state.session import CANCEL, Choice, Question
 from viewer.state.view_state import REFERENCE, Side, is_image_source
 from viewer.training.live_training import Decision, LiveTraining
 from viewer.training.preparation import EncodeAnew, EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
@@ -286,15 +286,7 @@ def regroup(
     return _start(context, Regroup(settings))
 
 
-@command(
-    "training.ahead",
-    "Prepare encoding early",
-    "start the training process and prepare encoding as soon as a scene without a pack is open",
-    "Train",
-    current=switch(lambda session: session.settings.prepare_encoding),
-)
-def set_ahead(session: Session, state: Annotated[bool, Arg("on or off")]) -> None:
-    session.settings = replace(session.settings, prepare_encoding=state)
+ahead = field_command("settings.prepare_encoding")
 
 
 def _not_pausable(context: Context) -> str:

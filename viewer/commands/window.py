@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Annotated
 
-from viewer.commands.command import Arg, Command, Context, Menu, command, gesture, switch
+from viewer.commands.command import Arg, Command, Context, command, field_command, gesture
 from viewer.commands.effects import Effect, RaisePanel, ResetLayout
 from viewer.state.session import Session
-from viewer.state.settings import UI_SCALE_RANGE, Theme
+from viewer.state.setting import Menu
 from viewer.state.view_state import WHOLE
 
 OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
@@ -30,35 +30,9 @@ def show_whole_picture(session: Session) -> None:
     session.view = replace(session.view, zoom=WHOLE)
 
 
-Share = Annotated[float, Arg("share of the window's pixels along a side, 0.05 to 1", None, 0.05, 1.0)]
-
-
-@command("view.resolution", "Resolution", "draw fewer pixels than the window has, which is faster and coarser", "View")
-def set_resolution(session: Session, share: Share) -> None:
-    session.resolution = share
-
-
-@command(
-    "view.coarse-while-moving",
-    "Coarser while moving",
-    "draw fewer pixels while the camera moves, if full frames are slow",
-    "View",
-    current=switch(lambda session: session.settings.coarse_while_moving),
-)
-def set_coarse_while_moving(session: Session, state: State) -> None:
-    session.settings = replace(session.settings, coarse_while_moving=state)
-
-
-@command(
-    "window.panels",
-    "Panels",
-    "hide or show the panels",
-    "Window",
-    "H",
-    current=switch(lambda session: session.window.show_panels),
-)
-def toggle_panels(session: Session) -> None:
-    session.window.show_panels = not session.window.show_panels
+resolution = field_command("resolution")
+coarse_while_moving = field_command("settings.coarse_while_moving")
+toggle_panels = field_command("window.show_panels")
 
 
 def _fold_column(session: Session, folded: bool) -> None:
@@ -72,7 +46,7 @@ def _fold_column(session: Session, folded: bool) -> None:
     "fold the panels into a strip at the edge of the window, or unfold them",
     "Window",
     "Shift+H",
-    current=switch(lambda session: session.window.column_folded),
+    current=lambda session: session.window.column_folded,
 )
 def toggle_column(session: Session) -> None:
     _fold_column(session, session.window.show_panels and not session.window.column_folded)
@@ -90,7 +64,9 @@ def panel_command(title: str, help_line: str, menu: Menu, key: str = "") -> Comm
     def toggle(session: Session) -> None:
         session.window.open_panels ^= {title}
 
-    is_open = switch(lambda session: title in session.window.open_panels)
+    def is_open(session: Session) -> bool:
+        return title in session.window.open_panels
+
     return command(f"{title.lower()}.panel", f"{title} panel", help_line, menu, key, current=is_open)(toggle)
 
 
@@ -114,19 +90,8 @@ def reset_layout(session: Session) -> Effect:
     return ResetLayout()
 
 
-@command(
-    "window.theme", "Theme", "choose dark or light panels", "Window", current=lambda session: session.settings.theme
-)
-def set_theme(session: Session, theme: Annotated[Theme, Arg("colours of the panels")]) -> None:
-    session.settings = replace(session.settings, theme=theme)
-
-
-Scale = Annotated[float, Arg("scale of text and widgets, 1 is the normal size", None, *UI_SCALE_RANGE)]
-
-
-@command("window.ui-scale", "Text size", "scale text and widgets", "Window")
-def set_ui_scale(session: Session, scale: Scale) -> None:
-    session.settings = replace(session.settings, ui_scale=scale)
+theme = field_command("settings.theme")
+ui_scale = field_command("settings.ui_scale")
 
 
 Title = Annotated[str, Arg("title of the panel", lambda session: session.window.panel_titles)]

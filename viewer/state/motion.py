@@ -3,12 +3,15 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
+from msgspec import Meta
 from numpy.typing import NDArray
 
 from viewer.scene.model import AnimationFacts, Camera, Pose
 from viewer.state.navigation import FREE, rotated
+from viewer.state.setting import Arg, Setting
 
 VERTICAL = np.array([0.0, 1.0, 0.0])
 PATH_SECONDS = 0.25
@@ -73,10 +76,16 @@ class AnimationPlayback:
     """State of the playing animation."""
 
     is_playing: bool = False
-    speed: float = 1.0
-    """Speed: seconds of the animation per second."""
-    repeats: bool = True
-    """True where the animation begins again at its end."""
+    speed: Annotated[
+        float,
+        Meta(ge=0.05, le=20.0),
+        Setting("animation.speed", "Animation speed", "set the speed of the animation", "View"),
+        Arg("seconds of the animation per second", clamp=True, offers=(0.1, 0.25, 0.5, 1.0, 2.0, 4.0)),
+    ] = 1.0
+    repeats: Annotated[
+        bool,
+        Setting("animation.repeat", "Repeat animation", "restart the animation at its end", "View", toggles=True),
+    ] = True
 
     def advance(
         self, animations: Sequence[AnimationFacts], pose: Pose | None, seconds: float

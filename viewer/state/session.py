@@ -4,7 +4,9 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
+
+from msgspec import Meta
 
 from ntc.codec.model import Pack
 from ntc.io import numbered_path
@@ -14,6 +16,7 @@ from ntc.metrics.divergence import DivergenceStatistics
 from viewer.scene.model import Camera, Scene
 from viewer.state.message_log import MessageKind, MessageLog
 from viewer.state.motion import AnimationPlayback, Motion
+from viewer.state.setting import Arg, Setting
 from viewer.state.settings import ViewerSettings, with_last_pack
 from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Side, Slot, ViewState
 
@@ -161,7 +164,9 @@ class WindowState:
     """Titles of all panels, shown or not."""
     open_panels: frozenset[str] = frozenset()
     """Titles of the open panels among those that are closed until the user opens them."""
-    show_panels: bool = True
+    show_panels: Annotated[
+        bool, Setting("window.panels", "Panels", "hide or show the panels", "Window", key="H", toggles=True)
+    ] = True
     column_folded: bool = False
     """True where panels are folded to a strip at the edge of the window."""
     show_help: bool = False
@@ -176,8 +181,18 @@ class WindowState:
     """Id of the command whose arguments the palette asks for; "" while it lists all; None while it is closed."""
     show_other: bool = False
     """True while a held key shows the other slot."""
-    flickers: bool = False
-    """True while the picture flickers between A and B."""
+    flickers: Annotated[
+        bool,
+        Setting(
+            "compare.toggle-flicker",
+            "Flicker",
+            "alternate between A and B",
+            "Compare",
+            "Alternate between A and B: differences catch the eye.",
+            "J",
+            toggles=True,
+        ),
+    ] = False
     flicker_phase: bool = False
     """True while the flicker shows the other slot."""
     picture_size: tuple[int, int] = (1, 1)
@@ -195,8 +210,18 @@ class Session:
     settings: ViewerSettings
     pictures_folder: Path = Path()
     """Folder for pictures, views and camera paths."""
-    resolution: float = 1.0
-    """Resolution: drawn pixels along one side, as a share of the window's."""
+    resolution: Annotated[
+        float,
+        Meta(ge=0.05, le=1.0),
+        Setting(
+            "view.resolution",
+            "Resolution",
+            "draw fewer pixels than the window has, which is faster and coarser",
+            "View",
+            "Drawn pixels along each side, as a share of the window's. Fewer pixels are faster and coarser.",
+        ),
+        Arg("share of the window's pixels along a side, 0.05 to 1", name="share", offers=(1.0, 0.5, 0.25)),
+    ] = 1.0
     compressed: Mapping[BlockFormat, CompressedTextures] = field(default_factory=dict)
     """Scene's textures in block formats that slots have shown; a new mapping whenever one is added."""
     awaited_formats: Mapping[Side, BlockFormat] = field(default_factory=dict)

@@ -4,7 +4,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
@@ -12,7 +12,8 @@ from ntc.errors import InputError
 from ntc.io import read_file, write_text
 from viewer.locations import CONFIG_FOLDER_VARIABLE
 from viewer.scene.json_text import Share, convert, parse_json
-from viewer.state.view_state import Overlay, TexelFilter
+from viewer.state.setting import Arg, Setting
+from viewer.state.view_state import Anisotropy, Overlay, TexelFilter
 
 CameraMode = Literal["orbit", "fly"]
 Theme = Literal["dark", "light"]
@@ -21,13 +22,11 @@ LAYOUT_FILE = "layout.ini"
 
 FIRST_OVERLAY = Overlay(opacity=0.6)
 """The picture stays readable below a map."""
-Anisotropy = Literal[1, 2, 4, 8, 16]
-ANISOTROPIES = get_args(Anisotropy)
 FOV_RANGE = (10.0, 120.0)
-UI_SCALE_RANGE = (0.5, 3.0)
 FLICKER_RANGE = (0.2, 30.0)
 """Range of the flicker's frequency in Hz."""
 TILE_CACHE_MEGABYTES = (1, 16384)
+ON_OR_OFF = Arg("on or off", name="state")
 MOST_PANELS = 64
 LONGEST_TITLE = 64
 LARGEST_WINDOW_SIDE = 16384
@@ -46,11 +45,24 @@ class ViewerSettings:
 
     show_panels: bool = True
     """Show the panels when the window opens."""
-    camera_mode: CameraMode = "orbit"
+    camera_mode: Annotated[
+        CameraMode,
+        Setting(
+            "camera.mode", "Orbit or fly", "choose whether the mouse orbits, or looks around while keys fly", "Camera"
+        ),
+        Arg(
+            "mode of the camera",
+            name="mode",
+            values={
+                "orbit": "The mouse turns the camera around its target.",
+                "fly": "The mouse looks around; W A S D Q E move.",
+            },
+        ),
+    ] = "orbit"
     """Mode of the camera: the mouse orbits around a point, or looks around while keys fly."""
     fov_degrees: Annotated[float, Meta(ge=FOV_RANGE[0], le=FOV_RANGE[1])] = 60.0
     """Vertical field of view of the free camera, degrees."""
-    anisotropy: int = 1
+    anisotropy: Anisotropy = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""
     texel_filter: TexelFilter = "exact"
     """Filter of slot A, of the paths that decode every pixel."""
@@ -62,19 +74,60 @@ class ViewerSettings:
         Annotated[int, Meta(ge=320, le=LARGEST_WINDOW_SIDE)], Annotated[int, Meta(ge=200, le=LARGEST_WINDOW_SIDE)]
     ] = (1280, 720)
     """Window (width, height) in screen units."""
-    coarse_while_moving: bool = True
+    coarse_while_moving: Annotated[
+        bool,
+        Setting(
+            "view.coarse-while-moving",
+            "Coarser while moving",
+            "draw fewer pixels while the camera moves, if full frames are slow",
+            "View",
+            "Draw a quarter of the pixels along each side while the camera moves, if a full frame takes longer than 0.12 s.",
+        ),
+        ON_OR_OFF,
+    ] = True
     """Draw fewer pixels while the camera moves, where a whole frame takes long."""
     tile_cache_megabytes: Annotated[int, Meta(ge=TILE_CACHE_MEGABYTES[0], le=TILE_CACHE_MEGABYTES[1])] = 256
     """Memory in MB for decoded tiles of path `cached`, for each pack that uses it."""
-    live_figures: bool = True
+    live_figures: Annotated[
+        bool,
+        Setting(
+            "compare.live",
+            "Live figures",
+            "measure A against B whenever the picture rests",
+            "Compare",
+            "Measure A against B whenever the picture rests. Off: the figures below stay empty.",
+        ),
+        ON_OR_OFF,
+    ] = True
     """Draw the hidden slot and compare A with B while the view does not change."""
-    prepare_encoding: bool = True
+    prepare_encoding: Annotated[
+        bool,
+        Setting(
+            "training.ahead",
+            "Prepare encoding early",
+            "start the training process and prepare encoding as soon as a scene without a pack is open",
+            "Train",
+        ),
+        ON_OR_OFF,
+    ] = True
     """Start the training process and prepare encoding as soon as a scene without a pack is open."""
     flicker_hz: Annotated[float, Meta(ge=FLICKER_RANGE[0], le=FLICKER_RANGE[1])] = 2.0
     """Frequency of the flicker between A and B in Hz."""
-    ui_scale: Annotated[float, Meta(ge=UI_SCALE_RANGE[0], le=UI_SCALE_RANGE[1])] = 1.0
+    ui_scale: Annotated[
+        float,
+        Meta(ge=0.5, le=3.0),
+        Setting("window.ui-scale", "Text size", "scale text and widgets", "Window"),
+        Arg("scale of text and widgets, 1 is the normal size", name="scale"),
+    ] = 1.0
     """Scale of text and widgets; 1 is the normal size."""
-    theme: Theme = "dark"
+    theme: Annotated[
+        Theme,
+        Setting("window.theme", "Theme", "choose dark or light panels", "Window"),
+        Arg(
+            "colours of the panels",
+            values={"dark": "Light text on dark panels.", "light": "Dark text on light panels."},
+        ),
+    ] = "dark"
     """Colours of the panels: dark or light."""
     hidden_panels: Annotated[
         tuple[Annotated[str, Meta(max_length=LONGEST_TITLE)], ...], Meta(max_length=MOST_PANELS)
@@ -96,11 +149,6 @@ class ViewerSettings:
     """Absolute paths of scenes and packs that were opened, the last one first."""
     last_packs: Annotated[Mapping[str, str], Meta(max_length=MOST_LAST_PACKS)] = field(default_factory=dict)
     """Absolute path of the pack that was shown last in each scene, by the absolute path of the scene."""
-
-    def __post_init__(self) -> None:
-        """Check the anisotropy. Raises ValueError for a value that is not offered."""
-        if self.anisotropy not in ANISOTROPIES:
-            raise ValueError(f"anisotropy: must be one of {', '.join(map(str, ANISOTROPIES))}")
 
 
 def parse_settings(text: str | bytes, file: str) -> ViewerSettings:

@@ -15,12 +15,12 @@ from viewer.scene.cameras_file import Viewpoint
 from viewer.scene.json_text import Share, Vector, convert, nonempty_line, parse_json, printable
 from viewer.scene.model import AnimationFacts, Camera, Pose
 from viewer.state.session import Session
-from viewer.state.settings import Anisotropy
 from viewer.state.view_state import (
     LARGEST_ZOOM,
     REFERENCE,
     SKY,
     STUDIO,
+    Anisotropy,
     CompareMode,
     Difference,
     Lighting,

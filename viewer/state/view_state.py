@@ -1,5 +1,6 @@
 """The view as immutable values, with the colours of its maps. Commands change it; renderer, UI, scripts and `render` read it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Annotated, Final, Literal
 
@@ -11,6 +12,7 @@ from ntc.codec.config import Precision as Precision
 from ntc.metrics.block_compression import BLOCK_FORMATS
 from viewer.scene.json_text import Share
 from viewer.scene.model import Camera, Pose
+from viewer.state.setting import Arg, Setting
 
 PaletteName = Literal["green-red", "viridis"]
 
@@ -109,16 +111,70 @@ MOST_OF_BLOCK: Final[dict[BlockName, int]] = {"8x8": 8, "8x4": 6, "16x4": 8, "4x
 """Decoders at the end of the colour range for blocks of each shape, so that a colour means the same in every picture."""
 
 
+MAPS: Final = {
+    "divergence": "Number of decoders in each block of pixels.",
+    "error-texture": "Error of each texture between A and B.",
+    "error-decoder": "Error of each decoder between A and B.",
+}
+PALETTE_TEXTS: Final = {
+    "green-red": "Green for few, red for many.",
+    "viridis": "Dark violet for few, yellow for many; suits the colour-blind.",
+}
+BLOCK_TEXTS: Final = {
+    name: f"Blocks of {name} pixels, as a wave of {width * height} lanes shades them."
+    for name, (width, height) in BLOCKS.items()
+}
+
+
 @dataclass(frozen=True)
 class Overlay:
     """Map over the picture, with its colours and scale."""
 
-    kind: OverlayKind = "none"
-    """Kind of map: none, decoders per block, or the error of each texture or decoder between A and B."""
-    opacity: Share = 1.0
-    palette: PaletteName = "viridis"
-    block: BlockName = "8x8"
-    scale: ScaleName = "block"
+    kind: Annotated[
+        OverlayKind,
+        Setting(
+            "overlay.kind",
+            "Overlay map",
+            "show a map over the picture: decoders per block, or the error of textures or decoders",
+            "Overlay",
+        ),
+        Arg("kind of map", values=MAPS),
+    ] = "none"
+    opacity: Annotated[
+        Share,
+        Setting("overlay.opacity", "Map opacity", "set the opacity of the map over the picture", "Overlay"),
+        Arg("0 to 1", text="opacity %.2f"),
+    ] = 1.0
+    palette: Annotated[
+        PaletteName,
+        Setting("overlay.palette", "Palette", "choose the palette of the maps", "Overlay"),
+        Arg("palette", values=PALETTE_TEXTS),
+    ] = "viridis"
+    block: Annotated[
+        BlockName,
+        Setting(
+            "overlay.block",
+            "Block shape",
+            "count decoders in blocks of this shape",
+            "Overlay",
+            "Shape of the blocks in which decoders are counted, width x height in pixels. A block stands for the pixels that the "
+            "GPU shades together (a wave).",
+        ),
+        Arg("WIDTHxHEIGHT in pixels", values=BLOCK_TEXTS),
+    ] = "8x8"
+    scale: Annotated[
+        ScaleName,
+        Setting(
+            "overlay.scale",
+            "Colour range",
+            "end the colours of the divergence map at a fixed number of decoders, or at the most in the picture",
+            "Overlay",
+        ),
+        Arg(
+            "block: fixed number; picture: most decoders in this view",
+            names={"block": "fixed range", "picture": "range of picture"},
+        ),
+    ] = "block"
     """End of the colour range: the fixed number in MOST_OF_BLOCK, or the most decoders of a block in the picture."""
 
     def most(self, maximum: int) -> int:
@@ -133,23 +189,47 @@ Side = Literal["a", "b"]
 DecodePath = Literal["forward", "deferred", "binned", "cached"]
 PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
 CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
+MODE_NAMES: Final[Mapping[str, str]] = {
+    "a": "A",
+    "b": "B",
+    "wipe": "Left/right",
+    "wipe-horizontal": "Above/below",
+    "side-by-side": "Side by side",
+    "difference": "Difference",
+}
+MODE_TEXTS: Final = {
+    "a": "Show slot A alone.",
+    "b": "Show slot B alone.",
+    "wipe": "A left of the divider, B right of it. Drag the divider; a double-click centres it.",
+    "wipe-horizontal": "A above the divider, B below it. Drag the divider; a double-click centres it.",
+    "side-by-side": "The middle half of the picture from A on the left, and the same half from B on the right.",
+    "difference": "Show the difference between A and B in each pixel.",
+}
 MaterialView = Literal["lit", "base", "normal", "orm", "emissive"]
-"""View of the materials: lit surfaces, or one of the maps as stored (`orm`: occlusion, roughness, metalness as RGB)."""
+VIEWS: Final[Mapping[MaterialView, str]] = {
+    "lit": "lit surfaces",
+    "base": "base colours without light",
+    "normal": "normal maps as stored",
+    "orm": "occlusion, roughness and metalness as red, green and blue",
+    "emissive": "emitted light",
+}
+"""Views of the materials in a few words."""
 ToneMap = Literal["neutral", "agx", "none"]
 """Tone map: Khronos PBR Neutral, AgX, or only clipping."""
 DecodedMaps = Literal["all", "base", "normal", "roughness", "metalness", "emissive", "occlusion"]
 DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
 
+Anisotropy = Literal[1, 2, 4, 8, 16]
 TexelFilter = Literal["exact", "stochastic"]
 """Trilinear as the codec defines it, or one texel of the footprint, chosen at random by its weight."""
-
-GAIN_RANGE: Final = (0.1, 1000.0)
-"""Range of the factor of the amplified difference."""
-ELEVATION_RANGE: Final = (-10.0, 90.0)
-"""Range of the sun's elevation, in degrees above the horizon."""
-SUN_STRENGTH_RANGE: Final = (0.0, 20.0)
-EXPOSURE_RANGE: Final = (-10.0, 10.0)
-"""Range of the exposure in stops."""
+FILTER_ARG: Final = Arg(
+    "exact: all texels of the footprint; stochastic: one random texel, accumulated while the picture rests",
+    name="texels",
+    values={
+        "exact": "All texels of a pixel's footprint.",
+        "stochastic": "One random texel of the footprint; at rest the picture becomes exact.",
+    },
+)
 SKY: Final = "sky"
 STUDIO: Final = "studio"
 OWN_ENVIRONMENTS: Final = (SKY, STUDIO)
@@ -163,7 +243,13 @@ def is_image_source(source: str) -> bool:
     return source == REFERENCE or source in BLOCK_FORMATS
 
 
-Gain = Annotated[float, Meta(ge=GAIN_RANGE[0], le=GAIN_RANGE[1])]
+PATH_TEXTS: Final = {
+    "auto": "The program measures and chooses.",
+    "forward": "Decode in the material shader while surfaces are drawn, for every shaded pixel.",
+    "deferred": "Find the visible surfaces first, then decode once for each pixel.",
+    "binned": "Find the visible surfaces first, sort pixels by their decoder, then decode. Codec block gains nothing by it.",
+    "cached": "Decode tiles of textures once and keep them; the graphics hardware filters them. Fast while the view changes little.",
+}
 
 
 @dataclass(frozen=True)
@@ -172,13 +258,39 @@ class Slot:
 
     source: str = REFERENCE
     """Source of the textures: REFERENCE, an encoded block format, or the name of an open pack."""
-    path: PathChoice = "deferred"
+    path: Annotated[
+        PathChoice,
+        Setting(
+            "slot.path",
+            "Slot decode path",
+            "choose the decode path of a slot",
+            "Compare",
+            "How the latents are decoded for each frame. Paths differ in speed; their pictures are the same up to rounding.",
+        ),
+        Arg("decode path", values=PATH_TEXTS),
+    ] = "deferred"
     """Decode path; `auto` takes the fastest one as measured. No effect on images."""
     precision: Precision = "fp32"
     """Number format of decoder weights and arithmetic on the GPU. No effect on images."""
-    filter: TexelFilter = "exact"
+    filter: Annotated[
+        TexelFilter,
+        Setting(
+            "slot.filter", "Slot texel filter", "filter a slot's texels exactly, or sample one at random", "Compare"
+        ),
+        FILTER_ARG,
+    ] = "exact"
     """Texel filter of the paths that decode every pixel. No effect on path `cached` and images."""
-    maps: DecodedMaps = "all"
+    maps: Annotated[
+        DecodedMaps,
+        Setting(
+            "slot.maps",
+            "Slot maps",
+            "decode all maps of a slot, or only one and keep the others original",
+            "Compare",
+            "Decode all maps of the slot, or only one and keep the others original: you see what the error of that map does.",
+        ),
+        Arg("decoded maps: all, or only one"),
+    ] = "all"
     """Maps that are decoded: all, or one with all others original, which shows what the error of that map does to the picture. No
     effect on the originals."""
 
@@ -189,7 +301,26 @@ class Difference:
 
     kind: DifferenceKind = "amplified"
     """Kind of difference: |A - B| of sRGB values as it is or times `gain`, |A - B| / max(A, 0.01) of linear light, or FLIP."""
-    gain: Gain = 8.0
+    gain: Annotated[
+        float,
+        Meta(ge=0.1, le=1000.0),
+        Setting("compare.gain", "Difference gain", "set the factor of the amplified difference", "Compare"),
+        Arg("factor, 0.1 to 1000", ends=(1.0, 64.0), text="x %.1f", logarithmic=True),
+    ] = 8.0
+
+
+Azimuth = Annotated[
+    float,
+    Meta(ge=0.0, le=360.0),
+    Setting("light.sun-azimuth", "Sun azimuth", "set the direction from which the sun shines", "View"),
+    Arg("degrees from north (-Z) towards east (+X)", wraps=True, name="azimuth", text="%.0f deg"),
+]
+Elevation = Annotated[
+    float,
+    Meta(ge=-10.0, le=90.0),
+    Setting("light.sun-elevation", "Sun elevation", "set the height of the sun", "View"),
+    Arg("degrees above the horizon", clamp=True, name="elevation", text="%.0f deg"),
+]
 
 
 @dataclass(frozen=True)
@@ -198,17 +329,47 @@ class Lighting:
 
     environment: str = SKY
     """Environment: SKY, STUDIO, or the file of an equirectangular panorama (HDR or EXR)."""
-    environment_turn: Annotated[float, Meta(ge=0.0, le=360.0)] = 0.0
+    environment_turn: Annotated[
+        float,
+        Meta(ge=0.0, le=360.0),
+        Setting(
+            "light.turn", "Turn environment", "turn studio or panorama about the vertical axis; the sky stays", "View"
+        ),
+        Arg("degrees", wraps=True, name="degrees", text="%.0f deg"),
+    ] = 0.0
     """Turn of studio or panorama about the vertical axis, in degrees. No effect on SKY."""
-    sun_azimuth: Annotated[float, Meta(ge=0.0, le=360.0)] = 140.0
-    """Direction of the sun in degrees, from north (-Z) towards east (+X)."""
-    sun_elevation: Annotated[float, Meta(ge=ELEVATION_RANGE[0], le=ELEVATION_RANGE[1])] = 40.0
-    """Elevation of the sun in degrees above the horizon."""
-    sun_strength: Annotated[float, Meta(ge=SUN_STRENGTH_RANGE[0], le=SUN_STRENGTH_RANGE[1])] = 1.0
-    """Factor of the sun's own radiance; 0 turns the sun off."""
-    exposure: Annotated[float, Meta(ge=EXPOSURE_RANGE[0], le=EXPOSURE_RANGE[1])] = 0.0
-    """Exposure in stops: radiance is multiplied by 2 to this power."""
-    tone_map: ToneMap = "neutral"
+    sun_azimuth: Azimuth = 140.0
+    sun_elevation: Elevation = 40.0
+    sun_strength: Annotated[
+        float,
+        Meta(ge=0.0, le=20.0),
+        Setting(
+            "light.sun-strength",
+            "Sun strength",
+            "set the strength of the sun: 1 is the usual one, 0 turns it off",
+            "View",
+        ),
+        Arg("factor, 0 to 20", name="strength", ends=(0.0, 4.0), text="x %.2f"),
+    ] = 1.0
+    exposure: Annotated[
+        float,
+        Meta(ge=-10.0, le=10.0),
+        Setting("light.exposure", "Exposure", "make the lit picture brighter or darker", "View"),
+        Arg("stops: +1 is twice as bright", name="stops", ends=(-4.0, 4.0), text="%+.2f stops"),
+    ] = 0.0
+    tone_map: Annotated[
+        ToneMap,
+        Setting("light.tone-map", "Tone map", "choose how light is mapped to the colours of the screen", "View"),
+        Arg(
+            "Khronos PBR Neutral, AgX, or only clipping",
+            name="curve",
+            values={
+                "neutral": "Khronos PBR Neutral: keeps base colours unchanged.",
+                "agx": "AgX: desaturates bright light as film does.",
+                "none": "Clip bright light.",
+            },
+        ),
+    ] = "neutral"
 
 
 PictureAlone = Literal["shown", "a", "b", "split", "plain"]
@@ -225,8 +386,26 @@ class ViewState:
     """Framebuffer (width, height) in pixels."""
     slot_a: Slot = Slot()
     slot_b: Slot = Slot()
-    compare: CompareMode = "a"
-    wipe_position: float = 0.5
+    compare: Annotated[
+        CompareMode,
+        Setting(
+            "compare.mode",
+            "Compare mode",
+            "show A, B, both with a divider, both side by side, or their difference",
+            "Compare",
+        ),
+        Arg("what is shown", name="mode", values=MODE_TEXTS, names=MODE_NAMES),
+    ] = "a"
+    wipe_position: Annotated[
+        Share,
+        Setting(
+            "compare.divider",
+            "Centre the divider",
+            "move the divider to the middle, or to a share of the picture's width or height",
+            "Compare",
+        ),
+        Arg("place as a share of the width or height, 0 to 1", clamp=True, name="position"),
+    ] = 0.5
     """Position of the divider as a share of the width or height; A is left of it or above it."""
     flipped: bool = False
     """True where both slots are shown in each other's place."""
@@ -235,9 +414,23 @@ class ViewState:
     highlight: tuple[int, ...] = ()
     """Ids of highlighted textures: everything else is dimmed. Empty dims nothing."""
     zoom: Zoom = WHOLE
-    anisotropy: int = 1
-    """Samples of anisotropic filtering for images and path `cached`: 1 (trilinear, as the other paths filter) to 16."""
-    material_view: MaterialView = "base"
+    anisotropy: Annotated[
+        Anisotropy,
+        Setting(
+            "filter.anisotropy",
+            "Anisotropy",
+            "set the anisotropic filtering of images and path cached, 1 (trilinear) to 16 samples",
+            "View",
+            "Anisotropic filtering of images and path cached, 1 to 16 samples: surfaces at a slant stay sharp. 1 is trilinear, the "
+            "filter of all other paths.",
+        ),
+        Arg("1 is trilinear", name="value"),
+    ] = 1
+    material_view: Annotated[
+        MaterialView,
+        Setting("materials.view", "Material view", "show lit surfaces, or one of the maps", "View"),
+        Arg("what is shown", name="view", values={name: f"{text.capitalize()}." for name, text in VIEWS.items()}),
+    ] = "base"
     lighting: Lighting = DEFAULT_LIGHTING
     pose: Pose | None = None
     """Time in an animation; None shows the scene without animation."""

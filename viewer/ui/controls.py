@@ -1,17 +1,103 @@
-"""Widgets that run commands."""
+"""Widgets of commands: drawn, explained, greyed with the reason and run from the command's definition alone."""
 
 from collections.abc import Callable
+from typing import Any
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.commands import find_command
+from viewer.commands import BY_ID, bindings
+from viewer.commands.command import Parameter, typed
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import combo
+from viewer.ui.help.texts import choice_text, command_text, control_text
+from viewer.ui.widgets import beside, box_width, combo, list_width
 
 
 def explained(text: str, reason: str) -> str:
     """Return a tooltip: the explanation, and the reason why the widget is grey."""
     return "\n".join(part for part in (text, f"Not now: {reason}" if reason else "") if part)
+
+
+def control(
+    ui: UiFrame,
+    command_id: str,
+    *chosen: Any,
+    label: str = "",
+    title: str = "",
+    width: float | None = None,
+    names: Callable[[Any], str] | None = None,
+    shown: Callable[[str], str] | None = None,
+) -> None:
+    """Draw the widget of a command's value after the `chosen` ones: a check box, a list or a slider.
+
+    `label` names it for scripts; by default it is the side and the verb of the command. A check box shows `title`, else the label.
+    A list is as wide as its widest text unless `width` is given; `names` gives the texts of its values, `shown` those of the
+    opened list.
+    """
+    command = BY_ID[command_id]
+    label = label or " ".join((*map(str.upper, chosen), command_id.partition(".")[2].replace("-", " ")))
+    assert command.current is not None
+    value, reason = command.current(ui.session, *chosen), ui.why_not(command_id)
+    parameter = command.parameters[len(chosen)] if command.parameters else None
+    tip = explained(control_text(command, parameter, bindings(ui.session.settings.keys)), reason)
+    imgui.begin_disabled(bool(reason))
+    if parameter is None or command.is_switch:
+        changed, value = imgui.checkbox(title or label, value)
+        ui.rects.note(label, tip)
+    else:
+        draw = _list if parameter.is_choice or parameter.arg.offers else _slider
+        changed, value = draw(ui, label, parameter, value, tip, width, names, shown)
+    imgui.end_disabled()
+    if changed:
+        ui.emit(command_id, *chosen, *((value,) if command.parameters else ()))
+
+
+def _list(
+    ui: UiFrame,
+    label: str,
+    parameter: Parameter,
+    value: Any,
+    tip: str,
+    width: float | None,
+    names: Callable[[Any], str] | None,
+    shown: Callable[[str], str] | None,
+) -> tuple[bool, Any]:
+    def name(text: str) -> str:
+        return parameter.arg.names.get(text, text) if names is None else names(parameter.parse(text))
+
+    current = typed(value)
+    choices = parameter.options(ui.session) or tuple(map(typed, parameter.arg.offers))
+    imgui.set_next_item_width(list_width(*map(name, choices)) if width is None else width)
+    chosen = combo(
+        *(label, current, choices, ui.rects, lambda text: parameter.refusal(ui.session, text), shown, name),
+        *(tip, lambda text: choice_text(parameter, text)),
+    )
+    return chosen != current, parameter.parse(chosen) if chosen != current else value
+
+
+def _slider(
+    ui: UiFrame, label: str, parameter: Parameter, value: float, tip: str, width: float | None, *_names: object
+) -> tuple[bool, float]:
+    arg = parameter.arg
+    low, high = arg.ends or (arg.minimum or 0.0, arg.maximum or 1.0)
+    flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if arg.logarithmic else 0)
+    imgui.set_next_item_width(-1.0 if width is None else width)
+    moved, found = imgui.slider_float(f"##{label}", value, low, high, arg.text, flags)
+    ui.rects.note(label, tip)
+    return moved, round(found, 3)
+
+
+def radio_buttons(ui: UiFrame, command_id: str) -> None:
+    """Draw one button for each choice of a command, with its name as label."""
+    command = BY_ID[command_id]
+    parameter = command.parameters[0]
+    assert command.current is not None
+    for number, option in enumerate(parameter.options(ui.session)):
+        name = parameter.arg.names.get(option, option)
+        if number:
+            beside(box_width(name))
+        if imgui.radio_button(name, command.current(ui.session) == option):
+            ui.emit(command_id, option)
+        ui.rects.note(name, choice_text(parameter, option))
 
 
 def command_button(
@@ -32,7 +118,8 @@ def command_button(
     imgui.begin_disabled(bool(reason))
     clicked = imgui.small_button(title) if small else imgui.button(title, size or ImVec2(0, 0))
     imgui.end_disabled()
-    ui.rects.note(label, explained(ui.rects.explanation(label), reason) if reason else "")
+    text = command_text(BY_ID[command_id], bindings(ui.session.settings.keys), ui.rects.explanation(label))
+    ui.rects.note(label, explained(text, reason))
     if clicked and not reason:
         ui.emit(command_id, *values)
 
@@ -42,44 +129,6 @@ def copy_button(ui: UiFrame, title: str, label: str, text: Callable[[], str]) ->
     if imgui.small_button(title):
         imgui.set_clipboard_text(text())
     ui.rects.note(label)
-
-
-def check_box(ui: UiFrame, title: str, is_on: bool, command_id: str, label: str = "") -> None:
-    """Draw a check box that runs a command: with the new state, or one that switches by itself."""
-    changed, state = imgui.checkbox(title, is_on)
-    ui.rects.note(label or title)
-    if changed:
-        ui.emit(command_id, *((state,) if find_command(command_id).parameters else ()))
-
-
-def command_list(
-    ui: UiFrame,
-    label: str,
-    current: str,
-    choices: tuple[str, ...],
-    command_id: str,
-    *values: object,
-    width: float = -1.0,
-    refusal: Callable[[str], str] = lambda _choice: "",
-    shown: Callable[[str], str] = str,
-) -> None:
-    """Draw a drop-down list that runs a command with `values` and the chosen text; `refusal` says why a choice is grey, `shown` gives
-    its text in the opened list."""
-    imgui.set_next_item_width(width)
-    chosen = combo(label, current, choices, ui.rects, refusal, shown)
-    if chosen != current:
-        ui.emit(command_id, *values, chosen)
-
-
-def slider(
-    ui: UiFrame, label: str, value: float, ends: tuple[float, float], text: str, logarithmic: bool = False
-) -> float | None:
-    """Draw a slider over the rest of the row, and return its new value in steps of 0.001; None where it was not moved."""
-    flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if logarithmic else 0)
-    imgui.set_next_item_width(-1)
-    moved, found = imgui.slider_float(f"##{label}", value, *ends, text, flags)
-    ui.rects.note(label)
-    return round(found, 3) if moved else None
 
 
 def select_texture(ui: UiFrame, texture: int) -> None:

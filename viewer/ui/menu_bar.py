@@ -6,11 +6,12 @@ from typing import Final, get_args
 from imgui_bundle import imgui
 
 from viewer.commands import COMMANDS, bindings
-from viewer.commands.command import Command, Menu
+from viewer.commands.command import Command, typed
 from viewer.commands.keys import Bindings
+from viewer.state.setting import Menu
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
-from viewer.ui.help.texts import command_text, value_text
+from viewer.ui.help.texts import choice_text, command_text
 
 ORDER: Final[dict[Menu, tuple[tuple[str, ...], ...]]] = {
     "File": (
@@ -83,6 +84,8 @@ ONLY_TYPED: Final = frozenset(
         "errors.highlight",
         "errors.sort",
         "light.sun",
+        "light.sun-azimuth",
+        "light.sun-elevation",
         "light.sun-strength",
         "light.turn",
         "pixel.keep",
@@ -185,7 +188,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
     if not opened:
         return
     is_last = len(chosen) == needed - 1
-    current = command.current(ui.session, *chosen) if is_last and command.current is not None else None
+    current = typed(command.current(ui.session, *chosen)) if is_last and command.current is not None else None
     for option in options:
         if not is_last:
             _choices(command, needed, (*chosen, option), note, ui)
@@ -193,7 +196,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
         refusal = parameter.refusal(ui.session, option)
         ticked = option == current
         clicked = imgui.menu_item(f"{_shown(option)}##{name}", "", ticked, not refusal)[0]
-        ui.rects.note(f"{LABEL}{name} {option}", explained(value_text(option), refusal))
+        ui.rects.note(f"{LABEL}{name} {option}", explained(choice_text(parameter, option), refusal))
         if clicked:
             ui.emit(command.id, *command.parse((*chosen, option)))
     imgui.end_menu()

@@ -10,7 +10,7 @@ from viewer.commands import COMMANDS, bindings, find_command
 from viewer.commands.command import Command, Parameter
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
-from viewer.ui.help.texts import value_text
+from viewer.ui.help.texts import choice_text, sentence
 from viewer.ui.theme import ink
 from viewer.ui.widgets import shortened
 
@@ -158,7 +158,7 @@ class Palette:
         options = parameter.options(ui.session)
         fits = [(score(self._text, option), option) for option in options]
         return tuple(
-            _Row(option, option, value_text(option), refusal=parameter.refusal(ui.session, option))
+            _Row(option, option, choice_text(parameter, option), refusal=parameter.refusal(ui.session, option))
             for fit, option in sorted(fits, key=lambda f: -(f[0] or 0.0))
             if fit is not None
         )
@@ -176,7 +176,7 @@ class Palette:
             imgui.set_keyboard_focus_here()
             self._focus = False
         entered, text = imgui.input_text_with_hint(f"##field{self._step}", hint, self._text, FIELD_FLAGS)
-        ui.rects.note("palette")
+        ui.rects.note("palette", "Part of a command's name. Up and Down choose a line, Enter takes it.")
         if text != self._text:
             self._text, self._selected, self._problem = text, 0, ""
         if self._problem:
@@ -223,8 +223,8 @@ class Palette:
                 imgui.pop_style_color()
             if moved and imgui.is_item_hovered():
                 self._selected = index
-            text = row.note if self._command is not None else ""
-            ui.rects.note(f"{LABEL}{row.value}", explained(text, row.refusal) if row.refusal else "")
+            text = f"{sentence(row.note)}\nKey: {row.key}" if row.key else sentence(row.note)
+            ui.rects.note(f"{LABEL}{row.value}", explained(text, row.refusal))
             if index == self._selected and not imgui.is_item_visible():
                 imgui.set_scroll_here_y(0.5)
             imgui.same_line(6.0)

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.commands import bindings
 from viewer.jobs.job import Background
 from viewer.state.session import Session
 from viewer.ui.annotations import (
@@ -107,8 +106,7 @@ class UserInterface:
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
         """Draw the user interface, between ImGui's new_frame and render. `picture` is a texture with row 0 at the bottom."""
         session = ui.session
-        bound = bindings(session.settings.keys)
-        ui.rects.begin(lambda label: explanation(label, bound))
+        ui.rects.begin(explanation)
         # Before the panels: a list that this frame's Escape closes still owns the key.
         popup_is_open, window = imgui.is_popup_open("", imgui.PopupFlags_.any_popup), session.window
         list_is_open = popup_is_open or window.palette is not None or window.file_dialog or window.question is not None

@@ -234,20 +234,23 @@ def combo(
     choices: tuple[str, ...],
     items: WidgetRects,
     refusal: Callable[[str], str] = _allowed,
-    shown: Callable[[str], str] = str,
+    shown: Callable[[str], str] | None = None,
+    name: Callable[[str], str] = str,
+    tip: str = "",
+    about: Callable[[str], str] = _allowed,
 ) -> str:
-    """Draw a drop-down list, and return the chosen text. `refusal` says why a choice is grey; that is its tooltip. `shown` gives the
-    text of a choice in the opened list."""
+    """Draw a drop-down list, and return the chosen text. `refusal` says why a choice is grey; `name` gives the text of a choice,
+    `shown` that in the opened list. `tip` is the tooltip of the list, `about` that of a choice; by default they follow the labels."""
     chosen = current
-    opened = imgui.begin_combo(f"##{label}", current)
-    items.note(label)
+    opened = imgui.begin_combo(f"##{label}", name(current))
+    items.note(label, tip)
     if opened:
         for choice in choices:
             reason = refusal(choice)
             flags = imgui.SelectableFlags_.disabled if reason else 0
-            if imgui.selectable(f"{shown(choice)}##{choice}", choice == current, flags)[0]:
+            if imgui.selectable(f"{(shown or name)(choice)}##{choice}", choice == current, flags)[0]:
                 chosen = choice
-            items.note(f"{label}: {choice}", f"Not now: {reason}" if reason else "")
+            items.note(f"{label}: {name(choice)}", f"Not now: {reason}" if reason else about(choice) or tip)
         if imgui.is_key_pressed(imgui.Key.escape, repeat=False):
             imgui.close_current_popup()
         imgui.end_combo()

@@ -16,7 +16,7 @@ from tests.support.sampling import sample
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Sampler, SceneTexture
-from viewer.state.view_state import ViewState
+from viewer.state.view_state import Anisotropy, ViewState
 
 SIZE = (32, 24)
 SRGB_TOLERANCE = 2e-3
@@ -87,7 +87,7 @@ def renderer(graphics: GraphicsContext) -> Iterator[Renderer]:
     made.release()
 
 
-def shown(renderer: Renderer, name: str, anisotropy: int = 1) -> NDArray[np.float32]:
+def shown(renderer: Renderer, name: str, anisotropy: Anisotropy = 1) -> NDArray[np.float32]:
     """[H, W, 3] linear picture of a case."""
     view = ViewState(straight_camera(list(CASES).index(name)), SIZE, anisotropy=anisotropy)
     renderer.render(view)

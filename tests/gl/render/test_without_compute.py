@@ -15,7 +15,7 @@ from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.render.tile_cache.decode_cached import PAGE_BYTES
 from viewer.state.navigation import turned
-from viewer.state.view_state import MaterialView, Overlay, Slot, ViewState
+from viewer.state.view_state import Anisotropy, MaterialView, Overlay, Slot, ViewState
 
 pytestmark = pytest.mark.once
 SIZE: Final = (60, 40)
@@ -70,7 +70,7 @@ def test_packs_look_the_same(
 ) -> None:
     for source in ("grid", "grid-adapter-output", "block", "block-4x4", "block-sets"):
         slot = Slot(source, path)
-        anisotropy = 8 if path == "cached" and source == "block-sets" else 1
+        anisotropy: Anisotropy = 8 if path == "cached" and source == "block-sets" else 1
         view = ViewState(CAMERA, SIZE, slot, material_view="lit", anisotropy=anisotropy)
         assert (apart(renderers[scene], view) <= 1).mean() >= 0.999, source
 

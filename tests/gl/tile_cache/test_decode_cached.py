@@ -32,7 +32,7 @@ from viewer.render.tile_cache.decode_cached import PAGE_BYTES
 from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
-from viewer.state.view_state import Slot, ViewState
+from viewer.state.view_state import Anisotropy, Slot, ViewState
 
 SIZE = (48, 32)
 SIZES = ((150, 90), (40, 24), (17, 33))
@@ -276,7 +276,8 @@ def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, m
 @pytest.mark.parametrize("name", ["between levels, turned", "lod 2, mirror and clamp", "shrunk along y alone"])
 def test_long_footprints_are_probed_along_their_longer_side(renderer: Renderer, pack: Pack, name: str) -> None:
     """After EXT_texture_filter_anisotropic."""
-    case, most = CASES[name], 4
+    case = CASES[name]
+    most: Anisotropy = 4
     size = SIZES[case.texture]
     view = ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED, anisotropy=most)
     renderer.render(view)

@@ -4,13 +4,9 @@ import re
 from typing import Final
 
 from ntc.codec.registry import SUMMARIES
-from viewer.commands import COMMANDS
-from viewer.commands.command import Command
+from viewer.commands import BY_ID, NEXT
+from viewer.commands.command import Command, Parameter
 from viewer.commands.keys import Bindings
-
-_BY_ID = {command.id: command for command in COMMANDS}
-_COMMAND_PREFIXES = ("menu: ", "palette: ")
-"""Prefixes of labels that name a command, and maybe values for it."""
 
 
 def sentence(text: str) -> str:
@@ -18,10 +14,17 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}" if text else ""
 
 
-def command_text(command: Command, bound: Bindings) -> str:
-    """Return the help of a command with its key."""
+def command_text(command: Command, bound: Bindings, about: str = "") -> str:
+    """Return the help of a command, or what `about` says in its place, with its key."""
     key = bound.text(command.id)
-    return sentence(command.help) + (f"\nKey: {key}" if key else "")
+    return (about or sentence(command.help)) + (f"\nKey: {key}" if key else "")
+
+
+def control_text(command: Command, parameter: Parameter | None, bound: Bindings) -> str:
+    """Return the explanation of a command's widget, which sets `parameter`; the key is that of the next choice, if any."""
+    is_number = parameter is not None and not parameter.is_choice
+    help_text = " ".join(map(sentence, (command.help, parameter.arg.help if parameter and is_number else ""))).strip()
+    return command_text(BY_ID[NEXT.get(command.id, command.id)], bound, command.about or help_text)
 
 
 def value_text(value: str) -> str:
@@ -31,84 +34,29 @@ def value_text(value: str) -> str:
     return next((text for start, text in FORMATS.items() if value.startswith(start)), "")
 
 
-def explanation(label: str, bound: Bindings) -> str:
-    """Return the explanation of a label with its key; "" for none.
+def choice_text(parameter: Parameter, choice: str) -> str:
+    """Return the explanation of a choice of a command; "" for names that explain themselves and names of the scene."""
+    return parameter.arg.values.get(choice) or value_text(choice)
+
+
+def explanation(label: str) -> str:
+    """Return the explanation of a label; "" for none.
 
     A number in a label counts as `#`, a leading `A` or `B` as `slot`. Other labels take the explanation of their first words.
     """
-    for prefix in _COMMAND_PREFIXES:
-        if label.startswith(prefix) and label.removeprefix(prefix).partition(" ")[0] in _BY_ID:
-            return _of_command(label.removeprefix(prefix), bound)
     for name in (label, re.sub(r"\d+", "#", label), re.sub("^[AB] ", "slot ", label)):
-        if text := _own(name, bound):
+        if text := _own(name):
             return text
     list_label, colon, value = label.partition(": ")
     if colon:
-        return value_text(value) or explanation(list_label, bound)
+        return value_text(value) or explanation(list_label)
     words = label.split(" ")
-    return next((found for end in range(len(words) - 1, 0, -1) if (found := _own(" ".join(words[:end]), bound))), "")
+    return next((found for end in range(len(words) - 1, 0, -1) if (found := _own(" ".join(words[:end])))), "")
 
 
-def _own(label: str, bound: Bindings) -> str:
-    """Return the explanation of exactly this label."""
-    command = _BY_ID.get(COMMAND_OF.get(label, ""))
-    text = CONTROLS.get(label) or FIGURES.get(label, "")
-    if command is None:
-        return text
-    key = bound.text(command.id)
-    return f"{text}\nKey: {key}" if text and key else text or command_text(command, bound)
+def _own(label: str) -> str:
+    return CONTROLS.get(label) or FIGURES.get(label, "")
 
-
-def _of_command(words: str, bound: Bindings) -> str:
-    """Return the explanation of the last value in `words`, else the help of the command."""
-    command_id, _, values = words.partition(" ")
-    of_value = value_text(values.rpartition(" ")[2]) if values else ""
-    return of_value or command_text(_BY_ID[command_id], bound)
-
-
-COMMAND_OF: Final = {
-    "flicker": "compare.toggle-flicker",
-    "flicker rate": "compare.flicker",
-    "difference": "compare.difference",
-    "gain": "compare.gain",
-    "live figures": "compare.live",
-    "slot source": "slot.source",
-    "slot path": "slot.path",
-    "slot precision": "slot.precision",
-    "slot maps": "slot.maps",
-    "A": "compare.mode",
-    "B": "compare.mode",
-    "show pixel": "pixel.panel",
-    "show errors": "errors.panel",
-    "show histogram": "histogram.panel",
-    "anisotropy": "filter.anisotropy",
-    "resolution": "view.resolution",
-    "coarser while moving": "view.coarse-while-moving",
-    "divergence": "overlay.toggle",
-    "Measure": "compare.measure",
-    "block": "overlay.next-block",
-    "palette": "overlay.next-palette",
-    "opacity": "overlay.opacity",
-    "scale": "overlay.scale",
-    "materials": "materials.next",
-    "Frame all": "camera.frame-all",
-    "Play": "animation.play",
-    "Open...": "file.open",
-    "Pause": "training.pause",
-    "Resume": "training.resume",
-    "Cancel": "training.cancel",
-    "Accept": "training.accept",
-    "Discard": "training.discard",
-    "Encode it now": "training.encode",
-    "Encode this scene": "training.encode",
-    "Measure what bits give": "training.measure-rates",
-    "Retrain": "training.retrain",
-    "Train group": "training.retrain",
-    "Move and train both groups": "training.move",
-    "Regroup and train": "training.regroup",
-    "prepare ahead": "training.ahead",
-}
-"""Command that a control runs: the tooltip shows its key, and its help where CONTROLS has no text."""
 
 CONTROLS: Final = {
     # Panels
@@ -126,40 +74,11 @@ CONTROLS: Final = {
     "Errors": "Textures or decoders by the difference between A and B, worst first.",
     "Histogram": "Number of pixels by the difference between A and B.",
     # Compare
-    "A": "Show slot A alone.",
-    "B": "Show slot B alone.",
-    "slot source": "What the slot shows: the original images (reference), a pack, or a block format of graphics hardware.",
-    "slot path": "How the latents are decoded for each frame. Paths differ in speed; their pictures are the same up to rounding.",
-    "slot precision": "Number format of the decoders on the GPU. auto measures and picks the fastest one without visible error.",
-    "slot maps": "Decode all maps of the slot, or only one and keep the others original: you see what the error of that map does.",
     "slot decodes": "Decode all maps of the slot, or only one and keep the others original: you see what the error of that map does.",
     "slot encoding": "The textures are being encoded in this format. The slot shows it when all are done.",
-    "Above/below": "A above the divider, B below it. Drag the divider; a double-click centres it.",
-    "Left/right": "A left of the divider, B right of it. Drag the divider; a double-click centres it.",
-    "Side by side": "The middle half of the picture from A on the left, and the same half from B on the right.",
-    "Difference": "Show the difference between A and B in each pixel.",
     "divider": "A is left of the divider or above it. Drag the divider; a double-click centres it.",
-    "flicker": "Alternate between A and B: differences catch the eye.",
-    "flicker rate": "Rate of the flicker between A and B, in Hz.",
-    "difference": "How the difference between A and B is measured and coloured.",
-    "gain": "Factor of the amplified difference.",
-    "live figures": "Measure A against B whenever the picture rests. Off: the figures below stay empty.",
     "figures state": "Which picture the figures below belong to, or why there are none.",
-    "show pixel": "Open the panel Pixel: the pixels around the mouse, enlarged, with their values in A and B.",
-    "show errors": "Open the panel Errors: textures or decoders by the difference between A and B.",
-    "show histogram": "Open the panel Histogram: the number of pixels by the difference between A and B.",
-    "anisotropy": "Anisotropic filtering of images and path cached, 1 to 16 samples: surfaces at a slant stay sharp. 1 is trilinear, "
-    "the filter of all other paths.",
-    "resolution": "Drawn pixels along each side, as a share of the window's. Fewer pixels are faster and coarser.",
-    "coarser while moving": "Draw a quarter of the pixels along each side while the camera moves, if a full frame takes longer than "
-    "0.12 s.",
-    "divergence": "Show the number of decoders per block over the picture.",
-    "Measure": "Measure both slots in the present view: PSNR, divergence, memory and decode time.",
     # Divergence
-    "block": "Shape of the blocks in which decoders are counted, width x height in pixels. A block stands for the pixels that the GPU "
-    "shades together (a wave).",
-    "palette": "Colours of the map. viridis also suits the colour-blind.",
-    "opacity": "Opacity of the map over the picture, 0 to 1.",
     "release": "Follow the mouse again.",
     "let the pixel go": "Follow the mouse again.",
     "block texture #": "A texture in this block, with its pixels and its decoder in A and B.",
@@ -179,25 +98,13 @@ CONTROLS: Final = {
     "texture #": "Click selects the texture in all panels; double-click opens the flat view.",
     "texture": "Texture to move.",
     # Light
-    "view": "View of the materials: lit surfaces, or one of the maps.",
-    "materials": "View of the materials: lit surfaces, or one of the maps.",
     "environment": "Light from all sides: the sky, a studio or a panorama. Drop an .hdr or .exr file on the window.",
-    "turned by": "Turn of studio or panorama about the vertical axis, in degrees.",
-    "sun from": "Direction of the sun in degrees, from north (-Z) towards east (+X).",
-    "sun height": "Elevation of the sun in degrees above the horizon.",
-    "sun": "Strength of the sun: 1 is the usual one, 0 turns it off.",
-    "exposure": "Brightness of the lit picture in stops: one stop more is twice as bright.",
-    "tone map": "How light is mapped to the colours of the screen.",
     # Scene
     "scene filter": "Shows nodes and materials whose names have all these words.",
     "animations": "Time line of the scene's animations.",
-    "animation": "Animation that is shown.",
     "time": "Time in the animation, in seconds from its beginning.",
-    "repeat": "Restart the animation at its end.",
-    "speed": "Speed of the animation.",
-    "Rest": "Show the scene without animation.",
     "nodes": "Nodes of the file, with the meshes that they place.",
-    "materials of the scene": "Materials of the file, each with its texture.",
+    "materials": "Materials of the file, each with its texture.",
     "node #": "Click expands or collapses the node.",
     "instance #": "A mesh of this node. Click selects its texture in all panels.",
     "material #": "Click selects the material's texture in all panels; double-click opens its flat view.",
@@ -256,7 +163,6 @@ CONTROLS: Final = {
     "no groups": "Choose no group.",
     "Choose groups to retrain": "Tick one group or more in the list above.",
     "to group": "Group that the texture joins; new makes a group of its own.",
-    "prepare ahead": "Start the training process and prepare encoding early, so that it begins at once.",
     "curves of the last run": "Loss and PSNR over the last run.",
     "curve of": "Texture whose PSNR is drawn in blue.",
     # The flat texture
@@ -396,58 +302,8 @@ FIGURES: Final = {
 VALUES: Final = {
     # Sources
     "reference": "The original images, filtered by the graphics hardware.",
-    # Decode paths
-    "auto": "The program measures and chooses.",
-    "forward": "Decode in the material shader while surfaces are drawn, for every shaded pixel.",
-    "deferred": "Find the visible surfaces first, then decode once for each pixel.",
-    "binned": "Find the visible surfaces first, sort pixels by their decoder, then decode. Codec block gains nothing by it.",
-    "cached": "Decode tiles of textures once and keep them; the graphics hardware filters them. Fast while the view changes little.",
-    # Precision
-    "fp32": "32-bit numbers: exact.",
-    "fp16": "Decoders are stored in 16-bit numbers; arithmetic is in 32 bits.",
-    "fp16-arithmetic": "Storage and arithmetic in 16-bit numbers, sums in 32 bits.",
-    "fp16-accumulate": "Storage, arithmetic and sums in 16-bit numbers: the fastest and least exact.",
-    # Comparison
-    "a": "Slot A.",
-    "b": "Slot B.",
-    "wipe": "A left of the divider, B right of it.",
-    "wipe-horizontal": "A above the divider, B below it.",
-    "side-by-side": "The middle half of the picture from A on the left, and the same half from B on the right.",
-    "difference": "The difference between A and B in each pixel.",
-    "raw": "|A - B| of sRGB values.",
-    "amplified": "|A - B| of sRGB values times a gain.",
-    "relative": "|A - B| / A of linear light: the error relative to the brightness of the pixel.",
-    "flip": "FLIP: the difference that an eye sees when it flips between both pictures. Dark is 0, bright is 1.",
-    # Overlays
-    "divergence": "Number of decoders in each block of pixels.",
-    "error-texture": "Error of each texture between A and B.",
-    "error-decoder": "Error of each decoder between A and B.",
-    "green-red": "Green for few, red for many.",
-    "viridis": "Dark violet for few, yellow for many; suits the colour-blind.",
-    "8x8": "Blocks of 8x8 pixels, as a wave of 64 lanes shades them.",
-    "8x4": "Blocks of 8x4 pixels, as a wave of 32 lanes shades them.",
-    "16x4": "Blocks of 16x4 pixels, as a wave of 64 lanes shades them.",
-    "4x4": "Blocks of 4x4 pixels, as a wave of 16 lanes shades them.",
-    # Materials and light
-    "lit": "Lit surfaces.",
-    "base": "Base colours without light.",
-    "normal": "Normal maps as stored.",
-    "orm": "Occlusion, roughness and metalness as red, green and blue.",
-    "emissive": "Emitted light.",
-    "roughness": "The roughness map.",
-    "metalness": "The metalness map.",
-    "occlusion": "The occlusion map.",
+    # Light
     "sky": "A clear sky that follows the sun.",
-    "neutral": "Khronos PBR Neutral: keeps base colours unchanged.",
-    "agx": "AgX: desaturates bright light as film does.",
-    # Filters
-    "exact": "All texels of a pixel's footprint.",
-    "stochastic": "One random texel of the footprint; at rest the picture becomes exact.",
-    # Camera, window
-    "orbit": "The mouse turns the camera around its target.",
-    "fly": "The mouse looks around; W A S D Q E move.",
-    "dark": "Light text on dark panels.",
-    "light": "Dark text on light panels.",
     # Groupings
     "baseline": "Every texture has its own decoder: the best quality, and the most divergence.",
     "single": "All textures share one decoder: no divergence.",
@@ -469,7 +325,9 @@ VALUES: Final = {
     "hlsl": "The decoder's source in HLSL, with its data.",
     "wgsl": "The decoder's source in WGSL, with its data.",
     "cuda": "The decoder's source in CUDA, with its data.",
-    # Pictures
+    # Sides, pictures
+    "a": "Slot A.",
+    "b": "Slot B.",
     "shown": "The picture as shown.",
     "split": "Both slots with the divider.",
     "plain": "The picture without a map over it.",

@@ -1,22 +1,16 @@
 """Panel "Compare": what slots A and B show, how they are shown, and their figures side by side."""
 
-from typing import get_args
-
 from imgui_bundle import imgui
 
-from ntc.codec.config import PrecisionChoice
 from ntc.metrics.divergence import cut_percent
-from viewer.commands.compare import source_refusal
 from viewer.inspect.measured_figures import figure_rows
 from viewer.state.pack_files import source_label
-from viewer.state.settings import ANISOTROPIES, FLICKER_RANGE
-from viewer.state.view_state import CompareMode, DifferenceKind, PathChoice, Side, Slot, is_image_source
-from viewer.ui.controls import check_box, command_button, command_list, slider
+from viewer.state.view_state import Side, Slot, is_image_source
+from viewer.ui.controls import command_button, control, radio_buttons
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import (
     beside,
     box_width,
-    combo,
     decibels,
     disabled_beside,
     em,
@@ -27,8 +21,6 @@ from viewer.ui.widgets import (
 )
 
 FIGURES_IN_A_ROW = 3
-GAINS = (1.0, 64.0)
-"""Range of the slider."""
 
 
 def figures_state(ui: UiFrame) -> str:
@@ -49,23 +41,18 @@ def figures_state(ui: UiFrame) -> str:
 
 def draw_flicker(ui: UiFrame) -> None:
     """Draw the flicker's switch and rate."""
-    check_box(ui, "flicker", ui.session.window.flickers, "compare.toggle-flicker")
+    control(ui, "compare.toggle-flicker", label="flicker")
     imgui.same_line()
-    rate = slider(ui, "flicker rate", ui.session.settings.flicker_hz, FLICKER_RANGE, "%.1f Hz", logarithmic=True)
-    if rate is not None:
-        ui.emit("compare.flicker", rate)
+    control(ui, "compare.flicker", label="flicker rate")
 
 
 def draw_difference(ui: UiFrame) -> None:
     """Draw the kind of the difference and its gain."""
     difference = ui.session.view.difference
-    kinds = get_args(DifferenceKind)
-    command_list(ui, "difference", difference.kind, kinds, "compare.difference", width=list_width(*kinds))
+    control(ui, "compare.difference")
     beside(em(7.0))
     if difference.kind == "amplified":
-        gain = slider(ui, "gain", difference.gain, GAINS, "x %.1f", logarithmic=True)
-        if gain is not None:
-            ui.emit("compare.gain", gain)
+        control(ui, "compare.gain")
         return
     texts = {"raw": "|A - B|, sRGB", "relative": "|A - B| / A, linear", "flip": "dark 0, bright 1"}
     imgui.text_disabled(texts[difference.kind])
@@ -73,7 +60,7 @@ def draw_difference(ui: UiFrame) -> None:
 
 def draw_live_figures(ui: UiFrame) -> None:
     """Draw PSNR, SSIM, FLIP, and the perceptual measures that are installed, of A against B."""
-    check_box(ui, "A against B", ui.session.settings.live_figures, "compare.live", "live figures")
+    control(ui, "compare.live", label="live figures", title="A against B")
     disabled_beside(figures_state(ui))
     ui.rects.note("figures state")
     live = ui.facts.live
@@ -101,17 +88,6 @@ def draw_live_figures(ui: UiFrame) -> None:
         imgui.text_wrapped(found.problem)
 
 
-MODES: tuple[tuple[CompareMode, str], ...] = (
-    ("a", "A"),
-    ("b", "B"),
-    ("wipe", "Left/right"),
-    ("wipe-horizontal", "Above/below"),
-    ("side-by-side", "Side by side"),
-    ("difference", "Difference"),
-)
-RESOLUTIONS = (1.0, 0.5, 0.25)
-
-
 def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     letter = side.upper()
     imgui.align_text_to_frame_padding()
@@ -124,17 +100,7 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     room = imgui.get_content_region_avail().x - sum(paths) - 2.0 * imgui.get_style().item_spacing.x
     fits = room >= list_width(slot.source) or is_image_source(slot.source)
     width = room if fits else -1.0
-    command_list(
-        ui,
-        f"{letter} source",
-        slot.source,
-        ui.session.sources,
-        "slot.source",
-        side,
-        width=width,
-        refusal=lambda source: source_refusal(ui.session, source),
-        shown=lambda source: source_label(source, ui.session.packs),
-    )
+    control(ui, "slot.source", side, width=width, shown=lambda source: source_label(source, ui.session.packs))
     waits = ui.session.awaited_formats.get(side)
     if waits is not None:
         disabled_beside(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
@@ -144,29 +110,13 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
             imgui.same_line()
         else:
             imgui.set_cursor_pos_x(left)
-        lists = (("path", slot.path, get_args(PathChoice)), ("precision", shown, get_args(PrecisionChoice)))
-        for (name, current, choices), width in zip(lists, paths, strict=True):
-            if name == "precision":
-                imgui.same_line()
-            command_list(
-                ui,
-                f"{letter} {name}",
-                current,
-                choices,
-                f"slot.{name}",
-                side,
-                width=width,
-                refusal=lambda choice: ui.session.unsupported.get(choice, ""),
-            )
+        control(ui, "slot.path", side, width=paths[0])
+        imgui.same_line()
+        control(ui, "slot.precision", side, width=paths[1])
 
 
 def _modes(ui: UiFrame) -> None:
-    for number, (mode, label) in enumerate(MODES):
-        if number:
-            beside(box_width(label))
-        if imgui.radio_button(label, ui.session.view.compare == mode):
-            ui.emit("compare.mode", mode)
-        ui.rects.note(label)
+    radio_buttons(ui, "compare.mode")
     disabled_beside("hold Space to swap")
     draw_flicker(ui)
     if ui.session.view.compare == "difference":
@@ -183,31 +133,23 @@ def _panels(ui: UiFrame) -> None:
         name = title.lower()
         if number:
             beside(box_width(name))
-        check_box(ui, name, title in ui.session.window.open_panels, f"{name}.panel", f"show {name}")
+        control(ui, f"{name}.panel", label=f"show {name}", title=name)
 
 
 def _filters(ui: UiFrame) -> None:
-    imgui.set_next_item_width(5.0 * imgui.get_font_size())
-    chosen = combo("anisotropy", str(ui.session.view.anisotropy), tuple(str(value) for value in ANISOTROPIES), ui.rects)
-    if int(chosen) != ui.session.view.anisotropy:
-        ui.emit("filter.anisotropy", int(chosen))
+    width = em(5.0)
+    control(ui, "filter.anisotropy", width=width)
     beside(text_width("anisotropic filter"))
     imgui.text("anisotropic filter")
-    imgui.set_next_item_width(5.0 * imgui.get_font_size())
-    share = combo(
-        "resolution", f"{ui.session.resolution:.0%}", tuple(f"{value:.0%}" for value in RESOLUTIONS), ui.rects
-    )
-    if share != f"{ui.session.resolution:.0%}":
-        ui.emit("view.resolution", float(share.rstrip("%")) / 100.0)
+    control(ui, "view.resolution", width=width, names=lambda share: f"{share:.0%}")
     imgui.same_line()
     imgui.text("resolution")
     beside(box_width("coarser while moving"))
-    coarse = ui.session.settings.coarse_while_moving
-    check_box(ui, "coarser while moving", coarse, "view.coarse-while-moving")
+    control(ui, "view.coarse-while-moving", label="coarser while moving")
 
 
 def _overlay(ui: UiFrame) -> None:
-    check_box(ui, "divergence", ui.session.view.overlay.kind == "divergence", "overlay.toggle")
+    control(ui, "overlay.toggle", label="divergence")
     excess = [
         ui.facts.divergence[s.source].excess
         for s in (ui.session.view.slot_a, ui.session.view.slot_b)

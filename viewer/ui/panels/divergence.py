@@ -5,33 +5,25 @@ from imgui_bundle import ImVec2, imgui, implot
 
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
 from viewer.inspect.place_content import BlockContent
-from viewer.state.view_state import BLOCKS, PALETTES, ScaleName, is_image_source
-from viewer.ui.controls import command_button, command_list, slider
+from viewer.state.view_state import is_image_source
+from viewer.ui.controls import command_button, control
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import side_ink
-from viewer.ui.widgets import beside, combo, counted, list_width, named_cells
+from viewer.ui.widgets import beside, counted, list_width, named_cells
 
 PLOT_LINES = 9.5
 """Height of a plot in lines of text."""
 THUMBNAIL_LINES = 2.2
 TEXTURES_SHOWN = 12
-SCALES: dict[str, ScaleName] = {"fixed range": "block", "range of picture": "picture"}
-SCALE_NAMES = {scale: name for name, scale in SCALES.items()}
 
 
 def _settings(ui: UiFrame) -> None:
-    overlay = ui.session.view.overlay
-    command_list(ui, "block", overlay.block, tuple(BLOCKS), "overlay.block", width=list_width(*BLOCKS))
+    control(ui, "overlay.block")
     imgui.same_line()
-    command_list(ui, "palette", overlay.palette, tuple(PALETTES), "overlay.palette", width=list_width(*PALETTES))
-    beside(list_width(*SCALES))
-    imgui.set_next_item_width(-1)
-    scale = SCALES[combo("scale", SCALE_NAMES[overlay.scale], tuple(SCALES), ui.rects)]
-    if scale != overlay.scale:
-        ui.emit("overlay.scale", scale)
-    opacity = slider(ui, "opacity", overlay.opacity, (0.0, 1.0), "opacity %.2f")
-    if opacity is not None:
-        ui.emit("overlay.opacity", opacity)
+    control(ui, "overlay.palette")
+    beside(list_width("range of picture"))
+    control(ui, "overlay.scale", width=-1.0)
+    control(ui, "overlay.opacity")
 
 
 def _sides(ui: UiFrame) -> dict[str, tuple[str, DivergenceStatistics]]:
@@ -114,7 +106,7 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
     shown = {side: source for side, source in slots.items() if not is_image_source(source)}
     decoders = [f"{side}: {counted(block.decoder_count(source), 'decoder')}" for side, source in shown.items()]
     imgui.text(", ".join([counted(len(block.textures), "texture"), *decoders]))
-    ui.rects.note("block")
+    ui.rects.note("block in the picture", "Textures in the block, and the decoders that it needs in each slot.")
     side = THUMBNAIL_LINES * imgui.get_text_line_height()
     for texture in block.textures[:TEXTURES_SHOWN]:
         if ui.facts.thumbnail is not None:

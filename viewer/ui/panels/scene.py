@@ -6,11 +6,8 @@ from viewer.inspect.scene_tree import SceneTree
 from viewer.scene.model import Material, Scene
 from viewer.scene.report import report_lines
 from viewer.state.motion import chosen_animation
-from viewer.ui.controls import check_box, command_button, command_list, copy_button, select_texture
+from viewer.ui.controls import command_button, control, copy_button, select_texture
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import combo
-
-SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0, 4.0)
 
 
 def draw_time_line(ui: UiFrame) -> None:
@@ -32,21 +29,15 @@ def _draw(ui: UiFrame) -> None:
     session, pose = ui.session, ui.session.view.pose
     shown = chosen_animation(session.scene.animations, pose)
     if len(session.scene.animations) > 1:
-        imgui.set_next_item_width(-1)
-        names = tuple(animation.name for animation in session.scene.animations)
-        command_list(ui, "animation", shown.name, names, "animation.time", 0.0)
+        control(ui, "animation.time", 0.0, label="animation", width=-1.0)
     command_button(ui, "Pause" if session.playback.is_playing else "Play", "animation.play", label="Play")
     imgui.same_line()
     rests = pose is None and not session.playback.is_playing
     command_button(ui, "Rest", "animation.rest", missing="the scene is at rest" if rests else "")
     imgui.same_line()
-    check_box(ui, "repeat", session.playback.repeats, "animation.repeat")
+    control(ui, "animation.repeat")
     imgui.same_line()
-    imgui.set_next_item_width(-1)
-    texts = tuple(f"x {speed:g}" for speed in SPEEDS)
-    speed = combo("speed", f"x {session.playback.speed:g}", texts, ui.rects)
-    if speed in texts and SPEEDS[texts.index(speed)] != session.playback.speed:
-        ui.emit("animation.speed", SPEEDS[texts.index(speed)])
+    control(ui, "animation.speed", width=-1.0, names=lambda speed: f"x {speed:g}")
     imgui.set_next_item_width(-1)
     at = pose.seconds if pose is not None else 0.0
     label = f"%.2f of {shown.seconds:.2f} s" if pose is not None else f"at rest; {shown.seconds:.2f} s"

@@ -11,7 +11,7 @@ from ntc.codec.registry import codec_named
 from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, budget_text, make_budget
-from viewer.ui.controls import check_box, command_button
+from viewer.ui.controls import command_button, control
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import NUMBER, UNIT_NAMES, USUAL_BUDGETS, EncodeForm, labelled
 from viewer.ui.widgets import beside, combo, counted, em, list_width, text_width, wrapped_disabled
@@ -50,8 +50,7 @@ class TrainingForms:
         if pack is None:
             imgui.text_wrapped("This scene has no pack. Encode it:")
             self._encode(ui)
-            ahead = ui.session.settings.prepare_encoding
-            check_box(ui, "prepare encoding early", ahead, "training.ahead", "prepare ahead")
+            control(ui, "training.ahead", label="prepare ahead", title="prepare encoding early")
             return
         if pack is not self._pack:
             same = self._pack is not None and self._pack.grouping.groups == pack.grouping.groups
@@ -107,10 +106,10 @@ class TrainingForms:
             self._clusters = _field("k", self._clusters, NUMBER, ui)
 
     @staticmethod
-    def _button(ui: UiFrame, title: str, command_id: str, *values: object) -> None:
+    def _button(ui: UiFrame, title: str, command_id: str, *values: object, label: str = "") -> None:
         """Draw a button that runs a command with `values`; grey where one of them is None or empty."""
         missing = "fill in all fields above" if None in values or "" in values else ""
-        command_button(ui, title, command_id, *values, missing=missing, size=ImVec2(-1, 0))
+        command_button(ui, title, command_id, *values, label=label, missing=missing, size=ImVec2(-1, 0))
 
     @property
     def _k(self) -> str:
@@ -150,8 +149,7 @@ class TrainingForms:
         budget = self._length(pack.config.kind, ui)
         groups = ",".join(map(str, sorted(self._groups)))
         title = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
-        self._button(ui, title, "training.retrain", groups, budget, self._recipe)
-        ui.rects.note("Retrain")
+        self._button(ui, title, "training.retrain", groups, budget, self._recipe, label="Retrain")
 
     def _move(self, pack: Pack, ui: UiFrame) -> None:
         self._texture = min(self._texture, len(pack.textures) - 1)
