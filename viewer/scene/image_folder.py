@@ -55,7 +55,10 @@ def folder_gltf(folder: Path) -> GltfFile:
     folder fit. Raises InputError where there are no images.
     """
     paths = [path.relative_to(folder) for path in folder_images(folder)]
-    binary, views, accessors, attributes = bytearray(), [], [], []
+    binary = bytearray()
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    attributes: list[dict[str, Any]] = []
     for shape in (_panel(), _sphere()):
         first = len(accessors)
         for values, kind in zip(shape, ("VEC3", "VEC3", "VEC2", "SCALAR"), strict=True):
