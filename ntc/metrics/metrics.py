@@ -39,13 +39,14 @@ class PsnrTable:
 
     def lines(self) -> list[str]:
         """Return the table as text, worst texture first."""
-        lines = [f"{'texture':40} {'size':>11} {'group':>5} {'PSNR dB':>8} {'latents kB':>10}"]
+        width = max((len(row["name"]) for row in self.rows), default=7)
+        lines = [f"{'texture':{width}} {'size':>11} {'group':>5} {'PSNR dB':>8} {'latents kB':>10}"]
         ordered = sorted(self.rows, key=lambda row: math.inf if row["psnr_db"] is None else row["psnr_db"])
         for row in ordered:
             size = f"{row['width']}x{row['height']}"
             kilobytes = row["latent_bits_per_texel"] * row["width"] * row["height"] / 8e3
             psnr = "-" if row["psnr_db"] is None else f"{row['psnr_db']:.2f}"
-            lines.append(f"{row['name'][:40]:40} {size:>11} {row['group']:>5} {psnr:>8} {kilobytes:>10.1f}")
+            lines.append(f"{row['name']:{width}} {size:>11} {row['group']:>5} {psnr:>8} {kilobytes:>10.1f}")
             if len(row["maps"]) > 1 or row["maps"][0] != "base":
                 lines.append(f"    {_map_line(row)}")
         if self.summary is not None:

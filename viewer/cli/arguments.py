@@ -19,6 +19,7 @@ import tyro
 import viewer
 from ntc.errors import InputError
 from ntc.library.index import is_library
+from viewer.cli.help_groups import grouped_help
 from viewer.cli.options import SUBCOMMANDS, Subcommand
 from viewer.locations import BUILTIN_SCENES
 from viewer.scene.scene_files import PACK_SUFFIX
@@ -103,9 +104,9 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
     if arguments and arguments[0] in COMPLETION:
         _check_completion(arguments)
     words = _with_packs_merged(list(arguments) if named else ["view", *arguments])
-    complaint = io.StringIO()
+    complaint, said = io.StringIO(), io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint):
+        with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(said):
             if words[0] == "study":
                 study = _study(words, studies)
                 options = tyro.cli(study.options, prog=f"ntc-viewer study {study.name}", args=words[2:])
@@ -115,6 +116,7 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
             options = tyro.cli(union, prog="ntc-viewer", description=DESCRIPTION, args=words)
     except SystemExit as stopped:
         if stopped.code in (0, None):
+            sys.stdout.write(grouped_help(said.getvalue(), words[0]))
             raise
         raise InputError(f"{_one_line(complaint.getvalue())} (see ntc-viewer --help)") from None
     command = next(command for command in commands if command.options is type(options))

@@ -305,8 +305,8 @@ class EncodeOptions:
     bits: Annotated[float | None, _unset("X")] = None
     """Target of codec block: bits per texel of mip 0, all mips and tables included. Default: 4 for whole materials, else 2."""
     quality: Quality = None
-    """Target of codec block, in as few bits as possible: least PSNR of each texture in dB, up to 58.9; or, as in 9.5jod, least
-    ColorVideoVDP of the scene's lit views, up to 10 (extra `perceptual`)."""
+    """Target of codec block, in as few bits as possible: least PSNR of each texture in dB, up to 58.9; or, as in 9.5jod, the
+    least ColorVideoVDP of the scene's lit views, up to 10 (extra `perceptual`)."""
     size: Annotated[float | None, _unset("MB")] = None
     """Target of codec block: largest file size in MB (10^6 bytes)."""
     preset: Annotated[PresetName | None, _unset("1bit|2bit|4bit|8bit|fast")] = None

@@ -1,5 +1,7 @@
 """The command line of the design page is read as written, and bad arguments become one line."""
 
+import itertools
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -12,6 +14,7 @@ import viewer
 from ntc.errors import InputError
 from viewer import cli
 from viewer.cli.arguments import parse_arguments
+from viewer.cli.help_groups import GROUPS, MOST_IN_GROUP
 from viewer.cli.options import DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
 from viewer.cli.render import chosen_lighting
 
@@ -220,3 +223,28 @@ def test_without_the_package_lab_only_its_commands_are_missing(monkeypatch: pyte
 def test_the_viewer_imports_no_module_of_lab_by_itself() -> None:
     code = "import sys, viewer.cli; sys.exit(any(name.split('.')[0] == 'lab' for name in sys.modules))"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(
+    "command", ["view", "render", "encode", "decode", "export", "library", "info", "check", "bench"]
+)
+def test_help_has_at_most_ten_options_in_a_group_and_no_broken_lines(
+    command: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        parse_arguments([command, "--help"])
+    said = capsys.readouterr().out
+    options: dict[str, list[str]] = {}
+    lines = said.splitlines()
+    for line, below in itertools.pairwise(lines):
+        if below.startswith(" ---"):
+            options[line] = []
+        elif found := re.match(r"  --([a-z-]+)", line):
+            options[next(reversed(options))].append(found[1])
+    assert max(map(len, options.values())) <= MOST_IN_GROUP
+    named = [name for own in options.values() for name in own]
+    assert sorted(named) == sorted(set(named))
+    for group in GROUPS.get(command, ()):
+        assert options[f" {group.title}"] == list(group.options)
+        assert f"  Example: ntc-viewer {group.example}" in lines
+        assert len(group.example) < 66
