@@ -140,7 +140,7 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
     lines += table.text().splitlines()
     mean = {key: _mean_db([row[key] for row in rows]) for key in ("decoded_db", "stored_db", "both_db")}
     parts = f"the pack {mean['decoded_db']}, {image_format} alone {mean['stored_db']}, both {mean['both_db']}"
-    lines.append(f"PSNR of the mean square error: {parts}")
+    lines.append(f"PSNR of the mean square error over these images: {parts}")
     return [*lines, f"wrote {out} ({exported.scene_bytes / 1e6:.2f} MB with its files)", f"wrote {losses}"]
 
 
