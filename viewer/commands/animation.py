@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated
 
-from viewer.commands.command import Arg, Context, command, field_command
+from viewer.commands.command import Arg, command, field_command, unless
 from viewer.scene.model import Pose
 from viewer.state.motion import chosen_animation
 from viewer.state.session import Session
@@ -11,8 +11,7 @@ from viewer.state.session import Session
 LONGEST_SECONDS = 1e6
 
 
-def _no_animations(context: Context) -> str:
-    return "" if context.session.scene.animations else "the scene has no animations"
+_animated = unless(lambda context: context.session.scene.animations, "the scene has no animations")
 
 
 def _stand(session: Session, pose: Pose | None) -> None:
@@ -35,7 +34,7 @@ AnimationName = Annotated[
     "play or pause the scene's animation",
     "View",
     "K",
-    unavailable=_no_animations,
+    unavailable=_animated,
     current=lambda session: session.playback.is_playing,
 )
 def play(session: Session) -> None:
@@ -51,7 +50,7 @@ def play(session: Session) -> None:
     "Animation time",
     "show the scene at a time of an animation",
     "View",
-    unavailable=_no_animations,
+    unavailable=_animated,
     current=lambda session, _time: chosen_animation(session.scene.animations, session.view.pose).name,
 )
 def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") -> None:
@@ -59,11 +58,11 @@ def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") 
     _stand(session, Pose(name, seconds))
 
 
-@command("animation.rest", "Rest pose", "show the scene without animation", "View", unavailable=_no_animations)
+@command("animation.rest", "Rest pose", "show the scene without animation", "View", unavailable=_animated)
 def rest(session: Session) -> None:
     session.playback = replace(session.playback, is_playing=False)
     _stand(session, None)
 
 
-speed = field_command("playback.speed", unavailable=_no_animations)
-repeat = field_command("playback.repeats", unavailable=_no_animations)
+speed = field_command("playback.speed", unavailable=_animated)
+repeat = field_command("playback.repeats", unavailable=_animated)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, Context, command, field_command, gesture, next_command
+from viewer.commands.command import Arg, command, field_command, gesture, next_command, unless
 from viewer.commands.effects import Effect, WriteText
 from viewer.scene.cameras_file import cameras_json, read_cameras
 from viewer.scene.json_text import printable
@@ -32,9 +32,7 @@ def place_camera(session: Session, camera: Camera) -> None:
     session.view = replace(session.view, camera=camera)
 
 
-@gesture("camera.set")
-def set_camera(session: Session, camera: Camera) -> None:
-    place_camera(session, camera)
+set_camera = gesture("camera.set")(place_camera)
 
 
 @gesture("camera.fly-faster")
@@ -49,11 +47,14 @@ def frame_all(session: Session) -> None:
     place_camera(session, frame_shown(camera, session.scene, width / height, session.view.pose))
 
 
-def _no_cameras(context: Context) -> str:
-    return "" if context.session.scene.cameras else "the scene has no cameras"
-
-
-@command("camera.next", "Next camera", "go to the scene's next camera", "Camera", "C", unavailable=_no_cameras)
+@command(
+    "camera.next",
+    "Next camera",
+    "go to the scene's next camera",
+    "Camera",
+    "C",
+    unavailable=unless(lambda context: context.session.scene.cameras, "the scene has no cameras"),
+)
 def next_camera(session: Session) -> None:
     cameras = session.scene.cameras
     names = [camera.name for camera in cameras]
@@ -195,16 +196,12 @@ def play(session: Session, file: PathFile = Path()) -> None:
     session.navigation.motion = Playback(cameras)
 
 
-def _camera_rests(context: Context) -> str:
-    return "the camera does not move by itself" if context.session.navigation.motion is None else ""
-
-
 @command(
     "camera.stop",
     "Stop camera",
     "stop the turntable or the camera path",
     "Camera",
-    unavailable=_camera_rests,
+    unavailable=unless(lambda context: context.session.navigation.motion, "the camera does not move by itself"),
 )
 def stop(session: Session) -> None:
     session.navigation.motion = None

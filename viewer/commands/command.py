@@ -250,6 +250,11 @@ def command(
     )
 
 
+def unless(holds: Callable[[Context], object], reason: str) -> Callable[[Context], str]:
+    """Return a function for `Command.unavailable` that gives `reason` where `holds` is false."""
+    return lambda context: "" if holds(context) else reason
+
+
 def gesture(command_id: str, title: str = "") -> Callable[[Callable[..., Effect | None]], Command]:
     """Return a decorator for commands of mouse and widgets, whose values have no text; undo shows `title`."""
     return lambda function: Command(command_id, title, "", None, function, _parameters(function))
@@ -322,8 +327,18 @@ def field_command(
     return Command(
         *(setting.command, setting.title, setting.help, setting.menu, change),
         (_parameter("side", SlotSide), *parameters) if "*" in path else parameters,
-        *(setting.key, "", unavailable, present, setting.about),
+        *(setting.key, setting.second_key, unavailable, present, setting.about),
     )
+
+
+def field_gesture(command_id: str, path: str) -> Command:
+    """Return the gesture that sets the field of the session at `path`."""
+
+    @gesture(command_id)
+    def change(session: Session, value: Any) -> None:
+        with_field(session, path, value)
+
+    return change
 
 
 def next_command(

@@ -7,7 +7,18 @@ from typing import Annotated, Any, get_args
 from ntc.codec.config import PrecisionChoice
 from ntc.errors import InputError
 from ntc.metrics.block_compression import missing_packages, named_format
-from viewer.commands.command import Arg, Context, SlotSide, command, field_command, following, gesture, next_command
+from viewer.commands.command import (
+    Arg,
+    Context,
+    SlotSide,
+    command,
+    field_command,
+    field_gesture,
+    following,
+    gesture,
+    next_command,
+    unless,
+)
 from viewer.commands.effects import Effect, Measure, RunCommand, TakePicture, WriteText
 from viewer.inspect.measured_figures import figures_json, figures_markdown
 from viewer.state.event_handlers import notify
@@ -130,13 +141,8 @@ def measure(_session: Session) -> Effect:
     return RunCommand("compare.measure-now", (), "measuring A and B")
 
 
-@gesture("compare.measure-now")
-def measure_now(_session: Session) -> Effect:
-    return Measure()
-
-
-def _not_measured(context: Context) -> str:
-    return "" if context.session.inspection.measurements else "nothing is measured yet; measure first"
+measure_now = gesture("compare.measure-now")(lambda _session: Measure())
+_measured = unless(lambda context: context.session.inspection.measurements, "nothing is measured yet; measure first")
 
 
 @command(
@@ -144,7 +150,7 @@ def _not_measured(context: Context) -> str:
     "Copy figures",
     "copy the measured figures of A and B to the clipboard, as a table in Markdown",
     "Compare",
-    unavailable=_not_measured,
+    unavailable=_measured,
 )
 def copy_figures(context: Context) -> None:
     context.write_clipboard(figures_markdown(context.session.inspection.measurements))
@@ -161,7 +167,7 @@ FiguresFile = Annotated[
     "Save figures",
     "save the measured figures of A and B as JSON, and the picture beside it as a PNG",
     "Compare",
-    unavailable=_not_measured,
+    unavailable=_measured,
 )
 def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
     if file != Path() and file.suffix.lower() != ".json":
@@ -301,6 +307,4 @@ def set_filters(session: Session, texels: Annotated[TexelFilter, FILTER_ARG]) ->
         _change_slot(session, side, filter=texels)
 
 
-@gesture("compare.show-other")
-def show_other(session: Session, held: bool) -> None:
-    session.window.show_other = held
+show_other = field_gesture("compare.show-other", "window.show_other")

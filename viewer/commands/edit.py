@@ -1,15 +1,7 @@
 """Commands: undoing what commands have changed."""
 
-from viewer.commands.command import Context, command
+from viewer.commands.command import Context, command, unless
 from viewer.state.event_handlers import notify
-
-
-def _nothing_to_undo(context: Context) -> str:
-    return "" if context.history.can_undo(context.session) else "there is nothing to undo"
-
-
-def _nothing_to_redo(context: Context) -> str:
-    return "" if context.history.can_redo(context.session) else "there is nothing to redo"
 
 
 @command(
@@ -18,7 +10,7 @@ def _nothing_to_redo(context: Context) -> str:
     "undo the last change of view, settings or panels, or the discarding of a run; a drag counts as one change",
     "Edit",
     "Ctrl+Z",
-    unavailable=_nothing_to_undo,
+    unavailable=unless(lambda context: context.history.can_undo(context.session), "there is nothing to undo"),
 )
 def undo(context: Context) -> None:
     title = context.history.undo(context.session, context.training)
@@ -32,7 +24,7 @@ def undo(context: Context) -> None:
     "Edit",
     "Ctrl+Shift+Z",
     "Ctrl+Y",
-    unavailable=_nothing_to_redo,
+    unavailable=unless(lambda context: context.history.can_redo(context.session), "there is nothing to redo"),
 )
 def redo(context: Context) -> None:
     title = context.history.redo(context.session, context.training)

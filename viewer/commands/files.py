@@ -8,7 +8,7 @@ from ntc.errors import InputError
 from ntc.io import numbered_path, read_file
 from ntc.library.index import is_library
 from ntc.metrics.block_compression import BLOCK_FORMATS
-from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.command import Arg, Context, command, field_gesture, gesture
 from viewer.commands.compare import show_source
 from viewer.commands.effects import (
     CancelExport,
@@ -124,11 +124,7 @@ def export(
     return Export(f"exporting {name} as {kind}", arguments, folder)
 
 
-@gesture("file.cancel-export")
-def cancel_export(_session: Session) -> Effect:
-    return CancelExport()
-
-
+cancel_export = gesture("file.cancel-export")(lambda _session: CancelExport())
 RecentFile = Annotated[str, Arg("a recent file", lambda session: session.settings.recent_files)]
 
 
@@ -183,11 +179,7 @@ def magnify(session: Session, factor: Factor, x: PlaceX = 0.5, y: PlaceY = 0.5) 
     session.view = replace(session.view, zoom=Zoom(factor, (x, y)))
 
 
-@gesture("view.zoom")
-def set_zoom(session: Session, zoom: Zoom) -> None:
-    session.view = replace(session.view, zoom=zoom)
-
-
+set_zoom = field_gesture("view.zoom", "view.zoom")
 ViewFile = Annotated[Path, Arg("a .json; a relative path is in the folder of pictures")]
 
 

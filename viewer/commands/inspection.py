@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, Context, command, gesture
+from viewer.commands.command import Arg, command, field_gesture, unless
 from viewer.commands.window import panel_command
 from viewer.inspect.comparison import compared_source
 from viewer.state.pack_files import match_scene
@@ -12,15 +12,6 @@ from viewer.state.session import ErrorColumn, ErrorsBy, Session
 
 By = Annotated[ErrorsBy, Arg("rows of the list")]
 LARGEST_IS_WORST: tuple[ErrorColumn, ...] = ("pixels", "mean", "max")
-
-
-def _no_pixel_kept(context: Context) -> str:
-    kept = context.session.inspection.pixel is not None
-    return "" if kept else "no pixel is kept; click on one while the panel Pixel is open"
-
-
-def _nothing_highlighted(context: Context) -> str:
-    return "" if context.session.view.highlight else "nothing is highlighted"
 
 
 pixel_panel = panel_command("Pixel", "enlarge the pixels around the mouse in A and B", "Inspect", "I")
@@ -44,27 +35,18 @@ def keep_pixel(
     "Release pixel",
     "let the panel Pixel follow the mouse again",
     "Inspect",
-    unavailable=_no_pixel_kept,
+    unavailable=unless(
+        lambda context: context.session.inspection.pixel,
+        "no pixel is kept; click on one while the panel Pixel is open",
+    ),
 )
 def let_pixel_go(session: Session) -> None:
     session.inspection.pixel = None
 
 
-@gesture("pixel.keep-at")
-def keep_pixel_at(session: Session, at: tuple[float, float] | None) -> None:
-    session.inspection.pixel = at
-
-
-@gesture("block.keep-at")
-def keep_block_at(session: Session, at: tuple[float, float] | None) -> None:
-    session.inspection.block = at
-
-
-@gesture("picture.hover")
-def hover(session: Session, at: tuple[float, float] | None) -> None:
-    session.inspection.hovered = at
-
-
+keep_pixel_at = field_gesture("pixel.keep-at", "inspection.pixel")
+keep_block_at = field_gesture("block.keep-at", "inspection.block")
+hover = field_gesture("picture.hover", "inspection.hovered")
 errors_panel = panel_command("Errors", "list textures or decoders by the difference between A and B", "Inspect", "U")
 
 
@@ -124,7 +106,13 @@ def highlight(session: Session, by: By, number: Annotated[int, Arg("texture id o
     session.inspection.errors = replace(session.inspection.errors, highlighted_decoder=decoder)
 
 
-@command("errors.clear", "End highlight", "stop dimming the picture", "Inspect", unavailable=_nothing_highlighted)
+@command(
+    "errors.clear",
+    "End highlight",
+    "stop dimming the picture",
+    "Inspect",
+    unavailable=unless(lambda context: context.session.view.highlight, "nothing is highlighted"),
+)
 def end_highlight(session: Session) -> None:
     session.inspection.errors = replace(session.inspection.errors, highlighted_decoder=None)
     session.view = replace(session.view, highlight=())
@@ -134,10 +122,6 @@ histogram_panel = panel_command("Histogram", "plot the number of pixels by the d
 
 
 Texture = Annotated[str, Arg("number of the texture in the scene, or its name")]
-
-
-def _none_flat(context: Context) -> str:
-    return "no texture is shown flat" if context.session.inspection.flat_texture is None else ""
 
 
 def named_texture(session: Session, named: str) -> int:
@@ -171,7 +155,7 @@ def show_flat(session: Session, texture: Texture) -> None:
     "Close flat view",
     "close the flat view of a texture",
     "View",
-    unavailable=_none_flat,
+    unavailable=unless(lambda c: c.session.inspection.flat_texture is not None, "no texture is shown flat"),
 )
 def close_flat(session: Session) -> None:
     session.inspection.flat_texture = None

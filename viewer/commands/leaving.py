@@ -79,9 +79,7 @@ def open_leaving(_session: Session, file: Path, decision: Decision) -> Effect:
     return OpenScene(file, decision)
 
 
-@gesture("file.cancel-opening")
-def cancel_opening(_session: Session) -> Effect:
-    return CancelOpening()
+cancel_opening = gesture("file.cancel-opening")(lambda _session: CancelOpening())
 
 
 @command("file.quit", "Quit", "close the window; undecided trainings are asked about first", "File", "Ctrl+Q")

@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
-from viewer.commands.command import Arg, Context, command, field_command, gesture, next_command
+from viewer.commands.command import Arg, command, field_command, gesture, next_command, unless
 from viewer.commands.effects import Effect, ReadVariant
 from viewer.lighting.panorama import load_panorama
 from viewer.state.event_handlers import notify
@@ -30,10 +30,6 @@ next_view = next_command(
 )
 
 
-def _no_variants(context: Context) -> str:
-    return "" if context.session.scene.variants else "the scene has no material variants"
-
-
 Variant = Annotated[
     str, Arg(f"a variant of the scene's materials, or {OWN_MATERIALS}", lambda s: (OWN_MATERIALS, *s.scene.variants))
 ]
@@ -44,7 +40,7 @@ Variant = Annotated[
     "Material variant",
     "draw the scene in another of its material variants",
     "View",
-    unavailable=_no_variants,
+    unavailable=unless(lambda context: context.session.scene.variants, "the scene has no material variants"),
     current=lambda session: session.scene.variant or OWN_MATERIALS,
 )
 def set_variant(session: Session, name: Variant) -> Effect:

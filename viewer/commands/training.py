@@ -11,7 +11,7 @@ from ntc.codec.model import Pack
 from ntc.codec.registry import FORMER_FORMATS, MODULES, codec_named, codec_of
 from ntc.errors import InputError
 from ntc.io import numbered_path
-from viewer.commands.command import Arg, Context, command, field_command, gesture
+from viewer.commands.command import Arg, Context, command, field_command, gesture, unless
 from viewer.commands.effects import Effect, OpenScene, RaisePanel, RunCommand
 from viewer.commands.inspection import named_texture
 from viewer.commands.leaving import DISCARD, ask, asks_about_runs
@@ -298,14 +298,6 @@ def _not_pausable(context: Context) -> str:
     return reasons.get(context.training.state, "the training is already paused or cancelled")
 
 
-def _not_resumable(context: Context) -> str:
-    return "" if context.training.state in ("paused", "pausing") else "no training is paused"
-
-
-def _none_under_way(context: Context) -> str:
-    return "no training is under way" if context.training.active is None else ""
-
-
 def _none_to_decide(context: Context) -> str:
     if context.training.saving:
         return "the pack is being written"
@@ -329,7 +321,13 @@ def pause(context: Context) -> None:
     context.training.pause()
 
 
-@command("training.resume", "Resume training", "continue a paused training", "Train", unavailable=_not_resumable)
+@command(
+    "training.resume",
+    "Resume training",
+    "continue a paused training",
+    "Train",
+    unavailable=unless(lambda context: context.training.state in ("paused", "pausing"), "no training is paused"),
+)
 def resume(context: Context) -> None:
     context.training.resume()
 
@@ -339,7 +337,7 @@ def resume(context: Context) -> None:
     "Cancel training",
     "stop the training; its last result stays visible",
     "Train",
-    unavailable=_none_under_way,
+    unavailable=unless(lambda context: context.training.active, "no training is under way"),
 )
 def cancel(context: Context) -> None:
     context.training.cancel()
@@ -398,16 +396,12 @@ Action = Annotated[
 ]
 
 
-def _none_kept_back(context: Context) -> str:
-    return "" if context.training.waiting.runs else "there is no unsaved run"
-
-
 @command(
     "training.kept-back",
     "Restore unsaved run",
     "open, keep or discard a run that was undecided when its window closed",
     "Train",
-    unavailable=_none_kept_back,
+    unavailable=unless(lambda context: context.training.waiting.runs, "there is no unsaved run"),
 )
 def decide(
     context: Context,

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated
 
-from viewer.commands.command import Arg, Command, Context, command, field_command, gesture
+from viewer.commands.command import Arg, Command, command, field_command, field_gesture, unless
 from viewer.commands.effects import Effect, RaisePanel, ResetLayout
 from viewer.state.session import Session
 from viewer.state.setting import Menu
@@ -14,17 +14,13 @@ OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
 State = Annotated[bool, Arg("on or off")]
 
 
-def _whole_already(context: Context) -> str:
-    return "the whole picture is shown" if context.session.view.zoom == WHOLE else ""
-
-
 @command(
     "view.whole",
     "Whole picture",
     "show the whole picture again after magnifying",
     "View",
     "Z",
-    unavailable=_whole_already,
+    unavailable=unless(lambda context: context.session.view.zoom != WHOLE, "the whole picture is shown"),
 )
 def show_whole_picture(session: Session) -> None:
     session.view = replace(session.view, zoom=WHOLE)
@@ -53,9 +49,7 @@ def toggle_column(session: Session) -> None:
     session.window.show_panels = True
 
 
-@gesture("window.fit-column")
-def fit_column(session: Session, folded: bool) -> None:
-    session.window.column_folded = folded
+fit_column = field_gesture("window.fit-column", "window.column_folded")
 
 
 def panel_command(title: str, help_line: str, menu: Menu, key: str = "") -> Command:
@@ -78,9 +72,7 @@ def toggle_palette(session: Session) -> None:
     session.window.palette = None if session.window.palette is not None else ""
 
 
-@command("help.keys", "Keys and mouse", "show all keys and mouse gestures", "Help", "F1", "Shift+/")
-def toggle_help(session: Session) -> None:
-    session.window.show_help = not session.window.show_help
+keys = field_command("window.show_help")
 
 
 @command("window.layout-reset", "Reset layout", "dock all panels in their original places", "Window")
@@ -119,16 +111,6 @@ def fold_stack(session: Session, name: Title, state: Annotated[bool, Arg("on: un
     session.settings = replace(session.settings, folded_panels=others if state else (*others, name))
 
 
-@command("help.first-steps", "First steps", "show what this program is for, and three things to try", "Help")
-def toggle_first_steps(session: Session) -> None:
-    session.window.show_first_steps = not session.window.show_first_steps
-
-
-@command("help.glossary", "Glossary", "explain PSNR, divergence, group, latents and other terms", "Help")
-def toggle_glossary(session: Session) -> None:
-    session.window.show_glossary = not session.window.show_glossary
-
-
-@gesture("palette.set")
-def set_palette(session: Session, asks_for: str | None) -> None:
-    session.window.palette = asks_for
+first_steps = field_command("window.show_first_steps")
+glossary = field_command("window.show_glossary")
+set_palette = field_gesture("palette.set", "window.palette")

@@ -169,9 +169,38 @@ class WindowState:
     ] = True
     column_folded: bool = False
     """True where panels are folded to a strip at the edge of the window."""
-    show_help: bool = False
-    show_glossary: bool = False
-    show_first_steps: bool = False
+    show_help: Annotated[
+        bool,
+        Setting(
+            "help.keys",
+            "Keys and mouse",
+            "show all keys and mouse gestures",
+            "Help",
+            key="F1",
+            second_key="Shift+/",
+            toggles=True,
+        ),
+    ] = False
+    show_glossary: Annotated[
+        bool,
+        Setting(
+            "help.glossary",
+            "Glossary",
+            "explain PSNR, divergence, group, latents and other terms",
+            "Help",
+            toggles=True,
+        ),
+    ] = False
+    show_first_steps: Annotated[
+        bool,
+        Setting(
+            "help.first-steps",
+            "First steps",
+            "show what this program is for, and three things to try",
+            "Help",
+            toggles=True,
+        ),
+    ] = False
     """True where the card of first steps is shown."""
     file_dialog: bool = False
     """True where the dialog for opening a file is shown."""

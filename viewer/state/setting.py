@@ -25,6 +25,8 @@ class Setting:
     """Tooltip of the widget in sentences, with unit and range; "" takes `help`."""
     key: str = ""
     """Default key as `viewer.commands.keys` spells it; "" for none."""
+    second_key: str = ""
+    """Second default key; "" for none."""
     toggles: bool = False
     """True for a command without a value that switches a bool on and off."""
 

@@ -44,7 +44,7 @@ class QuestionWindow:
                 imgui.same_line()
             if imgui.button(choice.label):
                 chosen = choice.label
-            ui.rects.note(choice.label)
+            ui.rects.note(choice.label, ui.rects.explanation(f"question {choice.label}"))
             if is_new and index == 0:
                 imgui.set_item_default_focus()
         if imgui.is_key_pressed(imgui.Key.escape, repeat=False):

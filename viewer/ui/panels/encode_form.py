@@ -1,5 +1,6 @@
 """How to encode the scene: the target, the grouping and the textures, and what they would give. Offer and panel draw the same form."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import get_args
 
@@ -9,7 +10,7 @@ from ntc.codec.config import GroupingName
 from ntc.codec.encoding import BitsTarget, RecipeName
 from ntc.codec.registry import MODULES, codec_named
 from ntc.errors import InputError
-from viewer.scene.source_textures import MapChoice, has_source
+from viewer.scene.source_textures import has_source
 from viewer.training.rates import chosen_textures
 from viewer.training.settings import (
     AUTO,
@@ -31,7 +32,7 @@ USUAL_BUDGETS = {"s": "30", "steps": "1000", "dB": "35"}
 USUAL_TARGETS = {"bits": "4", "dB": "40", "MB": "2"}
 UNIT_NAMES = {"s": "seconds", "steps": "steps", "dB": "dB PSNR"}
 TARGET_NAMES = {"bits": "bits per texel", "dB": "dB at least", "MB": "MB in all"}
-MAP_NAMES: dict[str, MapChoice] = {"whole materials": "all", "base colours": "base"}
+MAP_NAMES = {"all": "whole materials", "base": "base colours"}
 CHOICES = (2.0, 4.0, 8.0)
 """Bits per texel whose results stand beside the target."""
 LABEL_PLACE = 6.0
@@ -71,41 +72,88 @@ class Field:
         return self._text if self._is_typed else None
 
 
-class Setter:
-    """Runs the command that chooses a setting, and keeps the reason why a typed value was refused."""
+class GroupingFields:
+    """Fields of grouping and training, for choices that are kept elsewhere. A wrong value is not taken, and its problem is kept."""
 
-    def __init__(self) -> None:
+    def __init__(self, keep: Callable[[UiFrame, TrainingSettings, SettingName, str], None]) -> None:
+        """Make the fields. `keep` keeps the changed choices; it also takes the name and text of the setting."""
+        self._keep = keep
+        self._groups, self._budget = Field("k"), Field("budget")
         self._problem: dict[SettingName, str] = {}
-
-    def set(self, ui: UiFrame, name: SettingName, text: str) -> bool:
-        """Choose a value as it is typed, where it is right."""
-        try:
-            with_setting(ui.training.plan, name, text)
-        except (InputError, ValueError) as error:
-            self._problem[name] = str(error)
-            return False
-        self._problem.pop(name, None)
-        ui.emit("training.choose", name, text)
-        return True
 
     @property
     def problem(self) -> str:
         """Reason of the first refused value; "" for none."""
         return next(iter(self._problem.values()), "")
 
+    def take(self, plan: TrainingSettings, ui: UiFrame, name: SettingName, text: str) -> None:
+        """Take a value as it is typed, where it is right."""
+        try:
+            changed = with_setting(plan, name, text)
+        except (InputError, ValueError) as error:
+            self._problem[name] = str(error)
+        else:
+            self._problem.pop(name, None)
+            self._keep(ui, changed, name, text)
 
-class EncodeForm:
+    def choose(
+        self,
+        label: str,
+        current: str,
+        choices: tuple[str, ...],
+        name: SettingName,
+        plan: TrainingSettings,
+        ui: UiFrame,
+        names: Callable[[str], str] = str,
+    ) -> None:
+        """Draw the list of a setting."""
+        imgui.set_next_item_width(list_width(*map(names, choices)))
+        chosen = combo(label, current, choices, ui.rects, name=names)
+        if chosen != current:
+            self.take(plan, ui, name, chosen)
+
+    def draw_grouping(self, plan: TrainingSettings, ui: UiFrame) -> None:
+        """Draw the grouping, and the number of groups where it can be chosen."""
+        labelled("grouping")
+        self.choose("strategy", plan.strategy, get_args(GroupingName), "grouping", plan, ui)
+        if plan.strategy in ("clustered", "random", "covisible"):
+            beside(text_width("groups ") + em(NUMBER))
+            imgui.text("groups")
+            imgui.same_line()
+            typed = self._groups.draw(AUTO if plan.clusters is None else str(plan.clusters), ui)
+            if typed is not None:
+                self.take(plan, ui, "groups", typed.strip() or AUTO)
+
+    def draw_training(self, plan: TrainingSettings, ui: UiFrame) -> None:
+        """Draw budget and recipe of a codec that trains."""
+        labelled("budget")
+        text = budget_text(plan.budget)
+        value = text.rstrip("stepdB")
+        unit = text[len(value) :]
+        typed = self._budget.draw(value, ui)
+        if typed is not None:
+            self.take(plan, ui, "budget", f"{typed.strip()}{unit}")
+        imgui.same_line()
+        imgui.set_next_item_width(list_width(*UNIT_NAMES.values()))
+        other = combo("budget unit", unit, BUDGET_UNITS, ui.rects, name=UNIT_NAMES.__getitem__)
+        if other != unit:
+            self.take(plan, ui, "budget", f"{USUAL_BUDGETS[other]}{other}")
+        beside(list_width(*get_args(RecipeName)))
+        self.choose("recipe", plan.recipe, get_args(RecipeName), "recipe", plan, ui)
+
+    def draw_problem(self, ui: UiFrame) -> None:
+        """Draw why a typed value is not taken."""
+        if self.problem:
+            imgui.text_wrapped(self.problem)
+            ui.rects.note("form problem")
+
+
+class EncodeForm(GroupingFields):
     """Form of one place; all forms show and change the same choices."""
 
     def __init__(self, place: str) -> None:
-        self._place = place
-        self._target, self._groups, self._budget = Field("bits"), Field("k"), Field("budget")
-        self._setter = Setter()
-
-    @property
-    def problem(self) -> str:
-        """Reason why the form cannot be used; "" where it can."""
-        return self._setter.problem
+        super().__init__(lambda ui, _plan, name, text: ui.emit("training.choose", name, text))
+        self._place, self._target = place, Field("bits")
 
     def draw(self, ui: UiFrame) -> None:
         """Draw the fields, and below what they would give."""
@@ -113,23 +161,15 @@ class EncodeForm:
         codec = codec_named(plan.codec_kind)
         if codec.default_target is not None:
             self._draw_target(plan, ui)
-        self._draw_grouping(plan, ui)
+        self.draw_grouping(plan, ui)
         self._draw_textures(plan, ui)
         if self._place == "panel":
             labelled("codec")
-            self._list("codec", plan.codec_kind, tuple(MODULES), "codec", ui)
+            self.choose("codec", plan.codec_kind, tuple(MODULES), "codec", plan, ui)
             if codec.trains:
-                self._draw_training(plan, ui)
-        if self.problem:
-            imgui.text_wrapped(self.problem)
-            ui.rects.note("form problem")
+                self.draw_training(plan, ui)
+        self.draw_problem(ui)
         self._draw_forecast(plan, ui)
-
-    def _list(self, label: str, current: str, choices: tuple[str, ...], name: SettingName, ui: UiFrame) -> None:
-        imgui.set_next_item_width(list_width(*choices))
-        chosen = combo(label, current, choices, ui.rects)
-        if chosen != current:
-            self._setter.set(ui, name, chosen)
 
     def _draw_target(self, plan: TrainingSettings, ui: UiFrame) -> None:
         labelled("target")
@@ -140,13 +180,11 @@ class EncodeForm:
         value, unit = target_parts(target)
         typed = self._target.draw(f"{value:g}", ui)
         if typed is not None:
-            self._setter.set(ui, "target", f"{typed.strip()}{unit}")
+            self.take(plan, ui, "target", f"{typed.strip()}{unit}")
         imgui.same_line()
-        names = tuple(TARGET_NAMES[each] for each in TARGET_UNITS)
-        imgui.set_next_item_width(list_width(*names))
-        chosen = combo("target unit", TARGET_NAMES[unit], names, ui.rects)
-        if chosen != TARGET_NAMES[unit]:
-            other = next(each for each in TARGET_UNITS if TARGET_NAMES[each] == chosen)
+        imgui.set_next_item_width(list_width(*TARGET_NAMES.values()))
+        other = combo("target unit", unit, TARGET_UNITS, ui.rects, name=TARGET_NAMES.__getitem__)
+        if other != unit:
             forecast = ui.training.rates.forecast(plan, ui.session.scene)
             known = {
                 "bits": forecast.bits if forecast is not None else None,
@@ -154,7 +192,7 @@ class EncodeForm:
                 "MB": forecast.megabytes if forecast is not None else None,
             }[other]
             # What the present choice gives, where that is known: the choice changes as little as possible.
-            self._setter.set(ui, "target", f"{f'{known:.3g}' if known else USUAL_TARGETS[other]}{other}")
+            self.take(plan, ui, "target", f"{f'{known:.3g}' if known else USUAL_TARGETS[other]}{other}")
         self._draw_choices(plan, ui)
 
     def _draw_choices(self, plan: TrainingSettings, ui: UiFrame) -> None:
@@ -167,29 +205,15 @@ class EncodeForm:
             if bits != CHOICES[0]:
                 beside(text_width(" 16 bits: 50 dB "))
             if imgui.small_button(f"{bits:g} bits: {found.psnr_db:.0f} dB##{self._place}"):
-                self._setter.set(ui, "target", f"{bits:g}bits")
+                self.take(plan, ui, "target", f"{bits:g}bits")
             ui.rects.note(f"target {bits:g} bits", found.line())
-
-    def _draw_grouping(self, plan: TrainingSettings, ui: UiFrame) -> None:
-        labelled("grouping")
-        self._list("strategy", plan.strategy, get_args(GroupingName), "grouping", ui)
-        if plan.strategy in ("clustered", "random", "covisible"):
-            beside(text_width("groups ") + em(NUMBER))
-            imgui.text("groups")
-            imgui.same_line()
-            typed = self._groups.draw(AUTO if plan.clusters is None else str(plan.clusters), ui)
-            if typed is not None:
-                self._setter.set(ui, "groups", typed.strip() or AUTO)
 
     def _draw_textures(self, plan: TrainingSettings, ui: UiFrame) -> None:
         labelled("textures")
-        self._list("size", FULL if plan.texture_size is None else str(plan.texture_size), SIZES, "size", ui)
-        beside(list_width(*MAP_NAMES))
-        shown = next(name for name, maps in MAP_NAMES.items() if maps == plan.chosen_maps)
-        imgui.set_next_item_width(list_width(*MAP_NAMES))
-        chosen = combo("maps", shown, tuple(MAP_NAMES), ui.rects)
-        if chosen != shown:
-            self._setter.set(ui, "maps", MAP_NAMES[chosen])
+        size = FULL if plan.texture_size is None else str(plan.texture_size)
+        self.choose("size", size, SIZES, "size", plan, ui)
+        beside(list_width(*MAP_NAMES.values()))
+        self.choose("maps", plan.chosen_maps, tuple(MAP_NAMES), "maps", plan, ui, MAP_NAMES.__getitem__)
         if self._place != "panel":
             return
         scene, ids = ui.session.scene, chosen_textures(plan, ui.session.scene)
@@ -207,27 +231,9 @@ class EncodeForm:
                 if changed:
                     others = set(ids) | {index} if ticked else set(ids) - {index}
                     text = "all" if others == set(whole) else ",".join(map(str, sorted(others)))
-                    self._setter.set(ui, "textures", text or "none")
+                    self.take(plan, ui, "textures", text or "none")
         imgui.end_child()
         imgui.tree_pop()
-
-    def _draw_training(self, plan: TrainingSettings, ui: UiFrame) -> None:
-        """Draw budget and recipe of a codec that trains."""
-        labelled("budget")
-        text = budget_text(plan.budget)
-        value = text.rstrip("stepdB")
-        unit = text[len(value) :]
-        typed = self._budget.draw(value, ui)
-        if typed is not None:
-            self._setter.set(ui, "budget", f"{typed.strip()}{unit}")
-        imgui.same_line()
-        imgui.set_next_item_width(list_width(*UNIT_NAMES.values()))
-        chosen = combo("budget unit", UNIT_NAMES[unit], tuple(UNIT_NAMES[each] for each in BUDGET_UNITS), ui.rects)
-        if chosen != UNIT_NAMES[unit]:
-            other = next(each for each in BUDGET_UNITS if UNIT_NAMES[each] == chosen)
-            self._setter.set(ui, "budget", f"{USUAL_BUDGETS[other]}{other}")
-        beside(list_width(*get_args(RecipeName)))
-        self._list("recipe", plan.recipe, get_args(RecipeName), "recipe", ui)
 
     @staticmethod
     def _draw_forecast(plan: TrainingSettings, ui: UiFrame) -> None:

@@ -13,7 +13,6 @@ from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
 from viewer.training.preparation import job_title
 from viewer.training.run_log import ActiveRun, Curves, Run, mean_of_psnr
-from viewer.training.settings import TrainingSettings
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import EncodeForm
@@ -51,9 +50,8 @@ def draw_kept_runs(ui: UiFrame) -> None:
         for index, (action, title) in enumerate(ACTIONS):
             if index:
                 imgui.same_line(0.0, GAP)
-            if imgui.button(f"{title}##kept{number}", ImVec2(width, 0.0)):
-                ui.emit("training.kept-back", action, number)
-            ui.rects.note(f"{action} kept back {number}")
+            label, size = f"{action} kept back {number}", ImVec2(width, 0.0)
+            command_button(ui, f"{title}##kept{number}", "training.kept-back", action, number, label=label, size=size)
     imgui.separator()
 
 
@@ -199,8 +197,6 @@ def _name(texture: int, names: Sequence[str]) -> str:
 
 
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
-UNSTOPPABLE = ("preparing", "cancelling")
-"""States of a run in which it cannot pause."""
 STATES = {
     "preparing": "preparing textures and groups",
     "training": "",
@@ -214,7 +210,7 @@ class TrainingPanel:
     """Panel Training of one window."""
 
     def __init__(self) -> None:
-        self._forms = TrainingForms(TrainingSettings())
+        self._forms = TrainingForms()
         self._curves = TrainingCurves()
         self._path = ""
 
@@ -263,13 +259,14 @@ class TrainingPanel:
         ui.rects.note("training state", _state(run, ended))
         half = (room - style.item_spacing.x) / 2.0
         waits = run is not None and run.state in ("paused", "pausing")
-        self._button("Resume" if waits else "Pause", half, run is not None and run.state not in UNSTOPPABLE, ui)
+        size, undecided = ImVec2(half, 0.0), "" if ended is not None else "the run has not ended"
+        command_button(ui, "Resume" if waits else "Pause", f"training.{'resume' if waits else 'pause'}", size=size)
         imgui.same_line()
-        self._button("Cancel", half, run is not None and run.state != "cancelling", ui)
-        decides = ended is not None and not ui.training.saving
-        self._button("Accept", half, decides, ui)
+        cancelled = "it is being cancelled" if run is not None and run.state == "cancelling" else ""
+        command_button(ui, "Cancel", "training.cancel", missing=cancelled, size=size)
+        command_button(ui, "Accept", "training.accept", self._path.strip(), missing=undecided, size=size)
         imgui.same_line()
-        self._button("Discard", half, decides, ui)
+        command_button(ui, "Discard", "training.discard", missing=undecided, size=size)
         if ended is not None:
             imgui.set_next_item_width(-1)
             self._path = imgui.input_text_with_hint("##file", "file (default: beside the scene)", self._path)[1]
@@ -279,13 +276,6 @@ class TrainingPanel:
             ui.rects.note("training figure")
         if run is not None and run.notes:
             imgui.text_wrapped(run.notes[-1])
-
-    def _button(self, label: str, width: float, enabled: bool, ui: UiFrame) -> None:
-        imgui.begin_disabled(not enabled)
-        if imgui.button(label, ImVec2(width, 0)):
-            ui.emit(f"training.{label.lower()}", *((self._path.strip(),) if label == "Accept" else ()))
-        ui.rects.note(label)
-        imgui.end_disabled()
 
 
 def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
@@ -341,11 +331,14 @@ def _log(ui: UiFrame) -> None:
         cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", duration(run.seconds))
         imgui.table_next_column()
         for side in ("a", "b"):
-            imgui.begin_disabled(run.pack is None or shown[side] == run.name)
-            if imgui.small_button(f"{side.upper()}##{run.number}"):
-                ui.emit("training.show", run.number, side)
-            ui.rects.note(f"run {run.number} into {side.upper()}")
-            imgui.end_disabled()
+            name = side.upper()
+            missing = "the run has no pack" if run.pack is None else ""
+            missing = missing or (f"slot {name} shows it" if shown[side] == run.name else "")
+            label = f"run {run.number} into {name}"
+            values = (run.number, side)
+            command_button(
+                ui, f"{name}##{run.number}", "training.show", *values, label=label, missing=missing, small=True
+            )
             imgui.same_line()
         if run.is_undecided:
             command_button(
@@ -400,10 +393,9 @@ class EncodeOffer:
         if imgui.begin("##offer", None, flags)[0]:
             imgui.text_wrapped("This scene has no pack.")
             kept = ui.training.waiting.of(ui.session.scene)
-            if kept and imgui.button(f"Open the unsaved run of {kept[0].clock}"):
-                ui.emit("training.kept-back", "open", ui.training.waiting.runs.index(kept[0]) + 1)
             if kept:
-                ui.rects.note("Open what was kept back")
+                title, number = f"Open the unsaved run of {kept[0].clock}", ui.training.waiting.runs.index(kept[0]) + 1
+                command_button(ui, title, "training.kept-back", "open", number, label="Open what was kept back")
             self._form.draw(ui)
             command_button(ui, "Encode it now", "training.encode", missing=self._form.problem)
             imgui.same_line()

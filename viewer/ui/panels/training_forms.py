@@ -1,42 +1,27 @@
 """Forms of a training, and the buttons that run them as commands."""
 
-from typing import get_args
-
 from imgui_bundle import ImVec2, imgui
 
-from ntc.codec.config import GroupingName
-from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_named
-from ntc.errors import InputError
 from viewer.training.run_log import mean_of_psnr
-from viewer.training.settings import AUTO, BUDGET_UNITS, TrainingSettings, budget_text, make_budget
+from viewer.training.settings import AUTO, SettingName, TrainingSettings, budget_text
 from viewer.ui.controls import command_button, control
 from viewer.ui.facts import UiFrame
-from viewer.ui.panels.encode_form import NUMBER, UNIT_NAMES, USUAL_BUDGETS, EncodeForm, labelled
-from viewer.ui.widgets import beside, combo, counted, em, list_width, text_width, wrapped_disabled
+from viewer.ui.panels.encode_form import EncodeForm, GroupingFields, labelled
+from viewer.ui.widgets import combo, counted, em, list_width, wrapped_disabled
 
 LIST_HEIGHT = 8.5
 """Height of the list of groups in font sizes."""
 
 
-def _field(label: str, text: str, width: float, ui: UiFrame) -> str:
-    imgui.set_next_item_width(em(width))
-    changed = imgui.input_text(f"##{label}", text)[1]
-    ui.rects.note(label)
-    return changed
-
-
 class TrainingForms:
     """Forms with what the user has filled in."""
 
-    def __init__(self, defaults: TrainingSettings) -> None:
-        self._encoding = EncodeForm("panel")
-        self._strategy: str = defaults.strategy
-        self._clusters = AUTO
-        self._recipe: str = defaults.recipe
-        self._unit = "s"
-        self._value = USUAL_BUDGETS["s"]
+    def __init__(self) -> None:
+        self._encoding, self._fields = EncodeForm("panel"), GroupingFields(self._keep)
+        self._plan = TrainingSettings()
+        """Choices for continuing the pack."""
         self._groups: set[int] = set()
         self._pointed_out: set[int] = set()
         """Groups under the mouse, which the picture highlights."""
@@ -44,6 +29,9 @@ class TrainingForms:
         self._group = "0"
         self._pack: Pack | None = None
         """Pack that groups and texture belong to."""
+
+    def _keep(self, _ui: UiFrame, plan: TrainingSettings, _name: SettingName, _text: str) -> None:
+        self._plan = plan
 
     def draw(self, pack: Pack | None, name: str, ui: UiFrame) -> None:
         """Draw the forms; `pack` is the one that a training would continue, open as `name`, None without one."""
@@ -73,47 +61,17 @@ class TrainingForms:
                     imgui.end_tab_item()
             imgui.end_tab_bar()
 
-    def _length(self, codec: str, ui: UiFrame) -> str | None:
-        """Draw budget and recipe of a codec that trains. Return the budget as a command takes it, None for a wrong one."""
-        if not codec_named(codec).trains:
-            return budget_text(TrainingSettings.budget)
-        labelled("budget")
-        self._value = _field("budget", self._value, NUMBER, ui)
-        imgui.same_line()
-        imgui.set_next_item_width(list_width(*UNIT_NAMES.values()))
-        chosen = combo("budget unit", UNIT_NAMES[self._unit], tuple(UNIT_NAMES.values()), ui.rects)
-        unit = next(unit for unit in BUDGET_UNITS if UNIT_NAMES[unit] == chosen)
-        if unit != self._unit:
-            self._unit, self._value = unit, USUAL_BUDGETS[unit]
-        beside(list_width(*get_args(RecipeName)))
-        imgui.set_next_item_width(list_width(*get_args(RecipeName)))
-        self._recipe = combo("recipe", self._recipe, tuple(get_args(RecipeName)), ui.rects)
-        try:
-            make_budget(float(self._value), unit)
-        except (InputError, ValueError):
-            wrapped_disabled("The budget must be a number above 0.")
-            return None
-        return f"{self._value.strip()}{unit}"
+    def _length(self, codec: str, ui: UiFrame) -> tuple[str, str]:
+        """Draw budget and recipe of a codec that trains, and return them as commands take them."""
+        if codec_named(codec).trains:
+            self._fields.draw_training(self._plan, ui)
+        self._fields.draw_problem(ui)
+        return budget_text(self._plan.budget), self._plan.recipe
 
-    def _grouping(self, ui: UiFrame) -> None:
-        labelled("grouping")
-        imgui.set_next_item_width(list_width(*get_args(GroupingName)))
-        self._strategy = combo("strategy", self._strategy, tuple(get_args(GroupingName)), ui.rects)
-        if self._strategy in ("clustered", "random", "covisible"):
-            beside(text_width("groups ") + em(NUMBER))
-            imgui.text("groups")
-            imgui.same_line()
-            self._clusters = _field("k", self._clusters, NUMBER, ui)
-
-    @staticmethod
-    def _button(ui: UiFrame, title: str, command_id: str, *values: object, label: str = "") -> None:
-        """Draw a button that runs a command with `values`; grey where one of them is None or empty."""
-        missing = "fill in all fields above" if None in values or "" in values else ""
+    def _button(self, ui: UiFrame, title: str, command_id: str, *values: object, label: str = "") -> None:
+        """Draw a button that runs a command with `values`; grey while a value is wrong or empty."""
+        missing = self._fields.problem or ("fill in all fields above" if "" in values else "")
         command_button(ui, title, command_id, *values, label=label, missing=missing, size=ImVec2(-1, 0))
-
-    @property
-    def _k(self) -> str:
-        return self._clusters.strip() or AUTO
 
     def _encode(self, ui: UiFrame) -> None:
         self._encoding.draw(ui)
@@ -146,10 +104,10 @@ class TrainingForms:
         if imgui.small_button("none"):
             self._groups = set()
         ui.rects.note("no groups")
-        budget = self._length(pack.config.kind, ui)
+        length = self._length(pack.config.kind, ui)
         groups = ",".join(map(str, sorted(self._groups)))
         title = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
-        self._button(ui, title, "training.retrain", groups, budget, self._recipe, label="Retrain")
+        self._button(ui, title, "training.retrain", groups, *length, label="Retrain")
 
     def _move(self, pack: Pack, ui: UiFrame) -> None:
         self._texture = min(self._texture, len(pack.textures) - 1)
@@ -164,14 +122,15 @@ class TrainingForms:
         labelled("to group")
         imgui.set_next_item_width(list_width(*targets))
         self._group = combo("to group", self._group, targets, ui.rects)
-        budget = self._length(pack.config.kind, ui)
-        values = (str(self._texture), self._group, budget, self._recipe)
+        values = (str(self._texture), self._group, *self._length(pack.config.kind, ui))
         self._button(ui, "Move and train both groups", "training.move", *values)
 
     def _regroup(self, pack: Pack, ui: UiFrame) -> None:
-        self._grouping(ui)
-        budget = self._length(pack.config.kind, ui)
-        self._button(ui, "Regroup and train", "training.regroup", self._strategy, self._k, budget, self._recipe)
+        plan = self._plan
+        self._fields.draw_grouping(plan, ui)
+        groups = AUTO if plan.clusters is None else str(plan.clusters)
+        values = (plan.strategy, groups, *self._length(pack.config.kind, ui))
+        self._button(ui, "Regroup and train", "training.regroup", *values)
 
 
 def _bits(_pack: Pack, ui: UiFrame) -> None:
