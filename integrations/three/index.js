@@ -155,7 +155,7 @@ function tablesName(pack) {
     const header = JSON.parse(new TextDecoder().decode(new Uint8Array(pack, 8, length)));
     const { codec, grouping } = JSON.parse(header.__metadata__.ntc);
     if (codec.tables) return `universal_sets_${codec.tables}.safetensors`;
-    return grouping.name === "universal" ? `universal_2_${codec.output_channels}.safetensors` : null;
+    return grouping.name === "universal" ? `universal_${grouping.parameters.version}_${codec.output_channels}.safetensors` : null;
 }
 
 async function fetched(url) {

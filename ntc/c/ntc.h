@@ -50,7 +50,7 @@ typedef struct {
     void (*release)(void *memory, void *user);        /* NULL: free */
     void *user;
     const void *tables;                               /* shipped tables, for packs of grouping `universal`: universal_2_*.safetensors, or of
-                                                         whole materials universal_sets_*.safetensors */
+                                                         whole materials universal_sets_*.safetensors. It must stay until ntc_close */
     size_t tables_bytes;
 } ntc_options;
 

@@ -201,6 +201,11 @@ class Codec(ABC):
         del pack, texture_index, level
         return None
 
+    def libntc_tables(self, pack: Pack) -> bytes | None:
+        """Return the shipped tables that libntc needs to open `pack`, b"" for none; None where libntc does not decode the codec."""
+        del pack
+        return None
+
     @abstractmethod
     def torch_twin(
         self,

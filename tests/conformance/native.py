@@ -14,6 +14,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ntc.c.library import Options
+
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "ntc" / "c"
 TABLES = ROOT / "ntc" / "codec" / "block"
@@ -36,16 +38,6 @@ def compiled(out: Path, *options: str, sources: tuple[Path, ...] = ()) -> Path:
     built = subprocess.run(command, capture_output=True, text=True, check=False)
     assert built.returncode == 0, built.stderr
     return out
-
-
-class _Options(ctypes.Structure):
-    _fields_ = (
-        ("allocate", ctypes.c_void_p),
-        ("release", ctypes.c_void_p),
-        ("user", ctypes.c_void_p),
-        ("tables", ctypes.c_char_p),
-        ("tables_bytes", ctypes.c_size_t),
-    )
 
 
 class TextureInfo(ctypes.Structure):
@@ -120,7 +112,7 @@ def compressed(texels: bytes, form: int) -> bytes:
 
 def opened(data: bytes, tables: bytes = b"") -> tuple[int, str, ctypes.c_void_p]:
     """Return (status, text of the error, handle) of opening `data`."""
-    handle, error, options = ctypes.c_void_p(), ctypes.create_string_buffer(200), _Options()
+    handle, error, options = ctypes.c_void_p(), ctypes.create_string_buffer(200), Options()
     if tables:
         options.tables, options.tables_bytes = tables, len(tables)
     status = library().ntc_open(

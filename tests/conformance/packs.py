@@ -132,7 +132,7 @@ MAKERS: Mapping[str, Callable[[], Pack]] = {
 def texels(pack: Pack) -> bytes:
     """Return the texels of the float64 reference, as NAME.texels holds them."""
     parts = [
-        decode(pack, number, level).tobytes()
+        decode(pack, number, level, "numpy").tobytes()
         for number, own in enumerate(pack.textures)
         for level in range(len(latent_levels(own.width, own.height, pack.config)))
     ]

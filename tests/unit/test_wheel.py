@@ -1,12 +1,15 @@
 """The wheel holds shaders and assets, and works from another folder."""
 
 import os
+import shutil
 import subprocess
 import sys
 import zipfile
 from pathlib import Path
 
 import pytest
+
+from ntc.c.library import library_path
 
 pytestmark = pytest.mark.process
 
@@ -38,3 +41,6 @@ def test_wheel_draws_the_built_in_scene_from_another_folder(tmp_path: Path) -> N
     assert result.returncode == 0, result.stderr
     assert str(site) in result.stdout
     assert (elsewhere / "o" / "color.png").is_file()
+    if shutil.which("cc") is not None:
+        assert "-none-any" not in wheel.name
+        assert library_path().name in {Path(name).name for name in names}

@@ -15,9 +15,9 @@ from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block.reference import decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
-from ntc.codec.block.universal import MOST_SCALED_GROUPS, VERSION
+from ntc.codec.block.universal import MOST_SCALED_GROUPS, VERSION, set_tables_path, tables_path
 from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
-from ntc.codec.config import Precision, WrapMode
+from ntc.codec.config import UNIVERSAL, Precision, WrapMode
 from ntc.codec.encoding import (
     DEFAULT_BITS,
     DEFAULT_SET_BITS,
@@ -129,6 +129,14 @@ class BlockCodec(Codec):
         texture = own.textures[texture_index]
         image = decode_image(texture, own.decoders[texture.group], own.config, level)
         return image[..., texture.places(own.config)]
+
+    def libntc_tables(self, pack: Pack) -> bytes:
+        config = cast(BlockConfig, pack.config)
+        if pack.grouping.name != UNIVERSAL:
+            return b""
+        if config.tables is not None:
+            return set_tables_path(config.tables).read_bytes()
+        return tables_path(int(pack.grouping.parameters["version"]), config.output_channels).read_bytes()
 
     def torch_twin(
         self,

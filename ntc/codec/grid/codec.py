@@ -140,6 +140,10 @@ class GridCodec(Codec):
         inputs = decoder_inputs(pack, texture, uv, lod, wrap)
         return run_decoder(own.decoders[texture.group], inputs, own.config.leaky_slope, texture.adapter)
 
+    def libntc_tables(self, pack: Pack) -> bytes:
+        del pack
+        return b""
+
     def torch_twin(
         self,
         pack: Pack,
