@@ -73,6 +73,7 @@ class PackInScene:
         """(decoding all tiles of the view into an empty cache, drawing from them)."""
         context, cache = self._gpu.context, self._gpu.tile_cache()
         cache.request(self._inputs)
+        cache.answer(waits=True)
         # Once before it is timed: memory of the atlas is mapped when it is first written.
         cache.decode(cache.tiles_now(whole=True))
         cache.mark_stale(range(len(context.scene.textures)))

@@ -126,28 +126,41 @@ float coefficient_of(uint entry, uint branches, uint others) {
     vec2 curve = depth < DEEP_DEPTH ? SHALLOW_CURVE : DEEP_CURVE;
     float level = share * (1.0 + size * (curve.x + size * curve.y));
     float steps = float(int(entry >> 23) - STEPS_ORIGIN);
-    return level * exp2(steps * (1.0 / STEPS_PER_OCTAVE));
+    // The last entries of a list are empty.
+    return entry == 0u ? 0.0 : level * exp2(steps * (1.0 / STEPS_PER_OCTAVE));
 }
 
-// Four numbers of a row of the basis: those of a texel and of its neighbours on the right, below, and on the right below.
+// Four numbers of a row of the basis, of sums over texels in coarser mips: those of a texel and of its neighbours on the right, below,
+// and on the right below. Without branches: software renderers go both ways of each.
 vec4 row_square(Code code, uint entry, int texel) {
     int row = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS;
 #if CODE_MIPS > 1
-    if (code.mip > 0) {
-        int first = MIP_1_WORDS;
+    bool coarse = code.mip > 0;
+    int first = MIP_1_WORDS;
 #if CODE_MIPS > 2
-        first = code.mip == 1 ? MIP_1_WORDS : (code.mip == 2 ? MIP_2_WORDS : MIP_3_WORDS);
+    first = code.mip == 2 ? MIP_2_WORDS : (code.mip == 3 ? MIP_3_WORDS : first);
 #endif
-        int at = row + first + 2 * texel;
-        uvec4 four = table_block(at >> 2);
-        int upper = int((at & 2) == 0 ? four.x : four.z);
-        int lower = int((at & 2) == 0 ? four.y : four.w);
-        vec4 sums = vec4(upper << 16 >> 16, upper >> 16, lower << 16 >> 16, lower >> 16);
-        return sums * uintBitsToFloat(uint(127 - 2 * code.mip) << 23);
-    }
-#endif
+    int at = row + (coarse ? first + 2 * texel : texel);
+    uvec4 four = table_block(at >> 2);
+    uvec2 pair = (at & 2) == 0 ? four.xy : four.zw;
+    int upper = int(coarse || (at & 1) == 0 ? pair.x : pair.y);
+    int lower = coarse ? int(pair.y) : upper;
+    int end = coarse ? 16 : 24;
+    int next = coarse ? 0 : 16;
+    return vec4(upper << end >> end, upper << next >> end, lower << (coarse ? 16 : 8) >> end, lower >> end);
+#else
     int bits = int(table_word(row + texel));
     return vec4(bits << 24 >> 24, bits << 16 >> 24, bits << 8 >> 24, bits >> 24);
+#endif
+}
+
+// Of one texel of mip 0 of a code among those of its mip `mip`.
+float texel_share(int mip) {
+#if CODE_MIPS > 1
+    return uintBitsToFloat(uint(127 - 2 * mip) << 23);
+#else
+    return 1.0;
+#endif
 }
 
 // What parts of footprints add up to, by component of the plane.
@@ -164,14 +177,13 @@ vec4 in_component(float value, uint entry) {
 
 // What a coefficient shows with `weights` of a texel and its neighbours.
 vec4 shown_by(Code code, uint entry, uint branches, uint others, int texel, vec4 weights) {
-    // The last entries of a list are empty.
-    if (entry == 0u) return vec4(0.0);
     float value = coefficient_of(entry, branches, others);
     return in_component(value * dot(row_square(code, entry, texel), weights), entry);
 }
 
 vec4 transform_square(Code code, int texel, vec4 weights) {
     vec4 sum = vec4(0.0);
+    weights *= texel_share(code.mip);
     int branch = int(code.head.z & 65535u) - 3;
     int list = code.tables + int(code.head.x);
     int parts = int(code.head.y);
@@ -234,10 +246,12 @@ Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
     vec4 other = EDGE_COLOUR(code, at) - one;
     at += COLOUR_BITS * EDGE_CHANNELS;
     int side = BLOCK_SIDE >> code.mip;
-    sum.edges = weights.x * edge_texel(code, at, width, texel, one, other);
-    if (weights.y != 0.0) sum.edges += weights.y * edge_texel(code, at, width, texel + 1, one, other);
-    if (weights.z != 0.0) sum.edges += weights.z * edge_texel(code, at, width, texel + side, one, other);
-    if (weights.w != 0.0) sum.edges += weights.w * edge_texel(code, at, width, texel + side + 1, one, other);
+    int count = weights.z == 0.0 && weights.w == 0.0 ? (weights.y == 0.0 ? 1 : 2) : 4;
+    for (int number = 0; number < count * network_blocks; ++number) {
+        vec2 pair = number < 2 ? weights.xy : weights.zw;
+        float own = (number & 1) == 0 ? pair.x : pair.y;
+        if (own != 0.0) sum.edges += own * edge_texel(code, at, width, texel + (number >> 1) * side + (number & 1), one, other);
+    }
     return sum;
 }
 
@@ -250,23 +264,28 @@ Sum block_texel(Code code, int texel) {
     return block_square(code, texel, vec4(1.0, 0.0, 0.0, 0.0));
 }
 
-// Four texels of a block.
+// What the transform shows at four texels of a block.
 struct Texels {
-    Sum first;
-    Sum second;
-    Sum third;
-    Sum fourth;
+    Code code;
+    ivec4 numbers;
+    vec4 first;
+    vec4 second;
+    vec4 third;
+    vec4 fourth;
 };
 
-// What a coefficient shows at `texels` is added to `sums`: a vector by component for each texel.
-void add_texels(inout vec4 sums[4], Code code, uint entry, uint branches, uint others, ivec4 texels, bool is_square) {
-    if (entry == 0u) return;
-    vec4 row = row_square(code, entry, texels.x);
-    if (!is_square) {
-        row.y = row_square(code, entry, texels.y).x;
-        row.z = row_square(code, entry, texels.z).x;
-        row.w = row_square(code, entry, texels.w).x;
-    }
+// What a code shows at one of four texels.
+Sum texel_sum(Texels texels, int number) {
+    ivec2 pair = number < 2 ? texels.numbers.xy : texels.numbers.zw;
+    vec4 transform = number < 2
+        ? (number == 0 ? texels.first : texels.second)
+        : (number == 2 ? texels.third : texels.fourth);
+    return with_base(texels.code, (number & 1) == 0 ? pair.x : pair.y, vec4(1.0, 0.0, 0.0, 0.0), transform);
+}
+
+// What a coefficient shows at a texel and its neighbours is added to `sums`: a vector by component for each texel.
+void add_texels(inout vec4 sums[4], Code code, uint entry, uint branches, uint others, int texel) {
+    vec4 row = row_square(code, entry, texel) * texel_share(code.mip);
     vec4 value = in_component(coefficient_of(entry, branches, others), entry);
     sums[0] += value * row.x;
     sums[1] += value * row.y;
@@ -274,9 +293,8 @@ void add_texels(inout vec4 sums[4], Code code, uint entry, uint branches, uint o
     sums[3] += value * row.w;
 }
 
+// `texels`: one and its neighbours on the right, below, and on the right below.
 Texels block_texels(Code code, ivec4 texels) {
-    int side = BLOCK_SIDE >> code.mip;
-    bool is_square = texels.yzw == texels.x + ivec3(1, side, side + 1);
     vec4 sums[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
     int branch = int(code.head.z & 65535u) - 3;
     int list = code.tables + int(code.head.x);
@@ -290,16 +308,12 @@ Texels block_texels(Code code, ivec4 texels) {
         uint branches = window >> uint(4 * step);
         uint first = entries.x & 1023u;
         uint others = code_bits(code, int(first));
-        add_texels(sums, code, entries.x, branches, others, texels, is_square);
-        add_texels(sums, code, entries.y, branches >> 1, others >> (((entries.y & 1023u) - first) & 31u), texels, is_square);
-        add_texels(sums, code, entries.z, branches >> 2, others >> (((entries.z & 1023u) - first) & 31u), texels, is_square);
-        add_texels(sums, code, entries.w, branches >> 3, others >> (((entries.w & 1023u) - first) & 31u), texels, is_square);
+        add_texels(sums, code, entries.x, branches, others, texels.x);
+        add_texels(sums, code, entries.y, branches >> 1, others >> (((entries.y & 1023u) - first) & 31u), texels.x);
+        add_texels(sums, code, entries.z, branches >> 2, others >> (((entries.z & 1023u) - first) & 31u), texels.x);
+        add_texels(sums, code, entries.w, branches >> 3, others >> (((entries.w & 1023u) - first) & 31u), texels.x);
     }
-    const vec4 alone = vec4(1.0, 0.0, 0.0, 0.0);
-    return Texels(
-        with_base(code, texels.x, alone, sums[0]), with_base(code, texels.y, alone, sums[1]),
-        with_base(code, texels.z, alone, sums[2]), with_base(code, texels.w, alone, sums[3])
-    );
+    return Texels(code, texels, sums[0], sums[1], sums[2], sums[3]);
 }
 
 // A footprint in the blocks that it touches: in one, or part after part.

@@ -195,6 +195,11 @@ Texels block_texels(Code code, ivec4 texels) {
     return sums;
 }
 
+CHANNELS_T texel_sum(Texels texels, int number) {
+    if (number < 2) return number == 0 ? texels.first : texels.second;
+    return number == 2 ? texels.third : texels.fourth;
+}
+
 // The same for one texel.
 CHANNELS_T block_texel(Code code, int texel) {
     CHANNELS_T sum = CHANNELS_T(0.0);

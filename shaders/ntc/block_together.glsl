@@ -91,7 +91,7 @@ void decode_coefficients(int lane) {
         uint entry = table_word(list + place);
         uint branches = code_bits(code, int(code.head.z & 65535u) - 3 + place);
         float value = coefficient_of(entry, branches, code_bits(code, int(entry & 1023u)));
-        coefficient_values[number >> 2][number & 3] = entry == 0u ? 0.0 : value;
+        coefficient_values[number >> 2][number & 3] = value;
         coefficient_rows[number >> 2][number & 3] = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS + SQUARES_WORD;
     }
 }

@@ -34,7 +34,7 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.gl.context import GraphicsContext, create_headless_context
-from viewer.render.resources.layout import BIN_GROUP, GROUP_SIDE, PAGE_SIDE, TILE_BORDER, TILE_SIDE
+from viewer.render.resources.layout import GROUP_SIDE, PAGE_SIDE, TILE_SIDE
 from viewer.render.resources.pack_buffers import codec_programs, scene_programs
 from viewer.render.resources.visibility_buffer import PlaneReading
 
@@ -236,19 +236,27 @@ def random_tile(codes: PackCodes, plane: int, random: np.random.Generator) -> Ti
     return Tile(page[1:-1, 1:-1].reshape(-1), page, lists, fours, edges)
 
 
+def _sides(page: Array) -> Array:
+    """Squares of 2x2 texels along each block of a row of `page`, which begins and ends with one texel of the border."""
+    across = page.shape[1] - 2
+    return np.pad(np.full(across, TILE_SIDE // across // 2), 1, constant_values=1)
+
+
+def _squares(page: Array) -> Array:
+    """Kinds of codes of the squares of 2x2 texels that cover blocks `page`, of which the first row and both sides are border."""
+    sides = _sides(page)
+    each = np.repeat(np.repeat(page, sides[: len(page)], axis=0), sides, axis=1)
+    inside = np.repeat(page[1:, 1:-1].reshape(-1), sides[1] ** 2)
+    return np.concatenate([inside, each[1:, 0], each[1:, -1], each[0]])
+
+
 def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
-    """Vector instructions a texel where invocations decode four texels each, and read all coefficients for them."""
-
-    def of(entries: float) -> float:
-        # First the loops for mips that are not there, last those at the texture's edges.
-        return code.weighted([0.0, 0.0, 0.0, entries, 0.0, 0.0])
-
-    inside_lanes, border_lanes = TILE_SIDE * TILE_SIDE // 4, TILE_SIDE * TILE_BORDER + 4
-    each = np.repeat(tile.lists[tile.inside], inside_lanes // tile.inside.size)
-    groups = -(-border_lanes // BIN_GROUP) * BIN_GROUP
-    border = np.concatenate([tile.page[0], tile.page[-1], tile.page[:, 0], tile.page[:, -1]])
-    whole = inside_lanes * of(_longest(each, lanes)) + groups * of(float(tile.lists[border].max()))
-    return whole / PAGE_TEXELS
+    """Vector instructions a texel where invocations decode a square of texels each, and read all coefficients for it."""
+    squares = np.concatenate([_squares(tile.page[:-1]), np.repeat(tile.page[-1], _sides(tile.page))])
+    longest = np.pad(tile.lists[squares], (0, -len(squares) % lanes)).reshape(-1, lanes).max(axis=1)
+    # First the loops for mips that are not there.
+    each = [code.weighted([1.0, 0.0, 0.0, 0.0, most, 4.0]) for most in longest]
+    return float(np.sum(each)) * lanes / PAGE_TEXELS
 
 
 def tile_together(code: MachineCode, tile: Tile, components: int, lanes: int) -> float:
@@ -256,14 +264,9 @@ def tile_together(code: MachineCode, tile: Tile, components: int, lanes: int) ->
     across = tile.page.shape[0] - 2
     found = []
     for page in (tile.page[: across // 2 + 1], tile.page[across // 2 + 1 :][::-1]):
-        # Squares of a block along an axis, and one of the border's texel.
-        squares = np.pad(np.full(across, TILE_SIDE // across // 2), 1, constant_values=1)
-        each = np.repeat(np.repeat(page, squares[: len(page)], axis=0), squares, axis=1)
-        order = np.concatenate([each[1:, 1:-1], each[1:, :1], each[1:, -1:]], axis=1)
-        order = np.concatenate([order.reshape(-1), each[0]])
         fours = tile.fours[page.reshape(-1)]
         coefficients = -(-4 * int(fours.sum()) // TOGETHER)
-        rounds, inner = _in_rounds(tile.fours[order], lanes, TOGETHER)
+        rounds, inner = _in_rounds(tile.fours[_squares(page)], lanes, TOGETHER)
         finding = fours.sum(axis=1).max() * (1.0 if lanes == TOGETHER else 0.5)
         found.append(code.weighted([1, 1, finding, coefficients, rounds, components * rounds, inner]))
     return float(np.sum(found)) * TOGETHER / PAGE_TEXELS

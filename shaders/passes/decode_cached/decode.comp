@@ -34,91 +34,44 @@ void store_texel(TileRecord tile, ivec2 place, vec4 value) {
 }
 
 #if DECODES_QUADS
-// Four texels that one invocation decodes: those at `first`, `first + right`, `first + down`, and both steps from it.
-struct Quad {
-    ivec2 first;    // on the page
-    ivec2 right;
-    ivec2 down;
-};
-
-const int TILE_BLOCK_TEXELS = BLOCK_SIDE * BLOCK_SIDE;
-const int SIDE_QUADS = TILE_SIDE / 4;
-
-// Squares of two by two texels inside the border, block after block; rows of four along it; its corners. False: there are no more.
-bool own_quad(int number, out Quad quad) {
-    quad = Quad(ivec2(0), ivec2(0), ivec2(0));
-    if (number < TILE_QUADS) {
-        int block = number / (TILE_BLOCK_TEXELS / 4);
-        int within = number - block * (TILE_BLOCK_TEXELS / 4);
-        ivec2 corner = ivec2(block % (TILE_SIDE / BLOCK_SIDE), block / (TILE_SIDE / BLOCK_SIDE)) * BLOCK_SIDE;
-        corner += 2 * ivec2(within % (BLOCK_SIDE / 2), within / (BLOCK_SIDE / 2));
-        quad = Quad(corner + TILE_BORDER, ivec2(1, 0), ivec2(0, 1));
-        return true;
-    }
-    int rest = number - TILE_QUADS;
-    bool beyond = (rest & 1) != 0;
-    if (rest < 4 * SIDE_QUADS) {
-        bool upright = (rest & 2) != 0;
-        ivec2 along = upright ? ivec2(0, 1) : ivec2(1, 0);
-        ivec2 across = ivec2(1) - along;
-        quad = Quad(along * (4 * (rest >> 2) + TILE_BORDER) + (beyond ? across * (PAGE_SIDE - 1) : ivec2(0)), along, 2 * along);
-        return true;
-    }
-    rest -= 4 * SIDE_QUADS;
-    quad.first = ivec2(rest & 1, rest >> 1) * (PAGE_SIDE - 1);
-    return rest < 4;
-}
-
-ivec2 place_in(Quad quad, int number) {
-    return quad.first + (number & 1) * quad.right + (number >> 1) * quad.down;
-}
+#include "passes/decode_cached/squares.glsl"
 
 void main() {
     TileRecord tile = tiles[first_tile + int(gl_WorkGroupID.x)];
-    Quad quad;
-    if (!own_quad(int(gl_WorkGroupID.y) * BIN_GROUP + int(gl_LocalInvocationID.x), quad)) return;
     TextureRecord record = textures[tile.texture_id];
     LevelRecord level = levels[record.first_level + tile.level];
-    ivec2 size = ivec2(level.texel_width, level.texel_height);
-    // Texels more than a border beyond the texture are never read.
-    ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + quad.first - TILE_BORDER;
-    if (any(greaterThanEqual(first, size + TILE_BORDER))) return;
-    ivec2 texels[4];
-    for (int number = 0; number < 4; ++number) texels[number] = texel_of(tile, place_in(quad, number), size);
-    if (tile.level < record.finest_level) {
-        // The mip is not on the GPU: what the next one shows there.
-        LevelRecord finest = levels[record.first_level + record.finest_level];
-        for (int number = 0; number < min(4, 4 * network_blocks); ++number) {
-            ivec2 texel = texel_of(tile, place_in(quad, number), size);
-            uvec2 uv = uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
-            Footprint footprint = footprint_at(finest, uv, ivec2(tile.wrap_u, tile.wrap_v));
-            store_texel(tile, place_in(quad, number), block_value(record, block_sum(record, finest, footprint)));
-        }
-        return;
-    }
+    LevelRecord finest = levels[record.first_level + record.finest_level];
+    ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
+    ivec2 corner = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE;
+    Axis across = axis_of(corner.x, TILE_SIDE, corner.x + ivec2(-1, TILE_SIDE), 2, level.texel_width, wrap.x);
+    Axis down = axis_of(corner.y, TILE_SIDE, corner.y + ivec2(-1, TILE_SIDE), 2, level.texel_height, wrap.y);
     int side = block_side(level);
-    ivec2 block = texels[0] / side;
-    bool one_block = block == texels[1] / side && block == texels[2] / side && block == texels[3] / side;
-    ivec4 numbers;
-    for (int number = 0; number < 4; ++number) {
-        ivec2 within = texels[number] % side;
-        numbers[number] = within.y * side + within.x;
-    }
-    if (one_block) {
-        Texels sums = block_texels(code_of(record, level, block), numbers);
-        store_texel(tile, place_in(quad, 0), block_value(record, sums.first));
-        store_texel(tile, place_in(quad, 1), block_value(record, sums.second));
-        store_texel(tile, place_in(quad, 2), block_value(record, sums.third));
-        store_texel(tile, place_in(quad, 3), block_value(record, sums.fourth));
-        return;
-    }
-    // At the texture's edge.
-    for (int number = 0; number < min(4, 4 * network_blocks); ++number) {
-        ivec2 texel = texel_of(tile, place_in(quad, number), size);
-        ivec2 within = texel % side;
-        Code code = code_of(record, level, texel / side);
-        vec4 value = block_value(record, block_texel(code, within.y * side + within.x));
-        store_texel(tile, place_in(quad, number), value);
+    int shift = min(side - 1, 1);
+    int squares = run_count(across, shift) * run_count(down, shift);
+    // The mip is not on the GPU: what the next one shows there.
+    bool too_coarse = tile.level < record.finest_level;
+    int first = int(gl_WorkGroupID.y) * BIN_GROUP + int(gl_LocalInvocationID.x);
+    for (int own = first; own < squares; own += int(gl_NumWorkGroups.y) * BIN_GROUP) {
+        Square square = square_at(across, down, shift, own);
+        if (!square.is_read) continue;
+        for (int number = 0; number < (too_coarse ? 4 : 0); ++number) {
+            ivec2 place;
+            if (!is_stored(square, number, place)) continue;
+            ivec2 read = square.first + ivec2(number & 1, number >> 1);
+            uvec2 uv = uvec2(texel_centre(read.x, across.size), texel_centre(read.y, down.size));
+            vec4 value = block_value(record, block_sum(record, finest, footprint_at(finest, uv, wrap)));
+            store_texel(tile, place - corner + TILE_BORDER, value);
+        }
+        if (too_coarse) continue;
+        ivec2 block = square.first / side;
+        ivec2 within = square.first - block * side;
+        int texel = within.y * side + within.x;
+        Texels texels = block_texels(code_of(record, level, block), texel + ivec4(0, 1, side, side + 1));
+        for (int number = 0; number < 4 * network_blocks; ++number) {
+            ivec2 place;
+            if (is_stored(square, number, place))
+                store_texel(tile, place - corner + TILE_BORDER, block_value(record, texel_sum(texels, number)));
+        }
     }
 }
 #elif SHARES_DECODERS

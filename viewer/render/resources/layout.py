@@ -115,10 +115,8 @@ TILE_BORDER = 1
 """Width in texels of the border that is kept around a tile, so that the hardware can filter at its edges."""
 PAGE_SIDE = TILE_SIDE + 2 * TILE_BORDER
 """Side in texels of a page of the tile atlas: a tile and its border."""
-TILE_QUADS = TILE_SIDE * TILE_SIDE // 4
-"""Number of groups of four texels of one texel block in a tile without its border."""
-PAGE_QUADS = TILE_QUADS + TILE_SIDE + 4
-"""Number of such groups in a tile with its border: rows of four texels, and each corner alone."""
+PAGE_SQUARES = (TILE_SIDE // 2 + 2) ** 2
+"""Number of squares of 2x2 texels that cover a tile and its border, inside which they lie."""
 PAGES_ACROSS = 30
 """Number of pages along a side of a layer of the tile atlas."""
 TILE_REQUESTED = 0xFFFFFFFF
@@ -239,7 +237,6 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
         f"#define GROUPS_ACROSS {groups_across}",
         f"#define TILE_SIDE {TILE_SIDE}",
         f"#define TILE_BORDER {TILE_BORDER}",
-        f"#define TILE_QUADS {TILE_QUADS}",
         f"#define PAGE_SIDE {PAGE_SIDE}",
         f"#define PAGES_ACROSS {PAGES_ACROSS}",
         f"#define TILE_REQUESTED {TILE_REQUESTED}u",

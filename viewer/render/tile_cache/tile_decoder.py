@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import TileAtlas
-from viewer.render.resources.layout import BIN_GROUP, PAGE_QUADS, PAGE_SIDE, ImageUnit
+from viewer.render.resources.layout import BIN_GROUP, PAGE_SIDE, PAGE_SQUARES, ImageUnit
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.render.tile_cache.budget import TILES_AT_ONCE
@@ -59,10 +59,10 @@ class TileDecoder:
         self._gl.memory_barrier()
 
     def _work_groups(self, tiles: int, together: bool) -> tuple[int, int]:
-        """Return the work groups that decode `tiles` tiles: half a tile each, four texels of a block in each invocation, or any."""
+        """Return the work groups that decode `tiles` tiles: half a tile each, a square of texels in each invocation, or any."""
         if together:
             return tiles, 2
         if self._buffers.decodes_quads:
-            return tiles, -(-PAGE_QUADS // BIN_GROUP)
+            return tiles, -(-PAGE_SQUARES // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
         return self._limits.rows_of_work_groups(groups)
