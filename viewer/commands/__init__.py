@@ -38,10 +38,7 @@ PICTURE_HINTS = (
     ("right or middle drag", "pan"),
     ("wheel", "zoom; change the speed when flying"),
     ("Ctrl + wheel", "magnify the pixels; Ctrl + drag moves the picture"),
-    (
-        "click",
-        "keep the pixel in the open panel Pixel, and with the divergence map the block in the panel Divergence",
-    ),
+    ("click", "keep the pixel in the open panel Pixel, and with the divergence map the block in the panel Divergence"),
     ("W A S D Q E", "fly; Shift: faster"),
     ("drag the divider", "wipe between A and B; a double-click centres the divider"),
     ("Shift + left drag", "move the sun, in the lit view"),

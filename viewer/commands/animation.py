@@ -20,11 +20,7 @@ def _stand(session: Session, pose: Pose | None) -> None:
 
 Seconds = Annotated[float, Arg("time in seconds from the beginning", None, 0.0, LONGEST_SECONDS)]
 AnimationName = Annotated[
-    str,
-    Arg(
-        "animation of the scene; default: the shown one",
-        lambda s: tuple(a.name for a in s.scene.animations),
-    ),
+    str, Arg("animation of the scene; default: the shown one", lambda s: tuple(a.name for a in s.scene.animations))
 ]
 
 

@@ -36,8 +36,7 @@ def keep_pixel(
     "let the panel Pixel follow the mouse again",
     "Inspect",
     unavailable=unless(
-        lambda context: context.session.inspection.pixel,
-        "no pixel is kept; click on one while the panel Pixel is open",
+        lambda context: context.session.inspection.pixel, "no pixel is kept; click on one while the panel Pixel is open"
     ),
 )
 def let_pixel_go(session: Session) -> None:

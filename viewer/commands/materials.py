@@ -81,8 +81,7 @@ def use_environment(session: Session, file: Path) -> None:
 
 @command("light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama", "View")
 def set_environment(
-    session: Session,
-    file: Annotated[Path, Arg("`sky`, `studio`, or an equirectangular .hdr or .exr")],
+    session: Session, file: Annotated[Path, Arg("`sky`, `studio`, or an equirectangular .hdr or .exr")]
 ) -> None:
     if str(file) in OWN_ENVIRONMENTS:
         _light(session, environment=str(file), sun_strength=float(str(file) == SKY))

@@ -310,13 +310,7 @@ def _none_to_accept(context: Context) -> str:
     return "" if context.training.undecided_runs else "no finished run waits to be accepted or discarded"
 
 
-@command(
-    "training.pause",
-    "Pause training",
-    "pause the training",
-    "Train",
-    unavailable=_not_pausable,
-)
+@command("training.pause", "Pause training", "pause the training", "Train", unavailable=_not_pausable)
 def pause(context: Context) -> None:
     context.training.pause()
 

@@ -140,9 +140,7 @@ class DockLayout:
                 found.setdefault(node.id_, (node, []))[1].append(title)
         stacks = [
             Stack(
-                tuple(members),
-                node,
-                Area(node.pos.x, node.pos.y, node.pos.x + node.size.x, node.pos.y + node.size.y),
+                tuple(members), node, Area(node.pos.x, node.pos.y, node.pos.x + node.size.x, node.pos.y + node.size.y)
             )
             for node, members in found.values()
         ]

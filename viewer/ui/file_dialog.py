@@ -11,14 +11,7 @@ from imgui_bundle import ImVec2, imgui, portable_file_dialogs
 from ntc.errors import InputError
 from viewer.inspect.memory_table import megabytes
 from viewer.locations import BUILTIN_SCENES, builtin_scene_path
-from viewer.scene.folder_listing import (
-    FolderEntry,
-    completed,
-    is_path,
-    list_folder,
-    matching,
-    typed_folder,
-)
+from viewer.scene.folder_listing import FolderEntry, completed, is_path, list_folder, matching, typed_folder
 from viewer.scene.json_text import printable
 from viewer.scene.scene_files import (
     ARCHIVE_SUFFIX,

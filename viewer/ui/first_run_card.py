@@ -94,9 +94,5 @@ class FirstRunCard:
 
     def _note_progress(self, session: Session) -> None:
         self._scene = self._scene or session.scene_key
-        tried = (
-            session.window.show_other,
-            session.view.overlay.kind == "divergence",
-            session.scene_key != self._scene,
-        )
+        tried = (session.window.show_other, session.view.overlay.kind == "divergence", session.scene_key != self._scene)
         self._done = [before or now for before, now in zip(self._done, tried, strict=True)]

@@ -91,11 +91,7 @@ class Area:
 
 
 def draw_plate(
-    draw: imgui.ImDrawList,
-    at: ImVec2,
-    text: str,
-    fill: tuple[float, float, float, float] = SHADE,
-    wrap: float = 0.0,
+    draw: imgui.ImDrawList, at: ImVec2, text: str, fill: tuple[float, float, float, float] = SHADE, wrap: float = 0.0
 ) -> tuple[ImVec2, ImVec2]:
     """Draw text on a plate, with the text's upper left corner at `at`; returns two corners of the plate."""
     size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)

@@ -18,16 +18,7 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import EncodeForm
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
-from viewer.ui.widgets import (
-    Area,
-    cells,
-    combo,
-    counted,
-    duration,
-    em,
-    headings,
-    shortened,
-)
+from viewer.ui.widgets import Area, cells, combo, counted, duration, em, headings, shortened
 
 GAP = 4.0
 """Space between buttons in window units."""
