@@ -14,6 +14,7 @@ from viewer.app import frontend
 from viewer.commands import COMMANDS, bindings, run
 from viewer.commands.command import Command, Context, Parameter
 from viewer.commands.keys import Chord
+from viewer.commands.menus import MENUS, ONLY_TYPED
 from viewer.scene.model import AnimationFacts, Camera, Scene
 from viewer.script import script as parse
 from viewer.script.directions import press
@@ -21,7 +22,6 @@ from viewer.script.script import parse_script
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.ui.menu_bar import ONLY_TYPED, menu_entries
 
 Seen = list[tuple[str, tuple[Any, ...]]]
 
@@ -130,7 +130,7 @@ def test_by_palette(shared: DrivenApp, seen: Seen, command: Command) -> None:
 
 def menu_of(command: Command) -> str | None:
     """The menu that a command is in."""
-    return next((m for m, sections in menu_entries().items() if any(command in part for part in sections)), None)
+    return next((m for m, sections in MENUS.items() if any(command in part for part in sections)), None)
 
 
 def test_every_command_is_in_a_menu_or_only_typed() -> None:

@@ -27,7 +27,7 @@ from viewer.state.message_log import details_of
 
 _MODULES = (edit, compare, inspection, overlay, materials, animation, camera, files, leaving, training, window)
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
-COMMANDS = tuple(command for command in _ALL if command.menu is not None)
+COMMANDS = tuple(command for command in _ALL if command.help)
 """Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have none."""
 BY_ID = {command.id: command for command in _ALL}
 """Commands and gestures by id."""
@@ -66,7 +66,7 @@ def run(context: Context, command_id: str, *values: Any) -> None:
     before = present_state(session, training)
     try:
         effect = command.run(context, values)
-        if command.menu != "Edit":
+        if not command.id.startswith("edit."):
             title = command.title.lower() or command.id.partition(".")[0]
             context.history.note(command.id, title, before, present_state(session, training), session.scene)
         if effect is not None:

@@ -28,7 +28,6 @@ AnimationName = Annotated[
     "animation.play",
     "Play animation",
     "play or pause the scene's animation",
-    "View",
     "K",
     unavailable=_animated,
     current=lambda session: session.playback.is_playing,
@@ -45,7 +44,6 @@ def play(session: Session) -> None:
     "animation.time",
     "Animation time",
     "show the scene at a time of an animation",
-    "View",
     unavailable=_animated,
     current=lambda session, _time: chosen_animation(session.scene.animations, session.view.pose).name,
 )
@@ -54,7 +52,7 @@ def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") 
     _stand(session, Pose(name, seconds))
 
 
-@command("animation.rest", "Rest pose", "show the scene without animation", "View", unavailable=_animated)
+@command("animation.rest", "Rest pose", "show the scene without animation", unavailable=_animated)
 def rest(session: Session) -> None:
     session.playback = replace(session.playback, is_playing=False)
     _stand(session, None)

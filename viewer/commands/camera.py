@@ -40,7 +40,7 @@ def fly_faster(session: Session, notches: float) -> None:
     session.navigation.speed_notches += notches
 
 
-@command("camera.frame-all", "Frame all", "frame the whole scene as it stands now", "Camera", "F")
+@command("camera.frame-all", "Frame all", "frame the whole scene as it stands now", "F")
 def frame_all(session: Session) -> None:
     width, height = session.window.picture_size
     camera = replace(session.view.camera, name=FREE)
@@ -51,7 +51,6 @@ def frame_all(session: Session) -> None:
     "camera.next",
     "Next camera",
     "go to the scene's next camera",
-    "Camera",
     "C",
     unavailable=unless(lambda context: context.session.scene.cameras, "the scene has no cameras"),
 )
@@ -66,13 +65,7 @@ def _camera_names(session: Session) -> tuple[str, ...]:
     return tuple(camera.name for camera in session.scene.cameras)
 
 
-@command(
-    "camera.go",
-    "Go to camera",
-    "go to a camera of the scene",
-    "Camera",
-    current=lambda session: session.view.camera.name,
-)
+@command("camera.go", "Go to camera", "go to a camera of the scene", current=lambda session: session.view.camera.name)
 def go(session: Session, name: Annotated[str, Arg("camera of the scene", _camera_names)]) -> None:
     place_camera(session, next(camera for camera in session.scene.cameras if camera.name == name))
 
@@ -85,7 +78,7 @@ def _place(which: Literal["eye", "target"], axis: int) -> Arg:
     )
 
 
-@command("camera.look", "Place camera", "place the camera at a point and aim it at another", "Camera")
+@command("camera.look", "Place camera", "place the camera at a point and aim it at another")
 def look(
     session: Session,
     eye_x: Annotated[float, _place("eye", 0)],
@@ -110,7 +103,6 @@ next_mode = next_command(mode, "camera.next-mode", "Orbit or fly", "switch betwe
     "camera.record",
     "Record camera path",
     "record the camera's path; the same command again writes it as a cameras file",
-    "Camera",
     "R",
     current=lambda session: session.navigation.recording is not None,
 )
@@ -131,7 +123,7 @@ USUAL_DEGREES = 30.0
 BookmarkName = Annotated[str, Arg("name; an older bookmark of that name is replaced")]
 
 
-@command("camera.bookmark", "Bookmark", "save the camera under a name", "Camera")
+@command("camera.bookmark", "Bookmark", "save the camera under a name")
 def bookmark(session: Session, name: BookmarkName) -> None:
     if printable(name) != name or not name:
         raise InputError("camera.bookmark: the name must be one line of at most 200 characters")
@@ -149,7 +141,6 @@ Bookmark = Annotated[str, Arg("a bookmark of this scene", lambda session: tuple(
     "camera.go-bookmark",
     "Go to bookmark",
     "go to a bookmarked camera",
-    "Camera",
     current=lambda session: session.view.camera.name,
 )
 def go_bookmark(session: Session, name: Bookmark) -> None:
@@ -159,7 +150,7 @@ def go_bookmark(session: Session, name: Bookmark) -> None:
 Degrees = Annotated[float, Arg("speed in degrees per second; negative turns the other way")]
 
 
-@command("camera.turntable", "Turntable speed", "rotate the camera around the scene's centre at this speed", "Camera")
+@command("camera.turntable", "Turntable speed", "rotate the camera around the scene's centre at this speed")
 def turntable(session: Session, degrees: Degrees = USUAL_DEGREES) -> None:
     if not 0.0 < abs(degrees) <= FASTEST_DEGREES:
         raise InputError(f"camera.turntable: {degrees:g} must be up to {FASTEST_DEGREES:g} either way, not 0")
@@ -170,7 +161,6 @@ def turntable(session: Session, degrees: Degrees = USUAL_DEGREES) -> None:
     "camera.toggle-turntable",
     "Turntable",
     "rotate the camera around the scene's centre until pressed again",
-    "Camera",
     "Y",
     current=lambda session: isinstance(session.navigation.motion, Turntable),
 )
@@ -183,11 +173,7 @@ PathFile = Annotated[Path, Arg("a cameras file; default: the last recorded path"
 
 
 @command(
-    "camera.play",
-    "Play camera path",
-    "move the camera along the last recorded path, or along a cameras file",
-    "Camera",
-    "Ctrl+R",
+    "camera.play", "Play camera path", "move the camera along the last recorded path, or along a cameras file", "Ctrl+R"
 )
 def play(session: Session, file: PathFile = Path()) -> None:
     cameras = session.navigation.last_path if file == Path() else read_cameras(session.file_to_read(file))
@@ -200,7 +186,6 @@ def play(session: Session, file: PathFile = Path()) -> None:
     "camera.stop",
     "Stop camera",
     "stop the turntable or the camera path",
-    "Camera",
     unavailable=unless(lambda context: context.session.navigation.motion, "the camera does not move by itself"),
 )
 def stop(session: Session) -> None:

@@ -17,7 +17,7 @@ from viewer.commands.history import History
 from viewer.state.event_handlers import apply_event, notify
 from viewer.state.session import Session
 from viewer.state.setting import Arg as Arg
-from viewer.state.setting import Menu, Setting
+from viewer.state.setting import Setting
 from viewer.state.view_state import Side
 from viewer.training.kept_runs import KeptRuns
 from viewer.training.live_training import LiveTraining
@@ -152,9 +152,8 @@ class Command:
     title: str
     """Title in menus and the palette: a few words."""
     help: str
-    """Description of the command in one line, lower case, without a full stop."""
-    menu: Menu | None
-    """Menu that shows the command. None for a gesture of mouse or widgets, which has no text form."""
+    """Description of the command in one line, lower case, without a full stop. "" for a gesture of mouse or widgets, which has no
+    text form."""
     function: Callable[..., Effect | None]
     """Function that carries the command out. It takes a Session or a Context, and the values of the parameters. It returns the
     effect outside the session, None without one. Raises InputError."""
@@ -235,7 +234,6 @@ def command(
     command_id: str,
     title: str,
     help_line: str,
-    menu: Menu,
     key: str = "",
     second_key: str = "",
     *,
@@ -245,8 +243,7 @@ def command(
 ) -> Callable[[Callable[..., Effect | None]], Command]:
     """Return a decorator that makes a `Command` of a function; the parameters after its first are the command's."""
     return lambda function: Command(
-        *(command_id, title, help_line, menu, function, _parameters(function)),
-        *(key, second_key, unavailable, current, about),
+        command_id, title, help_line, function, _parameters(function), key, second_key, unavailable, current, about
     )
 
 
@@ -257,15 +254,13 @@ def unless(holds: Callable[[Context], object], reason: str) -> Callable[[Context
 
 def gesture(command_id: str, title: str = "") -> Callable[[Callable[..., Effect | None]], Command]:
     """Return a decorator for commands of mouse and widgets, whose values have no text; undo shows `title`."""
-    return lambda function: Command(command_id, title, "", None, function, _parameters(function))
+    return lambda function: Command(command_id, title, "", function, _parameters(function))
 
 
 def _parameters(function: Callable[..., Effect | None]) -> tuple[Parameter, ...]:
     hints = get_type_hints(function, include_extras=True)
-    parameters = []
-    for name, declared in list(inspect.signature(function).parameters.items())[1:]:
-        parameters.append(_parameter(name, hints[name], declared.default))
-    return tuple(parameters)
+    declared = list(inspect.signature(function).parameters.items())[1:]
+    return tuple(_parameter(name, hints[name], each.default) for name, each in declared)
 
 
 def _parameter(name: str, hint: Any, default: Any = REQUIRED) -> Parameter:
@@ -323,12 +318,10 @@ def field_command(
         if said is not None:
             notify(session, said(value))
 
-    parameters = () if setting.toggles else (parameter,)
-    return Command(
-        *(setting.command, setting.title, setting.help, setting.menu, change),
-        (_parameter("side", SlotSide), *parameters) if "*" in path else parameters,
-        *(setting.key, setting.second_key, unavailable, present, setting.about),
-    )
+    sides = (_parameter("side", SlotSide),) if "*" in path else ()
+    parameters = (*sides, *(() if setting.toggles else (parameter,)))
+    made = command(setting.command, setting.title, setting.help, setting.key, setting.second_key, about=setting.about)
+    return replace(made(change), parameters=parameters, unavailable=unavailable, current=present)
 
 
 def field_gesture(command_id: str, path: str) -> Command:
@@ -353,7 +346,7 @@ def next_command(
         if said is not None:
             notify(session, said(value))
 
-    return Command(command_id, title, help_line, of.menu, change, (), key, steps=of.id)
+    return Command(command_id, title, help_line, change, (), key, steps=of.id)
 
 
 def following(names: Sequence[Name], present: Name) -> Name:

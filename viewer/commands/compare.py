@@ -78,7 +78,6 @@ Rate = Annotated[float, Arg("rate in Hz, 0.2 to 30; 0 stops", ends=FLICKER_RANGE
     "compare.flicker",
     "Flicker rate",
     "alternate between A and B at this rate; 0 stops",
-    "Compare",
     current=lambda session: session.settings.flicker_hz,
     about="Rate of the flicker between A and B, in Hz.",
 )
@@ -109,7 +108,6 @@ Kind = Annotated[
     "compare.difference",
     "Difference",
     "show the difference between A and B: raw, amplified, relative or FLIP",
-    "Compare",
     current=_shown_difference,
     about="How the difference between A and B is measured and coloured.",
 )
@@ -122,7 +120,7 @@ live = field_command("settings.live_figures")
 divider = field_command("view.wipe_position", default=0.5)
 
 
-@command("compare.swap", "Swap A and B", "exchange what slots A and B show", "Compare", "X")
+@command("compare.swap", "Swap A and B", "exchange what slots A and B show", "X")
 def swap(session: Session) -> None:
     session.view = replace(session.view, slot_a=session.view.slot_b, slot_b=session.view.slot_a)
     waiting = session.awaited_formats
@@ -133,7 +131,6 @@ def swap(session: Session) -> None:
     "compare.measure",
     "Measure",
     "measure PSNR, divergence, memory and decode time of both slots in the present view",
-    "Compare",
     "M",
 )
 def measure(_session: Session) -> Effect:
@@ -149,7 +146,6 @@ _measured = unless(lambda context: context.session.inspection.measurements, "not
     "compare.copy-figures",
     "Copy figures",
     "copy the measured figures of A and B to the clipboard, as a table in Markdown",
-    "Compare",
     unavailable=_measured,
 )
 def copy_figures(context: Context) -> None:
@@ -166,7 +162,6 @@ FiguresFile = Annotated[
     "compare.save-figures",
     "Save figures",
     "save the measured figures of A and B as JSON, and the picture beside it as a PNG",
-    "Compare",
     unavailable=_measured,
 )
 def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
@@ -215,7 +210,6 @@ def leave_formats(session: Session) -> None:
     "slot.source",
     "Slot source",
     "show the original images, a pack, or a block format in a slot",
-    "Compare",
     current=lambda session, side: session.view.slots[side].source,
     about="What the slot shows: the original images (reference), a pack, or a block format of graphics hardware.",
 )
@@ -250,7 +244,6 @@ Precision = Annotated[
     "slot.precision",
     "Slot precision",
     "choose the number format of a slot's decoders; auto picks the fastest one without visible error",
-    "Compare",
     current=_precision,
     about="Number format of the decoders on the GPU. auto measures and picks the fastest one without visible error.",
 )
@@ -269,7 +262,7 @@ maps = field_command("view.slot_*.maps")
 texels = field_command("view.slot_*.filter")
 
 
-@command("slot.next-source", "Next source in A", "show the next open source in slot A", "Compare", "N")
+@command("slot.next-source", "Next source in A", "show the next open source in slot A", "N")
 def next_source(session: Session) -> None:
     sources, present = session.open_sources, session.view.slot_a.source
     place = sources.index(present) + 1 if present in sources else 0
@@ -280,7 +273,6 @@ def next_source(session: Session) -> None:
     "slot.next-path",
     "Next decode path in A",
     "switch slot A to the next decode path: deferred, binned, cached, forward",
-    "Compare",
     "P",
     unavailable=_a_shows_images,
 )
@@ -299,7 +291,6 @@ anisotropy = field_command("view.anisotropy")
     "filter.texels",
     "Texel filter",
     "filter the texels of both slots exactly, or sample one at random",
-    "View",
     current=_filter_of_both,
 )
 def set_filters(session: Session, texels: Annotated[TexelFilter, FILTER_ARG]) -> None:

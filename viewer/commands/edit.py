@@ -8,7 +8,6 @@ from viewer.state.event_handlers import notify
     "edit.undo",
     "Undo",
     "undo the last change of view, settings or panels, or the discarding of a run; a drag counts as one change",
-    "Edit",
     "Ctrl+Z",
     unavailable=unless(lambda context: context.history.can_undo(context.session), "there is nothing to undo"),
 )
@@ -21,7 +20,6 @@ def undo(context: Context) -> None:
     "edit.redo",
     "Redo",
     "redo the change that was undone last",
-    "Edit",
     "Ctrl+Shift+Z",
     "Ctrl+Y",
     unavailable=unless(lambda context: context.history.can_redo(context.session), "there is nothing to redo"),

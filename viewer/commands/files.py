@@ -38,7 +38,7 @@ Picture = Annotated[PictureAlone, Arg("content: shown, a, b, split (both with th
 OpenedFile = Annotated[Path, Arg("a scene, a folder with one scene, a .ntc, .hdr or .exr; default: ask in a dialog")]
 
 
-@command("file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "File", "Ctrl+O")
+@command("file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "Ctrl+O")
 def open_any(context: Context, file: OpenedFile = Path()) -> Effect | None:
     if file == Path():
         context.session.window.file_dialog = True
@@ -101,7 +101,6 @@ ExportFolder = Annotated[Path, Arg("folder to write into; default: a new one bes
     "file.export",
     "Export",
     "write the scene with its pack for other programs: glTF, glTF with KTX2 or BC7 images, a web page, or the decoder's source",
-    "File",
     unavailable=_not_exportable,
 )
 def export(
@@ -128,7 +127,7 @@ cancel_export = gesture("file.cancel-export")(lambda _session: CancelExport())
 RecentFile = Annotated[str, Arg("a recent file", lambda session: session.settings.recent_files)]
 
 
-@command("file.open-recent", "Open recent", "open a scene or a pack that was opened before", "File")
+@command("file.open-recent", "Open recent", "open a scene or a pack that was opened before")
 def open_recent(_session: Session, file: RecentFile) -> Effect:
     return RunCommand("file.open", (Path(file),))
 
@@ -139,12 +138,12 @@ def _picture(kind: PictureKind, file: Path) -> Effect:
     return TakePicture(kind, None if file == Path() else file)
 
 
-@command("file.screenshot", "Screenshot", "save the window as a PNG", "File", "F12")
+@command("file.screenshot", "Screenshot", "save the window as a PNG", "F12")
 def take_screenshot(_session: Session, file: PictureFile = Path()) -> Effect:
     return _picture("window", file)
 
 
-@command("file.screenshot-picture", "Save picture only", "save the picture without panels as a PNG", "File")
+@command("file.screenshot-picture", "Save picture only", "save the picture without panels as a PNG")
 def take_picture(_session: Session, kind: Picture, file: PictureFile = Path()) -> Effect:
     return _picture(kind, file)
 
@@ -174,7 +173,7 @@ PlaceX = Annotated[float, Arg("horizontal centre as a share of the picture's wid
 PlaceY = Annotated[float, Arg("vertical centre as a share of the picture's height, from the top", None, 0.0, 1.0)]
 
 
-@command("view.magnify", "Magnify", "magnify the pixels of the picture", "View")
+@command("view.magnify", "Magnify", "magnify the pixels of the picture")
 def magnify(session: Session, factor: Factor, x: PlaceX = 0.5, y: PlaceY = 0.5) -> None:
     session.view = replace(session.view, zoom=Zoom(factor, (x, y)))
 
@@ -183,19 +182,13 @@ set_zoom = field_gesture("view.zoom", "view.zoom")
 ViewFile = Annotated[Path, Arg("a .json; a relative path is in the folder of pictures")]
 
 
-@command(
-    "view.save",
-    "Save view",
-    "save the view as JSON; a number is added to the name of an existing file",
-    "File",
-    "Ctrl+S",
-)
+@command("view.save", "Save view", "save the view as JSON; a number is added to the name of an existing file", "Ctrl+S")
 def save_view(session: Session, file: ViewFile = Path("view.json")) -> Effect:
     path = numbered_path(session.pictures_folder / file)
     return WriteText(path, view_json(present_view(session)), f"wrote {path}")
 
 
-@command("view.load", "Load view", "restore a saved view", "View")
+@command("view.load", "Load view", "restore a saved view")
 def load_view(session: Session, file: Annotated[Path, Arg("a saved view")]) -> None:
     path = session.file_to_read(file)
     try:
@@ -207,13 +200,13 @@ def load_view(session: Session, file: Annotated[Path, Arg("a saved view")]) -> N
     _restore(session, text, str(path))
 
 
-@command("view.copy", "Copy view", "copy the view to the clipboard as JSON", "View", "Ctrl+C")
+@command("view.copy", "Copy view", "copy the view to the clipboard as JSON", "Ctrl+C")
 def copy_view(context: Context) -> None:
     context.write_clipboard(view_json(present_view(context.session)))
     notify(context.session, "the view is on the clipboard")
 
 
-@command("view.paste", "Paste view", "restore the view from the clipboard", "View", "Ctrl+V")
+@command("view.paste", "Paste view", "restore the view from the clipboard", "Ctrl+V")
 def paste_view(context: Context) -> None:
     text = context.read_clipboard()
     if not text.strip():

@@ -14,10 +14,10 @@ By = Annotated[ErrorsBy, Arg("rows of the list")]
 LARGEST_IS_WORST: tuple[ErrorColumn, ...] = ("pixels", "mean", "max")
 
 
-pixel_panel = panel_command("Pixel", "enlarge the pixels around the mouse in A and B", "Inspect", "I")
+pixel_panel = panel_command("Pixel", "enlarge the pixels around the mouse in A and B", "I")
 
 
-@command("pixel.keep", "Keep pixel", "keep a pixel of the picture in the panel Pixel", "Inspect")
+@command("pixel.keep", "Keep pixel", "keep a pixel of the picture in the panel Pixel")
 def keep_pixel(
     session: Session,
     x: Annotated[int, Arg("pixels from the left of the window")],
@@ -34,7 +34,6 @@ def keep_pixel(
     "pixel.let-go",
     "Release pixel",
     "let the panel Pixel follow the mouse again",
-    "Inspect",
     unavailable=unless(
         lambda context: context.session.inspection.pixel, "no pixel is kept; click on one while the panel Pixel is open"
     ),
@@ -46,7 +45,7 @@ def let_pixel_go(session: Session) -> None:
 keep_pixel_at = field_gesture("pixel.keep-at", "inspection.pixel")
 keep_block_at = field_gesture("block.keep-at", "inspection.block")
 hover = field_gesture("picture.hover", "inspection.hovered")
-errors_panel = panel_command("Errors", "list textures or decoders by the difference between A and B", "Inspect", "U")
+errors_panel = panel_command("Errors", "list textures or decoders by the difference between A and B", "U")
 
 
 def _change_table(session: Session, table: dict[str, object]) -> None:
@@ -58,14 +57,13 @@ def _change_table(session: Session, table: dict[str, object]) -> None:
     "errors.by",
     "Errors by",
     "list the errors by texture or by decoder",
-    "Inspect",
     current=lambda session: session.inspection.errors.by,
 )
 def set_errors_by(session: Session, by: By) -> None:
     _change_table(session, {"by": by})
 
 
-@command("errors.sort", "Sort errors", "sort the list of errors by a column", "Inspect")
+@command("errors.sort", "Sort errors", "sort the list of errors by a column")
 def sort_errors(
     session: Session,
     column: Annotated[ErrorColumn, Arg("column")],
@@ -89,7 +87,6 @@ def _textures_of_decoder(session: Session, decoder: int) -> tuple[int, ...]:
     "errors.highlight",
     "Highlight in the picture",
     "dim everything except a texture or a decoder's textures; the same again ends it",
-    "Inspect",
 )
 def highlight(session: Session, by: By, number: Annotated[int, Arg("texture id or decoder")]) -> None:
     textures: tuple[int, ...]
@@ -109,7 +106,6 @@ def highlight(session: Session, by: By, number: Annotated[int, Arg("texture id o
     "errors.clear",
     "End highlight",
     "stop dimming the picture",
-    "Inspect",
     unavailable=unless(lambda context: context.session.view.highlight, "nothing is highlighted"),
 )
 def end_highlight(session: Session) -> None:
@@ -117,7 +113,7 @@ def end_highlight(session: Session) -> None:
     session.view = replace(session.view, highlight=())
 
 
-histogram_panel = panel_command("Histogram", "plot the number of pixels by the difference between A and B", "Inspect")
+histogram_panel = panel_command("Histogram", "plot the number of pixels by the difference between A and B")
 
 
 Texture = Annotated[str, Arg("number of the texture in the scene, or its name")]
@@ -134,17 +130,17 @@ def named_texture(session: Session, named: str) -> int:
     raise InputError(f"texture {named!r}: no such texture; name one, or give its number below {len(textures)}")
 
 
-@command("texture.select", "Select texture", "select a texture in all panels", "View")
+@command("texture.select", "Select texture", "select a texture in all panels")
 def select(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = named_texture(session, texture)
 
 
-@command("texture.clear", "Clear selection", "deselect the texture in all panels", "View")
+@command("texture.clear", "Clear selection", "deselect the texture in all panels")
 def clear(session: Session) -> None:
     session.inspection.selected_texture = None
 
 
-@command("texture.flat", "Flat view", "show a texture flat, the original beside the decoded one", "View")
+@command("texture.flat", "Flat view", "show a texture flat, the original beside the decoded one")
 def show_flat(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = session.inspection.flat_texture = named_texture(session, texture)
 
@@ -153,7 +149,6 @@ def show_flat(session: Session, texture: Texture) -> None:
     "texture.close-flat",
     "Close flat view",
     "close the flat view of a texture",
-    "View",
     unavailable=unless(lambda c: c.session.inspection.flat_texture is not None, "no texture is shown flat"),
 )
 def close_flat(session: Session) -> None:

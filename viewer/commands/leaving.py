@@ -82,7 +82,7 @@ def open_leaving(_session: Session, file: Path, decision: Decision) -> Effect:
 cancel_opening = gesture("file.cancel-opening")(lambda _session: CancelOpening())
 
 
-@command("file.quit", "Quit", "close the window; undecided trainings are asked about first", "File", "Ctrl+Q")
+@command("file.quit", "Quit", "close the window; undecided trainings are asked about first", "Ctrl+Q")
 def quit_window(context: Context) -> Effect | None:
     return None if asks_about_runs(context, "quitting", "file.quit-leaving") else CloseWindow()
 
@@ -94,10 +94,7 @@ def quit_leaving(context: Context, decision: Decision) -> Effect:
 
 
 @command(
-    "window.close",
-    "Close at once",
-    "close the window without a question; undecided trainings wait for the next start",
-    "Window",
+    "window.close", "Close at once", "close the window without a question; undecided trainings wait for the next start"
 )
 def close(_session: Session) -> Effect:
     return CloseWindow()
@@ -146,11 +143,7 @@ def _forget_highlight(session: Session) -> bool:
 
 
 @command(
-    "window.dismiss",
-    "Close what is on top",
-    "close the topmost list, sheet or highlight; never the window",
-    "Window",
-    "Escape",
+    "window.dismiss", "Close what is on top", "close the topmost list, sheet or highlight; never the window", "Escape"
 )
 def dismiss(session: Session) -> Effect | None:
     closed = any(_close(session, layer) for layer in LAYERS) or _forget_places(session) or _forget_highlight(session)

@@ -39,7 +39,6 @@ Variant = Annotated[
     "materials.variant",
     "Material variant",
     "draw the scene in another of its material variants",
-    "View",
     unavailable=unless(lambda context: context.session.scene.variants, "the scene has no material variants"),
     current=lambda session: session.scene.variant or OWN_MATERIALS,
 )
@@ -48,7 +47,7 @@ def set_variant(session: Session, name: Variant) -> Effect:
     return ReadVariant("" if own else name)
 
 
-@command("light.sun", "Sun direction", "set azimuth and elevation of the sun", "View")
+@command("light.sun", "Sun direction", "set azimuth and elevation of the sun")
 def set_sun(session: Session, azimuth: Azimuth, elevation: Elevation) -> None:
     _light(session, sun_azimuth=azimuth, sun_elevation=elevation)
 
@@ -79,7 +78,7 @@ def use_environment(session: Session, file: Path) -> None:
     notify(session, f"lit by {path.name} alone; the sun is off")
 
 
-@command("light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama", "View")
+@command("light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama")
 def set_environment(
     session: Session, file: Annotated[Path, Arg("`sky`, `studio`, or an equirectangular .hdr or .exr")]
 ) -> None:

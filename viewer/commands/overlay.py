@@ -8,7 +8,6 @@ from viewer.state.session import Session
     "overlay.toggle",
     "Divergence map",
     "show the number of decoders per block over the picture",
-    "Overlay",
     "O",
     current=lambda session: session.view.overlay.kind == "divergence",
 )

@@ -139,7 +139,6 @@ ENCODE_SETTINGS: tuple[SettingName, ...] = ("grouping", "groups", "size", "budge
     "training.encode",
     "Encode the scene",
     "encode the open scene into a new pack, as chosen in the panel Training; values replace the chosen ones",
-    "Train",
     unavailable=_training_is_busy,
 )
 def encode(
@@ -171,7 +170,6 @@ def encode(
     "training.choose",
     "Choose how to encode",
     "set how the next encoding is done: the offer, the panel Training and training.encode follow",
-    "Train",
 )
 def choose(
     context: Context,
@@ -186,7 +184,6 @@ def choose(
     "training.measure-rates",
     "Measure what bits give",
     "measure the quality of a texture at several bitrates, and the speed of this machine",
-    "Train",
 )
 def measure_rates(
     context: Context,
@@ -211,7 +208,6 @@ def _cannot_encode_anew(context: Context) -> str:
     "training.anew",
     "Encode texture anew",
     "encode one texture of the shown pack with other bits per texel; all others stay unchanged",
-    "Train",
     unavailable=_cannot_encode_anew,
 )
 def encode_anew(
@@ -238,7 +234,6 @@ def _not_retrainable(context: Context) -> str:
     "training.retrain",
     "Retrain groups",
     "continue training some groups of the shown pack; all others stay unchanged",
-    "Train",
     unavailable=_not_retrainable,
 )
 def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> Effect:
@@ -250,11 +245,7 @@ def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: 
 
 
 @command(
-    "training.move",
-    "Move texture",
-    "move a texture into another group, and train both groups",
-    "Train",
-    unavailable=_no_base,
+    "training.move", "Move texture", "move a texture into another group, and train both groups", unavailable=_no_base
 )
 def move(
     context: Context, texture: Texture, group: Group, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe
@@ -272,7 +263,6 @@ def move(
     "training.regroup",
     "Regroup",
     "make new groups, and train those that changed, starting from the shown pack",
-    "Train",
     unavailable=_no_base,
 )
 def regroup(
@@ -310,7 +300,7 @@ def _none_to_accept(context: Context) -> str:
     return "" if context.training.undecided_runs else "no finished run waits to be accepted or discarded"
 
 
-@command("training.pause", "Pause training", "pause the training", "Train", unavailable=_not_pausable)
+@command("training.pause", "Pause training", "pause the training", unavailable=_not_pausable)
 def pause(context: Context) -> None:
     context.training.pause()
 
@@ -319,7 +309,6 @@ def pause(context: Context) -> None:
     "training.resume",
     "Resume training",
     "continue a paused training",
-    "Train",
     unavailable=unless(lambda context: context.training.state in ("paused", "pausing"), "no training is paused"),
 )
 def resume(context: Context) -> None:
@@ -330,14 +319,13 @@ def resume(context: Context) -> None:
     "training.cancel",
     "Cancel training",
     "stop the training; its last result stays visible",
-    "Train",
     unavailable=unless(lambda context: context.training.active, "no training is under way"),
 )
 def cancel(context: Context) -> None:
     context.training.cancel()
 
 
-@command("training.accept", "Accept run", "save the pack of a run to a file", "Train", unavailable=_none_to_accept)
+@command("training.accept", "Accept run", "save the pack of a run to a file", unavailable=_none_to_accept)
 def accept(
     context: Context,
     file: PackFile = Path(),
@@ -367,14 +355,13 @@ def accept_over(context: Context, file: Path) -> None:
     "training.discard",
     "Discard run",
     "discard the last run, and show what was shown before it",
-    "Train",
     unavailable=_none_to_decide,
 )
 def discard(context: Context) -> None:
     _runs(context).discard()
 
 
-@command("training.show", "Show run", "show the pack of a run in slot A or B", "Train")
+@command("training.show", "Show run", "show the pack of a run in slot A or B")
 def show(
     context: Context, run: Annotated[int, Arg("number of the run in the log")], side: Annotated[Side, Arg("which slot")]
 ) -> None:
@@ -394,7 +381,6 @@ Action = Annotated[
     "training.kept-back",
     "Restore unsaved run",
     "open, keep or discard a run that was undecided when its window closed",
-    "Train",
     unavailable=unless(lambda context: context.training.waiting.runs, "there is no unsaved run"),
 )
 def decide(

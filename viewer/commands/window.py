@@ -6,7 +6,6 @@ from typing import Annotated
 from viewer.commands.command import Arg, Command, command, field_command, field_gesture, unless
 from viewer.commands.effects import Effect, RaisePanel, ResetLayout
 from viewer.state.session import Session
-from viewer.state.setting import Menu
 from viewer.state.view_state import WHOLE
 
 OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
@@ -18,7 +17,6 @@ State = Annotated[bool, Arg("on or off")]
     "view.whole",
     "Whole picture",
     "show the whole picture again after magnifying",
-    "View",
     "Z",
     unavailable=unless(lambda context: context.session.view.zoom != WHOLE, "the whole picture is shown"),
 )
@@ -40,7 +38,6 @@ def _fold_column(session: Session, folded: bool) -> None:
     "window.column",
     "Fold panels",
     "fold the panels into a strip at the edge of the window, or unfold them",
-    "Window",
     "Shift+H",
     current=lambda session: session.window.column_folded,
 )
@@ -52,7 +49,7 @@ def toggle_column(session: Session) -> None:
 fit_column = field_gesture("window.fit-column", "window.column_folded")
 
 
-def panel_command(title: str, help_line: str, menu: Menu, key: str = "") -> Command:
+def panel_command(title: str, help_line: str, key: str = "") -> Command:
     """Return the command that opens a panel of OPENED_ON_REQUEST, or closes it."""
 
     def toggle(session: Session) -> None:
@@ -61,13 +58,13 @@ def panel_command(title: str, help_line: str, menu: Menu, key: str = "") -> Comm
     def is_open(session: Session) -> bool:
         return title in session.window.open_panels
 
-    return command(f"{title.lower()}.panel", f"{title} panel", help_line, menu, key, current=is_open)(toggle)
+    return command(f"{title.lower()}.panel", f"{title} panel", help_line, key, current=is_open)(toggle)
 
 
-log_panel = panel_command("Log", "show all messages with their times", "Window")
+log_panel = panel_command("Log", "show all messages with their times")
 
 
-@command("help.palette", "Find a command", "find a command by typing", "Help", "Ctrl+P", "F3")
+@command("help.palette", "Find a command", "find a command by typing", "Ctrl+P", "F3")
 def toggle_palette(session: Session) -> None:
     session.window.palette = None if session.window.palette is not None else ""
 
@@ -75,7 +72,7 @@ def toggle_palette(session: Session) -> None:
 keys = field_command("window.show_help")
 
 
-@command("window.layout-reset", "Reset layout", "dock all panels in their original places", "Window")
+@command("window.layout-reset", "Reset layout", "dock all panels in their original places")
 def reset_layout(session: Session) -> Effect:
     session.settings = replace(session.settings, hidden_panels=(), folded_panels=(), column_folded=None)
     session.window.show_panels = True
@@ -89,7 +86,7 @@ ui_scale = field_command("settings.ui_scale")
 Title = Annotated[str, Arg("title of the panel", lambda session: session.window.panel_titles)]
 
 
-@command("window.panel", "Show panel", "bring a panel to the front, or close it", "Window")
+@command("window.panel", "Show panel", "bring a panel to the front, or close it")
 def show_panel(session: Session, name: Title, state: State = True) -> Effect | None:
     hidden = tuple(title for title in session.settings.hidden_panels if title != name)
     # Panels that open on request are not hidden: check boxes and keys open them again.
@@ -105,7 +102,7 @@ def show_panel(session: Session, name: Title, state: State = True) -> Effect | N
     return RaisePanel(name)
 
 
-@command("window.stack", "Fold stack", "fold the stack with this panel to its tabs, or unfold it", "Window")
+@command("window.stack", "Fold stack", "fold the stack with this panel to its tabs, or unfold it")
 def fold_stack(session: Session, name: Title, state: Annotated[bool, Arg("on: unfolded, off: folded")] = True) -> None:
     others = tuple(title for title in session.settings.folded_panels if title != name)
     session.settings = replace(session.settings, folded_panels=others if state else (*others, name))

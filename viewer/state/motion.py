@@ -79,11 +79,11 @@ class AnimationPlayback:
     speed: Annotated[
         float,
         Meta(ge=0.05, le=20.0),
-        Setting("animation.speed", "Animation speed", "set the speed of the animation", "View"),
+        Setting("animation.speed", "Animation speed", "set the speed of the animation"),
         Arg("seconds of the animation per second", clamp=True, offers=(0.1, 0.25, 0.5, 1.0, 2.0, 4.0)),
     ] = 1.0
     repeats: Annotated[
-        bool, Setting("animation.repeat", "Repeat animation", "restart the animation at its end", "View", toggles=True)
+        bool, Setting("animation.repeat", "Repeat animation", "restart the animation at its end", toggles=True)
     ] = True
 
     def advance(

@@ -165,7 +165,7 @@ class WindowState:
     open_panels: frozenset[str] = frozenset()
     """Titles of the open panels among those that are closed until the user opens them."""
     show_panels: Annotated[
-        bool, Setting("window.panels", "Panels", "hide or show the panels", "Window", key="H", toggles=True)
+        bool, Setting("window.panels", "Panels", "hide or show the panels", key="H", toggles=True)
     ] = True
     column_folded: bool = False
     """True where panels are folded to a strip at the edge of the window."""
@@ -175,7 +175,6 @@ class WindowState:
             "help.keys",
             "Keys and mouse",
             "show all keys and mouse gestures",
-            "Help",
             key="F1",
             second_key="Shift+/",
             toggles=True,
@@ -183,22 +182,12 @@ class WindowState:
     ] = False
     show_glossary: Annotated[
         bool,
-        Setting(
-            "help.glossary",
-            "Glossary",
-            "explain PSNR, divergence, group, latents and other terms",
-            "Help",
-            toggles=True,
-        ),
+        Setting("help.glossary", "Glossary", "explain PSNR, divergence, group, latents and other terms", toggles=True),
     ] = False
     show_first_steps: Annotated[
         bool,
         Setting(
-            "help.first-steps",
-            "First steps",
-            "show what this program is for, and three things to try",
-            "Help",
-            toggles=True,
+            "help.first-steps", "First steps", "show what this program is for, and three things to try", toggles=True
         ),
     ] = False
     """True where the card of first steps is shown."""
@@ -216,7 +205,6 @@ class WindowState:
             "compare.toggle-flicker",
             "Flicker",
             "alternate between A and B",
-            "Compare",
             "Alternate between A and B: differences catch the eye.",
             "J",
             toggles=True,
@@ -246,7 +234,6 @@ class Session:
             "view.resolution",
             "Resolution",
             "draw fewer pixels than the window has, which is faster and coarser",
-            "View",
             "Drawn pixels along each side, as a share of the window's. Fewer pixels are faster and coarser.",
         ),
         Arg("share of the window's pixels along a side, 0.05 to 1", name="share", offers=(1.0, 0.5, 0.25)),

@@ -2,9 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal
-
-Menu = Literal["File", "Edit", "View", "Camera", "Compare", "Inspect", "Overlay", "Train", "Window", "Help"]
+from typing import Any
 
 
 @dataclass(frozen=True)
@@ -20,7 +18,6 @@ class Setting:
     """Title in menus and the palette: a few words."""
     help: str
     """Description of the command in one line, lower case, without a full stop."""
-    menu: Menu
     about: str = ""
     """Tooltip of the widget in sentences, with unit and range; "" takes `help`."""
     key: str = ""

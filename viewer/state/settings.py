@@ -47,9 +47,7 @@ class ViewerSettings:
     """Show the panels when the window opens."""
     camera_mode: Annotated[
         CameraMode,
-        Setting(
-            "camera.mode", "Orbit or fly", "choose whether the mouse orbits, or looks around while keys fly", "Camera"
-        ),
+        Setting("camera.mode", "Orbit or fly", "choose whether the mouse orbits, or looks around while keys fly"),
         Arg(
             "mode of the camera",
             name="mode",
@@ -80,7 +78,6 @@ class ViewerSettings:
             "view.coarse-while-moving",
             "Coarser while moving",
             "draw fewer pixels while the camera moves, if full frames are slow",
-            "View",
             "Draw a quarter of the pixels along each side while the camera moves, if a full frame takes longer than 0.12 s.",
         ),
         ON_OR_OFF,
@@ -94,7 +91,6 @@ class ViewerSettings:
             "compare.live",
             "Live figures",
             "measure A against B whenever the picture rests",
-            "Compare",
             "Measure A against B whenever the picture rests. Off: the figures below stay empty.",
         ),
         ON_OR_OFF,
@@ -106,7 +102,6 @@ class ViewerSettings:
             "training.ahead",
             "Prepare encoding early",
             "start the training process and prepare encoding as soon as a scene without a pack is open",
-            "Train",
         ),
         ON_OR_OFF,
     ] = True
@@ -116,13 +111,13 @@ class ViewerSettings:
     ui_scale: Annotated[
         float,
         Meta(ge=0.5, le=3.0),
-        Setting("window.ui-scale", "Text size", "scale text and widgets", "Window"),
+        Setting("window.ui-scale", "Text size", "scale text and widgets"),
         Arg("scale of text and widgets, 1 is the normal size", name="scale"),
     ] = 1.0
     """Scale of text and widgets; 1 is the normal size."""
     theme: Annotated[
         Theme,
-        Setting("window.theme", "Theme", "choose dark or light panels", "Window"),
+        Setting("window.theme", "Theme", "choose dark or light panels"),
         Arg(
             "colours of the panels",
             values={"dark": "Light text on dark panels.", "light": "Dark text on light panels."},

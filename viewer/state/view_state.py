@@ -136,18 +136,17 @@ class Overlay:
             "overlay.kind",
             "Overlay map",
             "show a map over the picture: decoders per block, or the error of textures or decoders",
-            "Overlay",
         ),
         Arg("kind of map", values=MAPS),
     ] = "none"
     opacity: Annotated[
         Share,
-        Setting("overlay.opacity", "Map opacity", "set the opacity of the map over the picture", "Overlay"),
+        Setting("overlay.opacity", "Map opacity", "set the opacity of the map over the picture"),
         Arg("0 to 1", text="opacity %.2f"),
     ] = 1.0
     palette: Annotated[
         PaletteName,
-        Setting("overlay.palette", "Palette", "choose the palette of the maps", "Overlay"),
+        Setting("overlay.palette", "Palette", "choose the palette of the maps"),
         Arg("palette", values=PALETTE_TEXTS),
     ] = "viridis"
     block: Annotated[
@@ -156,7 +155,6 @@ class Overlay:
             "overlay.block",
             "Block shape",
             "count decoders in blocks of this shape",
-            "Overlay",
             "Shape of the blocks in which decoders are counted, width x height in pixels. A block stands for the pixels that the "
             "GPU shades together (a wave).",
         ),
@@ -168,7 +166,6 @@ class Overlay:
             "overlay.scale",
             "Colour range",
             "end the colours of the divergence map at a fixed number of decoders, or at the most in the picture",
-            "Overlay",
         ),
         Arg(
             "block: fixed number; picture: most decoders in this view",
@@ -264,7 +261,6 @@ class Slot:
             "slot.path",
             "Slot decode path",
             "choose the decode path of a slot",
-            "Compare",
             "How the latents are decoded for each frame. Paths differ in speed; their pictures are the same up to rounding.",
         ),
         Arg("decode path", values=PATH_TEXTS),
@@ -274,9 +270,7 @@ class Slot:
     """Number format of decoder weights and arithmetic on the GPU. No effect on images."""
     filter: Annotated[
         TexelFilter,
-        Setting(
-            "slot.filter", "Slot texel filter", "filter a slot's texels exactly, or sample one at random", "Compare"
-        ),
+        Setting("slot.filter", "Slot texel filter", "filter a slot's texels exactly, or sample one at random"),
         FILTER_ARG,
     ] = "exact"
     """Texel filter of the paths that decode every pixel. No effect on path `cached` and images."""
@@ -286,7 +280,6 @@ class Slot:
             "slot.maps",
             "Slot maps",
             "decode all maps of a slot, or only one and keep the others original",
-            "Compare",
             "Decode all maps of the slot, or only one and keep the others original: you see what the error of that map does.",
         ),
         Arg("decoded maps: all, or only one"),
@@ -304,7 +297,7 @@ class Difference:
     gain: Annotated[
         float,
         Meta(ge=0.1, le=1000.0),
-        Setting("compare.gain", "Difference gain", "set the factor of the amplified difference", "Compare"),
+        Setting("compare.gain", "Difference gain", "set the factor of the amplified difference"),
         Arg("factor, 0.1 to 1000", ends=(1.0, 64.0), text="x %.1f", logarithmic=True),
     ] = 8.0
 
@@ -312,13 +305,13 @@ class Difference:
 Azimuth = Annotated[
     float,
     Meta(ge=0.0, le=360.0),
-    Setting("light.sun-azimuth", "Sun azimuth", "set the direction from which the sun shines", "View"),
+    Setting("light.sun-azimuth", "Sun azimuth", "set the direction from which the sun shines"),
     Arg("degrees from north (-Z) towards east (+X)", wraps=True, name="azimuth", text="%.0f deg"),
 ]
 Elevation = Annotated[
     float,
     Meta(ge=-10.0, le=90.0),
-    Setting("light.sun-elevation", "Sun elevation", "set the height of the sun", "View"),
+    Setting("light.sun-elevation", "Sun elevation", "set the height of the sun"),
     Arg("degrees above the horizon", clamp=True, name="elevation", text="%.0f deg"),
 ]
 
@@ -332,9 +325,7 @@ class Lighting:
     environment_turn: Annotated[
         float,
         Meta(ge=0.0, le=360.0),
-        Setting(
-            "light.turn", "Turn environment", "turn studio or panorama about the vertical axis; the sky stays", "View"
-        ),
+        Setting("light.turn", "Turn environment", "turn studio or panorama about the vertical axis; the sky stays"),
         Arg("degrees", wraps=True, name="degrees", text="%.0f deg"),
     ] = 0.0
     """Turn of studio or panorama about the vertical axis, in degrees. No effect on SKY."""
@@ -344,22 +335,19 @@ class Lighting:
         float,
         Meta(ge=0.0, le=20.0),
         Setting(
-            "light.sun-strength",
-            "Sun strength",
-            "set the strength of the sun: 1 is the usual one, 0 turns it off",
-            "View",
+            "light.sun-strength", "Sun strength", "set the strength of the sun: 1 is the usual one, 0 turns it off"
         ),
         Arg("factor, 0 to 20", name="strength", ends=(0.0, 4.0), text="x %.2f"),
     ] = 1.0
     exposure: Annotated[
         float,
         Meta(ge=-10.0, le=10.0),
-        Setting("light.exposure", "Exposure", "make the lit picture brighter or darker", "View"),
+        Setting("light.exposure", "Exposure", "make the lit picture brighter or darker"),
         Arg("stops: +1 is twice as bright", name="stops", ends=(-4.0, 4.0), text="%+.2f stops"),
     ] = 0.0
     tone_map: Annotated[
         ToneMap,
-        Setting("light.tone-map", "Tone map", "choose how light is mapped to the colours of the screen", "View"),
+        Setting("light.tone-map", "Tone map", "choose how light is mapped to the colours of the screen"),
         Arg(
             "Khronos PBR Neutral, AgX, or only clipping",
             name="curve",
@@ -389,10 +377,7 @@ class ViewState:
     compare: Annotated[
         CompareMode,
         Setting(
-            "compare.mode",
-            "Compare mode",
-            "show A, B, both with a divider, both side by side, or their difference",
-            "Compare",
+            "compare.mode", "Compare mode", "show A, B, both with a divider, both side by side, or their difference"
         ),
         Arg("what is shown", name="mode", values=MODE_TEXTS, names=MODE_NAMES),
     ] = "a"
@@ -402,7 +387,6 @@ class ViewState:
             "compare.divider",
             "Centre the divider",
             "move the divider to the middle, or to a share of the picture's width or height",
-            "Compare",
         ),
         Arg("place as a share of the width or height, 0 to 1", clamp=True, name="position"),
     ] = 0.5
@@ -420,7 +404,6 @@ class ViewState:
             "filter.anisotropy",
             "Anisotropy",
             "set the anisotropic filtering of images and path cached, 1 (trilinear) to 16 samples",
-            "View",
             "Anisotropic filtering of images and path cached, 1 to 16 samples: surfaces at a slant stay sharp. 1 is trilinear, the "
             "filter of all other paths.",
         ),
@@ -428,7 +411,7 @@ class ViewState:
     ] = 1
     material_view: Annotated[
         MaterialView,
-        Setting("materials.view", "Material view", "show lit surfaces, or one of the maps", "View"),
+        Setting("materials.view", "Material view", "show lit surfaces, or one of the maps"),
         Arg("what is shown", name="view", values={name: f"{text.capitalize()}." for name, text in VIEWS.items()}),
     ] = "base"
     lighting: Lighting = DEFAULT_LIGHTING

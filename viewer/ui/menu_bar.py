@@ -1,63 +1,17 @@
 """The bar of menus, made from the registry of commands."""
 
-from functools import lru_cache
-from typing import Final, get_args
-
 from imgui_bundle import imgui
 
-from viewer.commands import BY_ID, COMMANDS, bindings
+from viewer.commands import bindings
 from viewer.commands.command import Command, typed
 from viewer.commands.keys import Bindings
-from viewer.state.setting import Menu
+from viewer.commands.menus import MENUS
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import choice_text, command_text
 
-ORDER: Final[dict[Menu, str]] = {
-    "File": "file.open file.open-recent | view.save view.load | file.screenshot file.screenshot-picture | file.export | file.quit",
-    "Edit": "edit.undo edit.redo | view.copy view.paste",
-    "View": "materials.view materials.next | view.whole | "
-    "view.resolution view.coarse-while-moving filter.anisotropy filter.texels | "
-    "light.environment light.exposure light.tone-map",
-    "Camera": "camera.frame-all camera.go camera.next | camera.mode | camera.bookmark camera.go-bookmark | "
-    "camera.toggle-turntable camera.record camera.play camera.stop",
-    "Compare": "compare.mode compare.next compare.divider | slot.source slot.path slot.precision slot.maps slot.filter | "
-    "compare.swap slot.next-source slot.next-path | compare.difference compare.gain | compare.toggle-flicker | "
-    "compare.live compare.measure compare.copy-figures compare.save-figures",
-    "Inspect": "pixel.panel errors.panel histogram.panel | pixel.let-go errors.clear | texture.flat texture.close-flat",
-    "Overlay": "overlay.toggle overlay.kind | overlay.block overlay.next-block | "
-    "overlay.palette overlay.next-palette overlay.scale overlay.opacity",
-    "Train": "training.encode | training.retrain training.move training.regroup | "
-    "training.pause training.resume training.cancel | training.accept training.discard training.kept-back | training.ahead",
-    "Window": "window.panels window.column window.panel window.stack log.panel | "
-    "window.theme window.ui-scale window.layout-reset",
-    "Help": "help.first-steps | help.keys help.glossary | help.palette",
-}
-"""Commands of each menu by sections. A command that is neither here nor in ONLY_TYPED comes last in its own menu."""
-
-_TYPED = (
-    "camera.look camera.next-mode camera.turntable compare.flicker errors.by errors.highlight errors.sort light.sun "
-    "light.sun-azimuth light.sun-elevation light.sun-strength light.turn pixel.keep texture.clear texture.select training.anew "
-    "training.choose training.measure-rates training.show view.magnify window.close window.dismiss"
-)
-ONLY_TYPED: Final = frozenset(_TYPED.split())
-"""Commands without a menu item: panels or the mouse do the same."""
-
-
 LABEL = "menu: "
 """Prefix of the labels of menus and their items: `menu: View`, `menu: compare.mode a`."""
-
-
-@lru_cache(maxsize=1)
-def menu_entries() -> dict[Menu, tuple[tuple[Command, ...], ...]]:
-    """Return the commands of each menu by sections."""
-    placed = set(" ".join(ORDER.values()).split())
-    entries = {}
-    for menu in get_args(Menu):
-        sections = [tuple(BY_ID[command_id] for command_id in section.split()) for section in ORDER[menu].split("|")]
-        rest = tuple(c for c in COMMANDS if c.menu == menu and c.id not in placed and c.id not in ONLY_TYPED)
-        entries[menu] = tuple(section for section in (*sections, rest) if section)
-    return entries
 
 
 def draw_menu_bar(ui: UiFrame) -> float:
@@ -69,9 +23,7 @@ def draw_menu_bar(ui: UiFrame) -> float:
     ground = imgui.get_style_color_vec4(imgui.Col_.popup_bg)
     imgui.push_style_color(imgui.Col_.popup_bg, imgui.ImVec4(ground.x, ground.y, ground.z, 1.0))
     height = imgui.get_window_size().y
-    for menu, sections in menu_entries().items():
-        if not sections:
-            continue
+    for menu, sections in MENUS.items():
         opened = imgui.begin_menu(menu)
         ui.rects.note(f"{LABEL}{menu}", is_open=opened)
         if opened:

@@ -5,7 +5,9 @@ from typing import Final
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.commands import bindings, key_table
+from viewer.commands import COMMANDS, PICTURE_HINTS, bindings
+from viewer.commands.keys import HOLD_KEY
+from viewer.commands.menus import MENUS
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
 
@@ -67,7 +69,8 @@ class Sheet:
         layer: str,
         hint: str,
     ) -> None:
-        """Make a sheet. `label` names it for scripts, `rows` gives (word, meaning), `layer` is one of `commands.leaving.LAYERS`."""
+        """Make a sheet. `label` names it for scripts, `rows` gives (word, meaning) and ("", heading), `layer` is one of
+        `commands.leaving.LAYERS`."""
         self._title, self._label, self._rows = title, label, rows
         self._is_open, self._layer, self._hint = is_open, layer, hint
         self._text = ""
@@ -110,7 +113,11 @@ class Sheet:
         imgui.table_setup_column("meaning", imgui.TableColumnFlags_.width_stretch)
         sought = self._text.lower()
         for name, text in rows:
-            if sought in f"{name} {text}".lower():
+            if not name and not sought:
+                imgui.table_next_row(imgui.TableRowFlags_.headers)
+                imgui.table_next_column()
+                imgui.text(text)
+            elif name and sought in f"{name} {text}".lower():
                 imgui.table_next_row()
                 imgui.table_next_column()
                 imgui.text(name)
@@ -129,13 +136,25 @@ class Sheet:
         imgui.text_disabled(self._hint)
 
 
+def key_rows(session: Session) -> Rows:
+    """Return (key, effect) of all keys by menu, and of the mouse, each after its heading."""
+    bound = bindings(session.settings.keys)
+    left = {command.id: (bound.text(command.id), command.help) for command in COMMANDS if bound.text(command.id)}
+    rows: list[tuple[str, str]] = []
+    for menu, sections in MENUS.items():
+        shown = [left.pop(command.id) for section in sections for command in section if command.id in left]
+        rows += [("", menu), *shown] if shown else []
+    held = ((HOLD_KEY, "hold: show the other slot"), ("1 to 9", "go to a camera of the scene"))
+    return (*rows, ("", "Other keys"), *left.values(), *held, ("", "Mouse"), *PICTURE_HINTS)
+
+
 def make_sheets() -> tuple[Sheet, ...]:
     """Make the sheets of one window."""
     return (
         Sheet(
             "Keys and mouse",
             "keys",
-            lambda session: key_table(bindings(session.settings.keys)),
+            key_rows,
             lambda session: session.window.show_help,
             "window.show_help",
             "F1 closes this",
