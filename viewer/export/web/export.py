@@ -3,7 +3,7 @@
 import json
 import zlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal
@@ -23,6 +23,7 @@ from viewer.export.web.description import (
     texture_planes,
 )
 from viewer.export.web.geometry import scene_glb
+from viewer.export.web.light import SIDES, sky_cube
 from viewer.export.web.packed import (
     PackedTexture,
     decoding_shaders,
@@ -31,9 +32,11 @@ from viewer.export.web.packed import (
     plane_picture,
     webp,
 )
+from viewer.lighting.sky import sun_of
 from viewer.scene.images import ProgressReport, map_in_threads
 from viewer.scene.model import Scene
 from viewer.state.pack_files import match_scene
+from viewer.state.view_state import DEFAULT_LIGHTING
 
 PAGE = Path(__file__).resolve().parent / "page"
 """The files that every page has: built by `source/build.py`."""
@@ -148,6 +151,8 @@ def export_page(
             ],
             "materials": [describe_material(own, pack, texture_index, page) for own in scene.materials],
             "figures": describe_figures(pack, scene, indices, pixel_bytes),
+            "sky": {**writer.write("sky.bin", sky_cube(DEFAULT_LIGHTING)).json(), "sides": SIDES},
+            "sun": asdict(sun_of(DEFAULT_LIGHTING)),
             **describe_view(scene),
         }
         writer.write(DESCRIPTION, json.dumps(content, allow_nan=False, separators=(",", ":")).encode())

@@ -9,6 +9,7 @@ import OpenImageIO
 import pytest
 
 from ntc.errors import InputError
+from viewer.export.web.light import SIDES, sky_cube
 from viewer.lighting import panorama
 from viewer.lighting.directions import (
     cube_coordinates,
@@ -22,7 +23,7 @@ from viewer.lighting.directions import (
     turned,
 )
 from viewer.lighting.panorama import LARGEST_RADIANCE, load_panorama, reduced
-from viewer.lighting.prefilter import PrefilteredEnvironment, PrefilterSize, irradiance_map
+from viewer.lighting.prefilter import PrefilteredEnvironment, PrefilterSize, irradiance_map, sample_panorama
 from viewer.lighting.sky import environment_turn, sky_radiance, sun_irradiance, sun_of
 from viewer.lighting.studio import METERED, studio_radiance
 from viewer.state.view_state import Lighting
@@ -239,3 +240,15 @@ def test_the_studio_is_metered_and_has_edges_to_reflect() -> None:
     normals = np.array([direction_towards(*METERED)])
     assert irradiance(made, normals).mean() == pytest.approx(1.0, abs=0.03)
     assert made.max() > 20.0 * np.median(made)
+
+
+def test_the_pages_sky_is_the_windows_mirrored_as_three_reads_it() -> None:
+    lighting = Lighting()
+    found = np.frombuffer(sky_cube(lighting), "<f2").reshape(6, -1, 4)
+    first = found[:, : SIDES[0] ** 2, :3].reshape(6, SIDES[0], SIDES[0], 3).astype(np.float64)
+    panorama = sky_radiance(lighting.sun_elevation, azimuth=lighting.sun_azimuth).astype(np.float64)
+    for face, direction in ((0, (-1.0, 0.3, 0.0)), (1, (1.0, 0.3, 0.0)), (4, (0.0, 0.3, 1.0)), (5, (0.0, 0.3, -1.0))):
+        row = round((1.0 - 0.3) / 2.0 * SIDES[0] - 0.5)
+        expected = sample_panorama(panorama, np.array([direction]) / np.linalg.norm(direction))[0]
+        np.testing.assert_allclose(first[face, row, SIDES[0] // 2], expected, rtol=0.08)
+    assert first[2].mean() > first[3].mean()

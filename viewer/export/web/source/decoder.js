@@ -31,6 +31,8 @@ export class Decoder {
     this.stripTexels = 1 << 14; // in STRIP_MS, as far as is known
     this.given = 0; // texels since the GPU was last waited for
     this.began = 0;
+    this.drawn = 0; // texels in all
+    this.paced = () => {}; // called after each strip
     this.statistics = { texels: 0, milliseconds: 0 };
   }
 
@@ -122,6 +124,7 @@ export class Decoder {
         material.uniformsNeedUpdate = true;
         this.screen.draw(material, target, mip - finest, first, first + count);
         first += count;
+        this.drawn += columns * count;
         await this.pace(columns * count);
       }
     }
@@ -140,5 +143,6 @@ export class Decoder {
     const fitting = (given * STRIP_MS) / Math.max(time, 0.5);
     this.stripTexels = Math.min(1 << 20, Math.max(1 << 12, this.stripTexels / 2 + fitting / 2));
     this.began = performance.now();
+    this.paced();
   }
 }

@@ -57,6 +57,7 @@ async function start() {
   const identity = new Identity(renderer, decoder.screen, VIRIDIS);
   await Promise.all([decoder.prepare(), materials.prepare()]);
   await stage.load(materials);
+  await surfaces.begin([...new Set(page.materials.flatMap((_, number) => Object.values(materials.planes(number))))]);
   view = new View(renderer, stage, materials, surfaces, identity);
   const fit = () => {
     const [width, height] = [window.innerWidth, window.innerHeight];
@@ -70,16 +71,17 @@ async function start() {
   document.documentElement.dataset.ready = performance.now().toFixed(0);
   const panel = new Panel(page, view, stage, surfaces, decoder, VIRIDIS);
   panel.refresh();
-  watch(view, surfaces);
+  decoder.paced = () => view.tell();
+  watch(view);
   window.ntcPage = { page, renderer, decoder, surfaces, stage, view, panel, GLTFLoader };
 }
 
-/** Says in the console when the first picture is there, and when all of it is. */
-function watch(view, surfaces) {
+/** Says in the document when the first picture is there, and when all of it is. */
+function watch(view) {
   let [first, whole] = [false, false];
   const { dataset } = document.documentElement;
   view.listeners.push(() => {
-    if (!first && view.looked >= 0 && surfaces.hasFirstPicture) {
+    if (!first && view.looked >= 0 && view.shown > 0) {
       first = true;
       dataset.first = performance.now().toFixed(0);
     }

@@ -132,7 +132,9 @@ export class Panel {
     const number = Math.max(0, this.page.cameras.findIndex((camera) => camera.name === parts.get("camera")));
     const views = [...this.views.options].map((option) => option.value);
     const view = views.includes(parts.get("view")) ? parts.get("view") : "lit";
-    const split = parts.has("split") && this.hasOriginals ? Math.min(1, Math.max(0, Number(parts.get("split")) || 0)) : null;
+    // Without a view in the address the divider is there from the beginning.
+    const place = parts.size ? parts.get("split") : 0.5;
+    const split = place !== null && this.hasOriginals ? Math.min(1, Math.max(0, Number(place) || 0)) : null;
     this.views.value = view;
     this.camera.value = number;
     this.view.set({ view, split, heat: parts.get("heat") === "1" });
@@ -188,8 +190,10 @@ export class Panel {
     this.say("frame", frame.length ? `${median(frame).toFixed(1)} ms` : "");
     const { texels, milliseconds } = this.decoder.statistics;
     this.say("decoded", texels ? `${(texels / 1e6).toFixed(1)} M texels in ${(milliseconds / 1e3).toFixed(2)} s` : "");
-    const left = this.surfaces.queue.length;
-    byId("status").textContent = !this.view.isComplete && left ? `Decoding: ${left} to go` : this.view.isComplete ? "" : "Looking";
+    const { share } = this.surfaces;
+    const done = Math.round(100 * share);
+    byId("status").textContent = this.view.isComplete ? "" : this.surfaces.pending ? `Decoding ${done} %` : "Looking for what is in sight";
     byId("progress").hidden = this.view.isComplete;
+    document.documentElement.style.setProperty("--done", this.surfaces.pending ? `${done}%` : "3%");
   }
 }

@@ -4,24 +4,24 @@ import { OrbitControls } from "three/examples/jsm/controls/OrbitControls.js";
 import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import { readFile } from "./folder.js";
 
-const SKY = { top: 0x5c8fd6, horizon: 0xd5e1ee, ground: 0x6f675c };
-const SUN = { azimuth: 140, elevation: 40 }; // the viewer's own
-
-function skySphere() {
-  const color = (hex) => ({ value: new THREE.Color(hex) });
-  const material = new THREE.ShaderMaterial({
-    side: THREE.BackSide,
-    depthWrite: false,
-    uniforms: { top: color(SKY.top), horizon: color(SKY.horizon), ground: color(SKY.ground) },
-    vertexShader: "varying vec3 way; void main() { way = position; gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0); }",
-    fragmentShader: `varying vec3 way; uniform vec3 top; uniform vec3 horizon; uniform vec3 ground;
-      void main() {
-        float up = normalize(way).y;
-        vec3 color = up > 0.0 ? mix(horizon, top, pow(up, 0.5)) : mix(horizon, ground, min(1.0, -up * 8.0));
-        gl_FragColor = vec4(color, 1.0);
-      }`,
+/** The window's sky from its file: a cube map whose mips are filtered by roughness. */
+function skyCube(bytes, sides) {
+  let at = bytes.byteOffset;
+  const faces = Array.from({ length: 6 }, () => {
+    const mipmaps = sides.map((side) => {
+      const data = new Uint16Array(bytes.buffer, at, side * side * 4);
+      at += data.byteLength;
+      return { data, width: side, height: side };
+    });
+    return { mipmaps, width: sides[0], height: sides[0] };
   });
-  return new THREE.Mesh(new THREE.SphereGeometry(10, 32, 16), material);
+  const texture = new THREE.CompressedCubeTexture(faces, THREE.RGBAFormat, THREE.HalfFloatType);
+  texture.minFilter = THREE.LinearMipmapLinearFilter;
+  texture.magFilter = THREE.LinearFilter;
+  texture.generateMipmaps = false;
+  texture.isPMREMTexture = true;
+  texture.needsUpdate = true;
+  return texture;
 }
 
 function sceneLight(light) {
@@ -54,7 +54,7 @@ export class Stage {
   }
 
   async load(materials) {
-    const bytes = await readFile(this.page.scene);
+    const [bytes, sky] = await Promise.all([readFile(this.page.scene), readFile(this.page.sky)]);
     const gltf = await new GLTFLoader().parseAsync(bytes.buffer, "");
     const { nodes } = gltf.parser.json;
     gltf.scene.traverse((object) => {
@@ -79,20 +79,16 @@ export class Stage {
     });
     this.scene.add(gltf.scene);
     this.scene.updateMatrixWorld(true);
-    this.light();
+    this.light(sky);
   }
 
-  light() {
-    const generator = new THREE.PMREMGenerator(this.renderer);
-    const dome = new THREE.Scene().add(skySphere());
-    this.environment = generator.fromScene(dome, 0, 0.1, 100).texture;
-    generator.dispose();
-    this.sky = this.environment;
+  light(sky) {
+    this.sky = this.environment = skyCube(sky, this.page.sky.sides);
     const lights = this.page.lights.slice(0, 12).map(sceneLight);
     for (const light of lights) this.scene.add(light);
-    const [turn, up] = [THREE.MathUtils.degToRad(SUN.azimuth), THREE.MathUtils.degToRad(SUN.elevation)];
-    this.sunWay = new THREE.Vector3(Math.cos(up) * Math.sin(turn), Math.sin(up), -Math.cos(up) * Math.cos(turn));
-    this.sun = new THREE.DirectionalLight(0xfff1dc, lights.length ? 1.2 : 3.2);
+    const { direction, irradiance } = this.page.sun;
+    this.sunWay = new THREE.Vector3(...direction);
+    this.sun = new THREE.DirectionalLight(new THREE.Color(...irradiance), 1);
     this.sun.castShadow = true;
     this.sun.shadow.mapSize.set(2048, 2048);
     this.sun.shadow.bias = -0.0004;

@@ -3,6 +3,8 @@ import * as THREE from "three";
 import { Originals } from "./originals.js";
 
 const COARSE_SIDE = 32; // texels of the first picture of a texture
+const MIDDLE = 2; // mips between what is wanted and the picture before it: a sixteenth of the work
+const FEW = 24; // textures that are decoded before it is known which are in sight
 const AHEAD = 24; // entries of the queue whose files are asked for
 const WRAPPING = [THREE.RepeatWrapping, THREE.MirroredRepeatWrapping, THREE.ClampToEdgeWrapping];
 const CHANNEL = { base: 0, surface: 1, emission: 2 };
@@ -27,6 +29,7 @@ export class Surfaces {
     this.isRunning = false;
     this.clock = 0;
     this.usedTexels = 0;
+    this.began = this.ends = 0; // texels that the decoder had drawn, and will have
     this.compares = false;
   }
 
@@ -62,6 +65,12 @@ export class Surfaces {
     return entry.mips.findIndex(([width, height]) => Math.max(width, height) <= limit);
   }
 
+  /** Something of each of `entries`, so that the first frame is a picture, where they are few. */
+  async begin(entries) {
+    if (entries.length > FEW) return;
+    for (const entry of entries) await this.decodeTo(entry, this.coarse(entry));
+  }
+
   /** `seen`: entry -> finest mip that the view reads. Everything else may go. */
   want(seen) {
     ++this.clock;
@@ -77,14 +86,16 @@ export class Surfaces {
     this.plan();
   }
 
-  /** All that is missing, the most needed first: something of everything, originals, then what is finer. */
+  /** All that is missing, the most needed first: something of everything, all a quarter as fine, originals, then what is wanted. */
   plan() {
     const seen = [...this.entries.values()].filter((entry) => entry.seen === this.clock);
-    const coarse = [], originals = [], fine = [];
+    const coarse = [], middle = [], originals = [], fine = [];
     for (const entry of seen) {
       const first = Math.max(this.coarse(entry), entry.wanted);
       if (!entry.target) coarse.push({ entry, level: first });
-      if (Math.min(entry.level, entry.target ? Infinity : first) > entry.wanted) fine.push({ entry, level: entry.wanted });
+      const there = Math.min(entry.level, entry.target ? Infinity : first);
+      if (there > entry.wanted + MIDDLE + 1) middle.push({ entry, level: entry.wanted + MIDDLE });
+      if (there > entry.wanted) fine.push({ entry, level: entry.wanted });
       const has = this.page.textures[entry.texture].originals[entry.plane];
       if (this.compares && has && entry.originalState === "none") originals.push({ entry, original: true });
     }
@@ -92,7 +103,9 @@ export class Surfaces {
     // what is seen most.
     const byTexture = (a, b) => a.entry.texture - b.entry.texture;
     const order = (a, b) => CHANNEL[a.entry.plane] - CHANNEL[b.entry.plane] || byTexture(a, b);
-    this.queue = [...coarse.sort(byTexture), ...originals.sort(order), ...fine.sort(order)];
+    this.queue = [...coarse.sort(byTexture), ...middle.sort(byTexture), ...originals.sort(order), ...fine.sort(order)];
+    if (!this.isRunning) this.began = this.decoder.drawn;
+    this.ends = this.decoder.drawn + this.queue.reduce((sum, own) => sum + (own.original ? 0 : this.texels(own.entry, own.level)), 0);
     if (!this.isRunning) this.run();
   }
 
@@ -100,9 +113,21 @@ export class Surfaces {
     return this.queue.length + (this.isRunning ? 1 : 0);
   }
 
+  /** Share of the texels that are decoded, of those that are wanted, 0 to 1. */
+  get share() {
+    return this.ends > this.began ? Math.min(1, (this.decoder.drawn - this.began) / (this.ends - this.began)) : 1;
+  }
+
   /** Whether something of everything in sight is there. */
   get hasFirstPicture() {
     return [...this.entries.values()].every((entry) => entry.seen !== this.clock || entry.target);
+  }
+
+  /** 0: something is not there at all, 1: all is coarse, 2: all is a quarter as fine as is wanted, 3: all is there. */
+  get stage() {
+    if (this.clock === 0 || !this.hasFirstPicture) return 0;
+    if (this.pending === 0) return 3;
+    return this.queue.some(({ entry, level, original }) => !original && level > entry.wanted) ? 1 : 2;
   }
 
   async run() {

@@ -15,6 +15,8 @@ export class View {
     this.looked = -1; // version whose needs are known
     this.settled = -1; // version whose figures are known
     this.drawn = 0;
+    this.step = 0; // stage of the surfaces, when the last frame was drawn
+    this.shown = 0; // the same, of the last frame that the GPU has finished
   }
 
   set(change) {
@@ -40,8 +42,10 @@ export class View {
   frame() {
     this.isDirty = false;
     const start = (this.drawn = performance.now());
+    const step = (this.step = this.surfaces.stage);
     this.draw();
     gpuDone(this.renderer, start).then((time) => {
+      this.shown = step;
       this.figures.frame.push(time);
       if (this.figures.frame.length > 15) this.figures.frame.shift();
       this.tell();
@@ -115,6 +119,7 @@ export class View {
     if (this.isResting) return void (this.again = true);
     this.isResting = true;
     try {
+      await gpuDone(this.renderer); // the frame goes first
       await this.need();
       await this.diverge();
     } finally {
@@ -163,7 +168,8 @@ export class View {
   refreshed() {
     const isWhole = this.surfaces.pending === 0;
     const last = this.figures.frame.at(-1) ?? 0;
-    if (isWhole || (this.surfaces.hasFirstPicture && performance.now() - this.drawn > Math.max(200, 8 * last))) this.invalidate();
+    const isNext = this.surfaces.stage > this.step;
+    if (isWhole || isNext || (this.step > 0 && performance.now() - this.drawn > Math.max(200, 8 * last))) this.invalidate();
     if (this.looked === this.version && this.surfaces.pending === 0) this.settle();
     this.tell();
   }
