@@ -113,7 +113,9 @@ def test_threejs_shows_the_images_of_an_exported_scene(
             browser.wait(READY)
             # The divider is there without being asked for, and the light is the window's.
             assert browser.ask("window.ntcPage.view.state.split === 0.5 && !document.getElementById('divider').hidden")
-            assert browser.ask("window.ntcPage.stage.environment.isPMREMTexture && window.ntcPage.page.sun.direction[1] > 0.6")
+            assert browser.ask(
+                "window.ntcPage.stage.environment.isPMREMTexture && window.ntcPage.page.sun.direction[1] > 0.6"
+            )
             shown = browser.ask(
                 f"""(async () => {{
                     const scene = (await new window.ntcPage.GLTFLoader().loadAsync({json.dumps(name)})).scenes[0];
