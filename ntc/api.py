@@ -10,7 +10,7 @@ from ntc.codec.config import ColorSpace, GroupingConfig, WrapMode
 from ntc.codec.encoding import CancelQuestion, EncodingChoices, Target, texture_set
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.latents import latent_levels
-from ntc.codec.maps import MAPS, MapName, joint_maps, map_slices
+from ntc.codec.maps import CODED_MAPS, MapName, joint_maps, map_slices
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image, texel_centres
 from ntc.codec.registry import CodecName, codec_named, codec_of
@@ -163,17 +163,21 @@ def material(
     name: str = "material",
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     category: str | None = None,
+    cutoff: float | None = None,
 ) -> SourceTexture:
     """Return the maps of a material as one texture to encode, each [H, W, C] uint8 of the same size.
 
     `base` and `emissive` are sRGB, [H, W, 3] (`base` up to 4, coverage last); `normal` is x and y as (n + 1) / 2, [H, W, 2]; all
-    others are linear, [H, W, 1]. Raises InputError for maps that do not fit.
+    others are linear, [H, W, 1]. `cutoff`, above 0 and up to 1, is what `alpha` is tested against (None: it is blended): the encoder
+    keeps each texel on its side, and as many above it in coarse mips. Raises InputError for maps that do not fit.
     """
-    unknown = [own for own in maps if own not in MAPS]
+    if cutoff is not None and not ("alpha" in maps and 0.0 < cutoff <= 1.0):
+        raise InputError(f"{name}: a cutoff of {cutoff:g} needs the map alpha, and lies above 0 and up to 1")
+    unknown = [own for own in maps if own not in CODED_MAPS]
     sizes = {own: pixels.shape[:2] for own, pixels in maps.items()}
     if not maps or unknown or len(set(sizes.values())) > 1:
-        raise InputError(f"{name}: give maps of one size among {', '.join(MAPS)}, not {sizes}")
-    ordered = tuple(own for own in MAPS if own in maps)
+        raise InputError(f"{name}: give maps of one size among {', '.join(CODED_MAPS)}, not {sizes}")
+    ordered = tuple(own for own in CODED_MAPS if own in maps)
     try:
         joint_maps([((own,), maps[own].shape[2]) for own in ordered])
     except (ValueError, IndexError) as error:
@@ -181,7 +185,7 @@ def material(
     pixels = np.concatenate([maps[own] for own in ordered], axis=2)
     if pixels.dtype != np.uint8:
         raise InputError(f"{name}: is {pixels.dtype}; give uint8")
-    return SourceTexture(name, pixels, hash_pixels(pixels), "srgb", wrap, category, ordered)
+    return SourceTexture(name, pixels, hash_pixels(pixels), "srgb", wrap, category, ordered, cutoff)
 
 
 def encode(

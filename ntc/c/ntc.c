@@ -10,7 +10,9 @@
 #define MOST_LEVELS 16
 #define LARGEST_DEPTH 7
 #define MOST_CLASSES 4
-#define MOST_PLANES 3
+#define MOST_PLANES 4
+#define TABLE_PLANES 3      /* of the tables that ship: all but coverage */
+#define TABLE_CHANNELS 12   /* and their channels: all maps but alpha, with a base of four channels */
 #define BLOCK_VALUES 64
 #define DIRECTORY_RUN 16
 #define DEEPEST_JSON 64
@@ -358,9 +360,10 @@ struct ntc_pack {
     float powers[512];                    /* 2^((i - 384) / 16) */
 };
 
-static const int MAP_CHANNELS[NTC_MOST_MAPS] = {3, 2, 1, 1, 3, 1};
-static const int MAP_PLANES[NTC_MOST_MAPS] = {0, 1, 1, 1, 2, 2};
-static const char *const MAP_NAMES[NTC_MOST_MAPS] = {"base", "normal", "roughness", "metalness", "emissive", "occlusion"};
+static const int MAP_CHANNELS[NTC_MOST_MAPS] = {3, 2, 1, 1, 3, 1, 1};
+static const int MAP_PLANES[NTC_MOST_MAPS] = {0, 1, 1, 1, 2, 2, 3};
+static const char *const MAP_NAMES[NTC_MOST_MAPS] = {"base", "normal", "roughness", "metalness", "emissive", "occlusion",
+                                                        "alpha"};
 
 /* ---- Reading tensors ---- */
 
@@ -915,9 +918,10 @@ static uint32_t code_bits(const uint8_t *code, int words, int at) {
 /* By state and branch bit, the state's first bit lowest (as the bits lie in the code): the subset of levels. */
 static const uint8_t SUBSETS[16] = {0, 2, 2, 0, 1, 3, 3, 1, 2, 0, 0, 2, 3, 1, 1, 3};
 
-/* What an edge part shows of its plane: [channels][BLOCK_VALUES] of `values`, which begin with the part at bit `at` of the code. */
+/* What an edge part shows of its plane: [channels][BLOCK_VALUES] of `values`, which begin with the part at bit `at` of the code.
+   `alpha_offset` is added to the map alpha: how far the mean of the mip is above that of mip 0, which keeps a mask's coverage. */
 static void edge_values(const settings *own, const uint8_t *code, int words, int plane, int bits, int at, int mip, uint32_t srgb,
-                        float *values) {
+                        float alpha_offset, float *values) {
     const int channels = own->plane_channels[plane], side = own->side >> mip, run = 1 << mip;
     const int indices = at + 16 * channels;
     const float whole_run = (float)(((1 << bits) - 1) * run * run);
@@ -944,6 +948,8 @@ static void edge_values(const settings *own, const uint8_t *code, int words, int
         /* Colours are averaged as squares, near to linear light. */
         if (mip > 0 && (srgb >> channel & 1u))
             for (int t = 0; t < side * side; ++t) value[t] = sqrtf(value[t] * value[t] + step * step * variances[t]);
+        if (mip > 0 && own->plane_first[plane] == MAP_PLANES[NTC_ALPHA])
+            for (int t = 0; t < side * side; ++t) value[t] += alpha_offset;
     }
 }
 
@@ -971,15 +977,17 @@ static void block_values(const ntc_pack *pack, const texture *from, const uint8_
         float *sum = sums + channels[k] * BLOCK_VALUES;
         for (int t = 0; t < texels; ++t) sum[t] += value * row[t];
     }
+    float alpha_offset = 0.0f;
     for (int channel = 0; channel < own->channels; ++channel) {
         const float mean = f32_at(from->tensors[MEAN].data + 4 * (mip * own->channels + channel));
+        alpha_offset = mean - f32_at(from->tensors[MEAN].data + 4 * channel);
         for (int t = 0; t < texels; ++t) values[channel * BLOCK_VALUES + t] = mean;
     }
     const uint8_t *axes = from->tensors[AXES].data;
     for (int plane = 0, at = own->mode_bits; plane < own->plane_count; ++plane) {
         const int count = own->plane_channels[plane];
         const int bits = layout->has_edges ? tables->tensors[EDGES].data[mode * own->plane_count + plane] : 0;
-        if (bits > 0) edge_values(own, code, words, plane, bits, at, mip, from->srgb_channels, values);
+        if (bits > 0) edge_values(own, code, words, plane, bits, at, mip, from->srgb_channels, alpha_offset, values);
         at += edge_part_bits(own, plane, bits);
         for (int row = 0; row < count; ++row) {
             float *value = values + own->plane_list[plane][row] * BLOCK_VALUES;
@@ -1261,27 +1269,32 @@ static const char *read_scaled(ntc_pack *pack) {
             return "options.tables lacks a tensor";
     }
     const uint64_t rows = parts[0].shape[0];
-    if (rows > (uint64_t)(NTC_MOST_CHANNELS * BLOCK_VALUES) || !has_shape(&parts[0], I8, 2, rows, (uint64_t)texels) ||
+    if (rows > (uint64_t)(TABLE_CHANNELS * BLOCK_VALUES) || !has_shape(&parts[0], I8, 2, rows, (uint64_t)texels) ||
         !has_shape(&parts[1], U8, 1, rows, 0) || !has_shape(&parts[2], U8, 1, rows, 0) ||
-        !has_shape(&parts[3], U8, 2, (uint64_t)own->modes, rows) || !has_shape(&parts[4], U8, 2, (uint64_t)own->modes, MOST_PLANES) ||
+        !has_shape(&parts[3], U8, 2, (uint64_t)own->modes, rows) || !has_shape(&parts[4], U8, 2, (uint64_t)own->modes, TABLE_PLANES) ||
         !has_shape(&parts[5], U8, 1, rows, 0))
         return "options.tables has other shapes";
-    /* The tables have all maps, and a base of four channels. */
+    /* The tables have all maps but alpha, and a base of four channels, whose fourth serves the map alpha. */
     int channel_of[NTC_MOST_CHANNELS], known = 0, channel = 0;
-    for (int map = 0; map < NTC_MOST_MAPS; ++map) {
+    if ((own->maps >> NTC_ALPHA & 1u) && own->base_channels == 4) return "options.tables has other channels than the pack";
+    for (int map = 0; map < NTC_ALPHA; ++map) {
         const int there = own->maps >> map & 1u ? channels_of_map(map, own->base_channels) : 0;
         for (int part = 0; part < channels_of_map(map, 4); ++part) channel_of[known++] = part < there ? channel++ : -1;
     }
+    if (own->maps >> NTC_ALPHA & 1u) channel_of[3] = channel++;
     const size_t count = (size_t)own->coefficients, modes = (size_t)own->modes;
     uint8_t *basis = (uint8_t *)take(&pack->memory, count, (size_t)texels), *channels = (uint8_t *)take(&pack->memory, count, 1);
     uint8_t *basis_scale = (uint8_t *)take(&pack->memory, count, 1), *bands = (uint8_t *)take(&pack->memory, count, 1);
     uint8_t *edges = (uint8_t *)take(&pack->memory, modes, (size_t)own->plane_count);
     size_t *places = (size_t *)take(&pack->memory, count, sizeof(size_t)), kept = 0;
     if (basis == NULL || channels == NULL || basis_scale == NULL || bands == NULL || edges == NULL || places == NULL) return "";
-    for (size_t row = 0; row < (size_t)rows; ++row) {
+    /* Rows of a plane lie together: those of alpha last. */
+    const int alpha = own->maps >> NTC_ALPHA & 1u ? own->channels - 1 : -1;
+    for (size_t number = 0; number < (size_t)rows * 2; ++number) {
+        const size_t row = number % (size_t)rows;
         const int full = parts[1].data[row];
-        if (full >= NTC_MOST_CHANNELS || parts[5].data[row] >= BANDS) return "options.tables holds a number that is out of range";
-        if (channel_of[full] < 0) continue;
+        if (full >= TABLE_CHANNELS || parts[5].data[row] >= BANDS) return "options.tables holds a number that is out of range";
+        if (channel_of[full] < 0 || (channel_of[full] == alpha) != (number >= (size_t)rows)) continue;
         if (kept == count) return "options.tables has other rows than the pack";
         memcpy(basis + kept * (size_t)texels, parts[0].data + row * (size_t)texels, (size_t)texels);
         channels[kept] = (uint8_t)channel_of[full];
@@ -1291,8 +1304,11 @@ static const char *read_scaled(ntc_pack *pack) {
     }
     if (kept != count) return "options.tables has other rows than the pack";
     for (size_t mode = 0; mode < modes; ++mode) {
-        for (int plane = 0; plane < own->plane_count; ++plane)
-            edges[mode * (size_t)own->plane_count + (size_t)plane] = parts[4].data[mode * MOST_PLANES + (size_t)own->plane_first[plane]];
+        for (int plane = 0; plane < own->plane_count; ++plane) {
+            const size_t full = (size_t)own->plane_first[plane];
+            const uint8_t bits = full < TABLE_PLANES ? parts[4].data[mode * TABLE_PLANES + full] : (uint8_t)(mode & 1u);
+            edges[mode * (size_t)own->plane_count + (size_t)plane] = bits;
+        }
     }
     for (int number = 0; number < pack->decoder_count; ++number) {
         tensor *made = pack->decoders[number].tensors;

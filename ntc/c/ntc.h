@@ -14,8 +14,8 @@
 extern "C" {
 #endif
 
-#define NTC_MOST_MAPS 6
-#define NTC_MOST_CHANNELS 12
+#define NTC_MOST_MAPS 7
+#define NTC_MOST_CHANNELS 13
 
 typedef enum {
     NTC_OK = 0,
@@ -26,7 +26,7 @@ typedef enum {
 } ntc_status;
 
 /* Maps of a texture, in the order of its channels (docs/reference/codecs.md). */
-typedef enum { NTC_BASE, NTC_NORMAL, NTC_ROUGHNESS, NTC_METALNESS, NTC_EMISSIVE, NTC_OCCLUSION } ntc_map;
+typedef enum { NTC_BASE, NTC_NORMAL, NTC_ROUGHNESS, NTC_METALNESS, NTC_EMISSIVE, NTC_OCCLUSION, NTC_ALPHA } ntc_map;
 
 typedef enum { NTC_REPEAT, NTC_MIRROR, NTC_CLAMP } ntc_wrap;
 

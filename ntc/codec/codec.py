@@ -206,6 +206,12 @@ class Codec(ABC):
         del pack
         return None
 
+    def coverage_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8] | None:
+        """Return [h, w] uint8 of the map `alpha` of mip `level`, which the texture has, where the codec decodes one map in a fraction
+        of a second; else None. Renderers then draw what the original image covers."""
+        del pack, texture_index, level
+        return None
+
     @abstractmethod
     def torch_twin(
         self,

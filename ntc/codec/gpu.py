@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import Precision, WrapMode
 from ntc.codec.latents import LatentLevel, latent_levels
-from ntc.codec.maps import PLANES, plane_channels
+from ntc.codec.maps import CODED_PLANES, plane_channels
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Pack
 
 WeightPlace = Literal["uniforms", "storage", "shared", "image"]
@@ -184,7 +184,7 @@ class GpuTables(ABC):
     def texture_record(self) -> np.dtype:
         """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block of its
         adapter, `finest_level` the finest mip whose latents are on the GPU. `components` has a bit for each component that the texture
-        has, four for each of PLANES. The codec's own fields follow."""
+        has, four for each of CODED_PLANES. The codec's own fields follow."""
         return np.dtype([*_TEXTURE_FIELDS, *self.record_fields])
 
     @property
@@ -203,7 +203,7 @@ class GpuTables(ABC):
         record["decoder"], record["channels"] = texture.group, texture.channels
         record["srgb"] = texture.color_space == "srgb"
         record["components"] = sum(
-            1 << (4 * PLANES.index(plane) + component)
+            1 << (4 * CODED_PLANES.index(plane) + component)
             for plane, channels in plane_channels(texture.maps, texture.channels).items()
             for component in channels
         )
@@ -298,7 +298,7 @@ def decoding_layout_glsl() -> str:
             (DecodingImage, "IMAGE_"),
             (WrapCode, "WRAP_"),
         ),
-        *(f"#define PLANE_{plane.upper()} {number}" for number, plane in enumerate(PLANES)),
+        *(f"#define PLANE_{plane.upper()} {number}" for number, plane in enumerate(CODED_PLANES)),
         f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
         glsl_struct("LevelRecord", LEVEL_RECORD),
     ]
@@ -310,5 +310,5 @@ def by_plane(settings: CodecSettings, lines: Callable[[int, Mapping[int, int]], 
     of its components."""
     found = []
     for place, (plane, channels) in enumerate(plane_channels(settings.maps, settings.output_channels).items()):
-        found += [f"#{'elif' if place else 'if'} PLANE == {PLANES.index(plane)}", *lines(place, channels)]
+        found += [f"#{'elif' if place else 'if'} PLANE == {CODED_PLANES.index(plane)}", *lines(place, channels)]
     return [*found, "#endif"]

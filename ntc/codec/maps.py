@@ -1,6 +1,6 @@
 """The maps of a material, and where each lies among the channels of a material set and in the planes that it is decoded by.
 
-A material set is encoded as one texture whose channels are those of its maps, in the order of MAPS. Renderers decode it by
+A material set is encoded as one texture whose channels are those of its maps, in the order of CODED_MAPS. Renderers decode it by
 planes of up to four channels, so that a view decodes only what it needs.
 """
 
@@ -12,14 +12,17 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-MapName = Literal["base", "normal", "roughness", "metalness", "emissive", "occlusion"]
+ShownMap = Literal["base", "normal", "roughness", "metalness", "emissive", "occlusion"]
+MapName = Literal[ShownMap, "alpha"]
 """`base` and `emissive` are sRGB colours, `normal` the xy of a tangent-space normal as (n + 1) / 2; all others are linear."""
-Plane = Literal["base", "surface", "emission"]
+Plane = Literal["base", "surface", "emission", "coverage"]
 
-MAPS: Final[tuple[MapName, ...]] = ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
-"""All maps, in the order of their channels in a material set."""
+MAPS: Final[tuple[ShownMap, ...]] = ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
+"""The maps that views show, in the order of their channels in a material set."""
+CODED_MAPS: Final[tuple[MapName, ...]] = (*MAPS, "alpha")
+"""All maps of a material set: MAPS, and alpha, which says what of a surface is there."""
 MAP_CHANNELS: Final[Mapping[MapName, int]] = MappingProxyType(
-    {"base": 3, "normal": 2, "roughness": 1, "metalness": 1, "emissive": 3, "occlusion": 1}
+    {"base": 3, "normal": 2, "roughness": 1, "metalness": 1, "emissive": 3, "occlusion": 1, "alpha": 1}
 )
 """Channels of each map. A texture that is no material set is a `base` of 1 to 4 channels, alpha last."""
 SRGB_MAPS: Final = frozenset[MapName](("base", "emissive"))
@@ -27,25 +30,33 @@ SRGB_MAPS: Final = frozenset[MapName](("base", "emissive"))
 BASE_ALONE: Final[tuple[MapName, ...]] = ("base",)
 """The maps of a texture that is no material set."""
 PLANES: Final[tuple[Plane, ...]] = ("base", "surface", "emission")
-"""All planes, in their order on the GPU."""
+"""The planes that views show, in their order on the GPU."""
+CODED_PLANES: Final[tuple[Plane, ...]] = (*PLANES, "coverage")
+"""All planes of a material set."""
 PLANE_COMPONENTS: Final[Mapping[Plane, Mapping[MapName, int]]] = MappingProxyType(
     {
         "base": MappingProxyType({"base": 0}),
         "surface": MappingProxyType({"normal": 0, "roughness": 2, "metalness": 3}),
         "emission": MappingProxyType({"emissive": 0, "occlusion": 3}),
+        "coverage": MappingProxyType({"alpha": 0}),
     }
 )
 """Maps of each plane, and the first of the plane's four components that each takes."""
 PLANE_OF_MAP: Final[Mapping[MapName, Plane]] = MappingProxyType(
     {name: plane for plane, places in PLANE_COMPONENTS.items() for name in places}
 )
-LARGEST_CHANNELS: Final = 12
-"""Channels of a material set at most: all maps, and alpha."""
+LARGEST_CHANNELS: Final = 13
+"""Channels of a material set at most: all maps, with a base of four channels."""
 
 
 def ordered_maps(maps: Sequence[MapName]) -> bool:
-    """Return whether `maps` are some of MAPS, each once, in their order."""
-    return bool(maps) and list(maps) == [name for name in MAPS if name in maps]
+    """Return whether `maps` are some of CODED_MAPS, each once, in their order."""
+    return bool(maps) and list(maps) == [name for name in CODED_MAPS if name in maps]
+
+
+def is_material(maps: Sequence[MapName]) -> bool:
+    """Return whether `maps` are more than a base colour and its alpha."""
+    return any(name not in ("base", "alpha") for name in maps)
 
 
 def map_slices(maps: Sequence[MapName], channels: int) -> dict[MapName, slice]:
@@ -54,7 +65,7 @@ def map_slices(maps: Sequence[MapName], channels: int) -> dict[MapName, slice]:
     Raises ValueError for maps that are not in the order of MAPS, and for channels that are too few or too many for them.
     """
     if not ordered_maps(maps):
-        raise ValueError(f"maps {', '.join(maps) or 'of none'}: name each once, in the order {', '.join(MAPS)}")
+        raise ValueError(f"maps {', '.join(maps) or 'of none'}: name each once, in the order {', '.join(CODED_MAPS)}")
     counts = {name: MAP_CHANNELS[name] for name in maps}
     left = channels - sum(count for name, count in counts.items() if name != "base")
     if not (1 <= left <= 4 if "base" in counts else left == 0):
@@ -77,7 +88,7 @@ def plane_channels(maps: Sequence[MapName], channels: int) -> dict[Plane, dict[i
         first = PLANE_COMPONENTS[plane][name]
         components = found.setdefault(plane, {})
         components.update({first + number: channel for number, channel in enumerate(range(place.start, place.stop))})
-    return {plane: found[plane] for plane in PLANES if plane in found}
+    return {plane: found[plane] for plane in CODED_PLANES if plane in found}
 
 
 def maps_fit(maps: Sequence[MapName], channels: int) -> bool:
@@ -115,7 +126,7 @@ def joint_maps(kinds: Iterable[tuple[Sequence[MapName], int]]) -> tuple[tuple[Ma
     for maps, channels in kinds:
         for name, place in map_slices(maps, channels).items():
             counts[name] = max(counts.get(name, 0), place.stop - place.start)
-    return tuple(name for name in MAPS if name in counts), sum(counts.values())
+    return tuple(name for name in CODED_MAPS if name in counts), sum(counts.values())
 
 
 MapWeightsName = Literal["seen", "equal"]
@@ -132,6 +143,7 @@ class MapWeights:
     metalness: float = 1.0
     emissive: float = 1.0
     occlusion: float = 1.0
+    alpha: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):

@@ -18,7 +18,7 @@ class CodecSettings(ABC):
     levels: int | None
     """Encoded mips at most. None: as many as `smallest_top_cells` asks for. 1: mip 0 alone."""
     output_channels: int
-    """Channels that decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
+    """Channels that decoders write, 1 to 13: those of `maps`; a texture with fewer uses the first ones."""
     maps: tuple[MapName, ...]
     """Maps that the channels stand for (`ntc.codec.maps`): all that any texture of the pack has."""
 
@@ -55,7 +55,7 @@ class EncodedTexture:
     height: int
     """Encoded height in texels."""
     channels: int
-    """Channels of the texture, 1 to 12: those of `maps`. The decoder's further outputs are unused."""
+    """Channels of the texture, 1 to 13: those of `maps`. The decoder's further outputs are unused."""
     color_space: ColorSpace
     """Space of the decoded numbers of the map `base`, in [0, 1]."""
     wrap: tuple[WrapMode, WrapMode]

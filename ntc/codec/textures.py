@@ -37,7 +37,7 @@ class SourceTexture:
 
     name: str
     pixels: NDArray[np.uint8]
-    """[H, W, C] uint8, 0 to 255: the channels of `maps` (`ntc.codec.maps.map_slices`), C from 1 to 12."""
+    """[H, W, C] uint8, 0 to 255: the channels of `maps` (`ntc.codec.maps.map_slices`), C from 1 to 13."""
     pixel_hash: str
     """Identity (`hash_pixels`) of the image at its original size, also when `pixels` is a reduced copy."""
     color_space: ColorSpace = "srgb"
@@ -47,6 +47,9 @@ class SourceTexture:
     category: str | None = None
     maps: tuple[MapName, ...] = BASE_ALONE
     """More than `base` alone: a material set."""
+    cutoff: float | None = None
+    """Alpha in [0, 1] from which on a texel is there, of a texture with the map `alpha` that is tested; None: alpha is blended, or
+    there is none. For the encoder: it keeps each texel on its side."""
     map_weights: MapWeights = SEEN_WEIGHTS
     """Weights of errors in each map, for the encoder; of no effect where there is one map."""
 

@@ -167,7 +167,7 @@ float texel_share(int mip) {
 struct Sum {
     vec4 transform;
     vec4 edges;
-    vec4 mean_weights;    // by mip of a code: of the means that no edge part takes the place of
+    vec4 mean_weights;    // by mip of a code: of the means that count
 };
 
 vec4 in_component(float value, uint entry) {
@@ -240,6 +240,10 @@ Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
         sum.mean_weights = vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) * weight;
         return sum;
     }
+#if EDGE_MEANS
+    // How far the mean of a coarse mip is above that of mip 0 keeps a mask's coverage.
+    sum.mean_weights = (vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) - vec4(1.0, 0.0, 0.0, 0.0)) * weight;
+#endif
     int at = int(code.head.z >> 16);
     vec4 one = EDGE_COLOUR(code, at);
     at += COLOUR_BITS * EDGE_CHANNELS;

@@ -15,6 +15,7 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.c.library import Options
+from ntc.codec.maps import CODED_MAPS
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "ntc" / "c"
@@ -51,8 +52,8 @@ class TextureInfo(ctypes.Structure):
         ("mips", ctypes.c_int),
         ("channels", ctypes.c_int),
         ("map_count", ctypes.c_int),
-        ("maps", ctypes.c_int * 6),
-        ("map_channels", ctypes.c_int * 6),
+        ("maps", ctypes.c_int * len(CODED_MAPS)),
+        ("map_channels", ctypes.c_int * len(CODED_MAPS)),
         ("is_srgb", ctypes.c_int),
         ("wrap", ctypes.c_int * 2),
     )

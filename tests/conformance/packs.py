@@ -62,12 +62,22 @@ def textures() -> list[SourceTexture]:
 
 def sets() -> list[SourceTexture]:
     """Return material sets: all maps with alpha, some maps, and one without a base colour."""
-    counts = dict(zip(MAPS, (4, 2, 1, 1, 3, 1), strict=True))
+    counts: dict[MapName, int] = dict(zip(MAPS, (4, 2, 1, 1, 3, 1), strict=True))
     some: tuple[MapName, ...] = ("base", "normal", "occlusion")
     return [
         material({name: pixels(32, 24, count, 10 + count) for name, count in counts.items()}, "all maps"),
         material({name: graphics(24, 24, min(counts[name], 3), 20) for name in some}, "some maps"),
         material({"normal": pixels(16, 16, 2, 30), "roughness": graphics(16, 16, 1, 31)}, "no base"),
+    ]
+
+
+def masks() -> list[SourceTexture]:
+    """Return material sets with alpha: a mask, one that is blended, and one without."""
+    disc = graphics(40, 32, 1, 60) // 128 * 255
+    return [
+        material({"base": pixels(40, 32, 3, 61), "normal": pixels(40, 32, 2, 62), "alpha": disc}, "mask", cutoff=0.4),
+        material({"base": graphics(32, 32, 3, 63), "alpha": pixels(32, 32, 1, 64)}, "blended"),
+        material({"base": pixels(16, 16, 3, 65), "roughness": pixels(16, 16, 1, 66)}, "no alpha"),
     ]
 
 
@@ -106,6 +116,8 @@ MAKERS: Mapping[str, Callable[[], Pack]] = {
     ),
     "block-flat": lambda: encode(_flat(), target=BitsTarget(5.0), grouping=GroupingConfig("single")),
     "block-sets": lambda: encode(sets(), target=BitsTarget(12.0), grouping=GroupingConfig("single")),
+    "block-coverage": lambda: encode(masks(), target=BitsTarget(10.0), grouping=GroupingConfig("single")),
+    "block-universal-coverage": lambda: encode(masks(), target=BitsTarget(8.0), grouping=GroupingConfig("universal")),
     "block-universal": lambda: encode(_flat(), target=BitsTarget(3.0), grouping=GroupingConfig("universal")),
     "block-universal-sets": lambda: encode(sets(), target=BitsTarget(9.0), grouping=GroupingConfig("universal")),
     "grid-textures": lambda: _grid(textures(), GridConfig(output_channels=4, hidden_width=16)),

@@ -13,6 +13,7 @@ from ntc.api import decode
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.universal import set_tables_path, tables_path
 from ntc.codec.latents import latent_levels
+from ntc.codec.maps import CODED_MAPS
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_db
 from ntc.metrics.block_compression import decode_bc, decode_bc5, encode_bc5, encode_bc7
@@ -109,7 +110,7 @@ def test_libntc_decodes_them(name: str) -> None:
 
 
 def test_libntc_tells_what_a_pack_holds() -> None:
-    for name in ("block-textures", "block-sets"):
+    for name in ("block-textures", "block-sets", "block-coverage"):
         data, pack = (FOLDER / f"{name}.ntc").read_bytes(), read_pack(FOLDER / f"{name}.ntc")
         with native_pack(data) as own:
             for number, texture in enumerate(pack.textures):
@@ -117,8 +118,7 @@ def test_libntc_tells_what_a_pack_holds() -> None:
                 assert found.name.decode() == texture.name
                 assert found.pixel_hash.decode() == texture.pixel_hash
                 assert (found.width, found.height, found.channels) == (texture.width, texture.height, texture.channels)
-                names = ["base", "normal", "roughness", "metalness", "emissive", "occlusion"]
-                assert [names[part] for part in found.maps[: found.map_count]] == list(texture.maps)
+                assert [CODED_MAPS[part] for part in found.maps[: found.map_count]] == list(texture.maps)
                 assert [["repeat", "mirror", "clamp"][own_wrap] for own_wrap in found.wrap] == list(texture.wrap)
                 assert bool(found.is_srgb) == (texture.color_space == "srgb")
 

@@ -24,7 +24,7 @@ from viewer.checking.kept_values import KeptValues
 from viewer.checking.record import MapRecord, TextureRecord
 from viewer.scene.images import ProgressReport, map_in_threads
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import MapChoice, reduce_texture, source_texture
+from viewer.scene.source_textures import MapChoice, reduce_texture, source_texture, without_alpha
 
 DIGITS = 40
 THUMBNAIL = 72
@@ -96,7 +96,10 @@ def original_of(scene: Scene, texture_id: int, encoded: EncodedTexture) -> Sourc
     maps: MapChoice = (
         "base" if encoded.pixel_hash == scene.textures[texture_id].pixel_hash and len(encoded.maps) == 1 else "all"
     )
-    source = reduce_texture(source_texture(scene, texture_id, None, maps), max(encoded.width, encoded.height))
+    whole = source_texture(scene, texture_id, None, maps)
+    source = reduce_texture(
+        whole if "alpha" in encoded.maps else without_alpha(whole), max(encoded.width, encoded.height)
+    )
     if source.pixels.shape != (encoded.height, encoded.width, encoded.channels):
         raise InputError(
             f"{encoded.name}: the pack has {encoded.width} x {encoded.height} texels of {encoded.channels} channels, the scene "

@@ -40,6 +40,8 @@ class BlockingCalls:
 
 LIMIT_VARIABLE = "NTC_VIEWER_GPU_MEGABYTES"
 """Environment variable that limits all GPU memory, in MB, for trying what happens without memory."""
+ALL_MIPS = 1000
+"""More mips than any texture has."""
 NO_ERROR = "GL_NO_ERROR"
 OUT_OF_MEMORY = "GL_OUT_OF_MEMORY"
 REFUSALS = (OUT_OF_MEMORY, "GL_INVALID_VALUE")
@@ -252,10 +254,10 @@ class GpuMemory:
         self.check_size(what, size)
         return self.made(what, size[0] * size[1] * 4, lambda: self.gl.depth_texture(size))
 
-    def build_mipmaps(self, what: str, texture: moderngl.Texture) -> None:
-        """Fill the mips of a texture, which is freed where that fails."""
+    def build_mipmaps(self, what: str, texture: moderngl.Texture, coarsest: int = ALL_MIPS) -> None:
+        """Fill the mips of a texture down to number `coarsest`, or all; it is freed where that fails."""
         self._take_errors()
-        texture.build_mipmaps()
+        texture.build_mipmaps(max_level=coarsest)
         self.check(what, texture.width * texture.height * texture.components // 3, texture)
 
     def framebuffer(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import MAPS, PLANE_OF_MAP, MapName
+from ntc.codec.maps import MAPS, PLANE_OF_MAP, ShownMap
 from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none, psnr_db
@@ -129,7 +129,7 @@ class MapError:
     """Squared error of each pixel, the mean over RGB in squared steps: [H, W], row 0 on top."""
 
 
-def shown_maps(renderer: Renderer, slot: Slot) -> tuple[MapName, ...]:
+def shown_maps(renderer: Renderer, slot: Slot) -> tuple[ShownMap, ...]:
     """Return the decoded maps of `slot` that the last view shows, in the order of MAPS."""
     drawn = renderer.decoded_planes(slot)
     held = {name for texture in renderer.scene.textures for name in texture.maps}

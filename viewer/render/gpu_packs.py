@@ -24,6 +24,7 @@ from viewer.render.passes.decode import (
 )
 from viewer.render.passes.visible_latents import VisibleLatentsPass
 from viewer.render.render_context import RenderContext
+from viewer.render.resources.coverage import PackedCoverage, packed_coverage
 from viewer.render.resources.divergence_maps import CountedGrouping
 from viewer.render.resources.latent_store import LatentUpdate
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs
@@ -305,6 +306,7 @@ class GpuPacks:
         self._last_version = 0
         self._grouping_versions: dict[tuple[int, ...], int] = {}
         self._on_gpu: dict[tuple[str, Precision], GpuPack] = {}
+        self._coverage: dict[int, PackedCoverage] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self._open
@@ -329,6 +331,7 @@ class GpuPacks:
         for name in [name for name in self._open if name not in packs]:
             del self._open[name]
             self._release(name)
+        self._take_coverage()
         changed = [name for name, pack in packs.items() if name not in self._open or self._open[name].pack is not pack]
         for name in changed:
             self.update_pack(name, packs[name])
@@ -344,6 +347,7 @@ class GpuPacks:
             return
         self._last_version += 1
         opened = self._open[name] = OpenPack(pack, match_scene(pack, self._context.scene), self._last_version)
+        self._take_coverage()
         if before is None:
             return
         if not same_shape(before.pack, pack) or before.match != opened.match:
@@ -351,6 +355,11 @@ class GpuPacks:
             return
         for on_gpu in [on_gpu for (source, _), on_gpu in self._on_gpu.items() if source == name]:
             on_gpu.update(opened)
+
+    def _take_coverage(self) -> None:
+        opened = {name: (own.pack, own.match) for name, own in self._open.items()}
+        self._coverage = packed_coverage(opened, self._coverage)
+        self._context.scene_buffers.take_coverage(self._coverage)
 
     def advance_updates(self, budget_bytes: int | None) -> UploadCounts:
         """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""

@@ -110,8 +110,9 @@ class LightDrawer:
         return self._maps, output
 
     def _draw_shadow(self, direction: tuple[float, float, float]) -> tuple[ShadowView, Output]:
-        posed, pose, inputs = self._drawer.posed, self._drawer.pose, self._shadow_inputs
-        if inputs is None or (inputs.direction, inputs.pose) != (direction, pose.version):
+        posed, inputs = self._drawer.posed, self._shadow_inputs
+        wanted = direction, self._drawer.pose.version, self._drawer.coverage
+        if inputs is None or (inputs.direction, inputs.pose, inputs.coverage) != wanted:
             bounds = posed.bounds
             view = shadow_view(bounds, direction)
             centre = bounds.astype(np.float64).mean(axis=0)
@@ -119,7 +120,7 @@ class LightDrawer:
             eye = tuple((centre + np.array(direction) * reach).tolist())
             camera = Camera("sun", eye, tuple(centre.tolist()), orthographic_height=reach)
             draw_list = posed.culling.draw_list(camera, view.matrix)
-            inputs = self._shadow_inputs = ShadowInputs(direction, pose.version, view, draw_list)
+            inputs = self._shadow_inputs = ShadowInputs(*wanted, view, draw_list)
         if self._shadow is None:
             self._shadow = ShadowMap(self._context)
         return inputs.view, self._scheduler.run(self._shadow_pass, inputs, self._shadow)

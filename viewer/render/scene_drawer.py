@@ -172,6 +172,11 @@ class SceneDrawer:
         return self._clusters.counts(self._context.waits)
 
     @property
+    def coverage(self) -> int:
+        """Version of what textures cover."""
+        return self._buffers.coverage
+
+    @property
     def _last(self) -> CulledScene:
         if self._culled.scene is None:
             raise RuntimeError("draw a visibility buffer first")
@@ -186,7 +191,7 @@ class SceneDrawer:
         view = CameraView(camera, target.size)
         # Nothing reads the version of this output: other cameras may have been culled for since.
         self._scheduler.run(self._cull, view, self._culled, reads, timing=timer.measure_cpu)
-        culled = replace(self._last, sample=blend_sample)
+        culled = replace(self._last, sample=blend_sample, coverage=self.coverage)
         version = self._scheduler.run(self._visibility, culled, target, reads).version
         return self._inputs(culled, target, version)
 
@@ -197,7 +202,8 @@ class SceneDrawer:
         is_culled_anew = self._clusters is not None and target.size != last.size
         if is_culled_anew:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, target.size), last.matrix))
-        version = self._scheduler.run(self._visibility, last, target, (self.pose,)).version
+        culled = replace(last, coverage=self.coverage)
+        version = self._scheduler.run(self._visibility, culled, target, (self.pose,)).version
         if is_culled_anew:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, last.size), last.matrix))
         return self._inputs(last, target, version)

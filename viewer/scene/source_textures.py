@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
-from ntc.codec.maps import BASE_ALONE
+from ntc.codec.maps import BASE_ALONE, MapName
 from ntc.codec.mips import resize_to
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -16,7 +16,7 @@ from viewer.scene.images import map_in_threads, reduced_size
 from viewer.scene.model import Scene, SceneTexture
 
 MapChoice = Literal["base", "all"]
-"""Base colours alone, or whole material sets."""
+"""Base colours alone, or whole material sets with alpha."""
 
 
 def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
@@ -36,9 +36,33 @@ def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
 
 
 def _whole(texture: SceneTexture) -> NDArray[np.uint8]:
-    """Return [H, W, C] the channels of all maps of `texture`."""
+    """Return [H, W, C] the channels of all maps of `texture`, and its alpha."""
     base = [texture.pixels] if "base" in texture.maps else []
-    return np.concatenate([*base, *(texture.further_maps[name] for name in texture.maps if name != "base")], axis=2)
+    further = [texture.further_maps[name] for name in texture.maps if name != "base"]
+    alpha = [] if texture.alpha is None else [texture.alpha[..., None]]
+    return np.concatenate([*base, *further, *alpha], axis=2)
+
+
+def without_alpha(texture: SourceTexture) -> SourceTexture:
+    """Return `texture` without the map `alpha`, as older packs and packs of base colours hold it."""
+    if "alpha" not in texture.maps:
+        return texture
+    return replace(texture, pixels=np.ascontiguousarray(texture.pixels[..., :-1]), maps=texture.maps[:-1], cutoff=None)
+
+
+def _cutoffs(scene: Scene) -> dict[int, float]:
+    """Return the alpha from which on texels are there, by the id of each texture that is a mask in all materials with alpha."""
+    found: dict[int, float] = {}
+    blended = {material.texture_id for material in scene.materials if material.alpha_mode == "blend"}
+    for material in scene.materials:
+        opacity = material.factor[3]
+        if (
+            material.alpha_mode == "mask"
+            and material.texture_id not in blended
+            and 0.0 < material.alpha_cutoff <= opacity
+        ):
+            found.setdefault(material.texture_id, material.alpha_cutoff / opacity)
+    return found
 
 
 def _wraps(scene: Scene) -> dict[int, tuple[WrapMode, WrapMode]]:
@@ -59,21 +83,28 @@ def has_source(texture: SceneTexture, maps: MapChoice) -> bool:
 
 def source_texture(scene: Scene, index: int, size: int | None, maps: MapChoice = "base") -> SourceTexture:
     """Return the texture of `scene` with the id `index`, as `source_textures` gives it."""
-    return _source(scene, index, _wraps(scene), size, maps)
+    return _source(scene, index, _wraps(scene), _cutoffs(scene), size, maps)
 
 
 def _source(
-    scene: Scene, index: int, wraps: Mapping[int, tuple[WrapMode, WrapMode]], size: int | None, maps: MapChoice
+    scene: Scene,
+    index: int,
+    wraps: Mapping[int, tuple[WrapMode, WrapMode]],
+    cutoffs: Mapping[int, float],
+    size: int | None,
+    maps: MapChoice,
 ) -> SourceTexture:
     texture = scene.textures[index]
-    is_set = maps == "all" and texture.maps != BASE_ALONE
+    is_set = maps == "all" and (texture.maps != BASE_ALONE or texture.has_alpha)
+    alpha: tuple[MapName, ...] = ("alpha",) if texture.has_alpha else ()
     whole = SourceTexture(
         name=texture.name,
         pixels=_whole(texture) if is_set else texture.pixels,
-        pixel_hash=texture.set_hash if is_set else texture.pixel_hash,
+        pixel_hash=texture.set_hash or texture.pixel_hash if is_set else texture.pixel_hash,
         wrap=wraps.get(index, ("repeat", "repeat")),
         category=texture.category,
-        maps=texture.maps if is_set else BASE_ALONE,
+        maps=(*texture.maps, *alpha) if is_set else BASE_ALONE,
+        cutoff=cutoffs.get(index) if is_set and alpha else None,
     )
     return whole if size is None else reduce_texture(whole, size)
 
@@ -86,13 +117,13 @@ def source_textures(
     With `only`, those of these ids.
 
     `base` gives base colours (RGB): textures without one, whose ids are the last, are left out. `all` gives all textures with all
-    their maps; the hash of a material set is then `SceneTexture.set_hash`. Wrap modes are those of the first material that uses
-    the texture. Alpha is not part of them: it stays a plain texture. Raises InputError for a size below 1.
+    their maps, and alpha where a material reads it; the hash of a material set is then `SceneTexture.set_hash`. Wrap modes and the
+    cutoff of alpha are those of the first material that uses the texture. Raises InputError for a size below 1.
     """
-    wraps = _wraps(scene)
+    wraps, cutoffs = _wraps(scene), _cutoffs(scene)
     chosen = [
         index
         for index, texture in enumerate(scene.textures)
         if has_source(texture, maps) and (only is None or index in only)
     ]
-    return tuple(map_in_threads(lambda index: _source(scene, index, wraps, size, maps), chosen))
+    return tuple(map_in_threads(lambda index: _source(scene, index, wraps, cutoffs, size, maps), chosen))

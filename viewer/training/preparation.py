@@ -16,7 +16,7 @@ from ntc.worker.client import TrainingWorker
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.images import reduced_size
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import reduce_texture, source_textures
+from viewer.scene.source_textures import reduce_texture, source_textures, without_alpha
 from viewer.training.grouping_process import GroupingProcess
 from viewer.training.settings import DEFAULT_BUDGET, TrainingSettings, budget_text, target_text
 
@@ -203,7 +203,8 @@ def _textures_of(pack: Pack, scene: Scene, report: JobReport) -> tuple[SourceTex
             raise InputError(
                 f"{encoded.name}: is in the pack but not in {scene.name}, so the pack cannot be trained here; encode the scene"
             )
-        small = _reduced(source, max(encoded.width, encoded.height), report)
+        known = source if "alpha" in encoded.maps else without_alpha(source)
+        small = _reduced(known, max(encoded.width, encoded.height), report)
         found.append(replace(small, name=encoded.name, wrap=encoded.wrap, category=encoded.category))
     return tuple(found)
 
@@ -225,7 +226,7 @@ def _pixel_bytes(settings: TrainingSettings, scene: Scene) -> int:
         texture.size if settings.texture_size is None else reduced_size(*texture.size, settings.texture_size)
         for texture in scene.textures
     ]
-    channels = [sum(MAP_CHANNELS[name] for name in texture.maps) for texture in scene.textures]
+    channels = [sum(MAP_CHANNELS[name] for name in texture.maps) + texture.has_alpha for texture in scene.textures]
     return sum(width * height * count for (width, height), count in zip(sizes, channels, strict=True))
 
 

@@ -13,7 +13,7 @@ from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.rate import bits_of_words, encoding_work, settings_for_target, words_of_bits
 from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
-from ntc.codec.block.reference import decode_image, lookup_values
+from ntc.codec.block.reference import decode_alpha, decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.universal import MOST_SCALED_GROUPS, VERSION, set_tables_path, tables_path
 from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
@@ -33,7 +33,7 @@ from ntc.codec.encoding import (
     TextureSet,
 )
 from ntc.codec.gpu import GpuTables
-from ntc.codec.maps import BASE_ALONE, MapName
+from ntc.codec.maps import BASE_ALONE, MapName, is_material
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -67,7 +67,7 @@ class BlockCodec(Codec):
     table_text = "bases and bit allocations"
 
     def target_of(self, maps: Sequence[MapName]) -> BitsTarget:
-        return DEFAULT_TARGET if tuple(maps) == BASE_ALONE else BitsTarget(DEFAULT_SET_BITS)
+        return BitsTarget(DEFAULT_SET_BITS) if is_material(maps) else DEFAULT_TARGET
 
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
         del width, height
@@ -137,6 +137,11 @@ class BlockCodec(Codec):
         if config.tables is not None:
             return set_tables_path(config.tables).read_bytes()
         return tables_path(int(pack.grouping.parameters["version"]), config.output_channels).read_bytes()
+
+    def coverage_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8] | None:
+        own = block_parts(pack)
+        texture = own.textures[texture_index]
+        return decode_alpha(texture, own.decoders[texture.group], own.config, level)
 
     def torch_twin(
         self,

@@ -150,6 +150,35 @@ def unpacked_codes(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfi
     return UnpackedCodes(modes, places.depths, start_states(bits, places.first), indices, edges)
 
 
+class ChannelIndices(NamedTuple):
+    """Indices of the coefficients of one channel, read without the others."""
+
+    modes: NDArray[np.int64]
+    """[blocks]."""
+    depths: NDArray[np.int64]
+    """[blocks, coefficients of the channel]."""
+    states: NDArray[np.int64]
+    """[blocks, coefficients of the channel] before each."""
+    branches: NDArray[np.int64]
+    others: NDArray[np.int64]
+
+
+def channel_indices(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig, channel: int) -> ChannelIndices:
+    """Return the indices of the coefficients of `channel` in `stored`."""
+    modes = (stored.codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)
+    own, sizes = decoder.channels == channel, np.arange(len(config.block_words) * config.modes)
+    # Places by size and mode: far fewer than blocks.
+    table = bit_places(sizes % config.modes, sizes // config.modes, decoder, config)
+    rows = stored.sizes * config.modes + modes
+    depths = table.depths[:, own].astype(np.int64)[rows]
+    bits = _spread(stored.codes)
+    at = table.branches[:, own][rows]
+    window = _numbers(bits, at - 3, 4)
+    states = (window & 1) << 2 | (window & 2) | (window >> 2 & 1)
+    others = _numbers(bits, table.others[:, own][rows], LARGEST_DEPTH - 1) & ((1 << np.maximum(depths - 1, 0)) - 1)
+    return ChannelIndices(modes, depths, states, window >> 3, others)
+
+
 def bits_before_branches(
     modes: NDArray[np.int64],
     sizes: NDArray[np.int64],

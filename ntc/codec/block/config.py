@@ -56,7 +56,7 @@ class BlockConfig(CodecSettings):
     modes: int = 32
     """Bit allocations of a group; each block names one of them. A power of two from 8, at most 64, or 128 with material sets."""
     output_channels: int = 3
-    """Channels that the decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
+    """Channels that the decoders write, 1 to 13: those of `maps`; a texture with fewer uses the first ones."""
     maps: tuple[MapName, ...] = BASE_ALONE
     """Maps that the channels stand for (`ntc.codec.maps`): all that any texture of the pack has."""
     levels: int | None = None
@@ -126,6 +126,11 @@ class BlockConfig(CodecSettings):
     def planes(self) -> tuple[tuple[int, ...], ...]:
         """By plane that has maps: its channels."""
         return tuple(tuple(channels.values()) for channels in plane_channels(self.maps, self.output_channels).values())
+
+    @property
+    def alpha(self) -> int | None:
+        """Channel of the map `alpha`; None without one."""
+        return self.output_channels - 1 if "alpha" in self.maps else None
 
     @property
     def block_texels(self) -> int:

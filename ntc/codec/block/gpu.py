@@ -260,8 +260,8 @@ def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _edge_defines(config: BlockConfig, channels: Mapping[int, int]) -> list[str]:
-    """Defines for a plane that has these `channels` by component: how many, a colour whose bits begin at `at`, and which are
-    sRGB-coded: those of a base where its texture says so."""
+    """Defines for a plane that has these `channels` by component: how many, a colour whose bits begin at `at`, which are
+    sRGB-coded (those of a base where its texture says so), and whether means of coarse mips count beside edge parts."""
     places = {component: place for place, component in enumerate(channels)}
     always, often = (srgb_channels(config.maps, config.output_channels, space) for space in ("linear", "srgb"))
     coded = ["1.0" if one else "srgb" if other else "0.0" for one, other in zip(always, often, strict=True)]
@@ -275,4 +275,5 @@ def _edge_defines(config: BlockConfig, channels: Mapping[int, int]) -> list[str]
         f"#define EDGE_CHANNELS {len(channels)}",
         f"#define EDGE_COLOUR(code, at) vec4({', '.join(parts)})",
         f"#define EDGE_COLOURS(srgb) vec4({', '.join(colours)})",
+        f"#define EDGE_MEANS {int(config.alpha in channels.values())}",
     ]

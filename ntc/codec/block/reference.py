@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.codes import EdgePart, UnpackedCodes, unpacked_codes
+from ntc.codec.block.codes import EdgePart, UnpackedCodes, channel_indices, edge_parts, unpacked_codes
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, averaged_rows, scale_values
 from ntc.codec.block.storage import BlockCodes, level_codes, level_rows
@@ -30,6 +30,16 @@ def decode_coefficients(codes: UnpackedCodes, decoder: BlockDecoder) -> Array:
         values[:, k] = np.where(active, levels[depths[:, k], number] * scales[:, k], 0.0)
         state = np.where(active, following[state, branch], state)
     return values
+
+
+def channel_coefficients(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig, channel: int) -> Array:
+    """[blocks, coefficients of `channel`] float64: those of `decode_coefficients`, read without the others."""
+    _, subsets = branch_tables()
+    found = channel_indices(stored, decoder, config, channel)
+    active = found.depths > 0
+    number = np.where(active, 4 * found.others + subsets[found.states, found.branches], 0)
+    scales = scale_values(decoder.scales[:, decoder.channels == channel])[found.modes]
+    return np.where(active, level_table()[found.depths, number] * scales, 0.0)
 
 
 def mixed(indices: NDArray[np.uint8], bits: NDArray[np.int64], config: BlockConfig, mip: int) -> tuple[Array, Array]:
@@ -72,6 +82,9 @@ def block_values(
     for plane, part in zip(config.planes, codes.edges, strict=True):
         channels = np.array(plane, np.int64)
         shown = edge_values(part, config, mip, colours[channels])
+        if config.alpha in plane:
+            # Means of coarse mips keep a mask's coverage, in edge parts too.
+            shown = shown + (texture.mean[mip] - texture.mean[0]).astype(np.float64)[channels]
         values[np.ix_(part.blocks, np.arange(rows.shape[1]), channels)] = shown
     return np.asarray(values + transformed @ texture.axes.astype(np.float64).T)
 
@@ -117,6 +130,34 @@ def decode_image(
     values = image_of(decode_blocks(texture, decoder, config, level), geometry, config)
     pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)
     return pixels
+
+
+def decode_alpha(
+    texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int = 0
+) -> NDArray[np.uint8]:
+    """[h, w] uint8: the map `alpha` of mip `level`, which the codec has. Only its coefficients are read."""
+    geometry = latent_levels(texture.width, texture.height, config)[level]
+    values = channel_values(texture, texture_codes(texture, config, level), decoder, config, geometry.mip_of_cell)
+    image = image_of(np.clip(values, 0.0, 1.0)[..., None], geometry, config)[..., 0]
+    return np.asarray(np.rint(image * 255.0), np.uint8)
+
+
+def channel_values(
+    texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig, mip: int
+) -> Array:
+    """[blocks, texels] float64, not clamped: the map `alpha` as `block_values` decodes it, which no axis joins with other maps."""
+    channel = config.output_channels - 1
+    coefficients = channel_coefficients(stored, decoder, config, channel)
+    own = decoder.channels == channel
+    rows = averaged_rows(
+        decoder.basis[own].astype(np.float64) * scale_values(decoder.basis_scale[own])[:, None], config, mip
+    )
+    base = np.full((len(stored.codes), rows.shape[1]), float(texture.mean[mip, channel]))
+    part = edge_parts(stored, decoder, config)[-1]
+    base[part.blocks] = edge_values(part, config, mip)[..., 0] + float(
+        texture.mean[mip, channel] - texture.mean[0, channel]
+    )
+    return np.asarray(base + coefficients @ rows * float(texture.axes[channel, channel]))
 
 
 def image_of(blocks: NDArray[np.floating], level: LatentLevel, config: BlockConfig) -> NDArray[np.floating]:

@@ -71,9 +71,9 @@ class TorchBlockDecoder:
             state = torch.where(active, self._following[state, branch], state)
         return values * self._scales[modes]
 
-    def _with_edges(self, values: Tensor, words: Tensor, sizes: Tensor, colours: Tensor) -> None:
-        """Write the edge parts of codes `words` into `values` [blocks, texels of all mips, channels], which hold means. `colours`
-        [channels] bool: which are sRGB-coded."""
+    def _with_edges(self, values: Tensor, words: Tensor, sizes: Tensor, means: Tensor, colours: Tensor) -> None:
+        """Write the edge parts of codes `words` into `values` [blocks, texels of all mips, channels], which hold `means` [texels of
+        all mips, channels]. `colours` [channels] bool: which are sRGB-coded."""
         config, modes = self._config, words[:, 0] & (self._config.modes - 1)
         side = config.block_side
         for plane, channels in enumerate(config.planes):
@@ -100,6 +100,8 @@ class TorchBlockDecoder:
                     texels = torch.arange(config.code_texels, device=words.device)[config.texels_of_mip(mip)]
                     columns = torch.tensor(channels, device=words.device)
                     shown = torch.where(colours[columns], torch.hypot(shown, step * spread), shown)
+                    if config.alpha in channels:
+                        shown = shown + (means[texels[0]] - means[0])[columns]
                     values[own[:, None, None], texels[None, :, None], columns] = shown
 
     def blocks(self, codes: Tensor, sizes: Tensor, mean: Tensor, axes: Tensor, colours: Tensor) -> Tensor:
@@ -111,7 +113,7 @@ class TorchBlockDecoder:
             words = torch.nn.functional.pad(part, (0, 2))
             values = (self.coefficients(words, own) @ self._basis).view(len(part), -1, config.output_channels)
             flat = means.expand(len(part), -1, -1).clone()
-            self._with_edges(flat, words, own, colours)
+            self._with_edges(flat, words, own, means, colours)
             parts.append(flat + values @ axes.T)
         return torch.cat(parts)
 

@@ -15,7 +15,7 @@ from safetensors.numpy import load_file
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.maps import LARGEST_CHANNELS, MAPS, MapName, channel_places, plane_channels
+from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName, channel_places, map_slices, plane_channels
 from ntc.errors import InputError
 
 VERSION = 2
@@ -52,6 +52,8 @@ def universal_tensors(decoder: BlockDecoder) -> dict[str, np.ndarray]:
 SET_VERSION = 1
 """Of the tables for whole materials, likewise."""
 SET_MODES = 128
+SET_CHANNELS = 12
+"""Channels of the tables: those of MAPS, with a base of four channels."""
 BANDS = 5
 """Bands of a channel: coefficients of about one strength, the strongest first."""
 FINE_BLOCKS = 3000
@@ -89,21 +91,42 @@ def set_tables(maps: Sequence[MapName], channels: int, version: int | None = SET
             "install a newer one, or encode again"
         )
     tensors = load_file(path)
-    places = list(channel_places(maps, channels, MAPS, LARGEST_CHANNELS))
-    number = np.full(LARGEST_CHANNELS, -1)
+    places = list(_places(maps, channels))
+    number = np.full(SET_CHANNELS, -1)
     number[places] = np.arange(channels)
     kept = np.nonzero(number[tensors["channels"]] >= 0)[0]
-    own, known = plane_channels(maps, channels), list(plane_channels(MAPS, LARGEST_CHANNELS))
+    if "alpha" in maps:
+        # Rows of a plane lie together, and coverage is the last one.
+        kept = kept[np.argsort(number[tensors["channels"][kept]] == channels - 1, kind="stable")]
+    known = [*plane_channels(MAPS, SET_CHANNELS), "coverage"]
+    edges = np.column_stack([tensors["edges"], np.arange(len(tensors["edges"])) & 1])
+    own = [known.index(plane) for plane in plane_channels(maps, channels)]
     rows = {name: tensors[name][kept] for name in ("basis", "channels", "basis_scale", "bands")}
     decoder = BlockDecoder(
         rows["basis"],
         number[rows["channels"]].astype(np.uint8),
         rows["basis_scale"],
         np.ascontiguousarray(tensors["scales"][:, kept]),
-        np.ascontiguousarray(tensors["edges"][:, [known.index(plane) for plane in own]]),
+        np.ascontiguousarray(edges[:, own].astype(np.uint8)),
     )
     bands = number[rows["channels"]] * BANDS + rows["bands"]
-    return SetTables(decoder, bands, tensors["energies"].reshape(LARGEST_CHANNELS, BANDS)[places].reshape(-1))
+    return SetTables(decoder, bands, tensors["energies"].reshape(SET_CHANNELS, BANDS)[places].reshape(-1))
+
+
+def _places(maps: Sequence[MapName], channels: int) -> tuple[int, ...]:
+    """Return the channel of the tables whose rows each channel takes: of the map `alpha` the base's fourth.
+
+    Raises InputError for a base of four channels beside that map.
+    """
+    if "alpha" not in maps:
+        return channel_places(maps, channels, MAPS, SET_CHANNELS)
+    fourth = MAP_CHANNELS["base"]
+    if "base" in maps and map_slices(maps, channels)["base"].stop > fourth:
+        raise InputError(
+            f"grouping {UNIVERSAL}: no tables for a base of four channels beside the map alpha; leave one out"
+        )
+    others = tuple(name for name in maps if name != "alpha")
+    return (*(channel_places(others, channels - 1, MAPS, SET_CHANNELS) if others else ()), fourth)
 
 
 def set_config(maps: Sequence[MapName], channels: int) -> BlockConfig:

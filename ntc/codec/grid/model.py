@@ -33,7 +33,7 @@ class GridConfig(CodecSettings):
     leaky_slope: float = 0.01
     """Slope of LeakyReLU for negative inputs."""
     output_channels: int = 3
-    """Channels the decoders write, 1 to 12: those of `maps`; a texture with fewer uses the first ones."""
+    """Channels the decoders write, 1 to 13: those of `maps`; a texture with fewer uses the first ones."""
     latent_bits: Literal[4, 8] = 8
     """Bits of a stored latent value. 8 channels of 4 bits take the room of 4 channels of 8 bits."""
     weight_bits: Literal[16, 32] = 32

@@ -1,13 +1,16 @@
 """Alpha of MASK and BLEND materials: sampled with the material's own wrap modes and filters."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from ntc.api import encode, material
 from ntc.codec.config import WrapMode
+from ntc.codec.encoding import BitsTarget
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import fetch
 from viewer.gl.context import GraphicsContext
@@ -51,6 +54,30 @@ def test_holes_are_where_the_sampled_alpha_is_low(masked: Renderer, name: str) -
     certain = np.abs(alpha - 0.5) > 0.01
     assert certain.mean() > 0.9
     assert (masked.covered() == (alpha >= 0.5))[certain].all()
+
+
+@pytest.mark.once
+def test_a_pack_with_alpha_says_what_is_covered(graphics: GraphicsContext) -> None:
+    original, other = np.full((32, 32), 255, np.uint8), np.full((32, 32), 255, np.uint8)
+    original[:16, :16], other[:, 16:] = 0, 0
+    scene = scene_of(
+        [MAP.quad(SIZE, 0, 0)], [Material("m", 0, WHITE, alpha_mode="mask")], [texture(32, 32, 1, original)]
+    )
+    own = material({"base": scene.textures[0].pixels, "alpha": other[..., None]}, cutoff=0.5)
+    pack = encode([replace(own, pixel_hash=scene.textures[0].pixel_hash)], target=BitsTarget(8.0))
+    renderer = Renderer(graphics, scene)
+    seen = []
+    for packs in ({}, {"pack": pack}, {}):
+        renderer.set_packs(packs)
+        renderer.render(ViewState(straight_camera(0), SIZE))
+        seen.append(renderer.covered())
+    renderer.release()
+    sampler = Sampler()
+    for alpha, found in ((original, seen[0]), (other, seen[1]), (original, seen[2])):
+        shown = fetch(alpha[..., None] / 255.0, MAP.uv(SIZE), sampler, True)[:, 0].reshape(SIZE[::-1])
+        certain = np.abs(shown - 0.5) > 0.2
+        assert certain.mean() > 0.9
+        assert (found == (shown >= 0.5))[certain].all()
 
 
 BLENDS = (0.0, 0.2, 0.5, 0.9, 1.0)

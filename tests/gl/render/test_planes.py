@@ -11,7 +11,7 @@ from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.grid.model import GridConfig
-from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, Plane, plane_channels
+from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, Plane, ShownMap, plane_channels
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
@@ -198,7 +198,7 @@ def test_a_pack_of_base_colours_is_lit_with_the_other_maps_of_the_scene(graphics
 
 
 @pytest.mark.parametrize("name", ["base", "normal", "roughness", "metalness", "emissive", "occlusion"])
-def test_one_decoded_map_stands_among_the_original_ones(renderer: Renderer, name: MapName) -> None:
+def test_one_decoded_map_stands_among_the_original_ones(renderer: Renderer, name: ShownMap) -> None:
     layer = list(CASES).index("one texel a pixel")
     renderer.render(ViewState(straight_camera(layer), SIZE, Slot("block"), material_view="lit"), whole=True)
     original, decoded = renderer.picture(Slot()), renderer.picture(Slot("block"))

@@ -48,7 +48,8 @@ def _channels(texture: EncodedTexture, name: MapName) -> dict[int, int]:
         return dict(zip(CHANNELS[name], own, strict=True))
     # One or two channels are grey, with alpha last.
     colors = list(own[:3]) if len(own) >= 3 else [own[0]] * 3
-    return dict(enumerate([*colors, own[-1]] if len(own) in (2, 4) else colors))
+    alpha = [texture.channels - 1] if "alpha" in texture.maps else [own[-1]] if len(own) in (2, 4) else []
+    return dict(enumerate([*colors, *alpha]))
 
 
 def _packed_maps(

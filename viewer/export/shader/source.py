@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.gpu import LEVEL_RECORD, SOFTWARE, level_records
 from ntc.codec.latents import latent_levels
-from ntc.codec.maps import PLANES, Plane
+from ntc.codec.maps import CODED_PLANES, Plane
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from viewer.gl.program import ShaderLibrary
@@ -169,7 +169,7 @@ def decoding_source(pack: Pack, plane: Plane) -> str:
     """GLSL of constants, structs and functions that decode `plane` of a texture of `pack`, the last of them ENTRY."""
     tables = codec_of(pack.config).gpu_tables(pack.config)
     library = ShaderLibrary(shaders_folder(), tables.includes(SOFTWARE))
-    text = library.assemble(SHADER, {"PRECISION_FP16": 0, "PLANE": PLANES.index(plane)}).text
+    text = library.assemble(SHADER, {"PRECISION_FP16": 0, "PLANE": CODED_PLANES.index(plane)}).text
     lines = [line for line in text.splitlines() if not line.startswith(("#version", "#line"))]
     names = dict.fromkeys(name for name, _ in _CONSTANT.findall("\n".join(lines)))
     kept = re.compile(rf"\b({'|'.join(names)})\b")

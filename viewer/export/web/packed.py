@@ -10,7 +10,7 @@ from PIL import Image
 
 from ntc.codec.gpu import SOFTWARE, WEIGHT_COLUMN_BITS, level_records
 from ntc.codec.latents import latent_levels
-from ntc.codec.maps import PLANE_COMPONENTS, PLANES, Plane, plane_channels
+from ntc.codec.maps import CODED_PLANES, PLANE_COMPONENTS, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
@@ -82,7 +82,7 @@ def decoding_shaders(pack: Pack) -> dict[Plane, str]:
     library = ShaderLibrary(shaders_folder(), tables.includes(SOFTWARE))
     found: dict[Plane, str] = {}
     for plane in plane_channels(config.maps, config.output_channels):
-        defines = {"WEIGHTS_IN_IMAGE": 1, "PRECISION_FP16": 0, "PLANE": PLANES.index(plane)}
+        defines = {"WEIGHTS_IN_IMAGE": 1, "PRECISION_FP16": 0, "PLANE": CODED_PLANES.index(plane)}
         if tables.filters_texels:
             # At the centre of a texel there is nothing to filter: that texel alone.
             defines["FILTER_STOCHASTIC"] = 1

@@ -23,6 +23,8 @@ class ShadowInputs:
     direction: tuple[float, float, float]
     pose: int
     """Version of the pose."""
+    coverage: int
+    """Version of what textures cover (`SceneBuffers.coverage`)."""
     view: ShadowView = field(compare=False)
     draw_list: DrawList = field(compare=False)
 

@@ -25,6 +25,8 @@ class CulledScene:
     draw_list: AnyDrawList = field(compare=False)
     sample: int = 0
     """Number of the pattern of thresholds that BLEND surfaces are drawn against, 0 to 15."""
+    coverage: int = 0
+    """Version of what textures cover (`SceneBuffers.coverage`)."""
 
 
 class VisibilityPass:

@@ -1,6 +1,6 @@
 """A scene's geometry, instances and materials on the GPU."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import moderngl
@@ -9,9 +9,10 @@ import numpy as np
 from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, PLANES, MapName, Plane
 from ntc.errors import InputError
-from viewer.gl.allocation import replace_content
+from viewer.gl.allocation import ALL_MIPS, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT, GL_UNSIGNED_SHORT
+from viewer.render.resources.coverage import PackedCoverage
 from viewer.render.resources.culling import Bucket, DrawList, GpuDrawList
 from viewer.render.resources.layout import (
     ALPHA_CODES,
@@ -25,6 +26,8 @@ from viewer.render.resources.layout import (
 from viewer.render.resources.samplers import SamplerCache
 from viewer.scene.model import Material, Sampler, Scene
 
+SMALLEST_MIP = 8
+"""Texels along the longer side, at most, of a mip that no coarser one needs to follow."""
 COMPONENTS_OF_MAP: dict[MapName, int] = {**MAP_CHANNELS, "base": 4}
 """Number of components of a plane that each map takes."""
 
@@ -109,7 +112,10 @@ class SceneBuffers:
             self._materials = self._buffer("materials", self.materials)
         self._optional: dict[str, moderngl.Buffer] = {}
         """Buffers of vertex data that only some views read, by the attribute's name; uploaded when one does."""
+        self.coverage = 0
+        """Version of what textures cover: it differs whenever a picture of masked or blended surfaces may."""
         self._alpha: dict[int, moderngl.Texture] = {}
+        self._packed: dict[int, PackedCoverage] = {}
         self._samplers = SamplerCache(context)
         self._commands: moderngl.Buffer | None = None
         self._draw_list: AnyDrawList | None = None
@@ -219,15 +225,35 @@ class SceneBuffers:
             )
         return self._arrays[program]
 
+    def take_coverage(self, packed: Mapping[int, PackedCoverage]) -> None:
+        """Draw what these textures, by their id, cover in packs; of all others what their images cover."""
+        changed = {number for number in {*self._packed, *packed} if self._packed.get(number) != packed.get(number)}
+        if changed:
+            self.coverage += 1
+            self._packed = dict(packed)
+        for number in changed.intersection(self._alpha):
+            self._alpha.pop(number).release()
+
     def _alpha_texture(self, texture_id: int) -> moderngl.Texture:
         if texture_id not in self._alpha:
-            alpha = self._scene.textures[texture_id].alpha if texture_id >= 0 else None
-            pixels = np.full((1, 1), 255, np.uint8) if alpha is None else np.ascontiguousarray(alpha)
-            what = "coverage" if texture_id < 0 else f"coverage of texture {self._scene.textures[texture_id].name}"
-            texture = self._memory.texture(what, (pixels.shape[1], pixels.shape[0]), 1, pixels.tobytes())
-            self._memory.build_mipmaps(what, texture)
-            self._alpha[texture_id] = texture
+            self._alpha[texture_id] = self._upload_coverage(texture_id)
         return self._alpha[texture_id]
+
+    def _upload_coverage(self, texture_id: int) -> moderngl.Texture:
+        what = "coverage" if texture_id < 0 else f"coverage of texture {self._scene.textures[texture_id].name}"
+        mips = self._packed[texture_id].mips() if texture_id in self._packed else ()
+        alpha = self._scene.textures[texture_id].alpha if texture_id >= 0 and not mips else None
+        first = mips[0] if mips else np.full((1, 1), 255, np.uint8) if alpha is None else np.ascontiguousarray(alpha)
+        texture = self._memory.texture(what, (first.shape[1], first.shape[0]), 1, first.tobytes())
+        if not mips:
+            self._memory.build_mipmaps(what, texture)
+            return texture
+        # Averages would lose what thin parts cover: a whole pyramid ends where the pack's does.
+        is_whole = max(mips[-1].shape) <= SMALLEST_MIP
+        self._memory.build_mipmaps(what, texture, len(mips) - 1 if is_whole else ALL_MIPS)
+        for level, mip in enumerate(mips):
+            texture.write(mip.tobytes(), level=level, alignment=1)
+        return texture
 
     @contextmanager
     def drawing(self, draw_list: AnyDrawList) -> Iterator[None]:

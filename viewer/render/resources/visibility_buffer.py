@@ -9,7 +9,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import PLANES, Plane
+from ntc.codec.maps import CODED_PLANES, Plane
 from viewer.gl import functions as names
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
@@ -65,7 +65,11 @@ class PlaneReading:
     def defines(self) -> dict[str, int]:
         """Return the defines of shaders that read surfaces so."""
         second_uvs = self.second_uvs and self.plane != "base"
-        return {"VERTEX_COLORS": int(self.colors), "SECOND_UVS": int(second_uvs), "PLANE": PLANES.index(self.plane)}
+        return {
+            "VERTEX_COLORS": int(self.colors),
+            "SECOND_UVS": int(second_uvs),
+            "PLANE": CODED_PLANES.index(self.plane),
+        }
 
 
 class VisibilityTarget:

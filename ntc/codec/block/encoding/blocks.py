@@ -27,6 +27,10 @@ SAMPLED_BLOCKS = 24_000
 """Blocks that a group's tables are fitted to."""
 ROWS_AT_ONCE = 1 << 16
 """Texels whose products are summed at a time."""
+MASK_MARGIN = 40
+"""Steps of 8 bits by which texels of a mask are kept away from its cutoff, so that no error of a code changes their side."""
+MASK_WEIGHT = 0.25
+"""Of an error of a mask's alpha that leaves a texel on its side, beside one of blended alpha."""
 LEAST_CONTRAST = 1e-4
 """Axes of a constant texture are this long, so that nothing is divided by zero."""
 _PAD_MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
@@ -74,6 +78,8 @@ class Axes:
     """Whether mip 1 is derived from the codes of mip 0."""
     contrast: float
     """What the error of a normalised value is multiplied by to give a weighted error of values in [0, 1]."""
+    cutoff: float | None = None
+    """Alpha from which on a texel of a mask is there; None: the texture is no mask."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +137,12 @@ def _turned_channels(config: BlockConfig) -> list[list[int]]:
 
 
 def _principal_axes(
-    moments: _Moments, weights: NDArray[np.float64], colours: Sequence[bool], has_derived: bool, config: BlockConfig
+    moments: _Moments,
+    weights: NDArray[np.float64],
+    colours: Sequence[bool],
+    has_derived: bool,
+    cutoff: float | None,
+    config: BlockConfig,
 ) -> Axes:
     """Axes of values with `moments` whose squared errors are worth `weights` [channels].
 
@@ -153,7 +164,7 @@ def _principal_axes(
     # The inverse of orthogonal axes of one length.
     means = np.repeat(mean.astype(np.float32)[None], config.mips, axis=0)
     inverse = weighted * scale / np.square(length)
-    return Axes(means, weighted / scale, inverse, np.array(colours), has_derived, float(length))
+    return Axes(means, weighted / scale, inverse, np.array(colours), has_derived, float(length), cutoff)
 
 
 def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTexture:
@@ -161,6 +172,9 @@ def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTextu
     width, height = source.size
     levels = latent_levels(width, height, config)
     mips = mip_chain(source.pixels, source.color_space, source.maps)[: len(levels)]
+    cutoff = source.cutoff if "alpha" in source.maps else None
+    if cutoff is not None:
+        mips = tuple(masked_mips(mips, cutoff))
     places = list(channel_places(source.maps, source.channels, config.maps, config.output_channels))
     values, weights = list[NDArray[np.uint8]](), np.ones(config.output_channels)
     weights[places] = source.map_weights.of_channels(source.maps, source.channels)
@@ -172,16 +186,38 @@ def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTextu
         value = np.zeros((*mip.shape[:2], config.output_channels), np.uint8)
         value[..., places] = mip
         values.append(value)
+    if cutoff is not None:
+        weights[-1] *= MASK_WEIGHT
     colours = srgb_channels(config.maps, config.output_channels, source.color_space)
     has_derived = any(not level.has_own_cells for level in levels[:2])
     moments = [_Moments.of(value) for value in values]
-    axes = _principal_axes(moments[0], weights, colours, has_derived, config)
+    axes = _principal_axes(moments[0], weights, colours, has_derived, cutoff, config)
     for number in range(1, config.mips):
         axes.mean[number] = axes.mean[0] + _offset([each.mean for each in moments], levels, number)
     own = [number for number, level in enumerate(levels) if level.has_own_cells]
     return PreparedTexture(
         axes, np.concatenate([blocks_of(values[number], config.block_side, source.wrap) for number in own])
     )
+
+
+def masked_mips(mips: Sequence[NDArray[np.uint8]], cutoff: float) -> list[NDArray[np.uint8]]:
+    """Return `mips` [h, w, channels] uint8 of a mask, whose last channel is alpha: in all of them, about the same share of texels
+    is at or above `cutoff`, and none is within MASK_MARGIN of it."""
+    limit = cutoff * 255.0
+    share, found = float((mips[0][..., -1] >= limit).mean()), []
+    for number, mip in enumerate(mips):
+        alpha = mip[..., -1].astype(np.float64)
+        above = alpha >= limit
+        if number:
+            # The texels of greatest alpha.
+            order = np.argsort(-alpha, axis=None, kind="stable")
+            above = np.zeros(alpha.size, np.bool_)
+            above[order[: round(share * alpha.size)]] = True
+            above = above.reshape(alpha.shape)
+        moved = np.where(above, np.maximum(alpha, limit + MASK_MARGIN), np.minimum(alpha, limit - MASK_MARGIN))
+        found.append(mip.copy())
+        found[-1][..., -1] = np.rint(np.clip(moved, 0.0, 255.0))
+    return found
 
 
 def _offset(means: Sequence[NDArray[np.float64]], levels: Sequence[LatentLevel], mip: int) -> Array:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture
 from ntc.codec.block.encoding.edges import EdgeKind, costs_without_edges, derived_costs, edge_kinds, fitted_edges
+from ntc.codec.block.encoding.masks import side_costs
 from ntc.codec.block.encoding.quantizer import compiled, expected_errors
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder
@@ -86,7 +87,7 @@ def block_choices(
         modes = torch.from_numpy(kind.modes)
         # The polynomials that errors come from may fall below 0.
         own = expected_errors(values, tables.depths[:, modes], tables.scales[modes]).clamp_(min=0.0)
-        own += left_out(rest, values)[:, None, None]
+        own += (left_out(rest, values) + torch.from_numpy(side_costs(blocks, kind.bits, axes, config)))[:, None, None]
         if len(kinds) > 1 or any(kind.bits):
             costs = derived_costs(blocks, fit, axes, config)
             own += torch.from_numpy(costs)[:, None, None]

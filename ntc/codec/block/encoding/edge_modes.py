@@ -11,6 +11,7 @@ from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.encoding.blocks import Sample
 from ntc.codec.block.encoding.choices import block_choices, left_out
 from ntc.codec.block.encoding.edges import costs_without_edges, derived_costs, fitted_edges
+from ntc.codec.block.encoding.masks import side_costs
 from ntc.codec.block.encoding.quantizer import expected_errors
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder, scale_values, stored_scales
@@ -81,7 +82,9 @@ class _Trial:
         fits = [fitted_edges(sample.blocks, sample.axes, bits, config) for sample in samples]
         self._rest = torch.from_numpy(np.concatenate([fit.rest for fit in fits]))
         costs = [
-            derived_costs(sample.blocks, fit, sample.axes, config) for sample, fit in zip(samples, fits, strict=True)
+            derived_costs(sample.blocks, fit, sample.axes, config)
+            + side_costs(sample.blocks, bits, sample.axes, config)
+            for sample, fit in zip(samples, fits, strict=True)
         ]
         self._costs = torch.from_numpy(np.concatenate(costs))
         self._values = tables.project(self._rest)

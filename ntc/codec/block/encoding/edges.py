@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.codes import EdgePart
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes
+from ntc.codec.block.encoding.masks import alpha_values, mask_part
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.reference import edge_values
 
@@ -58,7 +59,7 @@ def fitted_edges(
     if not any(bits):
         return EdgeFit(tuple(_no_part(config, channels) for channels in config.planes), blocks)
     if compiled is None:
-        return fitted_edges_by_numpy(blocks, axes, bits, config, rounds)
+        return _with_sides(fitted_edges_by_numpy(blocks, axes, bits, config, rounds), blocks, axes, config)
     shown = blocks.reshape(-1, config.block_texels, config.output_channels)
     rest, parts = shown.copy(), []
     for channels, own in zip(config.planes, bits, strict=True):
@@ -72,7 +73,19 @@ def fitted_edges(
             shown, *plane[:1], plane[1][0], *plane[2:], squares, (1 << own) - 1, rounds, colours, indices, rest
         )
         parts.append(EdgePart(np.arange(len(blocks)), np.full(len(blocks), own), colours, indices))
-    return EdgeFit(tuple(parts), rest.reshape(blocks.shape))
+    return _with_sides(EdgeFit(tuple(parts), rest.reshape(blocks.shape)), blocks, axes, config)
+
+
+def _with_sides(fit: EdgeFit, blocks: Array, axes: Axes, config: BlockConfig) -> EdgeFit:
+    """`fit` of a mask with each texel on its side of the cutoff; that of another texture as it is."""
+    part = fit.parts[-1]
+    if axes.cutoff is None or not len(part.blocks):
+        return fit
+    values = alpha_values(blocks, axes, config)
+    sided = mask_part(part, values * np.float32(255.0), 255.0 * axes.cutoff)
+    left = values - edge_values(sided, config, 0)[..., 0].astype(np.float32)
+    fit.rest.reshape(-1, config.block_texels, config.output_channels)[..., -1] = left * axes.inverse[-1, -1]
+    return EdgeFit((*fit.parts[:-1], sided), fit.rest)
 
 
 def fitted_edges_by_numpy(

@@ -11,6 +11,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepare_texture, sample_textures
 from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, paying_kinds
 from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
+from ntc.codec.block.encoding.masks import keep_coverage, mask_words, side_costs
 from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK
 from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
@@ -57,25 +58,32 @@ def encode_texture(
 
         choices = mapped(choices_of, parts, threads)
         levels = latent_levels(*source.size, config)
-        sizes = _sizes(np.concatenate([each.errors for each in choices]), levels, config, words)
+        least = 0.0 if texture.axes.cutoff is None else mask_words(config)
+        sizes = _sizes(np.concatenate([each.errors for each in choices]), levels, config, words, least)
         modes = np.concatenate([each.modes for each in choices])
         own = np.take_along_axis(modes, sizes[:, None, None], axis=1)[:, 0]
         codes = _codes(texture, sizes, own, tables, decoder, config, worked, threads)
     stored = stored_words(BlockCodes(codes, sizes), levels, config)
     axes = texture.axes
-    return BlockTexture(**texture_fields(source, group), words=stored, mean=axes.mean, axes=axes.axes)
+    found = BlockTexture(**texture_fields(source, group), words=stored, mean=axes.mean.copy(), axes=axes.axes)
+    if axes.cutoff is not None:
+        share = float((source.pixels[..., -1] >= 255.0 * axes.cutoff).mean())
+        keep_coverage(found, decoder, config, axes.cutoff, share)
+    return found
 
 
 def _sizes(
-    expected: NDArray[np.float32], levels: Sequence[LatentLevel], config: BlockConfig, words: float
+    expected: NDArray[np.float32], levels: Sequence[LatentLevel], config: BlockConfig, words: float, least: float
 ) -> NDArray[np.int64]:
-    """[blocks] size classes; every level takes `words` words a block, for a coarse mip is looked at as often as a fine one."""
+    """[blocks] size classes; every level takes `words` words a block, for a coarse mip is looked at as often as a fine one. Coarse
+    levels take `least` words at least: they have few blocks."""
     lengths, left = np.array(config.block_words), 0.0
     found: list[NDArray[np.int64]] = []
     for level in reversed([level for level in levels if level.has_own_cells]):
         own = expected[level.first_cell : level.first_cell + level.cells]
-        # What a level cannot share out goes to the next finer one.
-        found.append(sizes_within(own, config.block_words, words + left / level.cells))
+        # What a level cannot share out goes to the next finer one, which pays for what it took.
+        wanted = words + left / level.cells
+        found.append(sizes_within(own, config.block_words, max(wanted, least) if level.first_cell else wanted))
         left += words * level.cells - float(lengths[found[-1]].sum())
     return np.concatenate(found[::-1])
 
@@ -129,7 +137,7 @@ def _best_codes(
         fit = fitted_edges(blocks[rows], axes, kind.bits, config)
         rest = torch.from_numpy(fit.rest)
         values = tables.project(rest)
-        lost = left_out(rest, values).numpy()
+        lost = left_out(rest, values).numpy() + side_costs(blocks[rows], kind.bits, axes, config)
         if len(kinds) > 1:
             lost = lost + derived_costs(blocks[rows], fit, axes, config)
         for candidate in range(modes.shape[1]):

@@ -18,7 +18,7 @@ from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS
 from ntc.codec.block.universal import BANDS, FINE_BLOCKS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
 from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
 from ntc.codec.latents import latent_cell_count, latent_levels
-from ntc.codec.maps import BASE_ALONE
+from ntc.codec.maps import BASE_ALONE, is_material
 from ntc.errors import InputError
 
 SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)
@@ -105,7 +105,7 @@ def bits_of_words(words: float, size: tuple[int, int], config: BlockConfig) -> f
 def code_mips(textures: TextureSet, side: Literal[4, 8] = 8) -> Literal[2, 4]:
     """Mips that a code holds. Four of single textures: that is nearer at each of mips 0 to 3. Two of material sets: they are large, so
     that fine mips are left out where memory is short, and averages of normals and of strong contrasts lose with each mip."""
-    return 4 if side == 8 and textures.maps == BASE_ALONE else 2
+    return 4 if side == 8 and not is_material(textures.maps) else 2
 
 
 def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
@@ -147,7 +147,7 @@ def config_for_words(
         block_words=block_words,
         coefficients=1,
         # Each map of a set wants other bits: many ways of sharing them pay.
-        modes=LARGEST_SET_MODES if textures.maps != BASE_ALONE else MODES,
+        modes=LARGEST_SET_MODES if is_material(textures.maps) else MODES,
         output_channels=textures.channels,
         maps=textures.maps,
         levels=textures.levels,

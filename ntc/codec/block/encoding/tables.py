@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import torch
@@ -11,6 +12,8 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Sample
 from ntc.codec.block.encoding.choices import block_choices
 from ntc.codec.block.encoding.edge_modes import with_edge_modes
+from ntc.codec.block.encoding.edges import fitted_edges
+from ntc.codec.block.encoding.masks import mixed_blocks
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
 from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
@@ -26,6 +29,10 @@ CURVE_BLOCKS = 2048
 """Of a texture, by which the worth of its words is estimated."""
 FEWEST_BLOCKS = 16
 """A mode that fewer blocks chose is fitted to all."""
+MASK_BITS = 1
+"""Index bits of a texel at a mask's edge."""
+LEAST_MASK_SHARE, LARGEST_MASK_SHARE = 0.125, 0.5
+"""Of modes, for blocks at the edges of masks: as many as there are such blocks, within these limits."""
 
 
 def _fitted_scales(squares: torch.Tensor, chosen: NDArray[np.int64], modes: int) -> NDArray[np.uint8]:
@@ -57,19 +64,20 @@ def _modes(
     random: np.random.Generator,
     worked: Callable[[float], None],
 ) -> NDArray[np.uint8]:
-    """[modes, coefficients] stored scales."""
+    """[modes, coefficients] stored scales, as many modes as `decoder` has."""
+    modes = len(decoder.scales)
     squares = coefficients.square()
     # Leading coefficients: those of greatest variance.
     leading = torch.argsort(squares.mean(0), descending=True, stable=True)[:MODE_FEATURES]
     energies = torch.log(squares[:, leading] + 1e-4).numpy()
-    scales = _fitted_scales(squares, first_classes(energies, config.modes, random), config.modes)
+    scales = _fitted_scales(squares, first_classes(energies, modes, random), modes)
     middle = len(config.block_words) // 2
     for _ in range(MODE_ROUNDS):
         tables = Tables.of(replace(decoder, scales=scales), config)
         depths = tables.depths[middle : middle + 1]
         expected = expected_errors(coefficients, depths, tables.scales)[:, 0]
         chosen = best_modes(coefficients, expected, depths[0], tables.scales).numpy()
-        scales = _fitted_scales(squares, chosen, config.modes)
+        scales = _fitted_scales(squares, chosen, modes)
         worked(1.0 / MODE_ROUNDS)
     return scales
 
@@ -80,15 +88,42 @@ def fit_decoder(
     """The tables of a group, from samples of its textures. `seed` decides where the search for modes begins. `worked` is told the
     share of the work that was done since; what it raises ends the work."""
     random = np.random.default_rng(seed)
-    blocks = np.concatenate([sample.blocks for sample in samples])
     with one_thread():
-        basis = fitted_basis(samples, config)
+        mixed, rests = _with_mask_parts(samples, config)
+        basis = fitted_basis(rests, config)
+        blocks = np.concatenate([sample.blocks for sample in rests])
         coefficients = projected(torch.from_numpy(blocks), basis.projections(config))
+        share = float(mixed.mean())
+        with_parts = round(config.modes * min(max(share, LEAST_MASK_SHARE), LARGEST_MASK_SHARE)) if mixed.any() else 0
         scales = np.zeros((config.modes, config.coefficients), np.uint8)
         edges = np.zeros((config.modes, len(config.planes)), np.uint8)
+        edges[config.modes - with_parts :, -1] = MASK_BITS
         decoder = BlockDecoder(basis.rows, basis.channels, basis.scale, scales, edges)
-        decoder = replace(decoder, scales=_modes(coefficients, decoder, config, random, worked))
+        for own, modes in (
+            (~mixed, slice(0, config.modes - with_parts)),
+            (mixed, slice(config.modes - with_parts, None)),
+        ):
+            if own.any():
+                part = replace(decoder, scales=scales[modes], edges=edges[modes])
+                of_blocks = coefficients if own.all() else coefficients[torch.from_numpy(own)]
+                scales[modes] = _modes(of_blocks, part, config, random, partial(_part_done, worked, float(own.mean())))
         return with_edge_modes(decoder, samples, config)
+
+
+def _part_done(worked: Callable[[float], None], part: float, share: float) -> None:
+    worked(part * share)
+
+
+def _with_mask_parts(samples: Sequence[Sample], config: BlockConfig) -> tuple[NDArray[np.bool_], list[Sample]]:
+    """([blocks] which of all blocks of `samples` lie at the edge of a mask, `samples` of what an edge part leaves of these)."""
+    mixed = [mixed_blocks(sample.blocks, sample.axes, config) for sample in samples]
+    bits, rests = (*(0,) * (len(config.planes) - 1), MASK_BITS), list(samples)
+    for number, (sample, own) in enumerate(zip(samples, mixed, strict=True)):
+        if own.any():
+            blocks = sample.blocks.copy()
+            blocks[own] = fitted_edges(blocks[own], sample.axes, bits, config).rest
+            rests[number] = replace(sample, blocks=blocks)
+    return np.concatenate(mixed), rests
 
 
 def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> RateCurve:

@@ -25,7 +25,7 @@ from viewer.scene.map_pictures import (
 )
 from viewer.scene.model import Material, Sampler, Scene, SceneTexture, SurfaceFactors
 from viewer.scene.report import report_json, report_lines
-from viewer.scene.source_textures import source_textures
+from viewer.scene.source_textures import source_textures, without_alpha
 
 
 def normals(height: int = 4, width: int = 6, seed: int = 0) -> NDArray[np.uint8]:
@@ -363,7 +363,10 @@ def test_alpha_is_part_of_the_hash_of_a_set() -> None:
         maps.material(baseColorTexture=maps.info(pixels), normalTexture=maps.info(normals()), alphaMode="MASK")
         _, (texture,), scene = one(maps)
         assert texture.alpha is not None
-        assert source_textures(scene, None, "all")[0].pixels.shape[2] == 5
+        (source,) = source_textures(scene, None, "all")
+        assert (source.maps, source.channels, source.cutoff) == (("base", "normal", "alpha"), 6, 0.5)
+        np.testing.assert_array_equal(source.pixels[..., -1], texture.alpha)
+        assert without_alpha(source).maps == ("base", "normal")
         hashes.append(texture.set_hash)
     assert hashes[0] != hashes[1]
 

@@ -319,7 +319,7 @@ class _Gathering:
 
 
 def _finished_texture(draft: _Draft, name: str, facts: FactsFile, cache: PixelCache) -> SceneTexture:
-    further = {key: draft.maps[key] for key in MAPS if key in draft.maps}
+    further: dict[MapName, ImageMap] = {key: draft.maps[key] for key in MAPS if key in draft.maps}
     base, source = draft.base, ImagesOfTexture(draft.base, further, cache)
     maps: tuple[MapName, ...] = (*(BASE_ALONE if base is not None else ()), *further)
     read = [*(found.image for found in further.values()), *([base] if base is not None else [])]
