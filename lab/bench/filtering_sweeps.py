@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from viewer.render.renderer import Renderer
 from viewer.scene.bounds import world_bounds
 from viewer.scene.model import Camera, Geometry, Instances, Material, Primitive, Scene
 from viewer.state.navigation import turned
-from viewer.state.view_state import REFERENCE, Anisotropy, DecodePath, PathChoice, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, REFERENCE, Anisotropy, PathChoice, Slot, ViewState
 
 SUPERSAMPLES = 4
 """Samples of the ground truth along each side of a pixel."""
@@ -69,7 +68,7 @@ class FilteringRow:
 def ways(sources: Mapping[str, str]) -> tuple[Way, ...]:
     """Those of `ways_of` for each source, named by its label; of several sources only by the paths that filter differently."""
     if len(sources) == 1:
-        return ways_of(next(iter(sources)), get_args(DecodePath))
+        return ways_of(next(iter(sources)), EXACT_PATHS)
     named = [
         replace(way, name=f"{label}: {way.name}" if way.slot.source == source else way.name)
         for source, label in sources.items()

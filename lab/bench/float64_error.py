@@ -14,7 +14,7 @@ from ntc.pack.match import PackMatch
 from viewer.render.resources.layout import MATERIAL_SHIFT
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.scene.model import Scene
-from viewer.state.view_state import PathChoice
+from viewer.state.view_state import FILTERED_PATHS, PathChoice
 
 SAMPLES = 4096
 """Pixels of a frame that are decoded in float64; all where fewer are decoded."""
@@ -87,9 +87,9 @@ def float64_pixels(
 ) -> Float64Pixels:
     """`samples` pixels of the frame in `visibility`, chosen by `seed` from those that show a texture of `pack`.
 
-    `path` says whether latents are filtered before they are decoded, or texels after (`cached`).
+    `path` says whether latents are filtered before they are decoded, or texels after (FILTERED_PATHS).
     """
-    decode = filter_decoded if path == "cached" else decode_filtered
+    decode = filter_decoded if path in FILTERED_PATHS else decode_filtered
     words = visibility.words().reshape(-1, 4)
     texture = (words[:, 0] & np.uint32((1 << MATERIAL_SHIFT) - 1)).astype(np.int64) - 1
     in_pack = np.array([*match.texture_index, -1], np.int64)[texture]

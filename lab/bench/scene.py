@@ -24,6 +24,7 @@ from viewer.render.resources.decoding_shaders import EVERYWHERE
 from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import (
+    FILTERED_PATHS,
     REFERENCE,
     DecodePath,
     Overlay,
@@ -111,7 +112,7 @@ def bench_slots(packs: Sequence[str], config: SceneBenchConfig) -> tuple[Slot, .
     precisions = sorted(config.precisions, key=lambda precision: precision != "fp32")
     filters = sorted(config.filters)
     decoded = [
-        Slot(pack, path, precision, filtered if path != "cached" else "exact")
+        Slot(pack, path, precision, filtered if path not in FILTERED_PATHS else "exact")
         for pack in packs
         for path in paths
         for precision in precisions
@@ -189,7 +190,7 @@ def _measured(
         is_reference, is_image = slot.source == REFERENCE, is_image_source(slot.source)
         twin = None
         if not is_image and slot.filter == "exact":
-            key = (slot.source, slot.path == "cached")
+            key = (slot.source, slot.path in FILTERED_PATHS)
             if key not in twins:
                 pack, match = packs[slot.source], renderer.matches[slot.source]
                 twins[key] = float64_pixels(renderer.visibility, renderer.scene, pack, match, slot.path)

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +24,7 @@ from viewer.render.renderer import Renderer
 from viewer.render.resources.decoding_shaders import supported_precisions
 from viewer.render.resources.layout import MATERIAL_SHIFT
 from viewer.scene.model import Camera, Scene
-from viewer.state.view_state import DecodePath, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, Slot, ViewState
 
 Array = NDArray[np.float64]
 HOSTILE_UV = (np.nan, np.inf, -np.inf, 1e6, -1e6, 3e38, 1e-40, 0.5)
@@ -253,7 +252,7 @@ def scene_rows(
         renderer = Renderer(context, own, emulate_half=emulate)
         renderer.set_packs(packs)
         for source in packs:
-            for path in get_args(DecodePath):
+            for path in EXACT_PATHS:
                 for precision in own_precisions(packs[source], precisions):
                     case = f"{name}: {source}"
                     progress(f"{case}, {path}, {precision}")

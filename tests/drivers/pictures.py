@@ -8,7 +8,6 @@ import sys
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,11 +15,11 @@ from numpy.typing import NDArray
 from ntc.codec.mips import linear_to_srgb8
 from tests.golden.pictures import GRID, SMALL_CAMERAS, SMALL_SIZE, Studio
 from viewer.scene.images import write_png
-from viewer.state.view_state import DecodePath, MaterialView, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, MaterialView, Slot, ViewState
 
 SLOTS = (
     Slot(),
-    *(Slot(pack, path) for pack in ("clustered", GRID) for path in get_args(DecodePath)),
+    *(Slot(pack, path) for pack in ("clustered", GRID) for path in EXACT_PATHS),
     Slot("baseline", "binned"),
     Slot(GRID, "deferred", "fp16"),
     Slot(GRID, "deferred", filter="stochastic"),

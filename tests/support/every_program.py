@@ -28,6 +28,7 @@ from viewer.render.variants import VariantMeasurement
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
 from viewer.state.view_state import (
     BLOCKS,
+    FILTERED_PATHS,
     DecodePath,
     Difference,
     Lighting,
@@ -152,13 +153,13 @@ def _precisions(name: str) -> tuple[Precision, ...]:
 def _decoding_views(name: str) -> Iterator[ViewState]:
     """Every way to decode the pack `name`."""
     plain = ViewState(CAMERA, SIZE, material_view="lit")
-    filters: dict[DecodePath, tuple[TexelFilter, ...]] = {"cached": ("exact",)}
+    filters: dict[DecodePath, tuple[TexelFilter, ...]] = {"cached": ("exact",), "on-load": ("exact",)}
     for precision in _precisions(name):
         for path in get_args(DecodePath):
             for texel_filter in filters.get(path, get_args(TexelFilter)):
                 slot = Slot(name, path, precision, texel_filter)
                 yield replace(plain, slot_a=slot)
-                if path == "cached":
+                if path in FILTERED_PATHS:
                     yield replace(plain, slot_a=slot, anisotropy=8)
 
 

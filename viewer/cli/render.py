@@ -121,6 +121,7 @@ def statistics(measured: MeasuredPicture, frame: FrameResult, view: ViewState, r
         "psnr_decoded_pixels_db": finite_or_none(measured.psnr_db(decoded)),
         "skipped": frame.skipped,
         "tiles": {slot.path: asdict(counts) for slot, counts in frame.tiles.items()},
+        "loads": {slot.path: counts.figures() for slot, counts in frame.loads.items()},
     }
 
 

@@ -34,7 +34,13 @@ from viewer.state.view_state import (
     is_image_source,
 )
 
+<<<<<<< HEAD
 PATHS: tuple[DecodePath, ...] = ("deferred", "binned", "cached", "forward")
+=======
+MODES: tuple[CompareMode, ...] = get_args(CompareMode)
+PATHS: tuple[DecodePath, ...] = ("deferred", "binned", "cached", "forward", "on-load")
+SlotSide = Annotated[Side, Arg("which slot")]
+>>>>>>> 7cdc035a (Add decode path on-load: textures are decoded once, compressed to BC7, BC5 and BC4 by compute shaders, and sampled by the hardware)
 
 
 def _shown_difference(session: Session) -> str | None:

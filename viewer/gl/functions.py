@@ -30,6 +30,14 @@ GL_CLAMP_TO_EDGE = 0x812F
 GL_RGB = 0x1907
 GL_UNSIGNED_BYTE = 0x1401
 GL_UNPACK_ALIGNMENT = 0x0CF5
+GL_PIXEL_UNPACK_BUFFER = 0x88EC
+GL_COMPRESSED_RED_RGTC1 = 0x8DBB
+GL_COMPRESSED_RG_RGTC2 = 0x8DBD
+GL_COMPRESSED_RGBA_BPTC_UNORM = 0x8E8C
+GL_COMPRESSED_SRGB_ALPHA_BPTC_UNORM = 0x8E8D
+GL_TEXTURE_SWIZZLE_R = 0x8E42
+GL_ZERO = 0
+GL_RED = 0x1903
 GL_TEXTURE0 = 0x84C0
 GL_COLOR = 0x1800
 GL_COPY_WRITE_BUFFER = 0x8F37
@@ -64,6 +72,7 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glVertexAttribI4ui": (_UINT, *[_UINT] * 4),
     "glDrawElementsBaseVertex": (_UINT, _INT, _UINT, _POINTER, _INT),
     "glTexSubImage3D": (_UINT, *[_INT] * 7, _UINT, _UINT, _POINTER),
+    "glCompressedTexSubImage3D": (_UINT, *[_INT] * 7, _UINT, _INT, _POINTER),
     "glTexParameteri": (_UINT, _UINT, _INT),
     "glTexParameterf": (_UINT, _UINT, ctypes.c_float),
     "glTextureView": (_UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT),

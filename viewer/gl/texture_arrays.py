@@ -1,4 +1,5 @@
-"""Arrays of textures in formats that moderngl cannot make: of images with given mips, and of tiles that compute shaders write.
+"""Arrays of textures in formats that moderngl cannot make: of images with given mips, of blocks that the hardware decodes, and of
+tiles that compute shaders write.
 
 The first three channels are sRGB, which the hardware filters in linear light, or all four are linear.
 """
@@ -6,7 +7,9 @@ The first three channels are sRGB, which the hardware filters in linear light, o
 import ctypes
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Final, Literal
 
+import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
@@ -19,14 +22,15 @@ class _TextureArray:
     """Texture array of 8-bit channels with `levels` mips, uninitialised, and a view of it that shaders can write."""
 
     def __init__(
-        self, context: GraphicsContext, size: tuple[int, int], layers: int, srgb: bool, levels: int = 1
+        self, context: GraphicsContext, size: tuple[int, int], layers: int, kind: int, levels: int = 1
     ) -> None:
+        """`kind`: internal format; without compute shaders one of 8-bit RGBA."""
         self._call, self.layers = context.functions, layers
         self._has_views = context.features.compute
         self.texture = self._new_name()
         self.view = 0
         self.use(0)
-        call, target, kind = self._call, names.GL_TEXTURE_2D_ARRAY, names.GL_SRGB8_ALPHA8 if srgb else names.GL_RGBA8
+        call, target = self._call, names.GL_TEXTURE_2D_ARRAY
         if self._has_views:
             call("glTexStorage3D", target, levels, kind, *size, layers)
             return
@@ -60,6 +64,11 @@ class _TextureArray:
         self._call("glActiveTexture", names.GL_TEXTURE0 + unit)
         self._call("glBindTexture", names.GL_TEXTURE_2D_ARRAY, self.texture)
 
+    def use_view(self, unit: int) -> None:
+        """Bind `view` to a texture unit."""
+        self._call("glActiveTexture", names.GL_TEXTURE0 + unit)
+        self._call("glBindTexture", names.GL_TEXTURE_2D_ARRAY, self.view)
+
     @property
     def is_released(self) -> bool:
         """True once it has been freed."""
@@ -70,6 +79,10 @@ class _TextureArray:
         for name in filter(None, (self.view, self.texture)):
             self._call("glDeleteTextures", 1, ctypes.addressof(ctypes.c_uint(name)))
         self.texture = self.view = 0
+
+
+def _rgba_kind(srgb: bool) -> int:
+    return names.GL_SRGB8_ALPHA8 if srgb else names.GL_RGBA8
 
 
 class ImageArray:
@@ -84,7 +97,7 @@ class ImageArray:
         self._bytes = 4 * layers * size[0] * size[1] * 4 // 3
         self._memory.check_size(self._what, size)
         self._array = self._memory.made(
-            self._what, self._bytes, lambda: _TextureArray(context, size, layers, srgb, self.levels)
+            self._what, self._bytes, lambda: _TextureArray(context, size, layers, _rgba_kind(srgb), self.levels)
         )
 
     @property
@@ -112,6 +125,74 @@ class ImageArray:
             self._call("glTexSubImage3D", target, *place, *extent, *texels)
         # Some drivers allocate memory only when there is something to put there.
         self._memory.check(self._what, self._bytes, self._array)
+
+    def release(self) -> None:
+        """Free the textures."""
+        self._array.release()
+
+
+GpuBlockFormat = Literal["bc7", "bc5", "bc4"]
+"""BC7 of RGB or RGBA, BC5 of two components, BC4 of one."""
+BLOCK_BYTES: Final[dict[GpuBlockFormat, int]] = {"bc7": 16, "bc5": 16, "bc4": 8}
+STORED_COMPONENTS: Final[dict[GpuBlockFormat, int]] = {"bc7": 4, "bc5": 2, "bc4": 1}
+_BLOCK_KINDS: Final[dict[GpuBlockFormat, int]] = {
+    "bc7": names.GL_COMPRESSED_RGBA_BPTC_UNORM,
+    "bc5": names.GL_COMPRESSED_RG_RGTC2,
+    "bc4": names.GL_COMPRESSED_RED_RGTC1,
+}
+
+
+def blocks_bytes(size: tuple[int, int], block_format: GpuBlockFormat) -> int:
+    """Return the number of bytes of the blocks of (width, height) texels, those over the edge included."""
+    return -(-size[0] // 4) * -(-size[1] // 4) * BLOCK_BYTES[block_format]
+
+
+class BlockArray:
+    """Array of `layers` textures in blocks that the hardware decodes, each with its whole mip chain."""
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        size: tuple[int, int],
+        layers: int,
+        levels: int,
+        block_format: GpuBlockFormat,
+        srgb: bool,
+        components: range,
+    ) -> None:
+        """Allocate the array with `levels` mips, uninitialised.
+
+        Samplers see what is stored in `components` of RGBA, and 0 in the others. `srgb`: of BC7. Raises GpuMemoryError.
+        """
+        self._call, self._format = context.functions, block_format
+        self._kind = names.GL_COMPRESSED_SRGB_ALPHA_BPTC_UNORM if srgb else _BLOCK_KINDS[block_format]
+        sizes = [(max(1, size[0] >> level), max(1, size[1] >> level)) for level in range(levels)]
+        self.bytes_on_gpu = layers * sum(blocks_bytes(own, block_format) for own in sizes)
+        """Number of bytes of all blocks."""
+        what = f"{layers} textures of {size[0]} x {size[1]} in {block_format.upper()}"
+        context.memory.check_size(what, size)
+        self._array = context.memory.made(
+            what, self.bytes_on_gpu, lambda: _TextureArray(context, size, layers, self._kind, levels)
+        )
+        self.use(0)
+        for component in range(4):
+            stored = component - components.start if component in components else None
+            source = names.GL_ZERO if stored is None else names.GL_RED + stored
+            self._call("glTexParameteri", names.GL_TEXTURE_2D_ARRAY, names.GL_TEXTURE_SWIZZLE_R + component, source)
+
+    def use(self, unit: int) -> None:
+        """Bind to a texture unit: samplers see linear light."""
+        self._array.use(unit)
+
+    def write(
+        self, layer: int, level: int, top: int, size: tuple[int, int], blocks: moderngl.Buffer, first: int
+    ) -> None:
+        """Copy blocks from byte `first` of a buffer to the rows of a mip from texel `top` on; `size` in texels, the mip's width."""
+        self.use(0)
+        self._call("glBindBuffer", names.GL_PIXEL_UNPACK_BUFFER, blocks.glo)
+        part = (level, 0, top, layer, *size, 1, self._kind, blocks_bytes(size, self._format))
+        self._call("glCompressedTexSubImage3D", names.GL_TEXTURE_2D_ARRAY, *part, first)
+        self._call("glBindBuffer", names.GL_PIXEL_UNPACK_BUFFER, 0)
 
     def release(self) -> None:
         """Free the textures."""
@@ -148,7 +229,7 @@ class TileAtlas:
             made = self._memory.made(
                 "decoded tiles",
                 layers * side * side * 4,
-                lambda: _TextureArray(self._context, (side, side), layers, self._srgb),
+                lambda: _TextureArray(self._context, (side, side), layers, _rgba_kind(self._srgb)),
             )
         except GpuMemoryError:
             return False
@@ -195,6 +276,11 @@ class TileAtlas:
         """Bind to a texture unit: samplers see linear light."""
         if self._array is not None:
             self._array.use(unit)
+
+    def use_stored(self, unit: int) -> None:
+        """Bind to a texture unit: samplers see the numbers as they are stored."""
+        if self._array is not None:
+            self._array.use_view(unit)
 
     def bind_image(self, unit: int) -> None:
         """Bind all layers to an image unit, for writing sRGB-coded numbers."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
+from viewer.render.on_load.textures import LoadCounts
 from viewer.render.pass_scheduler import ToCome
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityTarget
@@ -58,6 +59,8 @@ class FrameResult:
     """Number of samples in the picture of each slot that the stochastic filter draws."""
     blend_samples: Mapping[Slot, int] = field(default_factory=dict)
     """Number of samples in the picture of each shown slot, BLEND surfaces in another pattern in each; empty without such surfaces."""
+    loads: Mapping[Slot, LoadCounts] = field(default_factory=dict)
+    """The compressed textures of the shown slots of path `on-load`."""
     short_latents: str = ""
     """Reason why latents are coarser than the picture needs: too little GPU memory, or a limit of what shaders read. Empty without."""
 

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +12,13 @@ from numpy.typing import NDArray
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
+from ntc.errors import InputError
 from ntc.pack.match import PackMatch, changed_groups, same_shape
 from viewer.gl.allocation import GpuMemoryError
+from viewer.gl.context import GraphicsContext
 from viewer.render.frames import UploadCounts
+from viewer.render.on_load.plan import LoadPlan
+from viewer.render.on_load.textures import LoadCounts, LoadedTextures
 from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.passes.decode import (
     DecodeBinnedPass,
@@ -22,6 +27,7 @@ from viewer.render.passes.decode import (
     DecodePass,
     DecodeSampledPass,
 )
+from viewer.render.passes.reference import ReferencePass
 from viewer.render.passes.visible_latents import VisibleLatentsPass
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.coverage import PackedCoverage, packed_coverage
@@ -76,7 +82,25 @@ class PackUpdate:
     latents: LatentUpdate
 
 
-Decoder = DecodePass | DecodeSampledPass | CachedPath
+@dataclass(frozen=True, eq=False)
+class OnLoadPath:
+    """Path `on-load` of one plane of a pack."""
+
+    textures: LoadedTextures
+    drawing: ReferencePass[LoadedTextures]
+
+    def release(self) -> None:
+        """Free the textures, and what draws them."""
+        self.drawing.release()
+
+
+def on_load_refusal(context: GraphicsContext) -> str:
+    """Return why a driver without compute shaders cannot compress textures."""
+    version = context.info.version
+    return f"needs compute shaders and BC7 (OpenGL 4.3); this driver has {version}. Use cached: it is filtered alike"
+
+
+Decoder = DecodePass | DecodeSampledPass | CachedPath | OnLoadPath
 """Types of passes that draw a plane of a pack."""
 
 
@@ -106,6 +130,7 @@ class GpuPack:
         self._passes: dict[tuple[PathChoice, TexelFilter, Plane], DecodePass | DecodeSampledPass] = {}
         """Passes of the paths that decode every pixel."""
         self._caches: dict[Plane, CachedPath] = {}
+        self._loaded: dict[Plane, OnLoadPath] = {}
         self._next: OpenPack | None = None
         """Version that waits until the update under way is done."""
         self._update: PackUpdate | None = None
@@ -119,6 +144,12 @@ class GpuPack:
     def tiles(self) -> TileCounts | None:
         """State of the tile caches of all planes together; None without a cache."""
         return total_counts([cache.tiles for cache in self._caches.values()])
+
+    @property
+    def loads(self) -> LoadCounts | None:
+        """State of the compressed textures of all planes together; None without path `on-load`."""
+        counts = [path.textures.counts for path in self._loaded.values()]
+        return reduce(LoadCounts.plus, counts) if counts else None
 
     @property
     def ranges(self) -> DecoderRanges:
@@ -137,6 +168,10 @@ class GpuPack:
                 context = self.context
                 self._caches[plane] = CachedPath(self.tile_cache(plane), context.scheduler.timer, context.tile_budget)
             return self._caches[plane]
+        if name == "on-load":
+            if plane not in self._loaded:
+                self._loaded[plane] = self._on_load(plane)
+            return self._loaded[plane]
         key = (name, texel_filter, plane)
         if key not in self._passes:
             made = DECODE_PASSES[name](self, texel_filter, plane)
@@ -152,6 +187,15 @@ class GpuPack:
         table, reading = TileTable.of(context.scene.materials, self.pack, self.match, plane), self.reading(plane)
         return kind(graphics, self.programs, self.buffers, self.ranges, table, reading, context.tile_budget)
 
+    def _on_load(self, plane: Plane) -> OnLoadPath:
+        if not self.context.graphics.features.compute:
+            raise InputError(f"path on-load {on_load_refusal(self.context.graphics)}")
+        context, graphics, reading = self.context, self.context.graphics, self.reading(plane)
+        plan = LoadPlan.of(context.scene.materials, self.pack, self.match, plane)
+        shared = (context.scheduler.timer, context.tile_budget)
+        textures = LoadedTextures(graphics, self.programs, self.buffers, self.ranges, plan, reading, *shared)
+        return OnLoadPath(textures, ReferencePass(graphics, self.programs, textures, "decode_on-load", reading))
+
     def latents(self, plane: Plane = "base") -> VisibleLatentsPass:
         """Return the pass that uploads the mips that the pixels of a view read."""
         if plane not in self._latents:
@@ -163,11 +207,25 @@ class GpuPack:
         """Return the GPU memory of the pack, as drawing with this path and filter uses it."""
         parts = self.buffers.bytes_by_part
         of_passes = {key: own.bytes_on_gpu for key, own in self._passes.items()}
+        if name == "on-load" and self._loaded:
+            # Latents and decoders are there for other paths, and for what is still to be compressed.
+            kept = (
+                sum(parts.values())
+                + sum(of_passes.values())
+                + sum(path.cache.bytes_on_gpu for path in self._caches.values())
+            )
+            kept += 0 if self._ranges is None else self._ranges.bytes_on_gpu
+            textures = sum(path.textures.texture_bytes for path in self._loaded.values())
+            working = sum(path.textures.bytes_on_gpu for path in self._loaded.values()) - textures
+            return PackMemory(
+                {"compressed textures": textures, "tables": working}, kept, self.buffers.latent_store.bytes_by_texture
+            )
         of_caches = sum(path.cache.bytes_on_gpu for path in self._caches.values())
         used = sum(size for key, size in of_passes.items() if key[:2] == (name, texel_filter))
         idle = sum(of_passes.values()) - used
         others = [("tile cache", of_caches)] if name == "cached" and self._caches else [("tables", used)]
         idle += 0 if name == "cached" else of_caches
+        idle += sum(path.textures.bytes_on_gpu for path in self._loaded.values())
         if self._ranges is not None:
             others.append(("decoders", self._ranges.bytes_on_gpu))
         others += [("tables", levels.bytes_on_gpu) for levels in self._latents.values()]
@@ -234,6 +292,8 @@ class GpuPack:
         self.pack, self.version = update.opened.pack, update.opened.version
         for path in self._caches.values():
             path.cache.mark_stale(textures)
+        for loaded in self._loaded.values():
+            loaded.textures.mark_stale(textures)
         if regrouped:
             # Passes depend on which decoders there are.
             self._release_passes()
@@ -251,10 +311,11 @@ class GpuPack:
         self._update = self._next = None
         self._release_passes()
         caches = [path.cache for path in self._caches.values()]
-        for part in (*caches, self._ranges, *self._latents.values(), self.buffers):
+        for part in (*caches, *self._loaded.values(), self._ranges, *self._latents.values(), self.buffers):
             if part is not None:
                 part.release()
         self._caches.clear()
+        self._loaded.clear()
 
 
 def _forward(pack: GpuPack, texel_filter: TexelFilter, plane: Plane) -> DecodePass:
@@ -409,6 +470,19 @@ class GpuPacks:
         """Return the pack that a slot shows if it is on the GPU; None for others and for images."""
         return self._on_gpu.get((slot.source, slot.precision))
 
+    def load_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> dict[Slot, LoadCounts]:
+        """Return the compressed textures of `slots` of path `on-load`; what is not compressed is added to `skipped`."""
+        found = {}
+        for slot in dict.fromkeys(
+            slot for slot in slots if slot.path == "on-load" and not is_image_source(slot.source)
+        ):
+            counts = self.on_gpu(slot).loads
+            if counts is not None:
+                found[slot] = counts
+                skipped["textures_not_compressed"] += counts.left_out
+                skipped["mips_not_compressed"] += counts.mips_left_out
+        return found
+
     def tile_counts(self, slots: Iterable[Slot], skipped: Counter[str]) -> tuple[dict[Slot, TileCounts], str]:
         """Return the tile caches of `slots`, and the reason why latents of one are missing ("" where none are).
 
@@ -422,6 +496,8 @@ class GpuPacks:
             if counts is not None:
                 tiles[slot] = counts
             coarse = counts is not None and counts.coarse_latents
+            if slot.path == "on-load":
+                coarse = on_gpu.loads is not None and on_gpu.loads.coarse_latents
             if latents.out_of_memory and (coarse or latents.levels_without_room > 0):
                 short_latents = on_gpu.buffers.latent_store.refusal
             skipped["latent_bytes_not_uploaded"] += latents.bytes_left_out

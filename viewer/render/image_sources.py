@@ -36,9 +36,9 @@ class ImageSources:
         self._buffers.upload_materials()
         self._reference = {plane: self._pass(REFERENCE, plane, partial(self._mips, plane)) for plane in PLANES}
         self._compressed: Mapping[str, CompressedTextures] = {}
-        self._passes: dict[tuple[str, Plane], ReferencePass] = {}
+        self._passes: dict[tuple[str, Plane], ReferencePass[ImageUploads]] = {}
 
-    def _pass(self, source: str, plane: Plane, mips: MipsOf) -> ReferencePass:
+    def _pass(self, source: str, plane: Plane, mips: MipsOf) -> ReferencePass[ImageUploads]:
         write = partial(self._write_places, plane)
         graphics, buffers = self._context.graphics, self._buffers
         uploads = ImageUploads(graphics, self._places[plane], mips, write, srgb=plane != "surface")
@@ -67,7 +67,7 @@ class ImageSources:
         """Return whether a source has images of a plane: formats of graphics hardware may have base colours alone."""
         return source == REFERENCE or plane == "base" or bool(self._compressed[source].further)
 
-    def of(self, source: str, plane: Plane) -> ReferencePass:
+    def of(self, source: str, plane: Plane) -> ReferencePass[ImageUploads]:
         """Return the pass that draws a plane of a source. Raises KeyError where its textures have not been given."""
         if source == REFERENCE:
             return self._reference[plane]

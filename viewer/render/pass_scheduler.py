@@ -17,11 +17,12 @@ Target = TypeVar("Target")
 
 Timing = Callable[[str], AbstractContextManager[None]]
 """Function that takes the time of a block under a name."""
-Part = Literal["textures", "images", "tiles", "samples", "packs", "statistics", "environment"]
+Part = Literal["textures", "images", "tiles", "loads", "samples", "packs", "statistics", "environment"]
 SENTENCES: dict[Part, str] = {
     "textures": "{} being read",
     "images": "{} being read",
     "tiles": "{} being decoded",
+    "loads": "{} being compressed",
     "samples": "{} being drawn",
     "packs": "{} being uploaded",
     "statistics": "decoders are being counted",
@@ -42,7 +43,8 @@ class ToCome:
     @property
     def line(self) -> str:
         """Line for people, such as "3 of 41 textures are being read"."""
-        number = f"{self.left:,} of {self.total:,} {self.part}" if self.total else f"{self.left:,} {self.part}"
+        part = "textures" if self.part == "loads" else self.part
+        number = f"{self.left:,} of {self.total:,} {part}" if self.total else f"{self.left:,} {part}"
         return SENTENCES[self.part].format(f"{number} {'is' if self.left == 1 else 'are'}")
 
 

@@ -7,7 +7,7 @@ from typing import Final, get_args
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
-from viewer.render.gpu_packs import GpuPacks
+from viewer.render.gpu_packs import GpuPacks, on_load_refusal
 from viewer.render.picture_targets import PictureTargets, PlaneKey, ShownMaterials
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
@@ -15,6 +15,8 @@ from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
 from viewer.state.navigation import turned
 from viewer.state.view_state import (
+    EXACT_PATHS,
+    FILTERED_PATHS,
     REFERENCE,
     DecodePath,
     PathChoice,
@@ -53,12 +55,12 @@ def time_paths(
     slot_ms: Callable[[ViewState], float],
     view: ViewState,
     slot: Slot,
-    paths: Sequence[DecodePath] = get_args(DecodePath),
+    paths: Sequence[DecodePath] = EXACT_PATHS,
 ) -> PathTimes:
     """Return the times of `paths` for `slot`; `slot_ms` draws slot A of a view whole and returns the time in ms."""
     times: dict[DecodePath, float] = {}
     for path in paths:
-        share = 1 if path == "cached" else SHARE
+        share = 1 if path in FILTERED_PATHS else SHARE
         size = (max(1, view.size[0] // share), max(1, view.size[1] // share))
         plain = replace(view, size=size, slot_a=replace(slot, path=path), compare="a")
         try:
@@ -74,14 +76,15 @@ def time_paths(
 def drawable_paths(context: GraphicsContext) -> tuple[DecodePath, ...]:
     """Return the paths that this driver can run."""
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
-    return paths if context.features.compute else tuple(path for path in paths if path not in COMPUTING)
+    return paths if context.features.compute else tuple(path for path in paths if path not in (*COMPUTING, "on-load"))
 
 
 def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
     """Return the reasons why this driver cannot decode by a path, by the path's name."""
     version = context.info.version
     reason = f"needs compute shaders (OpenGL 4.3); this driver has {version}. Use forward: it draws the same picture"
-    return {path: reason for path in get_args(DecodePath) if path not in drawable_paths(context)}
+    reasons = {path: reason for path in get_args(DecodePath) if path not in drawable_paths(context)}
+    return {path: on_load_refusal(context) if path == "on-load" else reason for path, reason in reasons.items()}
 
 
 class PathChooser:
@@ -117,7 +120,7 @@ class PathChooser:
 
     def _offered(self, slot: Slot) -> tuple[DecodePath, ...]:
         """Return the paths among which `auto` chooses: sorting pixels by decoder only serves codecs whose pixels share weights."""
-        paths = drawable_paths(self._context)
+        paths = tuple(path for path in drawable_paths(self._context) if path in EXACT_PATHS)
         return paths if self._packs.shares_decoders(slot.source) else tuple(path for path in paths if path != "binned")
 
     def known(self, slot: Slot) -> Slot:
@@ -129,13 +132,13 @@ class PathChooser:
         """Return `slot` with a path that this driver can run, without the filter of paths that have none."""
         if slot.path in COMPUTING and not self._context.features.compute:
             slot = replace(slot, path="forward")
-        return replace(slot, filter="exact") if slot.path == "cached" else slot
+        return replace(slot, filter="exact") if slot.path in FILTERED_PATHS else slot
 
     def _slot_ms(self, view: ViewState) -> float:
         """Draw slot A of `view`, and return the time in ms."""
         slot, context = self._effective(view.slot_a), self._context
         pack = self._packs.on_gpu(slot)
-        anisotropy = view.anisotropy if slot.path == "cached" else 1
+        anisotropy = view.anisotropy if slot.path in FILTERED_PATHS else 1
         content = SurfaceContent(pack.reading().colors, anisotropy > 1)
         targets, key = PictureTargets(VisibilityTarget(context, view.size, content)), PlaneKey(slot, "base")
         try:

@@ -14,6 +14,7 @@ from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import (
     DEFAULT_LIGHTING,
+    FILTERED_PATHS,
     REFERENCE,
     Lighting,
     MaterialView,
@@ -34,7 +35,7 @@ PLANES_OF_VIEW: dict[MaterialView, tuple[Plane, ...]] = {
 
 def surface_content(view: ViewState, scene_buffers: SceneBuffers) -> SurfaceContent:
     """Return what the visibility buffer of `view` must hold: no more than its passes read."""
-    filters = any(is_image_source(slot.source) or slot.path == "cached" for slot in (view.slot_a, view.slot_b))
+    filters = any(is_image_source(slot.source) or slot.path in FILTERED_PATHS for slot in (view.slot_a, view.slot_b))
     return SurfaceContent(
         scene_buffers.has_colors,
         gradients=view.anisotropy > 1 and filters,
@@ -136,9 +137,9 @@ class PictureTargets:
         return self.inputs
 
     def inputs_of(self, key: PlaneKey) -> VisibilityInputs:
-        """Return the inputs that a plane is drawn from: only images and path `cached` filter anisotropically."""
+        """Return the inputs that a plane is drawn from: only images and FILTERED_PATHS filter anisotropically."""
         inputs = self.view.of_plane(key.plane)
-        filters = is_image_source(key.slot.source) or key.slot.path == "cached"
+        filters = is_image_source(key.slot.source) or key.slot.path in FILTERED_PATHS
         return inputs if filters else replace(inputs, anisotropy=1)
 
     def picture(self, slot: Slot) -> ColorTarget:

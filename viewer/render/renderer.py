@@ -201,6 +201,7 @@ class Renderer:
         skipped["triangles_culled"] = counts.triangles_culled
         shown = shown_slots(view)
         tiles, short_latents = self._packs.tile_counts(shown, skipped)
+        loads = self._packs.load_counts(shown, skipped)
         skipped["tiles_kept"] = sum(counts.kept for counts in tiles.values())
         if upload.kept:
             skipped["pack_bytes_kept"] = upload.kept
@@ -224,6 +225,7 @@ class Renderer:
             blend_samples={
                 slot: targets.blend_samples(own) for slot, own in chosen.items() if is_blended and own in shown
             },
+            loads=loads,
             short_latents=short_latents,
             upload=upload,
             blocking_calls=self._blocked - before,

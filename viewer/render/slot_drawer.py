@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from ntc.codec.maps import PLANE_OF_MAP, MapName, Plane
 from viewer.gl.allocation import GpuMemoryError
-from viewer.render.gpu_packs import GpuPack, GpuPacks, naming_memory_errors
+from viewer.render.gpu_packs import GpuPack, GpuPacks, OnLoadPath, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
@@ -123,6 +123,11 @@ class SlotDrawer:
         if isinstance(decode, CachedPath):
             with scheduler.timer.owned_by(key):
                 return scheduler.advance(decode, inputs, target, (version,))
+        if isinstance(decode, OnLoadPath):
+            textures = decode.textures
+            loaded = scheduler.advance(textures, inputs.visible_materials, textures, (version,))
+            with scheduler.timer.owned_by(key):
+                return scheduler.run(decode.drawing, inputs, target, (loaded,))
         latents = pack.latents(key.plane)
         needed = targets.latents.setdefault(latents, VisibleLatents())
         read = (version, scheduler.advance(latents, inputs, needed, (version,)))

@@ -4,7 +4,6 @@ import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import get_args
 
 import moderngl
 import numpy as np
@@ -28,7 +27,7 @@ from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
 from viewer.state.message_log import details_of
 from viewer.state.session import Session
-from viewer.state.view_state import REFERENCE, DecodePath, PictureAlone, ViewState
+from viewer.state.view_state import EXACT_PATHS, REFERENCE, PictureAlone, ViewState
 
 SLOW_FRAME_MS = 120.0
 """Longest time of a whole frame in ms before a moving picture becomes coarse."""
@@ -181,7 +180,7 @@ class Viewport:
         if renderer is None or not self.is_open:
             return False
         for slot in dict.fromkeys((view.slot_a, view.slot_b)):
-            for path in get_args(DecodePath):
+            for path in EXACT_PATHS:
                 try:
                     if renderer.prepare(replace(slot, path=path)):
                         return True

@@ -183,8 +183,12 @@ NO_OVERLAY: Final = Overlay()
 
 
 Side = Literal["a", "b"]
-DecodePath = Literal["forward", "deferred", "binned", "cached"]
-PathChoice = Literal["auto", "forward", "deferred", "binned", "cached"]
+DecodePath = Literal["forward", "deferred", "binned", "cached", "on-load"]
+PathChoice = Literal["auto", "forward", "deferred", "binned", "cached", "on-load"]
+EXACT_PATHS: Final[tuple[DecodePath, ...]] = ("forward", "deferred", "binned", "cached")
+"""Paths that show what a pack holds; `on-load` adds the loss of block compression."""
+FILTERED_PATHS: Final[tuple[PathChoice, ...]] = ("cached", "on-load")
+"""Paths whose texels are filtered by the hardware or like it, with anisotropy; others have filters of their own."""
 CompareMode = Literal["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"]
 MODE_NAMES: Final[Mapping[str, str]] = {
     "a": "A",

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Final, get_args
+from typing import Final
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from lab.benchmarks.shaders.recording import HALF_EXTENSION, AssembledProgram, ProgramRecorder
@@ -15,7 +15,7 @@ from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
 from viewer.render.resources.decoding_shaders import LEVELS
 from viewer.scene.load import load_scene
-from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, Precision, Slot, ViewState
 
 CODECS: Final[dict[str, GridConfig | BlockConfig]] = {
     "paper": recipe_codec("paper", 3, None),
@@ -62,7 +62,7 @@ def _pack(config: GridConfig | BlockConfig, groups: tuple[int, ...], hashes: lis
 def _slots(name: str) -> Iterator[tuple[str, Slot]]:
     """Each path, and each precision in which the codec `name` is decoded by another program."""
     precisions: tuple[Precision, ...] = tuple(LEVELS) if isinstance(CODECS[name], GridConfig) else ("fp32",)
-    for path in get_args(DecodePath):
+    for path in EXACT_PATHS:
         for precision in precisions:
             yield path, Slot(name, path, precision)
             if path == "deferred":

@@ -4,7 +4,7 @@ import os
 import subprocess
 import sys
 from dataclasses import replace
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.features import NAMES, WITHOUT_VARIABLE, features_without, find_features
 from viewer.gl.timer import PassTimer
 from viewer.render.renderer import Renderer
-from viewer.state.view_state import DecodePath, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, Slot, ViewState
 
 SIZE = (60, 36)
 
@@ -35,7 +35,7 @@ def pictures(context: GraphicsContext) -> dict[str, Any]:
     renderer.set_packs(packs)
     found = {}
     for source in packs:
-        for path in get_args(DecodePath):
+        for path in EXACT_PATHS:
             slot = Slot(source, path)
             renderer.render(ViewState(FRONT, SIZE, slot))
             found[f"{source} {path}"] = renderer.picture(slot)

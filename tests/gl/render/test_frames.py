@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import get_args
 
 import moderngl
 import numpy as np
@@ -19,7 +18,7 @@ from viewer.render.frames import FrameResult
 from viewer.render.path_choice import drawable_paths
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material
-from viewer.state.view_state import CompareMode, DecodePath, Overlay, Slot, ViewState, Zoom
+from viewer.state.view_state import EXACT_PATHS, CompareMode, Overlay, Slot, ViewState, Zoom
 
 SIZE = (64, 40)
 CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))
@@ -226,7 +225,7 @@ def test_the_magnifying_glass_draws_nothing_anew(renderer: Renderer) -> None:
 
 
 def test_modes_toggled_back_compile_nothing(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    modes = [Slot("p", path, precision) for path in get_args(DecodePath) for precision in ("fp32", "fp16")]
+    modes = [Slot("p", path, precision) for path in EXACT_PATHS for precision in ("fp32", "fp16")]
     for mode in modes:
         renderer.render(replace(VIEW, slot_b=mode))
     compiled: list[str] = []

@@ -1,7 +1,5 @@
 """Scenes and pictures at the edges: nothing to draw, no textures, no match, one pixel, vertex colours, all id bits."""
 
-from typing import get_args
-
 import numpy as np
 import pytest
 
@@ -21,9 +19,9 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Scene
 from viewer.state.framing import frame_all
-from viewer.state.view_state import DecodePath, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, Slot, ViewState
 
-PATHS = get_args(DecodePath)
+PATHS = EXACT_PATHS
 MAP = PixelMap((0.0, 1.0), (1 / 16, 0.0), (0.0, -1 / 16))
 SLOTS = (Slot(), *(Slot("p", path) for path in PATHS))
 

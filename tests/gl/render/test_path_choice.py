@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import replace
-from typing import get_args
 
 import numpy as np
 import pytest
@@ -15,7 +14,7 @@ from viewer.render.path_choice import COMPUTING, PathTimes, time_paths
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera
 from viewer.state.navigation import turned
-from viewer.state.view_state import DecodePath, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, Slot, ViewState
 
 SLOT = Slot("p", "auto")
 VIEW = ViewState(FRONT, (120, 72), SLOT)
@@ -84,7 +83,7 @@ def test_a_frame_is_drawn_by_the_path_that_was_chosen(graphics: GraphicsContext)
     times = renderer.paths.times(SLOT)
     assert times is not None
     left_out = () if graphics.features.compute else COMPUTING
-    assert set(times.milliseconds) == set(get_args(DecodePath)) - set(left_out)
+    assert set(times.milliseconds) == set(EXACT_PATHS) - set(left_out)
     assert frame.slot_ms[SLOT] > 0.0
     shown = renderer.picture(SLOT)
     np.testing.assert_array_equal(shown, renderer.picture(replace(SLOT, path=times.fastest)))

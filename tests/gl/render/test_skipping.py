@@ -4,7 +4,6 @@ import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import get_args
 
 import moderngl
 import numpy as np
@@ -21,7 +20,7 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.layout import StorageBinding
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
-from viewer.state.view_state import REFERENCE, DecodePath, Overlay, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, REFERENCE, DecodePath, Overlay, Slot, ViewState
 
 SIZE = (120, 72)
 DIRECT: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
@@ -99,7 +98,7 @@ def test_only_visible_textured_pixels_are_decoded(graphics: GraphicsContext, wor
     renderer.release()
 
 
-@pytest.mark.parametrize("path", get_args(DecodePath))
+@pytest.mark.parametrize("path", EXACT_PATHS)
 @pytest.mark.computes
 def test_what_does_not_concern_a_slot_does_not_decode_it_again(
     graphics: GraphicsContext, work: Work, path: DecodePath
@@ -148,7 +147,7 @@ def apart() -> Scene:
 AHEAD = Camera("ahead", (0.0, 0.0, 0.0), (0.0, 0.0, -1.0))
 
 
-@pytest.mark.parametrize("path", get_args(DecodePath))
+@pytest.mark.parametrize("path", EXACT_PATHS)
 def test_textures_out_of_sight_are_not_uploaded(graphics: GraphicsContext, path: DecodePath) -> None:
     renderer = opened(graphics, apart())
     frame = renderer.render(view(path, AHEAD))
@@ -159,7 +158,7 @@ def test_textures_out_of_sight_are_not_uploaded(graphics: GraphicsContext, path:
     renderer.release()
 
 
-@pytest.mark.parametrize("path", get_args(DecodePath))
+@pytest.mark.parametrize("path", EXACT_PATHS)
 def test_only_the_mips_that_are_read_are_uploaded(graphics: GraphicsContext, path: DecodePath) -> None:
     scene = apart()
     far = replace(AHEAD, eye=(0.0, 0.0, 40.0), target=(0.0, 0.0, 39.0))

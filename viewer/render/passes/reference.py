@@ -1,5 +1,7 @@
 """The reference path: original images, or others in their place, filtered by the hardware over the same visibility buffer.
 
+Path `on-load` draws what it has compressed by the same pass.
+
 Each plane of maps (`ntc.codec.maps`) has arrays of its own, in the format that is filtered as its maps are: sRGB or linear.
 """
 
@@ -8,6 +10,8 @@ import os
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from types import MappingProxyType
+from typing import Generic, Protocol, TypeVar
 
 import moderngl
 import numpy as np
@@ -43,6 +47,10 @@ class ImageUploads:
     """
 
     name = "upload"
+    units = (TextureUnit.IMAGES,)
+    """Texture units of an array."""
+    defines: Mapping[str, int] = MappingProxyType({"LOADED": 0, "PARTS": 1})
+    """Defines of the shader that samples them."""
 
     def __init__(
         self, context: GraphicsContext, places: ImagePlaces, mips: MipsOf, write_places: Callable[[], None], srgb: bool
@@ -70,6 +78,9 @@ class ImageUploads:
     def places(self) -> Output:
         """Output that changes with the places of images, which all sources that are shown as images share."""
         return Output(self._places.version)
+
+    def bind(self) -> None:
+        """Bind nothing: materials tell the places of their images."""
 
     def arrays_of(self, visible_materials: Sequence[int]) -> list[int]:
         """Return the numbers of the arrays that hold the images of these materials, ascending."""
@@ -181,14 +192,49 @@ class ImageUploads:
             array.release()
 
 
-class ReferencePass:
+class SampledArray(Protocol):
+    """Texture array that shaders sample."""
+
+    def use(self, unit: int, /) -> None:
+        """Bind it from a texture unit on."""
+
+
+class SampledImages(Protocol):
+    """Images of one plane in texture arrays."""
+
+    @property
+    def arrays(self) -> Mapping[int, tuple[ImageArrayPlan, SampledArray]]:
+        """Texture arrays by number."""
+
+    @property
+    def units(self) -> Sequence[TextureUnit]:
+        """Texture units that an array takes."""
+
+    @property
+    def defines(self) -> Mapping[str, int]:
+        """Defines of the shader that samples them."""
+
+    def arrays_of(self, visible_materials: Sequence[int]) -> list[int]:
+        """Return the numbers of the arrays that hold the images of these materials, ascending."""
+
+    def bind(self) -> None:
+        """Bind what the shader reads besides arrays and materials."""
+
+    def release(self) -> None:
+        """Free the images."""
+
+
+Images = TypeVar("Images", bound=SampledImages)
+
+
+class ReferencePass(Generic[Images]):
     """Pass that shows images. Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps."""
 
     def __init__(
         self,
         context: GraphicsContext,
         programs: ProgramFactory,
-        uploads: ImageUploads,
+        uploads: Images,
         name: str = REFERENCE,
         reading: PlaneReading = DEFAULT_READING,
     ) -> None:
@@ -218,6 +264,7 @@ class ReferencePass:
         try:
             framebuffer.use()
             inputs.bind()
+            self.uploads.bind()
             gl.enable_only(moderngl.DEPTH_TEST if sorts else moderngl.NOTHING)
             gl.depth_func = "1"
             framebuffer.depth_mask = sorts
@@ -232,20 +279,21 @@ class ReferencePass:
 
     def _draw(self, array: int, anisotropy: int, content: SurfaceContent, variant: Mapping[str, int]) -> None:
         """Draw the pixels of one texture array; -1 for none."""
-        defines = {**self._reading.defines(), "GRADIENTS": int(content.gradients), **variant}
+        defines = {**self._reading.defines(), "GRADIENTS": int(content.gradients), **self.uploads.defines, **variant}
         triangle = self._programs.fullscreen("passes/reference/sample.frag", defines)
         set_uniforms(triangle.program, {"depth": (array + 1) / BUCKET_DEPTHS, "first_array": array})
-        unit = int(TextureUnit.IMAGES)
         if array < 0:
             triangle.render(moderngl.TRIANGLES, vertices=3)
             return
         plan, images = self.uploads.arrays[array]
-        images.use(unit)
+        images.use(int(TextureUnit.IMAGES))
         set_uniforms(triangle.program, {"wrap": tuple(int(WRAP_CODES[mode]) for mode in plan.sampler.wrap)})
         sampler = self._samplers.get(plan.sampler, anisotropy)
-        sampler.use(unit)
+        for unit in self.uploads.units:
+            sampler.use(int(unit))
         triangle.render(moderngl.TRIANGLES, vertices=3)
-        sampler.clear(unit)
+        for unit in self.uploads.units:
+            sampler.clear(int(unit))
 
     def release(self) -> None:
         """Free images, samplers and depth."""

@@ -72,6 +72,7 @@ class TextureUnit(IntEnum):
     PANORAMA = 20
     BRDF_TABLE = 21
     SHADOW = 22
+    SECOND_IMAGES = 23
 
 
 class ImageUnit(IntEnum):

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.gpu import WEIGHT_COLUMN_BITS, DecoderVariant, DecodingBinding, DecodingImage, DecodingUniform, GpuTables
+from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
@@ -113,6 +114,11 @@ class PackBuffers:
         """[slots of the table] int32: decoder of each texture, -1 where nothing is decoded."""
         decoders: NDArray[np.int32] = self._records["decoder"][: len(self._texture_index)]
         return decoders
+
+    def plane_components(self, plane: Plane) -> NDArray[np.int32]:
+        """Return [slots of the table] int32: a bit for each of the plane's four components that the texture holds."""
+        bits: NDArray[np.int32] = (self._records["components"] >> (4 * PLANES.index(plane))) & 15
+        return bits
 
     def slots_of_groups(self, groups: Collection[int], pack: Pack) -> dict[int, EncodedTexture]:
         """Return the textures of these groups of `pack`, a version of this pack, by slot of the table."""
