@@ -65,6 +65,7 @@ class FactsReader:
             pixel=self._pixel(),
             paths=last.paths if last else {},
             tiles=last.tiles if last else {},
+            loads=last.loads if last else {},
             history=self._times.history,
             gpu_parts={slot: of_slot.parts for slot, of_slot in memory.items()},
             gpu_idle={slot: of_slot.idle for slot, of_slot in memory.items()},
@@ -125,7 +126,7 @@ class FactsReader:
         if pack is None:
             size = blocks.stored_bytes if blocks is not None else None
             return SlotMeasurement(slot.source, psnr, None, size, file_bytes=size, draw_ms=times.get(slot))
-        figures, last = pack_figures(pack), self._picture.last
+        figures, last, loads = pack_figures(pack), self._picture.last, renderer.loads(slot)
         return SlotMeasurement(
             slot.source,
             psnr,
@@ -135,6 +136,8 @@ class FactsReader:
             bits=figures.bits,
             path=last.paths.get(slot, slot.path) if last is not None else slot.path,
             draw_ms=times.get(slot),
+            compression_db=None if loads is None else loads.psnr_db,
+            load_rate=None if loads is None else loads.texels_per_second,
         )
 
     def take_problems(self) -> tuple[str, ...]:

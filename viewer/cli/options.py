@@ -166,7 +166,7 @@ class ViewOptions(DecoderOptions):
     precision: PrecisionChoice = "fp32"
     """Precision of decoder weights and arithmetic. `auto` takes the fastest whose error stays below one 8-bit step."""
     filter: Annotated[TexelFilter | None, _unset("exact|stochastic")] = None
-    """Texture filter of slot A, except on path cached. stochastic: one random texel, accumulated at rest.
+    """Texture filter of slot A, except on paths cached and on-load. stochastic: one random texel, accumulated at rest.
     Default: the last one used."""
     script: Annotated[Path | None, _unset("FILE")] = None
     """Script of commands to play (docs/guide/scripts.md). The window stays open afterwards."""
@@ -207,7 +207,7 @@ class RenderOptions(DecoderOptions):
     precision: PrecisionChoice = "fp32"
     """Precision of decoder weights and arithmetic. `auto` takes the fastest whose error stays below one 8-bit step."""
     filter: TexelFilter = "exact"
-    """Texture filter of all paths except cached. stochastic: one random texel, the mean of 16 samples."""
+    """Texture filter of all paths except cached and on-load. stochastic: one random texel, the mean of 16 samples."""
     size: Size = (1280, 720)
     """Picture size in pixels."""
     cameras: Annotated[Path | None, _unset("FILE")] = None
@@ -231,7 +231,7 @@ class RenderOptions(DecoderOptions):
     scale: ScaleName = "picture"
     """Upper end of the divergence colours: the largest number in the picture, or the window's number for the block shape."""
     anisotropy: Anisotropy = 1
-    """Anisotropic filtering of images and of path cached, in samples. 1 is trilinear, as the other paths filter."""
+    """Anisotropic filtering of images and of paths cached and on-load, in samples. 1 is trilinear, as the other paths filter."""
     view: MaterialView = "base"
     """Picture to draw: lit surfaces, or one of the maps (orm: occlusion, roughness, metalness)."""
     environment: Annotated[Path | None, _unset("sky|studio|FILE")] = None

@@ -34,13 +34,7 @@ from viewer.state.view_state import (
     is_image_source,
 )
 
-<<<<<<< HEAD
-PATHS: tuple[DecodePath, ...] = ("deferred", "binned", "cached", "forward")
-=======
-MODES: tuple[CompareMode, ...] = get_args(CompareMode)
 PATHS: tuple[DecodePath, ...] = ("deferred", "binned", "cached", "forward", "on-load")
-SlotSide = Annotated[Side, Arg("which slot")]
->>>>>>> 7cdc035a (Add decode path on-load: textures are decoded once, compressed to BC7, BC5 and BC4 by compute shaders, and sampled by the hardware)
 
 
 def _shown_difference(session: Session) -> str | None:
@@ -278,7 +272,7 @@ def next_source(session: Session) -> None:
 @command(
     "slot.next-path",
     "Next decode path in A",
-    "switch slot A to the next decode path: deferred, binned, cached, forward",
+    "switch slot A to the next decode path: deferred, binned, cached, forward, on-load",
     "P",
     unavailable=_a_shows_images,
 )

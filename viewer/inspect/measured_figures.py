@@ -30,6 +30,11 @@ def figure_rows(measured: Mapping[Side, SlotMeasurement]) -> dict[str, tuple[str
         "divergence score": row(lambda own: f"{own.divergence.score:.4f}" if own.divergence else None),
         "excess": row(lambda own: str(own.divergence.excess) if own.divergence else None),
     }
+    further = {
+        "compression dB": row(lambda own: _number(own.compression_db, 2)),
+        "load Mtexel/s": row(lambda own: _number(own.load_rate, 1, 1e6)),
+    }
+    rows |= {name: both for name, both in further.items() if both != (DASH, DASH)}
     by_map = [each.psnr_by_map if each is not None else {} for each in found]
     for name in dict.fromkeys(name for maps in by_map for name in maps):
         a, b = (_decibels(maps[name]) if name in maps else DASH for maps in by_map)
@@ -64,6 +69,8 @@ def figures_json(measured: Mapping[Side, SlotMeasurement]) -> str:
             "gpu_bytes": own.gpu_bytes,
             "decode_ms": own.draw_ms,
             "path": own.path or None,
+            "compression_psnr_db": None if own.compression_db is None else _finite(own.compression_db),
+            "load_texels_per_second": own.load_rate,
             "divergence_score": own.divergence.score if own.divergence else None,
             "excess": own.divergence.excess if own.divergence else None,
             "psnr_db_by_map": {name: _finite(value) for name, value in own.psnr_by_map.items()},

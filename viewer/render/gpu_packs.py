@@ -151,6 +151,11 @@ class GpuPack:
         counts = [path.textures.counts for path in self._loaded.values()]
         return reduce(LoadCounts.plus, counts) if counts else None
 
+    def measure_loads(self) -> None:
+        """Read the errors of compression, for `loads`. Waits for the GPU."""
+        for path in self._loaded.values():
+            path.textures.measure()
+
     @property
     def ranges(self) -> DecoderRanges:
         """Buffer ranges of the decoders, one for each; made when first asked for."""

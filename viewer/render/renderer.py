@@ -18,6 +18,7 @@ from viewer.render.frames import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_packs import GpuPacks, PackMemory
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
+from viewer.render.on_load.textures import LoadCounts
 from viewer.render.pass_scheduler import Output, PassScheduler, ToCome, largest_of_each
 from viewer.render.passes.composite import CompositeTarget
 from viewer.render.path_choice import PathChooser
@@ -132,6 +133,14 @@ class Renderer:
             return None
         used = self.paths.known(slot)
         return on_gpu.memory(used.path, used.filter)
+
+    def loads(self, slot: Slot) -> LoadCounts | None:
+        """Return the textures that path `on-load` has compressed of the slot's pack; None for other paths. Waits for the GPU."""
+        on_gpu = self._packs.uploaded(slot) if slot.path == "on-load" else None
+        if on_gpu is None:
+            return None
+        on_gpu.measure_loads()
+        return on_gpu.loads
 
     def decoders(self, source: str) -> tuple[int, ...]:
         """Return the decoder of every texture of the scene under the grouping of `source`; -1 where nothing is decoded."""

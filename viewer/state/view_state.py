@@ -250,6 +250,7 @@ PATH_TEXTS: Final = {
     "deferred": "Find the visible surfaces first, then decode once for each pixel.",
     "binned": "Find the visible surfaces first, sort pixels by their decoder, then decode. Codec block gains nothing by it.",
     "cached": "Decode tiles of textures once and keep them; the graphics hardware filters them. Fast while the view changes little.",
+    "on-load": "Decode textures once, compress them to BC7, BC5 and BC4, and let the graphics hardware sample them with anisotropy.",
 }
 
 
@@ -407,9 +408,9 @@ class ViewState:
         Setting(
             "filter.anisotropy",
             "Anisotropy",
-            "set the anisotropic filtering of images and path cached, 1 (trilinear) to 16 samples",
-            "Anisotropic filtering of images and path cached, 1 to 16 samples: surfaces at a slant stay sharp. 1 is trilinear, the "
-            "filter of all other paths.",
+            "set the anisotropic filtering of images and of paths cached and on-load, 1 (trilinear) to 16 samples",
+            "Anisotropic filtering of images and of paths cached and on-load, 1 to 16 samples: surfaces at a slant stay sharp. "
+            "1 is trilinear, the filter of all other paths.",
         ),
         Arg("1 is trilinear", name="value"),
     ] = 1

@@ -214,6 +214,9 @@ def slot_note(slot: Slot, view: ViewState, facts: FrameFacts) -> str:
     tiles = facts.tiles.get(replace(slot, path=facts.paths.get(slot, slot.path)))
     if tiles is not None and tiles.waiting:
         return f"decoding {counted(tiles.waiting, 'tile')}"
+    loads = facts.loads.get(slot)
+    if loads is not None and loads.waiting:
+        return f"compressing {loads.waiting / 1e6:,.1f} Mtexel"
     return ""
 
 

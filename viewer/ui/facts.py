@@ -14,6 +14,7 @@ from ntc.pack.match import PackMatch
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.place_content import BlockContent, PixelContent
 from viewer.render.frames import FrameHistory
+from viewer.render.on_load.textures import LoadCounts
 from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.session import Session
 from viewer.state.view_state import PathChoice, Slot
@@ -85,6 +86,8 @@ class FrameFacts:
     """Decode path of each slot: the choice of `auto`, else its own."""
     tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
     """Tile caches of slots that have one."""
+    loads: Mapping[Slot, LoadCounts] = field(default_factory=dict)
+    """Compressed textures of slots of path `on-load`."""
     history: FrameHistory | None = None
     """Times of the recent frames."""
     gpu_parts: Mapping[Slot, Mapping[str, int]] = field(default_factory=dict)

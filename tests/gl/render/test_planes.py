@@ -128,6 +128,16 @@ def test_planes_agree_with_float64(
         assert error <= 3.0 * TOLERANCE, f"{plane}: {error}"
 
 
+@pytest.mark.computes
+def test_compressed_textures_hold_the_same_planes(renderer: Renderer) -> None:
+    """The texels are noise, of which compression keeps little more than the mean of a block."""
+    camera, slot = straight_camera(list(CASES).index("one texel a pixel")), Slot("block", "on-load")
+    renderer.render(ViewState(camera, SIZE, slot, material_view="lit"), whole=True)
+    cached = renderer.planes(Slot("block", "cached"))
+    for plane, pixels in renderer.planes(slot).items():
+        assert np.abs(pixels - cached[plane]).mean() < 0.05, plane
+
+
 @pytest.mark.parametrize("name", ["one texel a pixel", "lod 2, mirror and clamp", "any gradients"])
 def test_cached_tiles_hold_the_same_planes(renderer: Renderer, name: str) -> None:
     kind, slot = "block", Slot("block", "cached")

@@ -175,9 +175,8 @@ class LoadedTextures:
     @property
     def counts(self) -> LoadCounts:
         """State of the textures."""
-        if self._context.waits and self._measured[1] != self._values:
-            error = total_errors(np.frombuffer(self._errors.read(), np.uint32).reshape(-1, 2)).sum()
-            self._measured = float(error), self._values
+        if self._context.waits:
+            self.measure()
         levels = self._plan.levels
         return LoadCounts(
             len(self._finest),
@@ -190,6 +189,12 @@ class LoadedTextures:
             *self._measured,
             bool(self._coarse),
         )
+
+    def measure(self) -> None:
+        """Read the error of compression, for `counts`. Waits for the GPU."""
+        if self._measured[1] != self._values:
+            error = total_errors(np.frombuffer(self._errors.read(), np.uint32).reshape(-1, 2)).sum()
+            self._measured = float(error), self._values
 
     @property
     def texture_bytes(self) -> int:

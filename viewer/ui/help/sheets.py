@@ -20,7 +20,7 @@ TERMS: Final = {
     "block (codec)": "Latents for blocks of 4x4 or 8x8 texels. They are computed in closed form, so that encoding takes seconds.",
     "block (of the map)": "Pixels that the GPU shades together: 8x8, or another shape of the panel Divergence.",
     "codec": "How latents become texels: block or grid.",
-    "decode path": "Where and when texels are decoded: forward, deferred, binned or cached. Paths differ in speed.",
+    "decode path": "Where and when texels are decoded: forward, deferred, binned, cached or on-load. Paths differ in speed.",
     "decoder": "A small neural network that turns latents into texels. The textures of a group share one.",
     "divergence": "Pixels of one block need different decoders: the GPU has to run all of them, one after the other.",
     "divergence map": "D of each block: the number of different decoders that its pixels need. 0 where nothing is decoded.",

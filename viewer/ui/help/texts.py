@@ -216,6 +216,8 @@ FIGURES: Final = {
     "excess": "Sum over all blocks of their decoders beyond the first: 0 is best.",
     "GPU MB": "Memory of this slot on the GPU in MB: resident latents, decoders and tables; of originals, RGBA8 with all mips.",
     "decode ms": "Time of this slot in ms when it was last drawn whole: decoding and light.",
+    "compression dB": "PSNR in dB of the compressed texels of path on-load against the decoded ones, all mips: higher is better.",
+    "load Mtexel/s": "Speed of path on-load: texels decoded and compressed in a second, all mips and maps, in millions.",
     "bits per texel": "Stored bits of the pack per texel of mip 0, mips and decoders included: lower is smaller.",
     "file MB": "Size of the pack's latents and decoders in MB; of a block format, of its blocks.",
     "shows": "Source of the slot.",

@@ -124,6 +124,9 @@ def count_lines(facts: FrameFacts) -> list[str]:
         lines.append(f"{tiles.resident:>9,} tiles of {slot.source} cached, {tiles.waiting:,} waiting")
         if tiles.starved:
             lines.append(f"{tiles.starved:>9,} tiles do not fit: raise tile_cache_megabytes in settings.json")
+    for slot, loads in facts.loads.items():
+        rate = f"{loads.texels_per_second / 1e6:,.1f} Mtexel/s, {loads.bytes / 1e6:,.1f} MB"
+        lines.append(f"{loads.texels:>9,} texels of {slot.source} compressed, {loads.waiting:,} waiting: {rate}")
     lines.append(f"{facts.blocking_calls:>9,} calls in the last frame that waited for the GPU")
     lines.append(f"{facts.frames_drawn:>9,} frames drawn")
     return [*lines, f"reason of the last frame: {', '.join(facts.drawn_because) or INPUT}"]
