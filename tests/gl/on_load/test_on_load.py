@@ -20,7 +20,7 @@ from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera
 from viewer.state.navigation import turned
-from viewer.state.view_state import Slot, ViewState
+from viewer.state.view_state import Anisotropy, Slot, ViewState
 
 pytestmark = pytest.mark.gl
 SIZE = (96, 64)
@@ -86,7 +86,7 @@ def test_pieces_cover_each_mip_once_and_coarse_ones_come_first(renderer: Rendere
 @pytest.mark.computes
 @pytest.mark.parametrize(("anisotropy", "most"), [(1, 0.035), (8, 0.07)])
 def test_it_shows_what_path_cached_shows_but_for_the_loss_of_compression(
-    renderer: Renderer, anisotropy: int, most: float
+    renderer: Renderer, anisotropy: Anisotropy, most: float
 ) -> None:
     """The texels are noise. Anisotropic filters are the driver's own."""
     frame = renderer.render(replace(VIEW, anisotropy=anisotropy))
