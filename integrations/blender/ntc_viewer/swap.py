@@ -1,0 +1,123 @@
+"""Image nodes of materials, their decoded images, and which of both they show."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+
+from .program import COMPONENTS
+
+SOCKETS: Mapping[str, tuple[str, ...]] = {
+    "base": ("Base Color",),
+    "normal": ("Normal",),
+    "roughness": ("Roughness",),
+    "metalness": ("Metallic",),
+    "emissive": ("Emission Color", "Emission"),
+}
+"""Inputs of the Principled BSDF that show each map; names differ between versions of Blender."""
+ORIGINAL, DECODED = "ntc_original", "ntc_decoded"
+"""Properties of an image node that hold its two images."""
+DEEPEST = 16
+
+
+def image_of(socket: Any, deepest: int = DEEPEST) -> tuple[Any, int | None] | None:
+    """Return the image node that a socket shows, and the component of it, None for all; None where there is no image."""
+    if not socket.is_linked or deepest == 0:
+        return None
+    link = socket.links[0]
+    node = link.from_node
+    if node.type == "TEX_IMAGE":
+        return (node, None) if node.image is not None else None
+    for own in node.inputs:
+        found = image_of(own, deepest - 1)
+        if found is not None:
+            if node.type in ("SEPARATE_COLOR", "SEPRGB"):
+                return found[0], list(node.outputs).index(link.from_socket)
+            return found
+    return None
+
+
+def image_nodes(material: Any) -> Iterator[tuple[str, Any, int | None]]:
+    """Yield (map, image node, component) of a material."""
+    if not material.use_nodes:
+        return
+    for node in material.node_tree.nodes:
+        if node.type != "BSDF_PRINCIPLED":
+            continue
+        for name, sockets in SOCKETS.items():
+            socket = next((node.inputs[own] for own in sockets if own in node.inputs), None)
+            found = image_of(socket) if socket is not None else None
+            if found is not None:
+                yield name, *found
+
+
+def all_nodes() -> Iterator[Any]:
+    """Yield the image nodes that have a decoded image."""
+    for material in bpy.data.materials:
+        if material.use_nodes:
+            yield from (node for node in material.node_tree.nodes if node.get(DECODED) is not None)
+
+
+def show(decoded: bool) -> None:
+    """Let all image nodes show their decoded or their original images."""
+    for node in all_nodes():
+        node.image = node[DECODED if decoded else ORIGINAL]
+
+
+def forget() -> None:
+    """Show the originals and let go of decoded images."""
+    show(False)
+    for node in list(all_nodes()):
+        image = node[DECODED]
+        del node[DECODED], node[ORIGINAL]
+        if image.users == 0:
+            bpy.data.images.remove(image)
+
+
+def _pixels(image: Any) -> np.ndarray:
+    values = np.empty(image.size[0] * image.size[1] * 4, np.float32)
+    image.pixels.foreach_get(values)
+    return values.reshape(image.size[1], image.size[0], 4)
+
+
+def _decoded_image(original: Any, parts: tuple[tuple[Path, tuple[int, ...], tuple[int, ...]], ...]) -> Any:
+    """Return a new image: `original` with components of decoded images in place of its own. `parts`: (file, from, to)."""
+    sources = [bpy.data.images.load(str(path)) for path, _, _ in parts]
+    width, height = sources[0].size
+    before = original.copy()
+    before.scale(width, height)
+    values = _pixels(before)
+    for source, (_, taken, places) in zip(sources, parts, strict=True):
+        values[..., list(places)] = _pixels(source)[..., list(taken)]
+        bpy.data.images.remove(source)
+    bpy.data.images.remove(before)
+    made = bpy.data.images.new(f"{original.name} decoded", width, height, alpha=True)
+    made.colorspace_settings.name = original.colorspace_settings.name
+    made.alpha_mode = original.alpha_mode
+    made.pixels.foreach_set(values.ravel())
+    made.update()
+    # A saved file holds it.
+    made.pack()
+    return made
+
+
+def add_decoded(images: Mapping[tuple[str, str], Path]) -> int:
+    """Give image nodes the decoded images by (material, map), beside those that they show; return how many have one."""
+    made: dict[Any, Any] = {}
+    for material in bpy.data.materials:
+        nodes: dict[Any, list[Any]] = {}
+        for name, node, component in image_nodes(material):
+            if (material.name, name) not in images:
+                continue
+            taken = COMPONENTS[name]
+            places = taken if len(taken) == 3 else (0, 1, 2) if component is None else (component,)
+            part = images[material.name, name], taken if len(taken) == 3 else taken * len(places), places
+            nodes.setdefault(node, []).append(part)
+        for node, parts in nodes.items():
+            key = node.image, tuple(parts)
+            if key not in made:
+                made[key] = _decoded_image(*key)
+            node[ORIGINAL], node[DECODED] = node.image, made[key]
+    return len(list(all_nodes()))
