@@ -16,6 +16,7 @@ from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_table
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.inspect.flat_texture import FlatTexture, decode_flat, visible_part
+from viewer.inspect.frame_times import axis_top, beyond_text, frame_ticks
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
 from viewer.inspect.memory_table import pack_memory, scene_memory, size_pairs, smaller_note
 from viewer.inspect.scene_tree import SceneTree
@@ -27,7 +28,6 @@ from viewer.state.message_log import LONGEST_LOG, MessageLog, details_of
 from viewer.state.pack_files import match_scene
 from viewer.ui.dock_layout import Place, column_width, titles_by_place
 from viewer.ui.panels.groups import quality_text
-from viewer.ui.panels.timings import axis_top, beyond_text, frame_ticks
 
 WHITE = (1.0, 1.0, 1.0, 1.0)
 

@@ -29,7 +29,7 @@ from viewer.script.script import parse_script
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
-from viewer.ui.panels.training import figures_of_run, figures_under_way
+from viewer.training.run_figures import figures_of_run, figures_under_way
 
 pytestmark = pytest.mark.process
 

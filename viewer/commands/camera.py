@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, command, field_command, gesture, next_command, unless
+from viewer.commands.command import Arg, command, field_command, gesture, next_command, setter, unless
 from viewer.commands.effects import Effect, WriteText
 from viewer.scene.cameras_file import cameras_json, read_cameras
 from viewer.scene.json_text import printable
@@ -182,11 +182,9 @@ def play(session: Session, file: PathFile = Path()) -> None:
     session.navigation.motion = Playback(cameras)
 
 
-@command(
+stop = command(
     "camera.stop",
     "Stop camera",
     "stop the turntable or the camera path",
     unavailable=unless(lambda context: context.session.navigation.motion, "the camera does not move by itself"),
-)
-def stop(session: Session) -> None:
-    session.navigation.motion = None
+)(setter("navigation.motion", None))

@@ -324,14 +324,22 @@ def field_command(
     return replace(made(change), parameters=parameters, unavailable=unavailable, current=present)
 
 
-def field_gesture(command_id: str, path: str) -> Command:
-    """Return the gesture that sets the field of the session at `path`."""
+def setter(path: str, value: Any) -> Callable[[Session], None]:
+    """Return a function for `command` that sets the field of the session at `path` to `value`."""
 
-    @gesture(command_id)
-    def change(session: Session, value: Any) -> None:
+    def change(session: Session) -> None:
         with_field(session, path, value)
 
     return change
+
+
+def field_gesture(command_id: str, path: str) -> Command:
+    """Return the gesture that sets the field of the session at `path`."""
+
+    def change(session: Session, value: Any) -> None:
+        with_field(session, path, value)
+
+    return gesture(command_id)(change)
 
 
 def next_command(

@@ -17,6 +17,7 @@ from viewer.commands.command import (
     following,
     gesture,
     next_command,
+    setter,
     unless,
 )
 from viewer.commands.effects import Effect, Measure, RunCommand, TakePicture, WriteText
@@ -200,10 +201,8 @@ def show_source(session: Session, side: Side, source: str) -> None:
         session.awaited_formats = {**others, side: block_format}
 
 
-@gesture("slot.leave-format")
-def leave_formats(session: Session) -> None:
-    """Cancel the encoding of block formats; slots keep what they show."""
-    session.awaited_formats = {}
+leave_formats = gesture("slot.leave-format")(setter("awaited_formats", {}))
+"""Gesture that cancels the encoding of block formats; slots keep what they show."""
 
 
 @command(

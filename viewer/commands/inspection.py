@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Annotated, Literal
 
 from ntc.errors import InputError
-from viewer.commands.command import Arg, command, field_gesture, unless
+from viewer.commands.command import Arg, command, field_gesture, setter, unless
 from viewer.commands.window import panel_command
 from viewer.inspect.comparison import compared_source
 from viewer.state.pack_files import match_scene
@@ -30,18 +30,14 @@ def keep_pixel(
     session.window.open_panels |= {"Pixel"}
 
 
-@command(
+let_pixel_go = command(
     "pixel.let-go",
     "Release pixel",
     "let the panel Pixel follow the mouse again",
     unavailable=unless(
         lambda context: context.session.inspection.pixel, "no pixel is kept; click on one while the panel Pixel is open"
     ),
-)
-def let_pixel_go(session: Session) -> None:
-    session.inspection.pixel = None
-
-
+)(setter("inspection.pixel", None))
 keep_pixel_at = field_gesture("pixel.keep-at", "inspection.pixel")
 keep_block_at = field_gesture("block.keep-at", "inspection.block")
 hover = field_gesture("picture.hover", "inspection.hovered")
@@ -135,9 +131,9 @@ def select(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = named_texture(session, texture)
 
 
-@command("texture.clear", "Clear selection", "deselect the texture in all panels")
-def clear(session: Session) -> None:
-    session.inspection.selected_texture = None
+clear = command("texture.clear", "Clear selection", "deselect the texture in all panels")(
+    setter("inspection.selected_texture", None)
+)
 
 
 @command("texture.flat", "Flat view", "show a texture flat, the original beside the decoded one")
@@ -145,11 +141,9 @@ def show_flat(session: Session, texture: Texture) -> None:
     session.inspection.selected_texture = session.inspection.flat_texture = named_texture(session, texture)
 
 
-@command(
+close_flat = command(
     "texture.close-flat",
     "Close flat view",
     "close the flat view of a texture",
     unavailable=unless(lambda c: c.session.inspection.flat_texture is not None, "no texture is shown flat"),
-)
-def close_flat(session: Session) -> None:
-    session.inspection.flat_texture = None
+)(setter("inspection.flat_texture", None))

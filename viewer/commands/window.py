@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Annotated
 
-from viewer.commands.command import Arg, Command, command, field_command, field_gesture, unless
+from viewer.commands.command import Arg, Command, command, field_command, field_gesture, setter, unless
 from viewer.commands.effects import Effect, RaisePanel, ResetLayout
 from viewer.state.session import Session
 from viewer.state.view_state import WHOLE
@@ -13,17 +13,13 @@ OPENED_ON_REQUEST = ("Pixel", "Errors", "Histogram", "Log")
 State = Annotated[bool, Arg("on or off")]
 
 
-@command(
+show_whole_picture = command(
     "view.whole",
     "Whole picture",
     "show the whole picture again after magnifying",
     "Z",
     unavailable=unless(lambda context: context.session.view.zoom != WHOLE, "the whole picture is shown"),
-)
-def show_whole_picture(session: Session) -> None:
-    session.view = replace(session.view, zoom=WHOLE)
-
-
+)(setter("view.zoom", WHOLE))
 resolution = field_command("resolution")
 coarse_while_moving = field_command("settings.coarse_while_moving")
 toggle_panels = field_command("window.show_panels")

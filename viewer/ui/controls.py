@@ -6,7 +6,7 @@ from typing import Any
 from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import BY_ID, bindings
-from viewer.commands.command import Parameter, typed
+from viewer.commands.command import Arg, Parameter, typed
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import choice_text, command_text, control_text
 from viewer.ui.widgets import beside, box_width, combo, list_width
@@ -44,8 +44,13 @@ def control(
         changed, value = imgui.checkbox(title or label, value)
         ui.rects.note(label, tip)
     else:
-        draw = _list if parameter.is_choice or parameter.arg.offers else _slider
-        changed, value = draw(ui, label, parameter, value, tip, width, names, shown)
+        imgui.set_next_item_width(-1.0 if width is None else width)
+        if parameter.is_choice or parameter.arg.offers:
+            current, value = value, _list(ui, label, parameter, value, tip, width is None, names, shown)
+            changed = value != current
+        else:
+            changed, value = _slider(label, parameter.arg, value)
+            ui.rects.note(label, tip)
     imgui.end_disabled()
     if changed:
         ui.emit(command_id, *chosen, *((value,) if command.parameters else ()))
@@ -57,32 +62,29 @@ def _list(
     parameter: Parameter,
     value: Any,
     tip: str,
-    width: float | None,
+    fits: bool,
     names: Callable[[Any], str] | None,
     shown: Callable[[str], str] | None,
-) -> tuple[bool, Any]:
+) -> Any:
+    """Draw a list, as wide as its widest text where it `fits` that, and return the chosen value."""
+
     def name(text: str) -> str:
         return parameter.arg.names.get(text, text) if names is None else names(parameter.parse(text))
 
-    current = typed(value)
     choices = parameter.options(ui.session) or tuple(map(typed, parameter.arg.offers))
-    imgui.set_next_item_width(list_width(*map(name, choices)) if width is None else width)
+    if fits:
+        imgui.set_next_item_width(list_width(*map(name, choices)))
     chosen = combo(
-        *(label, current, choices, ui.rects, lambda text: parameter.refusal(ui.session, text), shown, name),
+        *(label, typed(value), choices, ui.rects, lambda text: parameter.refusal(ui.session, text), shown, name),
         *(tip, lambda text: choice_text(parameter, text)),
     )
-    return chosen != current, parameter.parse(chosen) if chosen != current else value
+    return parameter.parse(chosen) if chosen != typed(value) else value
 
 
-def _slider(
-    ui: UiFrame, label: str, parameter: Parameter, value: float, tip: str, width: float | None, *_names: object
-) -> tuple[bool, float]:
-    arg = parameter.arg
+def _slider(label: str, arg: Arg, value: float) -> tuple[bool, float]:
     low, high = arg.ends or (arg.minimum or 0.0, arg.maximum or 1.0)
     flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if arg.logarithmic else 0)
-    imgui.set_next_item_width(-1.0 if width is None else width)
     moved, found = imgui.slider_float(f"##{label}", value, low, high, arg.text, flags)
-    ui.rects.note(label, tip)
     return moved, round(found, 3)
 
 

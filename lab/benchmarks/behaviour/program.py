@@ -89,6 +89,7 @@ class Program:
         with tempfile.TemporaryDirectory(dir=self.work) as name:
             scratch = Path(name)
             out = scratch / "out"
+            out.mkdir()
             words = {"OUT": out, "WORK": self.work, "BUILTIN": self.work / "builtin", "PATIENCE": patience}
             arguments = [re.sub("|".join(words), lambda word: str(words[word[0]]), text) for text in run.arguments]
             ran = self.start(arguments, scratch)

@@ -107,7 +107,7 @@ TRAINING: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "retrain": (
         SMALL,
-        """window.panels; slot.source a category; training.retrain 0 10steps; wait seconds PATIENCE
+        """window.panels; slot.source a category; training.anew 0 3; wait seconds PATIENCE
         training.accept OUT/retrained.ntc; wait seconds 2; snap retrained; kept retrained.ntc""",
     ),
     "move": (
@@ -122,7 +122,7 @@ TRAINING: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "cancel": (
         SMALL,
-        """window.panels; slot.source a single; training.retrain all 100000steps; wait seconds PATIENCE; training.pause
+        """window.panels; slot.source a single; training.encode single auto 32 100000steps paper; wait seconds PATIENCE; training.pause
         wait seconds 1; training.resume; wait seconds 1; training.cancel; wait seconds 3; training.discard; wait seconds 1
         slot.source a category; snap discarded""",
     ),

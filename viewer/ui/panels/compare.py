@@ -39,13 +39,6 @@ def figures_state(ui: UiFrame) -> str:
     return "in this view" if live.is_current else "in an earlier view"
 
 
-def draw_flicker(ui: UiFrame) -> None:
-    """Draw the flicker's switch and rate."""
-    control(ui, "compare.toggle-flicker", label="flicker")
-    imgui.same_line()
-    control(ui, "compare.flicker", label="flicker rate")
-
-
 def draw_difference(ui: UiFrame) -> None:
     """Draw the kind of the difference and its gain."""
     difference = ui.session.view.difference
@@ -118,7 +111,9 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
 def _modes(ui: UiFrame) -> None:
     radio_buttons(ui, "compare.mode")
     disabled_beside("hold Space to swap")
-    draw_flicker(ui)
+    control(ui, "compare.toggle-flicker", label="flicker")
+    imgui.same_line()
+    control(ui, "compare.flicker", label="flicker rate")
     if ui.session.view.compare == "difference":
         draw_difference(ui)
 

@@ -1,4 +1,4 @@
-"""What bits are worth to one texture: its curve of quality by bits, and the way to encode it anew with other bits."""
+"""PSNR of one texture by bits per texel, as a curve, and the way to encode it anew with other bits."""
 
 import math
 
@@ -87,10 +87,10 @@ class RateView:
         if problem := rates.problem(row.texture_id):
             imgui.text_wrapped(problem)
         elif ui.training.active is not None:
-            wrapped_disabled("What bits are worth is measured when the training has ended.")
+            wrapped_disabled("The curve is measured when the training has ended.")
         elif rates.is_busy:
-            wrapped_disabled("measuring what bits are worth ...")
-        elif imgui.small_button("Measure what bits are worth"):
+            wrapped_disabled("measuring PSNR at several bitrates ...")
+        elif imgui.small_button("Measure PSNR at several bitrates"):
             ui.emit("training.measure-rates", str(row.texture_id))
         ui.rects.note("rate text")
 

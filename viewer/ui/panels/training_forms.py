@@ -135,7 +135,7 @@ class TrainingForms:
 
 def _bits(_pack: Pack, ui: UiFrame) -> None:
     wrapped_disabled(
-        "Choose a texture in the panel Textures to see what bits are worth to it, and to encode it with other bits."
+        "Choose a texture in the panel Textures to see its PSNR by bits per texel, and to encode it with other bits."
     )
     command_button(ui, "Show the panel Textures", "window.panel", "Textures", True, size=ImVec2(-1, 0))
 
