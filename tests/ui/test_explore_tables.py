@@ -15,12 +15,13 @@ from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.metrics.metrics import psnr_table
 from tests.support.picture_scenes import Part, scene_of, texture
+from viewer.inspect.comparison import ErrorRow
 from viewer.inspect.flat_texture import FlatTexture, decode_flat, visible_part
 from viewer.inspect.frame_times import axis_top, beyond_text, frame_ticks
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
 from viewer.inspect.memory_table import pack_memory, scene_memory, size_pairs, smaller_note
 from viewer.inspect.scene_tree import SceneTree
-from viewer.inspect.texture_table import TextureRow, filtered, ordered, short_names, texture_rows
+from viewer.inspect.texture_table import TextureRow, filtered, ordered, short_names, texture_rows, with_error_shares
 from viewer.jobs.job import JobReport
 from viewer.render.frames import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
@@ -96,6 +97,13 @@ def test_rows_say_what_the_pack_makes_of_a_texture(scene: Scene) -> None:
     # Encoded at a quarter of the texels: per texel of the original a quarter of the bits, and coarse mips less often.
     assert half < 0.5 * whole
     assert found[1].bits_per_texel is None
+
+
+def test_shares_of_the_error_are_of_squares_and_sort(scene: Scene) -> None:
+    errors = [ErrorRow(2, 0, 30, 20.0, 2.0, 1.0, 9), ErrorRow(0, 0, 10, 20.0, 2.0, 1.0, 9)]
+    rows = with_error_shares(texture_rows(scene, None, None, None), errors)
+    assert [row.error_share for row in rows] == [0.25, None, 0.75, None]
+    assert [row.texture_id for row in ordered(rows, "error %", descending=True)] == [2, 0, 1, 3]
 
 
 def test_bytes_of_mips() -> None:

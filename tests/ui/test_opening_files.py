@@ -130,7 +130,7 @@ def test_a_double_click_opens_and_recent_files_are_listed(app: DrivenApp, scene_
     app.click("file: courtyard")
     assert app.session.scene.name == "courtyard"
     dialog(app)
-    app.click("file: recent scene.glb")
+    app.click(f"file: recent {scene_path.parent.name}/scene.glb")
     assert app.session.scene.path in (path, scene_path)
 
 

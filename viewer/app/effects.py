@@ -8,7 +8,7 @@ from typing import TypeVar
 import moderngl
 
 from ntc.errors import InputError
-from ntc.io import numbered_path, write_text
+from ntc.io import numbered_path, write_bytes
 from viewer.app.exporting import Exporting
 from viewer.app.work_under_way import seconds_left
 from viewer.capture.film import Film, read_pixels
@@ -175,8 +175,9 @@ class Effects:
             case CancelOpening() | CancelExport():
                 (self.opening if isinstance(effect, CancelOpening) else self.exporting).cancel()
             case WriteText():
-                write_text(effect.path, effect.text)
-                notify(self._session, effect.message)
+                write_bytes(effect.path, effect.text.encode() if isinstance(effect.text, str) else effect.text)
+                if effect.message:
+                    notify(self._session, effect.message)
                 if effect.then is not None:
                     self.perform(effect.then)
             case TakeFilm():

@@ -21,6 +21,7 @@ from viewer.commands.command import (
     unless,
 )
 from viewer.commands.effects import Effect, Measure, RunCommand, TakePicture, WriteText
+from viewer.inspect.costs import cost_bars, costs_png
 from viewer.inspect.measured_figures import figures_json, figures_markdown
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
@@ -162,7 +163,7 @@ FiguresFile = Annotated[
 @command(
     "compare.save-figures",
     "Save figures",
-    "save the measured figures of A and B as JSON, and the picture beside it as a PNG",
+    "save the measured figures of A and B as JSON, with the picture and a chart of the costs as PNGs",
     unavailable=_measured,
 )
 def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
@@ -170,7 +171,10 @@ def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
         raise InputError(f"{file}: the name of a file with figures must end in .json")
     path = session.pictures_folder / file if file != Path() else session.dated_file("-figures", ".json")
     picture = TakePicture("shown", path.absolute().with_suffix(".png"))
-    return WriteText(path, figures_json(session.inspection.measurements), f"wrote {path}", picture)
+    measured = session.inspection.measurements
+    chart = costs_png(cost_bars(measured, session.compressed))
+    costs = WriteText(path.with_name(f"{path.stem}-costs.png"), chart, "", picture)
+    return WriteText(path, figures_json(measured), f"wrote {path}, with charts", costs)
 
 
 def source_refusal(session: Session, source: str) -> str:

@@ -49,12 +49,12 @@ class CancelOpening(Effect):
 
 @dataclass(frozen=True)
 class WriteText(Effect):
-    """Write a text file at once. Raises InputError."""
+    """Write a file at once. Raises InputError."""
 
     path: Path
-    text: str
+    text: str | bytes
     message: str
-    """Message to show when the file is written."""
+    """Message to show when the file is written; "" for none."""
     then: Effect | None = None
     """Effect to carry out afterwards."""
 

@@ -10,6 +10,7 @@ from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
 from ntc.metrics.compressed_textures import CompressedTextures
 from ntc.pack.match import PackMatch
+from viewer.inspect.comparison import ErrorRow
 from viewer.scene.model import Scene
 
 TextureColumn = Literal[
@@ -21,6 +22,7 @@ TextureColumn = Literal[
     "bits",
     "kB",
     "normals",
+    "error %",
     "base dB",
     "normal dB",
     "roughness dB",
@@ -75,6 +77,8 @@ class TextureRow:
     """PSNR of mip 0 in dB of each map of a material set."""
     normal_degrees: float | None = None
     """Mean angle in degrees between decoded and original normals of a material set."""
+    error_share: float | None = None
+    """Share of the squared error of the picture, 0 to 1; None where the texture is not in it."""
     short_name: str = ""
     """Name without what all names of the scene begin or end with."""
     gpu_bytes: int | None = None
@@ -91,6 +95,7 @@ class TextureRow:
             "bits": self.bits_per_texel,
             "kB": self.file_bytes,
             "normals": self.normal_degrees,
+            "error %": self.error_share,
             "base dB": self.map_psnr_db.get("base"),
             "normal dB": self.map_psnr_db.get("normal"),
             "roughness dB": self.map_psnr_db.get("roughness"),
@@ -143,6 +148,15 @@ def _by_map(encoded: EncodedTexture) -> dict[MapName, float]:
         for name, value in zip(encoded.maps, encoded.map_psnr_db, strict=False)
         if value is not None and not math.isnan(value)
     }
+
+
+def with_error_shares(rows: Iterable[TextureRow], errors: Sequence[ErrorRow]) -> tuple[TextureRow, ...]:
+    """Return rows with the shares of the squared error of a picture that `errors` of its textures tell."""
+    squares = {error.number: error.rmse**2 * error.pixels for error in errors}
+    total = sum(squares.values()) or 1.0
+    return tuple(
+        replace(row, error_share=squares[row.texture_id] / total) if row.texture_id in squares else row for row in rows
+    )
 
 
 def compressed_rows(scene: Scene, compressed: CompressedTextures) -> tuple[TextureRow, ...]:

@@ -301,6 +301,11 @@ def title_of(path: Path) -> str:
     return path.absolute().parent.name if path.stem in GENERIC_NAMES and path.absolute().parent.name else path.stem
 
 
+def shown_file(path: Path) -> str:
+    """Return the name of a file in lists; with its folder where many files have that name."""
+    return f"{path.parent.name}/{path.name}" if path.stem in GENERIC_NAMES and path.parent.name else path.name
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A whole scene, ready to be uploaded."""

@@ -6,7 +6,7 @@ from functools import singledispatch
 
 from viewer.state import events
 from viewer.state.events import Event
-from viewer.state.framing import ALL
+from viewer.state.framing import frame_all
 from viewer.state.message_log import MessageKind
 from viewer.state.session import PointedOut, PreviousView, Session, SlotMeasurement, Toast
 from viewer.state.view_state import REFERENCE, Side, Slot, is_image_source
@@ -145,8 +145,6 @@ def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
     if event.camera is None:
         return
     session.view = replace(session.view, camera=event.camera)
-    if event.camera.name == ALL:
-        return
     bookmarks = {**session.bookmarks, event.camera.name: event.camera}
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: bookmarks}
     notify(
@@ -158,6 +156,12 @@ def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
 def start_frame(session: Session, seconds: float, picture_size: tuple[int, int]) -> None:
     """Begin a frame `seconds` after the last one; panels leave `picture_size` (width, height) pixels to the picture."""
     session.window.picture_size = picture_size
+    if session.seeks_first_view:
+        # It was framed before the room was known that panels leave.
+        scene, fov = session.scene, session.settings.fov_degrees
+        before, now = (frame_all(scene, fov, w / h) for w, h in (session.settings.window_size, picture_size))
+        if session.view.camera == before != now:
+            session.view = replace(session.view, camera=now)
     if session.navigation.motion is not None:
         moved = session.navigation.motion.advance(session.view.camera, session.scene.bounds, seconds)
         camera, session.navigation.motion = moved

@@ -103,7 +103,7 @@ class FirstViewFound(Event):
 
     scene: Scene
     camera: Camera | None
-    """Camera found, or the one that frames the whole scene in this window; None keeps the present one."""
+    """Camera found; None keeps the view of the whole scene."""
 
 
 EmitEvent = Callable[[Event], None]

@@ -13,6 +13,7 @@ from viewer.inspect.memory_table import megabytes
 from viewer.locations import BUILTIN_SCENES, builtin_scene_path
 from viewer.scene.folder_listing import FolderEntry, completed, is_path, list_folder, matching, typed_folder
 from viewer.scene.json_text import printable
+from viewer.scene.model import shown_file
 from viewer.scene.scene_files import (
     ARCHIVE_SUFFIX,
     MESH_SUFFIXES,
@@ -244,9 +245,9 @@ class FileDialog:
             imgui.text_wrapped("No recent files.")
         for name in ui.session.settings.recent_files:
             path = Path(name)
-            if imgui.selectable(f"{path.name}##{name}", False)[0]:
+            if imgui.selectable(f"{shown_file(path)}##{name}", False)[0]:
                 chosen = path
-            ui.rects.note(f"{LABEL}recent {path.name}", f"Open {name}")
+            ui.rects.note(f"{LABEL}recent {shown_file(path)}", f"Open {name}")
         imgui.separator()
         imgui.text_disabled("Built in")
         for name in BUILTIN_SCENES:

@@ -11,7 +11,7 @@ import numpy as np
 from viewer.jobs.job import Background, Job
 from viewer.scene.model import Camera, Scene
 from viewer.state.events import EmitEvent, FirstViewFound, Notification
-from viewer.state.framing import ALL, frame_all
+from viewer.state.framing import ALL
 from viewer.state.session import Session
 from viewer.viewpoints.sampling import (
     Candidate,
@@ -74,7 +74,7 @@ class FirstView:
             return
         drawer = CandidateRenderer(draw_ids, CONFIG.size, scene)
         if self._overview is None:
-            self._look_at_all(session, draw_ids)
+            self._look_at_all(scene, camera, draw_ids)
         elif self._waiting is None:
             job = self._job(scene)
             if job.done:
@@ -88,16 +88,14 @@ class FirstView:
     def _job(self, scene: Scene) -> Job[list[Candidate]]:
         return self._background.submit(("first view", id(scene)), lambda _report: _places(scene))
 
-    def _look_at_all(self, session: Session, draw_ids: DrawTextureIds) -> None:
+    def _look_at_all(self, scene: Scene, camera: Camera, draw_ids: DrawTextureIds) -> None:
         """Stay with all of the scene where that shows enough; else notify that another view is searched for."""
-        scene, (width, height) = session.scene, session.window.picture_size
-        camera = frame_all(scene, session.settings.fov_degrees, width / height)
         extent = float((scene.bounds[1] - scene.bounds[0]).max())
         ids = draw_ids(camera, CONFIG.size)
         self._overview = CandidateView.of(Candidate(camera, extent), ids, len(scene.textures))
         shown = self._overview.textures
         if not scene.textures or (self._overview.meets(ENOUGH) and shown >= ENOUGH_TEXTURES * len(scene.textures)):
-            self._emit(FirstViewFound(scene, camera))
+            self._emit(FirstViewFound(scene, None))
             return
         self._emit(
             Notification(f"the whole of {scene.name} shows few of its textures; searching for a better first view")

@@ -159,7 +159,7 @@ CONTROLS: Final = {
     "question Cancel": "Change nothing.",
     "question Stop encoding": "End the encoding: what it has done so far is lost.",
     "copy figures": "Copy the figures to the clipboard, as a table in Markdown.",
-    "save figures": "Save the figures as JSON, and the picture beside it as a PNG.",
+    "save figures": "Save the figures as JSON, with the picture and a chart of the costs as PNGs.",
     "keep run #": "Save the pack of this run beside the scene.",
     "all groups": "Choose all groups.",
     "no groups": "Choose no group.",
@@ -211,7 +211,9 @@ FIGURES: Final = {
     "JOD": "Quality that ColorVideoVDP predicts, in just-objectionable differences: 10 is equal, each step below is plainer.",
     "PSNR seen dB": "PSNR of the picture against one of the original images in dB, over the pixels that show the scene: higher is "
     "better.",
+    "costs": "Costs of each source beside the largest. PSNR of A and B is of the picture, of other formats of textures.",
     "divergence score": "Excess divided by the number of blocks: 0 is best.",
+    "column error %": "Share of this texture in the squared error of the picture, A against B, in per cent.",
     "score": "Excess divided by the number of blocks: 0 is best.",
     "excess": "Sum over all blocks of their decoders beyond the first: 0 is best.",
     "GPU MB": "Memory of this slot on the GPU in MB: resident latents, decoders and tables; of originals, RGBA8 with all mips.",

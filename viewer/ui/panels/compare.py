@@ -1,8 +1,9 @@
 """Panel "Compare": what slots A and B show, how they are shown, and their figures side by side."""
 
-from imgui_bundle import imgui
+from imgui_bundle import ImVec2, imgui
 
 from ntc.metrics.divergence import cut_percent
+from viewer.inspect.costs import cost_bars
 from viewer.inspect.measured_figures import figure_rows
 from viewer.state.pack_files import source_label
 from viewer.state.view_state import Side, Slot, is_image_source
@@ -175,6 +176,13 @@ def _figures(ui: UiFrame) -> None:
         imgui.table_next_row()
         named_cells(ui.rects, name, *values)
     imgui.end_table()
+    imgui.begin_group()
+    for kind, bars in cost_bars(inspection.measurements, ui.session.compressed).items():
+        imgui.text_disabled(kind)
+        for bar in bars:
+            imgui.progress_bar(bar.share, ImVec2(-1, 0), f"{bar.source}  {bar.value:.2f}")
+    imgui.end_group()
+    ui.rects.note("costs")
 
 
 class ComparePanel:
@@ -186,11 +194,11 @@ class ComparePanel:
     def draw(self, ui: UiFrame) -> None:
         """Draw the content of the panel."""
         _draw_upper_part(ui)
-        _figures(ui)
         measured = ui.session.inspection.measured_view
         if measured is not self._seen:
             self._seen = measured
-            imgui.set_scroll_here_y(1.0)
+            imgui.set_scroll_here_y(0.0)
+        _figures(ui)
 
 
 def _draw_upper_part(ui: UiFrame) -> None:

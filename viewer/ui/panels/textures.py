@@ -11,6 +11,7 @@ from viewer.inspect.texture_table import (
     filtered,
     ordered,
     texture_rows,
+    with_error_shares,
 )
 from viewer.state.view_state import is_image_source
 from viewer.ui.controls import select_texture
@@ -20,7 +21,7 @@ from viewer.ui.widgets import decibels, headings, sort_order
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail in lines of text."""
-HIDDEN_AT_FIRST = frozenset(COLUMNS) - {"name", "mip 0 dB", "bits", "normals"}
+HIDDEN_AT_FIRST = frozenset(COLUMNS) - {"name", "mip 0 dB", "bits", "normals", "error %"}
 WIDTHS: dict[TextureColumn, float] = {
     "name": 6.0,
     "size": 5.6,
@@ -30,6 +31,7 @@ WIDTHS: dict[TextureColumn, float] = {
     "bits": 3.0,
     "kB": 3.0,
     "normals": 3.7,
+    "error %": 3.7,
     "base dB": 4.2,
     "normal dB": 4.2,
     "roughness dB": 4.2,
@@ -51,6 +53,7 @@ def _texts(row: TextureRow) -> tuple[str, ...]:
         f"{row.bits_per_texel:.2f}" if row.bits_per_texel is not None else "-",
         f"{row.file_bytes / 1e3:,.0f}" if row.file_bytes is not None else "-",
         f"{row.normal_degrees:.2f}" if row.normal_degrees is not None else "-",
+        f"{100.0 * row.error_share:.1f}" if row.error_share is not None else "-",
         *(decibels(row.map_psnr_db.get(name)) for name in MAPS),
         f"{row.gpu_bytes / 1e3:,.1f} kB" if row.gpu_bytes is not None else "-",
     )
@@ -126,12 +129,15 @@ class TexturesPanel:
         # The key holds the objects: an id could be reused for another object.
         latents = ui.facts.latent_bytes.tobytes() if ui.facts.latent_bytes is not None else b""
         blocks = ui.session.compressed_as(source)
-        key = (ui.session.scene, pack, match, latents, blocks)
+        compared = ui.facts.live.comparison
+        key = (ui.session.scene, pack, match, latents, blocks, compared)
         fresh = self._key != key
         if fresh:
             sizes = ui.facts.latent_bytes.tolist() if ui.facts.latent_bytes is not None else None
             scene = ui.session.scene
             self._all = compressed_rows(scene, blocks) if blocks else texture_rows(scene, pack, match, sizes)
+            if compared is not None:
+                self._all = with_error_shares(self._all, compared.textures)
             self._key = key
         by = sort_order()
         order = (self._filter, by)

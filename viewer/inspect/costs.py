@@ -1,0 +1,80 @@
+"""What A, B and the block formats cost, as bars: bytes on disk and in memory, time of a frame, and PSNR."""
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from matplotlib.figure import Figure
+
+from ntc.metrics.compressed_textures import CompressedTextures
+from viewer.inspect.measured_figures import SIDES
+from viewer.state.session import SlotMeasurement
+from viewer.state.view_state import Side
+
+
+@dataclass(frozen=True)
+class CostBar:
+    """Cost of one source."""
+
+    source: str
+    value: float
+    share: float
+    """Share of the largest value of its kind, 0 to 1."""
+
+
+@dataclass(frozen=True)
+class _Cost:
+    source: str
+    values: tuple[float | None, float | None, float | None, float | None]
+
+
+KINDS = ("on disk, MB", "in memory, MB", "a frame, ms", "PSNR, dB")
+
+
+def cost_bars(
+    measured: Mapping[Side, SlotMeasurement], formats: Mapping[str, CompressedTextures]
+) -> dict[str, tuple[CostBar, ...]]:
+    """Return bars by kind of cost: of A and B as measured, then of the block formats that are encoded and not in A or B.
+
+    PSNR of A and B is of the picture, that of other formats of their textures.
+    """
+    costs = [
+        _Cost(
+            f"{side.upper()}: {own.source}",
+            (_mega(own.file_bytes), _mega(own.gpu_bytes), own.draw_ms, own.psnr_db),
+        )
+        for side in SIDES
+        if (own := measured.get(side)) is not None
+    ]
+    shown = {own.source for own in measured.values()}
+    for name, own in formats.items():
+        if name not in shown:
+            size = _mega(own.stored_bytes)
+            costs.append(_Cost(name, (size, size, None, own.psnr.of_mean_mse_db if own.psnr is not None else None)))
+    bars: dict[str, tuple[CostBar, ...]] = {}
+    for number, kind in enumerate(KINDS):
+        values = [(cost.source, cost.values[number]) for cost in costs]
+        known = [(source, value) for source, value in values if value is not None and value < float("inf")]
+        largest = max((value for _, value in known), default=0.0)
+        bars[kind] = tuple(CostBar(source, value, value / largest if largest else 0.0) for source, value in known)
+    return {kind: own for kind, own in bars.items() if own}
+
+
+def _mega(count: int | None) -> float | None:
+    return None if count is None else count / 1e6
+
+
+def costs_png(bars: Mapping[str, Sequence[CostBar]]) -> bytes:
+    """Return the bars as a PNG, one chart for each kind of cost."""
+    figure = Figure(figsize=(8.0, 0.5 + sum(0.55 + 0.3 * len(own) for own in bars.values())), layout="constrained")
+    axes = figure.subplots(len(bars), 1, squeeze=False, height_ratios=[len(own) + 1 for own in bars.values()])
+    for axis, (kind, own) in zip(axes[:, 0], bars.items(), strict=True):
+        drawn = axis.barh([bar.source for bar in own], [bar.value for bar in own], color="#4c78a8")
+        axis.bar_label(drawn, [f"{bar.value:.2f}" for bar in own], padding=3)
+        axis.set_title(kind, loc="left", fontsize=10)
+        axis.invert_yaxis()
+        axis.set_xlim(0.0, 1.15 * max(bar.value for bar in own) or 1.0)
+        axis.spines[["top", "right"]].set_visible(False)
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=120)
+    return buffer.getvalue()
