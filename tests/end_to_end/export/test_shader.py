@@ -181,14 +181,19 @@ def test_the_program_in_cpp_decodes_what_the_reference_does(compared: Compared, 
 
 @pytest.mark.process
 def test_wgsl_decodes_what_the_reference_does(compared: Compared, tmp_path: Path) -> None:
-    wgpu = pytest.importorskip("wgpu", reason="WGSL is run by wgpu: pip install wgpu")
-    try:
-        device = wgpu.gpu.request_adapter_sync().request_device_sync()
-    except (RuntimeError, AttributeError) as error:
-        pytest.skip(f"there is no Vulkan device: apt-get install mesa-vulkan-drivers ({error})")
+    wgpu, device = webgpu_device()
     own = exported(compared.pack, tmp_path, "wgsl")
     for plane, requests in compared.requests.items():
         compared.check(plane, run_wgsl(wgpu, device, own, plane, requests))
+
+
+def webgpu_device() -> tuple[Any, Any]:
+    """The package wgpu and a device; tests skip without them."""
+    wgpu = pytest.importorskip("wgpu", reason="WGSL is run by wgpu: pip install wgpu")
+    try:
+        return wgpu, wgpu.gpu.request_adapter_sync().request_device_sync()
+    except (RuntimeError, AttributeError) as error:
+        pytest.skip(f"there is no Vulkan device: apt-get install mesa-vulkan-drivers ({error})")
 
 
 def run_wgsl(wgpu: Any, device: Any, own: Exported, plane: Plane, requests: NDArray[Any]) -> NDArray[np.float32]:

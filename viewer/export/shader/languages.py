@@ -73,6 +73,7 @@ def _opening(pack: Pack, heading: Heading, calls: str) -> str:
         "base": "base colour, and coverage last (grey textures: the first component alone)",
         "surface": "normal x and y as (n + 1) / 2, roughness, metalness",
         "emission": "emissive colour, occlusion",
+        "coverage": "coverage, in the first component",
     }
     return "\n".join(
         [

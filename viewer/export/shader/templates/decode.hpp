@@ -78,6 +78,7 @@ NTC_OPERATOR(&)
 NTC_FUNCTION uvec4 operator>>(uvec4 v, int bits) { return {v.x >> bits, v.y >> bits, v.z >> bits, v.w >> bits}; }
 template <typename V> NTC_FUNCTION V& operator+=(V& sum, V value) { return sum = sum + value; }
 template <typename V> NTC_FUNCTION V& operator-=(V& sum, V value) { return sum = sum - value; }
+NTC_FUNCTION vec4& operator*=(vec4& product, float factor) { return product = product * factor; }
 
 // Four columns.
 struct mat4 {
