@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import ColorSpace, GroupingConfig, WrapMode
 from ntc.codec.encoding import CancelQuestion, EncodingChoices, Target, texture_set
 from ntc.codec.grid.training.config import TrainingConfig
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import CODED_MAPS, MapName, joint_maps, map_slices
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image, texel_centres
@@ -50,7 +50,7 @@ class TextureMaker(Protocol[Uploaded_co]):
 def mip_count(pack: Pack, texture: int) -> int:
     """Mips that the pack holds of texture number `texture`, the largest one included."""
     own = pack.textures[_checked(pack, texture, 0)]
-    return len(latent_levels(own.width, own.height, pack.config))
+    return len(texture_levels(own, pack.config))
 
 
 def _checked(pack: Pack, texture: int, level: int) -> int:
@@ -58,7 +58,7 @@ def _checked(pack: Pack, texture: int, level: int) -> int:
     if not 0 <= texture < len(pack.textures):
         raise InputError(f"{pack.name}: has no texture {texture}; it has 0 to {len(pack.textures) - 1}")
     own = pack.textures[texture]
-    levels = len(latent_levels(own.width, own.height, pack.config))
+    levels = len(texture_levels(own, pack.config))
     if not 0 <= level < levels:
         raise InputError(f"{pack.name}: texture {texture} has no mip {level}; it has 0 to {levels - 1}")
     return texture
@@ -102,7 +102,7 @@ def decode_to_torch(pack: Pack, texture: int, level: int = 0, device: str = "cpu
     import torch
 
     own = pack.textures[_checked(pack, texture, level)]
-    mip = latent_levels(own.width, own.height, pack.config)[level]
+    mip = texture_levels(own, pack.config)[level]
     at = torch.from_numpy(texel_centres(mip.texel_width, mip.texel_height)).to(device)
     lod = torch.full((len(at),), float(level), device=device)
     texels: torch.Tensor = codec_of(pack.config).torch_twin(pack, device).texels(texture, at, lod, own.wrap)

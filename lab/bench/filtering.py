@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ntc.codec import reference
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.model import Pack
 from viewer.scene.model import Sampler
@@ -31,7 +31,7 @@ def selected_lod(lod: Array, sampler: Sampler, levels: int) -> tuple[Array, NDAr
 def _moved(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampler) -> tuple[Array, Array]:
     """The `uv` [N, 2] and `lod` [N] that `sampler` reads."""
     texture = pack.textures[texture_index]
-    levels = latent_levels(texture.width, texture.height, pack.config)
+    levels = texture_levels(texture, pack.config)
     read, linear = selected_lod(lod, sampler, len(levels))
     size = np.array([texture.width, texture.height], np.float64)
     texels = np.maximum(np.floor(size * np.exp2(-np.floor(read))[:, None]), 1.0)
@@ -63,7 +63,7 @@ def filter_decoded(pack: Pack, texture_index: int, uv: Array, lod: Array, sample
     Decoded texels are not rounded to 8 bits here, as that path's tiles are.
     """
     texture = pack.textures[texture_index]
-    levels = latent_levels(texture.width, texture.height, pack.config)
+    levels = texture_levels(texture, pack.config)
     uv, read = _moved(pack, texture_index, uv, lod, sampler)
     read = np.clip(read, 0.0, len(levels) - 1.0)
     lower = np.floor(read).astype(np.int64)

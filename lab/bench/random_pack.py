@@ -107,10 +107,12 @@ def _random_block_decoder(config: BlockConfig, random: np.random.Generator) -> B
     return BlockDecoder(basis, channels, scale, scales, edges.astype(np.uint8))
 
 
-def _random_words(width: int, height: int, config: BlockConfig, random: np.random.Generator) -> NDArray[np.uint32]:
+def _random_words(
+    width: int, height: int, code_mips: int | None, config: BlockConfig, random: np.random.Generator
+) -> NDArray[np.uint32]:
     """Stored words of random codes of random sizes."""
-    levels = latent_levels(width, height, config)
-    blocks = latent_cell_count(width, height, config)
+    levels = latent_levels(width, height, config, code_mips)
+    blocks = latent_cell_count(width, height, config, code_mips)
     codes = random.integers(0, 1 << 32, (blocks, config.block_words[-1]), np.uint32)
     return stored_words(BlockCodes(codes, random.integers(0, len(config.block_words), blocks)), levels, config)
 
@@ -132,16 +134,17 @@ def random_block_pack(
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     seed: int = 0,
     maps: Sequence[tuple[MapName, ...]] | None = None,
+    code_mips: Sequence[int | None] = (),
 ) -> Pack:
     """A pack of codec `block` of textures with these (width, height), whose texels lie across [0, 1] and beyond.
 
-    `maps` by texture; None: those of the codec, with all its channels.
+    `maps` by texture; None: those of the codec, with all its channels. `code_mips` by texture; empty: as the codec has it.
     """
     config = config or BlockConfig()
     random = np.random.default_rng(seed)
     channels = config.output_channels
     counts = {name: place.stop - place.start for name, place in map_slices(config.maps, channels).items()}
-    kinds = maps or [config.maps] * len(sizes)
+    kinds, fewer = maps or [config.maps] * len(sizes), code_mips or [None] * len(sizes)
     textures = tuple(
         BlockTexture(
             name=f"texture {index}",
@@ -153,7 +156,8 @@ def random_block_pack(
             wrap=wrap,
             category=None,
             group=groups[index],
-            words=_random_words(width, height, config, random),
+            words=_random_words(width, height, fewer[index], config, random),
+            code_mips=fewer[index],
             axes=_random_axes(config, random),
             mean=random.uniform(0.3, 0.7, (config.mips, channels)).astype(np.float32),
             maps=kinds[index],

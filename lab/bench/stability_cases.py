@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import WrapMode
 from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, grid_parts
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import latent_levels, texture_levels
 from ntc.codec.model import Pack
 from ntc.pack.schema import LARGEST_SIDE as LARGEST_PACK_SIDE
 
@@ -59,7 +59,7 @@ def anywhere(pack: Pack, texels: int, random: np.random.Generator) -> list[Reque
     found = []
     for index, texture in enumerate(pack.textures):
         count = max(1, texels // len(pack.textures))
-        levels = len(latent_levels(texture.width, texture.height, pack.config))
+        levels = len(texture_levels(texture, pack.config))
         uv, lod = random.uniform(-2.0, 2.0, (count, 2)), random.uniform(-0.5, levels - 0.5, count)
         found.append(Requests(index, as_single(uv), as_single(lod)))
     return found

@@ -19,7 +19,7 @@ from ntc.codec.block.model import block_parts
 from ntc.codec.block.reference import texture_codes
 from ntc.codec.config import GroupingConfig
 from ntc.codec.encoding import BitsTarget
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none, psnr_db
 from ntc.codec.textures import SourceTexture
@@ -48,7 +48,7 @@ def alpha_bits(pack: Pack, index: int) -> float | None:
     if config.alpha is None:
         return None
     decoder, plane, total = own.decoders[found.group], len(config.planes) - 1, 0
-    for number, level in enumerate(latent_levels(found.width, found.height, config)):
+    for number, level in enumerate(texture_levels(found, config)):
         if level.has_own_cells:
             stored = texture_codes(found, config, number)
             modes = (stored.codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)

@@ -11,7 +11,7 @@ from ntc.codec.grid.accuracy.precision_choice import as_stored, run_decoder_in_h
 from ntc.codec.grid.accuracy.rescale import stored_pack
 from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 
 TEXELS_AT_ONCE = 1 << 14
@@ -79,7 +79,7 @@ def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed:
     done = beyond = 0
     largest = largest_bound = share = 0.0
     for index, texture in enumerate(own.textures):
-        levels = len(latent_levels(texture.width, texture.height, pack.config))
+        levels = len(texture_levels(texture, pack.config))
         left = max(1, texels // len(pack.textures))
         while left > 0:
             count = min(left, TEXELS_AT_ONCE)

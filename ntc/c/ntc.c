@@ -648,7 +648,7 @@ static const char *read_codec(text codec, settings *own) {
 }
 
 /* The levels of a texture (docs/reference/codec-block.md and codec-grid.md). */
-static void find_levels(const settings *own, texture *found) {
+static void find_levels(const settings *own, int code_mips, texture *found) {
     int count = 0;
     uint64_t cells = 0;
     while (count < MOST_LEVELS && (own->levels == 0 || count < own->levels)) {
@@ -660,7 +660,7 @@ static void find_levels(const settings *own, texture *found) {
         made->width = (made->texel_width + own->side - 1) / own->side;
         made->height = (made->texel_height + own->side - 1) / own->side;
         const int across = made->width > made->height ? made->width : made->height;
-        if (before != NULL && before->mip_of_cell + 1 < own->mips && before->texel_width == 2 * made->texel_width &&
+        if (before != NULL && before->mip_of_cell + 1 < code_mips && before->texel_width == 2 * made->texel_width &&
             before->texel_height == 2 * made->texel_height) {
             made->width = before->width;
             made->height = before->height;
@@ -718,7 +718,11 @@ static const char *read_texture_metadata(ntc_pack *pack, text document, texture 
         }
         place += count;
     }
-    find_levels(own, found);
+    int code_mips = own->mips;
+    if (member(document, "code_mips", &value) && !is_text(value, "null")) {
+        if (!whole_member(document, "code_mips", 1, 2, &code_mips) || code_mips >= own->mips) return "a texture's code_mips is wrong";
+    }
+    find_levels(own, code_mips, found);
     return NULL;
 }
 

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import Precision, WrapMode
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.maps import CODED_PLANES, plane_channels
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Pack
 
@@ -198,7 +198,7 @@ class GpuTables(ABC):
 
     def fill_record(self, record: np.void, texture: EncodedTexture, first_level: int, adapter: int) -> None:
         """Write a texture's record: `first_level` is the row of its finest mip, `adapter` the first block of its adapter."""
-        levels = latent_levels(texture.width, texture.height, self.settings)
+        levels = texture_levels(texture, self.settings)
         record["first_level"], record["levels"] = first_level, len(levels)
         record["decoder"], record["channels"] = texture.group, texture.channels
         record["srgb"] = texture.color_space == "srgb"

@@ -24,6 +24,22 @@ class PyramidShape(Protocol):
         """Mips at most that are decoded from the same cells."""
 
 
+class PyramidTexture(Protocol):
+    """Facts about a texture that decide about its pyramid."""
+
+    @property
+    def width(self) -> int:
+        """Texels along u."""
+
+    @property
+    def height(self) -> int:
+        """Texels along v."""
+
+    @property
+    def code_mips(self) -> int | None:
+        """Mips at most that are decoded from the same cells; None: as many as the codec's settings say."""
+
+
 @dataclass(frozen=True)
 class LatentLevel:
     """One level of a texture's latent pyramid. Cells are stored row by row, the row at v = 0 first."""
@@ -52,20 +68,28 @@ class LatentLevel:
         return self.mip_of_cell == 0
 
 
-def latent_levels(width: int, height: int, config: PyramidShape) -> tuple[LatentLevel, ...]:
+def texture_levels(texture: PyramidTexture, config: PyramidShape) -> tuple[LatentLevel, ...]:
+    """Return the levels of the latent pyramid of `texture`, finest first."""
+    return latent_levels(texture.width, texture.height, config, texture.code_mips)
+
+
+def latent_levels(
+    width: int, height: int, config: PyramidShape, code_mips: int | None = None
+) -> tuple[LatentLevel, ...]:
     """Return the levels of the latent pyramid of a `width` x `height` texel texture, finest first; never empty.
 
     Level l encodes texture mip l, of max(1, side >> l) texels, with ceil(side / downscale) cells a side. Where
     a cell holds several mips (`mips_a_cell`), a level whose texels are exactly 2x2 texels of the level before
-    has no cells of its own.
+    has no cells of its own. `code_mips` takes the place of `mips_a_cell` where it is given.
     """
+    mips = code_mips or config.mips_a_cell
     levels: list[LatentLevel] = []
     next_cell = 0
     while config.levels is None or len(levels) < config.levels:
         texel_width, texel_height = max(1, width >> len(levels)), max(1, height >> len(levels))
         cells_u, cells_v = -(-texel_width // config.downscale), -(-texel_height // config.downscale)
         before = levels[-1] if levels else None
-        if before and before.mip_of_cell + 1 < config.mips_a_cell and _halves(before, texel_width, texel_height):
+        if before and before.mip_of_cell + 1 < mips and _halves(before, texel_width, texel_height):
             mip = before.mip_of_cell + 1
             levels.append(LatentLevel(before.width, before.height, texel_width, texel_height, before.first_cell, mip))
         else:
@@ -80,6 +104,6 @@ def _halves(finer: LatentLevel, texel_width: int, texel_height: int) -> bool:
     return (finer.texel_width, finer.texel_height) == (2 * texel_width, 2 * texel_height)
 
 
-def latent_cell_count(width: int, height: int, config: PyramidShape) -> int:
+def latent_cell_count(width: int, height: int, config: PyramidShape, code_mips: int | None = None) -> int:
     """Return cells of all levels together: the rows of a texture's flat latent array."""
-    return sum(level.cells for level in latent_levels(width, height, config) if level.has_own_cells)
+    return sum(level.cells for level in latent_levels(width, height, config, code_mips) if level.has_own_cells)

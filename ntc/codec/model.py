@@ -68,6 +68,8 @@ class EncodedTexture:
     """Maps of the texture, some of `CodecSettings.maps`; more than `base` alone: a material set."""
     map_psnr_db: tuple[float | None, ...] = ()
     """PSNR in dB of mip 0 of each of `maps` in a material set, as `psnr_db`; empty where it is not known."""
+    code_mips: int | None = None
+    """Mips at most that are decoded from one code, 1 or 2: fewer than the codec's settings say. None: as many as they say."""
     normal_degrees: tuple[float, float] | None = None
     """Mean and 95th percentile of the angle in degrees between decoded and original normals of a material set."""
 

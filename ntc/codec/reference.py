@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.codec.sampling import Array
@@ -45,7 +45,7 @@ def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDec
     """Return [h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, which `decode` gives at its texel
     centres."""
     texture = pack.textures[texture_index]
-    geometry = latent_levels(texture.width, texture.height, pack.config)[level]
+    geometry = texture_levels(texture, pack.config)[level]
     uv = texel_centres(geometry.texel_width, geometry.texel_height)
     values = decode(texture_index, uv, np.full(len(uv), float(level)))
     return np.asarray(np.rint(values * 255.0), np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)

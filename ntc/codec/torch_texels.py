@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 
 
@@ -142,7 +142,7 @@ class TorchTexels(ABC):
         texture = self._pack.textures[texture_index]
         decode, places = self._decode_of(texture_index, wrap), texture.places(self._pack.config)
         parts = [torch.zeros((0, texture.channels), device=self._device)]
-        lod = lod.clamp(0.0, len(latent_levels(texture.width, texture.height, self._pack.config)) - 1.0)
+        lod = lod.clamp(0.0, len(texture_levels(texture, self._pack.config)) - 1.0)
         for uv, level in zip(torch.split(at, self.texels_at_once), torch.split(lod, self.texels_at_once), strict=True):
             if not len(uv):
                 continue

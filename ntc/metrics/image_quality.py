@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_db
@@ -113,6 +113,6 @@ def level_psnr(pack: Pack, texture_index: int, source: SourceTexture, decode: Im
     expected = (encoded.height, encoded.width, encoded.channels)
     if source.pixels.shape != expected:
         raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it again")
-    levels = len(latent_levels(encoded.width, encoded.height, pack.config))
+    levels = len(texture_levels(encoded, pack.config))
     mips = mip_chain(source.pixels, source.color_space, source.maps)[:levels]
     return tuple(psnr_db(decode(texture_index, level), mip) for level, mip in enumerate(mips))

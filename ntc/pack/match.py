@@ -93,7 +93,7 @@ def _same_texture(first: EncodedTexture, second: EncodedTexture) -> bool:
 
 def same_shape(old: Pack, new: Pack) -> bool:
     """Return whether both hold textures of the same sizes and maps in the same order, in one codec."""
-    sizes = [[(t.pixel_hash, t.width, t.height, t.maps) for t in pack.textures] for pack in (old, new)]
+    sizes = [[(t.pixel_hash, t.width, t.height, t.maps, t.code_mips) for t in pack.textures] for pack in (old, new)]
     return old.config == new.config and sizes[0] == sizes[1]
 
 

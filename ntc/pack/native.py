@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.c.library import Options, library
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.pack.file import pack_bytes
@@ -45,7 +45,7 @@ def native_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.u
     if opened is None:
         return None
     texture = pack.textures[texture_index]
-    size = latent_levels(texture.width, texture.height, pack.config)[level]
+    size = texture_levels(texture, pack.config)[level]
     texels = np.empty((size.texel_height, size.texel_width, texture.channels), np.uint8)
     place, row = texels.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(texels.strides[0])
     extent = (size.texel_width, size.texel_height)

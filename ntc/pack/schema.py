@@ -4,7 +4,7 @@ import json
 import math
 import re
 from dataclasses import asdict, dataclass, fields
-from typing import Annotated, Any, NoReturn, TypeVar, cast
+from typing import Annotated, Any, Literal, NoReturn, TypeVar, cast
 
 import msgspec
 from msgspec import Meta
@@ -50,6 +50,7 @@ class TextureMetadata(msgspec.Struct, frozen=True):
     maps: tuple[MapName, ...] = BASE_ALONE
     map_psnr_db: tuple[Decibels | None, ...] = ()
     normal_degrees: tuple[Degrees, Degrees] | None = None
+    code_mips: Literal[1, 2] | None = None
 
 
 class GroupingMetadata(msgspec.Struct, frozen=True):
@@ -89,8 +90,14 @@ class _Version(msgspec.Struct):
     format_version: int
 
 
-SET_FIELDS: dict[str, Any] = {"maps": BASE_ALONE, "map_psnr_db": (), "normal_degrees": None, "tables": None}
-"""Fields that material sets added, and the values that stand for their absence."""
+SET_FIELDS: dict[str, Any] = {
+    "maps": BASE_ALONE,
+    "map_psnr_db": (),
+    "normal_degrees": None,
+    "tables": None,
+    "code_mips": None,
+}
+"""Fields that were added later, and the values that stand for their absence."""
 
 
 def _without_set_fields(found: dict[str, Any]) -> dict[str, Any]:
@@ -179,6 +186,11 @@ def parse_metadata(text: str) -> PackMetadata:
                 f"metadata.textures[{index}].channels is {texture.channels}, the codec has "
                 f"{metadata.codec.output_channels} output channels: {error}"
             ) from error
+        if texture.code_mips is not None and texture.code_mips >= metadata.codec.mips_a_cell:
+            most = metadata.codec.mips_a_cell
+            raise MetadataError(
+                f"metadata.textures[{index}].code_mips is {texture.code_mips}, the codec has {most} mips per code"
+            )
         if len(texture.map_psnr_db) not in (0, len(texture.maps)):
             raise MetadataError(f"metadata.textures[{index}].map_psnr_db: does not fit {len(texture.maps)} maps")
     groups = metadata.grouping.groups

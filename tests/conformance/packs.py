@@ -6,17 +6,19 @@ reference: textures in order, of each its mips from the finest, rows from v = 0,
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.api import decode, encode, material, texture
 from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.encoder import encode_group, encode_texture
 from ntc.codec.config import GroupingConfig
 from ntc.codec.encoding import BitsTarget, EncodingOptions
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.training.config import TrainingConfig
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import MAPS, MapName
 from ntc.codec.model import CodecSettings, Grouping, Pack
 from ntc.codec.textures import SourceTexture
@@ -93,6 +95,16 @@ def _block(own: list[SourceTexture], settings: BlockConfig) -> Pack:
     return _encoded(own, settings, BlockOptions())
 
 
+def _own_codes() -> Pack:
+    """Return textures of one, two and four mips per code."""
+    own = [texture(graphics(64, 48, 3, 70 + mips), f"{mips} mips") for mips in (1, 2, 4)]
+    config = BlockConfig(mips=4, block_words=(4, 8, 12), mean_words=7.0, coefficients=80, modes=8)
+    decoder, _ = encode_group(own, config)
+    fewer: tuple[Literal[1, 2] | None, ...] = (1, 2, None)
+    found = [encode_texture(each, decoder, config, 7.0, code_mips=mips) for each, mips in zip(own, fewer, strict=True)]
+    return Pack(config, _one_group(own), tuple(found), (decoder,))
+
+
 def _grid(own: list[SourceTexture], settings: GridConfig) -> Pack:
     return _encoded(own, settings, TrainingConfig(steps=20, texels_per_texture=64, device="cpu"))
 
@@ -111,6 +123,7 @@ MAKERS: Mapping[str, Callable[[], Pack]] = {
         [texture(graphics(64, 64, 3, 50)), texture(pixels(64, 32, 3, 51))],
         BlockConfig(mips=4, block_words=(4, 8, 16), mean_words=8.0, coefficients=120, modes=16),
     ),
+    "block-own-codes": _own_codes,
     "block-side-4": lambda: _block(
         textures()[:1], BlockConfig(block_side=4, block_words=(1, 2, 3), mean_words=2.0, coefficients=30, modes=8)
     ),
@@ -146,7 +159,7 @@ def texels(pack: Pack) -> bytes:
     parts = [
         decode(pack, number, level, "numpy").tobytes()
         for number, own in enumerate(pack.textures)
-        for level in range(len(latent_levels(own.width, own.height, pack.config)))
+        for level in range(len(texture_levels(own, pack.config)))
     ]
     return b"".join(parts)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import MapName, map_slices
 from ntc.codec.mips import coded_z
 from ntc.codec.model import Pack
@@ -78,7 +78,7 @@ def decode(options: DecodeOptions) -> int:
     decode_level, written = _decoder(pack, options), 0
     for index, file_name in enumerate(image_file_names([texture.name for texture in pack.textures])):
         texture = pack.textures[index]
-        last = len(latent_levels(texture.width, texture.height, pack.config)) - 1
+        last = len(texture_levels(texture, pack.config)) - 1
         images = map_images(texture.maps, decode_level(index, min(options.level, last)))
         for name, image in images.items():
             path = options.out / file_name

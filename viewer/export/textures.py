@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import SRGB_MAPS
 from ntc.codec.mips import coded_z, mip_chain
 from ntc.codec.model import Pack
@@ -72,7 +72,7 @@ class DecodedImage:
         """
         layer = self.option.layer
         texture = self.pack.textures[layer]
-        levels = latent_levels(texture.width, texture.height, self.pack.config)
+        levels = texture_levels(texture, self.pack.config)
         found = [self._composed(decode(layer, number), original) for number in range(len(levels) if all_levels else 1)]
         return found + self._smaller(found[-1]) if all_levels else found
 

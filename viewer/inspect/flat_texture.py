@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.mips import mip_chain
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_db
@@ -58,7 +58,7 @@ def compressed_flat(compressed: CompressedTexture, _report: JobReport) -> FlatTe
 
 def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np.uint8]:
     texture = pack.textures[index]
-    geometry = latent_levels(texture.width, texture.height, pack.config)[level]
+    geometry = texture_levels(texture, pack.config)[level]
     width, height = geometry.texel_width, geometry.texel_height
     uv = texel_centres(width, height)
     parts: list[NDArray[np.uint8]] = []
@@ -73,7 +73,7 @@ def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np
 def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport) -> FlatTexture:
     """Decode texture `index` of `pack`, which encodes `texture`, with the numpy reference; a small mip first (a job)."""
     encoded = pack.textures[index]
-    levels = latent_levels(encoded.width, encoded.height, pack.config)
+    levels = texture_levels(encoded, pack.config)
     preview = next((n for n, size in enumerate(levels) if max(size.texel_width, size.texel_height) <= PREVIEW_SIDE), 0)
     if preview:
         report.show(FlatTexture((as_rgb8(_decode(pack, index, preview, report)),), preview, None))

@@ -28,7 +28,7 @@ from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import texture_codes
 from ntc.codec.gpu import GPU
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.errors import InputError
@@ -93,7 +93,7 @@ class PackCodes:
 
     def levels(self, texture: BlockTexture) -> tuple[LatentLevel, ...]:
         """Levels of a texture."""
-        return latent_levels(texture.width, texture.height, self.config)
+        return texture_levels(texture, self.config)
 
     def kinds(self, texture: BlockTexture, level: int) -> Array:
         """[blocks] numbers of heads: size * modes + mode."""

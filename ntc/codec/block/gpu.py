@@ -30,7 +30,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.storage import level_rows
 from ntc.codec.block.trellis import DEEP_CURVE, DEEP_DEPTH, LEVEL_STEPS, SHALLOW_CURVE, branch_tables
 from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, by_plane
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.mips import srgb_channels
 from ntc.codec.model import Decoder, EncodedTexture
@@ -214,7 +214,7 @@ class BlockTables(GpuTables):
             record["axes"][4 * place : 4 * place + 4][np.ix_(components, components)] = axes
 
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:
-        levels = latent_levels(texture.width, texture.height, self._config)
+        levels = texture_levels(texture, self._config)
         return level_rows(cast(BlockTexture, texture).words, levels, self._config)
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> Words:

@@ -9,7 +9,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture, averaged_rows, sca
 from ntc.codec.block.storage import BlockCodes, level_codes, level_rows
 from ntc.codec.block.trellis import branch_tables, level_table
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.sampling import bilinear, clamped_lod, trilinear
 
 Array = NDArray[np.float64]
@@ -91,7 +91,7 @@ def block_values(
 
 def texture_codes(texture: BlockTexture, config: BlockConfig, level: int) -> BlockCodes:
     """The codes of all blocks that mip `level` is decoded from. Raises ValueError for words that no encoder writes."""
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
     first = level_rows(texture.words, levels, config)[level].first
     return level_codes(texture.words[first:], levels[level], config)
 
@@ -105,7 +105,7 @@ def texel_values(
     row: NDArray[np.int64],
 ) -> Array:
     """[N, channels] float64, not clamped: the texels at `column` and `row` [N] of mip `level`."""
-    geometry = latent_levels(texture.width, texture.height, config)[level]
+    geometry = texture_levels(texture, config)[level]
     side = config.code_sides[geometry.mip_of_cell]
     used, place = np.unique(row // side * geometry.width + column // side, return_inverse=True)
     stored = texture_codes(texture, config, level)
@@ -116,7 +116,7 @@ def texel_values(
 
 def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int) -> Array:
     """[blocks, texels, channels] float64 in [0, 1], in the texture's colour space: all blocks of mip `level`."""
-    mip = latent_levels(texture.width, texture.height, config)[level].mip_of_cell
+    mip = texture_levels(texture, config)[level].mip_of_cell
     values = block_values(texture, texture_codes(texture, config, level), decoder, config, mip)
     shown: Array = np.clip(values, 0.0, 1.0)
     return shown
@@ -126,7 +126,7 @@ def decode_image(
     texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int = 0
 ) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level`."""
-    geometry = latent_levels(texture.width, texture.height, config)[level]
+    geometry = texture_levels(texture, config)[level]
     values = image_of(decode_blocks(texture, decoder, config, level), geometry, config)
     pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)
     return pixels
@@ -136,7 +136,7 @@ def decode_alpha(
     texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int = 0
 ) -> NDArray[np.uint8]:
     """[h, w] uint8: the map `alpha` of mip `level`, which the codec has. Only its coefficients are read."""
-    geometry = latent_levels(texture.width, texture.height, config)[level]
+    geometry = texture_levels(texture, config)[level]
     values = channel_values(texture, texture_codes(texture, config, level), decoder, config, geometry.mip_of_cell)
     image = image_of(np.clip(values, 0.0, 1.0)[..., None], geometry, config)[..., 0]
     return np.asarray(np.rint(image * 255.0), np.uint8)
@@ -176,7 +176,7 @@ def lookup_values(
     wrap: tuple[WrapMode, WrapMode],
 ) -> Array:
     """[N, output_channels] float64, not clamped, at `uv` [N, 2] and `lod` [N]: decoded texels are blended."""
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
 
     def of_level(level: LatentLevel, at: Array) -> Array:
         def texel(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:

@@ -9,7 +9,7 @@ from ntc.codec.block_1.model import BlockDecoder, BlockTexture, scale_values
 from ntc.codec.block_1.storage import BlockCodes, level_codes, level_rows
 from ntc.codec.block_1.trellis import branch_tables, level_table
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.sampling import bilinear, clamped_lod, trilinear
 
 Array = NDArray[np.float64]
@@ -46,7 +46,7 @@ def block_values(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecode
 
 def texture_codes(texture: BlockTexture, config: BlockConfig, level: int) -> BlockCodes:
     """The codes of all blocks of mip `level`. Raises ValueError for words that no encoder writes."""
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
     rows = level_rows(texture.words, levels, config)[level]
     return level_codes(texture.words[rows.first : rows.first + rows.rows], levels[level], config)
 
@@ -61,7 +61,7 @@ def texel_values(
 ) -> Array:
     """[N, channels] float64, not clamped: the texels at `column` and `row` [N] of mip `level`."""
     side = config.block_side
-    width = latent_levels(texture.width, texture.height, config)[level].width
+    width = texture_levels(texture, config)[level].width
     used, place = np.unique(row // side * width + column // side, return_inverse=True)
     stored = texture_codes(texture, config, level)
     values = block_values(texture, BlockCodes(stored.codes[used], stored.sizes[used]), decoder, config)
@@ -79,7 +79,7 @@ def decode_image(
     texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int = 0
 ) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level`."""
-    geometry = latent_levels(texture.width, texture.height, config)[level]
+    geometry = texture_levels(texture, config)[level]
     values = image_of(decode_blocks(texture, decoder, config, level), geometry, config.block_side)
     pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)
     return pixels
@@ -100,7 +100,7 @@ def lookup_values(
     wrap: tuple[WrapMode, WrapMode],
 ) -> Array:
     """[N, output_channels] float64, not clamped, at `uv` [N, 2] and `lod` [N]: decoded texels are blended."""
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
 
     def of_level(level: LatentLevel, at: Array) -> Array:
         def texel(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:

@@ -13,7 +13,7 @@ from ntc.codec.block_1.storage import level_rows
 from ntc.codec.block_1.universal import universal_decoder
 from ntc.codec.codec import Tensors, TensorShape
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import BASE_ALONE, plane_channels
 from ntc.errors import InputError
 
@@ -92,7 +92,7 @@ def read_texture(tensors: Tensors, known: Mapping[str, Any], config: BlockConfig
         axes=_axes_matrix(parts, config),
     )
     try:
-        level_rows(texture.words, latent_levels(texture.width, texture.height, config), config)
+        level_rows(texture.words, texture_levels(texture, config), config)
     except ValueError as error:
         raise ValueError(f"latents.{{}}.{error}") from error
     return texture

@@ -15,7 +15,7 @@ from ntc.codec.block_1.reference import image_of
 from ntc.codec.block_1.storage import level_codes, level_rows
 from ntc.codec.block_1.trellis import branch_tables, level_table
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners
 
@@ -94,10 +94,8 @@ class TorchBlock(TorchTexels):
         self._whole: dict[int, _Stored] = {}
 
     def _stored(self, texture: BlockTexture, levels: slice = slice(None)) -> _Stored:
-        geometry = latent_levels(texture.width, texture.height, self._config)[levels]
-        rows = level_rows(texture.words, latent_levels(texture.width, texture.height, self._config), self._config)[
-            levels
-        ]
+        geometry = texture_levels(texture, self._config)[levels]
+        rows = level_rows(texture.words, texture_levels(texture, self._config), self._config)[levels]
         codes = [
             level_codes(texture.words[first : first + count], level, self._config)
             for (first, count), level in zip(rows, geometry, strict=True)
@@ -114,7 +112,7 @@ class TorchBlock(TorchTexels):
         self, texture_index: int, wrap: tuple[WrapMode, WrapMode]
     ) -> Callable[[Tensor, Tensor, Tensor], Tensor]:
         texture = self._textures[texture_index]
-        levels = latent_levels(texture.width, texture.height, self._config)
+        levels = texture_levels(texture, self._config)
         if texture_index not in self._whole:
             self._whole[texture_index] = self._stored(texture)
         stored, decoder = self._whole[texture_index], self._decoders[texture.group]
@@ -132,7 +130,7 @@ class TorchBlock(TorchTexels):
 
     def _blocks_of(self, texels: PyramidTable, texture: BlockTexture, index: Tensor) -> tuple[Tensor, Tensor]:
         """(block, texel of the block) of texels [N, 8], which `index` numbers through all levels."""
-        levels = latent_levels(texture.width, texture.height, self._config)
+        levels = texture_levels(texture, self._config)
         level = torch.bucketize(index, texels.first[0], right=True) - 1
         inside, width = index - texels.first[0][level], texels.width[0][level]
         column, row = inside % width, inside // width
@@ -145,7 +143,7 @@ class TorchBlock(TorchTexels):
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
         """[h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
         texture = self._textures[texture_index]
-        geometry = latent_levels(texture.width, texture.height, self._config)[level]
+        geometry = texture_levels(texture, self._config)[level]
         self._interruption()
         values = self._decoders[texture.group].blocks(*self._stored(texture, slice(level, level + 1))).clamp(0.0, 1.0)
         image = image_of(values.cpu().numpy(), geometry, self._config.block_side)[..., texture.places(self._config)]

@@ -11,7 +11,7 @@ from ntc.codec.config import LARGEST_HALF, Precision
 from ntc.codec.gpu import DecoderVariant, GpuTables, StoredRows, TextureFields, by_plane
 from ntc.codec.grid.model import LOD_INPUT_SCALE, Adapter, GridConfig, GridDecoder, GridTexture
 from ntc.codec.grid.tensors import packed_cells
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Decoder, EncodedTexture
 
 PARTS = "xyzw"
@@ -296,7 +296,7 @@ class GridTables(GpuTables):
         record["offset"] = own.offset.reshape(-1, 4)
 
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:
-        levels = latent_levels(texture.width, texture.height, self._config)
+        levels = texture_levels(texture, self._config)
         return tuple(StoredRows(level.first_cell, level.cells) for level in levels)
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
 from ntc.codec.grid.model import LOD_INPUT_SCALE, Adapter, GridDecoder, GridTexture, grid_parts, specialised_layers
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.sampling import Array, bilinear, clamped_lod, trilinear
 
@@ -46,7 +46,7 @@ def decoder_inputs(pack: Pack, texture: GridTexture, uv: Array, lod: Array, wrap
     """Return [N, decoder_inputs]: what the decoder of a pack of codec `grid` reads at `uv` [N, 2] and `lod` [N]
     (docs/reference/codecs.md, steps 1 to 4)."""
     config = grid_parts(pack).config
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
     lod = clamped_lod(lod, len(levels))
     values = texture.offset.astype(np.float64) + texture.scale.astype(np.float64) * texture.latents
 

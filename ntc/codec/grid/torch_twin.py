@@ -10,7 +10,7 @@ from torch import Tensor, nn
 
 from ntc.codec.config import LARGEST_HALF, WrapMode
 from ntc.codec.grid.model import LOD_INPUT_SCALE, Adapter, GridConfig, GridDecoder, GridTexture, grid_parts
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import image_of_texels
 from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners
@@ -211,7 +211,7 @@ class TorchGrid(TorchTexels):
         repeats = (wrap[0] == "repeat", wrap[1] == "repeat")
         if (index, repeats) not in self._tables:
             texture = self._textures[index]
-            levels = latent_levels(texture.width, texture.height, self._config)
+            levels = texture_levels(texture, self._config)
             sizes = (
                 [(level.width, level.height) for level in levels],
                 [(level.texel_width, level.texel_height) for level in levels],

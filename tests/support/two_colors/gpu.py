@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.gpu import DecoderVariant, GpuTables, StoredRows, TextureFields
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Decoder, EncodedTexture
 from tests.support.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
 
@@ -31,7 +31,7 @@ class TwoColorsTables(GpuTables):
         """There are none."""
 
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:
-        levels = latent_levels(texture.width, texture.height, self.settings)
+        levels = texture_levels(texture, self.settings)
         return tuple(StoredRows(level.first_cell, level.cells) for level in levels)
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.sampling import Array, bilinear, clamped_lod, trilinear
 from tests.support.two_colors.model import PLANE_WORDS, SIDE, TwoColorsConfig, TwoColorsTexture
 
@@ -33,7 +33,7 @@ def image_of(blocks: Any, level: LatentLevel) -> Any:
 
 def decode_image(texture: TwoColorsTexture, config: TwoColorsConfig, number: int = 0) -> NDArray[np.uint8]:
     """[h, w, channels of the texture] uint8: mip `number`."""
-    level = latent_levels(texture.width, texture.height, config)[number]
+    level = texture_levels(texture, config)[number]
     stored = texture.blocks[level.first_cell : level.first_cell + level.cells]
     image = image_of(block_values(stored, config), level)[..., texture.places(config)]
     return np.asarray(np.rint(image * 255.0), np.uint8)
@@ -43,7 +43,7 @@ def lookup_values(
     texture: TwoColorsTexture, config: TwoColorsConfig, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode]
 ) -> Array:
     """[N, output_channels] float64 at `uv` [N, 2] and `lod` [N]: decoded texels are blended."""
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
 
     def of_level(level: LatentLevel, at: Array) -> Array:
         def texel(column: NDArray[np.int64], row: NDArray[np.int64]) -> Array:

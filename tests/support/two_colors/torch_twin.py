@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from ntc.codec.config import WrapMode
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.torch_texels import PyramidTable, TorchTexels, trilinear_corners, weighted_rows
 from tests.support.two_colors.model import PLANE_WORDS, TwoColorsConfig, TwoColorsTexture
@@ -37,7 +37,7 @@ class TorchTwoColors(TorchTexels):
         for place, channels in enumerate(self._config.planes.values()):
             both = torch.lerp(colors[:, place, None, :4], colors[:, place, None, 4:], shares[:, place])
             values[..., list(channels.values())] = both[..., list(channels)]
-        levels = latent_levels(texture.width, texture.height, self._config)
+        levels = texture_levels(texture, self._config)
         return [image_of(values[each.first_cell : each.first_cell + each.cells], each) for each in levels]
 
     def _decode_of(

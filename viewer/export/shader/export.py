@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 
 from ntc.codec.gpu import LEVEL_RECORD
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import map_slices
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
@@ -92,7 +92,7 @@ def _texture(number: int, texture: EncodedTexture, pack: Pack) -> dict[str, Any]
         "name": texture.name,
         "width": texture.width,
         "height": texture.height,
-        "mips": len(latent_levels(texture.width, texture.height, pack.config)),
+        "mips": len(texture_levels(texture, pack.config)),
         "color_space": texture.color_space,
         "wrap": list(texture.wrap),
         "decoder": texture.group,

@@ -9,7 +9,7 @@ import pcpp  # type: ignore[import-untyped]
 from numpy.typing import NDArray
 
 from ntc.codec.gpu import LEVEL_RECORD, SOFTWARE, level_records
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import CODED_PLANES, Plane
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
@@ -47,7 +47,7 @@ def pack_words(pack: Pack, codec: int) -> NDArray[np.uint32]:
     first_level, first_cell = 0, 0
     adapter = tables.first_block + len(pack.decoders) * tables.decoder_blocks
     for record, texture in zip(records, pack.textures, strict=True):
-        pyramid = latent_levels(texture.width, texture.height, pack.config)
+        pyramid = texture_levels(texture, pack.config)
         tables.fill_record(record, texture, first_level, adapter)
         own = level_records(pyramid)
         own["first_cell"] = [first_cell + row.first for row in tables.level_rows(texture)]

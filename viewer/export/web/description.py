@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ntc.codec.gpu import WRAP_CODES
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import PLANES, Plane, plane_channels
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.quality import finite_or_none
@@ -55,7 +55,7 @@ def texture_planes(texture: EncodedTexture) -> tuple[Plane, ...]:
 
 def describe_texture(pack: Pack, texture: EncodedTexture, files: TextureFiles) -> dict[str, Any]:
     """Return an entry of `textures`."""
-    levels = latent_levels(texture.width, texture.height, pack.config)
+    levels = texture_levels(texture, pack.config)
     return {
         "name": texture.name,
         "decoder": texture.group,

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from ntc.codec.gpu import SOFTWARE, WEIGHT_COLUMN_BITS, level_records
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import CODED_PLANES, PLANE_COMPONENTS, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
@@ -65,7 +65,7 @@ def packed_textures(pack: Pack, chosen: Sequence[int]) -> Iterator[PackedTexture
     adapter = tables.first_block + len(pack.decoders) * tables.decoder_blocks
     for index in chosen:
         texture = pack.textures[index]
-        pyramid = latent_levels(texture.width, texture.height, pack.config)
+        pyramid = texture_levels(texture, pack.config)
         record = np.zeros(1, tables.texture_record)
         tables.fill_record(record[0], texture, 0, adapter)
         levels = level_records(pyramid)

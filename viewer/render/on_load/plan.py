@@ -8,7 +8,7 @@ from itertools import count
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.maps import PLANE_COMPONENTS, MapName, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
@@ -123,7 +123,7 @@ class LoadPlan:
             if plane not in plane_channels(texture.maps, texture.channels):
                 continue
             key = keys[number] = LoadedKey(own.texture_id, own.sampler)
-            levels[own.texture_id] = tuple(latent_levels(texture.width, texture.height, pack.config))
+            levels[own.texture_id] = tuple(texture_levels(texture, pack.config))
             same = members[(texture.width, texture.height), own.sampler]
             if key not in same:
                 same.append(key)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.pack.match import PackMatch, changed_groups, same_shape
@@ -23,7 +23,7 @@ class PackedCoverage:
     def mips(self) -> tuple[NDArray[np.uint8], ...]:
         """Return the mips that the pack has, [h, w] uint8 each; none where the codec takes long to decode them."""
         texture = self.pack.textures[self.index]
-        levels = range(len(latent_levels(texture.width, texture.height, self.pack.config)))
+        levels = range(len(texture_levels(texture, self.pack.config)))
         found = [codec_of(self.pack.config).coverage_image(self.pack, self.index, level) for level in levels]
         return tuple(mip for mip in found if mip is not None)
 

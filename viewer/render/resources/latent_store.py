@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.gpu import LEVEL_RECORD, GpuTables, StoredRows, level_records
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.model import EncodedTexture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
@@ -59,8 +59,7 @@ class LatentStore:
         self._is_limited = self._most_bytes < budget.budget_bytes
         self._budget_cells = max(1, min(budget.budget_bytes, self._most_bytes) // self.cell_bytes)
         self.pyramids: tuple[tuple[LatentLevel, ...], ...] = tuple(
-            () if texture is None else latent_levels(texture.width, texture.height, tables.settings)
-            for texture in textures
+            () if texture is None else texture_levels(texture, tables.settings) for texture in textures
         )
         self.rows: list[tuple[StoredRows, ...]] = [self._rows_of(texture) for texture in textures]
         """Rows of each mip in its texture's latents."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.gpu import WRAP_CODES
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.maps import Plane
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
@@ -55,7 +55,7 @@ class TileTable:
             if key not in first_of:
                 first_of[key] = len(rows)
                 texture = pack.textures[index]
-                for number, level in enumerate(latent_levels(texture.width, texture.height, pack.config)):
+                for number, level in enumerate(texture_levels(texture, pack.config)):
                     across, down = (-(-side // TILE_SIDE) for side in (level.texel_width, level.texel_height))
                     rows.append((entries, across, own.texture_id, number, wrap, across * down == 1, first_of[key]))
                     entries += across * down

@@ -25,6 +25,8 @@ Array = NDArray[np.float32]
 Number = TypeVar("Number", bound=np.generic)
 SAMPLED_BLOCKS = 24_000
 """Blocks that a group's tables are fitted to."""
+COMPARED_BLOCKS = 512
+"""By which averages are compared with coarse mips."""
 ROWS_AT_ONCE = 1 << 16
 """Texels whose products are summed at a time."""
 MASK_MARGIN = 40
@@ -89,6 +91,8 @@ class PreparedTexture:
     axes: Axes
     texels: NDArray[np.uint8]
     """[blocks of all levels, texels, channels] 8-bit values; 0 in channels that the texture lacks."""
+    derived_errors: tuple[float, ...] = ()
+    """Mean squares, in 8-bit steps, by which averages of the values of mip 0 miss the mips that are derived from it, by samples."""
 
     def normalised(self, rows: slice | NDArray[np.int64]) -> Array:
         """[blocks, texels x channels]: (value - mean) in units of the axes, of the blocks `rows`."""
@@ -167,10 +171,11 @@ def _principal_axes(
     return Axes(means, weighted / scale, inverse, np.array(colours), has_derived, float(length), cutoff)
 
 
-def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTexture:
-    """All mips of `source` in blocks. Raises ValueError for maps that the codec lacks."""
+def prepare_texture(source: SourceTexture, config: BlockConfig, code_mips: int | None = None) -> PreparedTexture:
+    """All mips of `source` in blocks, with `code_mips` mips per code, or as many as `config` says. Raises ValueError for maps that the
+    codec lacks."""
     width, height = source.size
-    levels = latent_levels(width, height, config)
+    levels = latent_levels(width, height, config, code_mips)
     mips = mip_chain(source.pixels, source.color_space, source.maps)[: len(levels)]
     cutoff = source.cutoff if "alpha" in source.maps else None
     if cutoff is not None:
@@ -195,9 +200,33 @@ def prepare_texture(source: SourceTexture, config: BlockConfig) -> PreparedTextu
     for number in range(1, config.mips):
         axes.mean[number] = axes.mean[0] + _offset([each.mean for each in moments], levels, number)
     own = [number for number, level in enumerate(levels) if level.has_own_cells]
-    return PreparedTexture(
-        axes, np.concatenate([blocks_of(values[number], config.block_side, source.wrap) for number in own])
-    )
+    texels = np.concatenate([blocks_of(values[number], config.block_side, source.wrap) for number in own])
+    shown = [channel for channel in places if cutoff is None or channel != config.alpha]
+    return PreparedTexture(axes, texels, _derived_errors(texels, values, levels, source.wrap, axes, shown, config))
+
+
+def _derived_errors(
+    texels: NDArray[np.uint8],
+    values: Sequence[NDArray[np.uint8]],
+    levels: Sequence[LatentLevel],
+    wrap: tuple[WrapMode, WrapMode],
+    axes: Axes,
+    channels: Sequence[int],
+    config: BlockConfig,
+) -> tuple[float, ...]:
+    """`PreparedTexture.derived_errors` over `channels` of `texels`, which begin with the blocks of mip 0."""
+    found = []
+    for number, level in enumerate(levels[1:], 1):
+        if level.mip_of_cell != number:
+            break
+        rows = np.unique(np.linspace(0, level.cells - 1, COMPARED_BLOCKS).astype(np.int64))
+        side, count = config.code_sides[number], 1 << number
+        squares = texels[rows][..., channels].reshape(len(rows), side, count, side, count, len(channels))
+        means = squares.mean((2, 4), dtype=np.float32).reshape(len(rows), side * side, -1)
+        means += np.float32(255.0) * (axes.mean[number] - axes.mean[0])[channels]
+        truth = blocks_of(values[number], side, wrap)[rows][..., channels]
+        found.append(float(np.square(means - truth).mean()))
+    return tuple(found)
 
 
 def masked_mips(mips: Sequence[NDArray[np.uint8]], cutoff: float) -> list[NDArray[np.uint8]]:

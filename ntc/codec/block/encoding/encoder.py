@@ -1,6 +1,7 @@
 """Encoding a texture under a group's tables: sizes of codes, modes, trellis-coded indices. Torch on the CPU, float32."""
 
 from collections.abc import Callable, Sequence
+from typing import Literal
 
 import numpy as np
 import torch
@@ -12,6 +13,7 @@ from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepar
 from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, paying_kinds
 from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import keep_coverage, mask_words, side_costs
+from ntc.codec.block.encoding.own_codes import equal_words, own_words
 from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK
 from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
@@ -36,13 +38,16 @@ def encode_texture(
     worked: Callable[[float], None] = lambda _: None,
     threads: int = 1,
     prepared: PreparedTexture | None = None,
+    code_mips: Literal[1, 2] | None = None,
 ) -> BlockTexture:
-    """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that.
+    """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that. With `code_mips`
+    mips per code in place of as many as `config` says, it takes as many bytes.
 
     `prepared` is `source` in blocks, where that is known. `threads` change no byte. `worked` is called often, with the work that was
     done since, in blocks (`rate.encoding_work`); what it raises ends the encoding.
     """
-    texture = prepared or prepare_texture(source, config)
+    texture = prepared or prepare_texture(source, config, code_mips)
+    words = equal_words(words, source.size, code_mips, config)
     with one_thread():
         tables = Tables.of(decoder, config)
         kinds = paying_kinds(texture, tables, decoder, config)
@@ -57,15 +62,20 @@ def encode_texture(
             return found
 
         choices = mapped(choices_of, parts, threads)
-        levels = latent_levels(*source.size, config)
-        least = 0.0 if texture.axes.cutoff is None else mask_words(config)
-        sizes = _sizes(np.concatenate([each.errors for each in choices]), levels, config, words, least)
+        levels = latent_levels(*source.size, config, code_mips)
+        least = 0.0 if texture.axes.cutoff is None else float(mask_words(config))
+        expected = np.concatenate([each.errors for each in choices])
+        sizes = _sizes(
+            expected, levels, config, words, [least] if code_mips is None else own_words(words, least, config)
+        )
         modes = np.concatenate([each.modes for each in choices])
         own = np.take_along_axis(modes, sizes[:, None, None], axis=1)[:, 0]
         codes = _codes(texture, sizes, own, tables, decoder, config, worked, threads)
     stored = stored_words(BlockCodes(codes, sizes), levels, config)
     axes = texture.axes
-    found = BlockTexture(**texture_fields(source, group), words=stored, mean=axes.mean.copy(), axes=axes.axes)
+    found = BlockTexture(
+        **texture_fields(source, group), words=stored, mean=axes.mean.copy(), axes=axes.axes, code_mips=code_mips
+    )
     if axes.cutoff is not None:
         share = float((source.pixels[..., -1] >= 255.0 * axes.cutoff).mean())
         keep_coverage(found, decoder, config, axes.cutoff, share)
@@ -73,17 +83,23 @@ def encode_texture(
 
 
 def _sizes(
-    expected: NDArray[np.float32], levels: Sequence[LatentLevel], config: BlockConfig, words: float, least: float
+    expected: NDArray[np.float32],
+    levels: Sequence[LatentLevel],
+    config: BlockConfig,
+    words: float,
+    least: Sequence[float],
 ) -> NDArray[np.int64]:
-    """[blocks] size classes; every level takes `words` words a block, for a coarse mip is looked at as often as a fine one. Coarse
-    levels take `least` words at least: they have few blocks."""
+    """[blocks] size classes; every level takes `words` words a block, for a coarse mip is looked at as often as a fine one. Mips from
+    mip 1 on take `least` words at least, the last of which counts for all that follow: they have few blocks."""
     lengths, left = np.array(config.block_words), 0.0
     found: list[NDArray[np.int64]] = []
-    for level in reversed([level for level in levels if level.has_own_cells]):
+    for number, level in reversed([each for each in enumerate(levels) if each[1].has_own_cells]):
         own = expected[level.first_cell : level.first_cell + level.cells]
         # What a level cannot share out goes to the next finer one, which pays for what it took.
         wanted = words + left / level.cells
-        found.append(sizes_within(own, config.block_words, max(wanted, least) if level.first_cell else wanted))
+        if number:
+            wanted = max(wanted, least[min(number, len(least)) - 1])
+        found.append(sizes_within(own, config.block_words, wanted))
         left += words * level.cells - float(lengths[found[-1]].sum())
     return np.concatenate(found[::-1])
 

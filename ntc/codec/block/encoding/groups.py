@@ -9,10 +9,11 @@ import numpy as np
 import torch
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, sample_textures
+from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, prepare_texture, sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
+from ntc.codec.block.encoding.own_codes import LEAST_GAIN_DB, MOST_DB, MipQuality, is_doubtful
 from ntc.codec.block.encoding.rate import MEASURE_WORK, SAMPLING_WORK, block_count, fitting_work
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
@@ -119,11 +120,38 @@ def encode_member(
     worked: Callable[[float], None],
     threads: int = 1,
     prepared: PreparedTexture | None = None,
+    has_own_codes: bool = True,
 ) -> BlockTexture:
     """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the work
-    that was done since it was called last, in blocks. `threads` work on it and change no byte."""
+    that was done since it was called last, in blocks. `threads` work on it and change no byte.
+
+    Where `has_own_codes`, a texture whose derived mips are below mip 0 has fewer mips per code, in as many bytes, if that is better.
+    """
+    prepared = prepared or prepare_texture(source, config)
     found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked, threads, prepared)
-    decoded = shown_channels(finest_image(found, fitted.decoder, config, threads), found.places(config))
-    measured = measured_texture(found, decoded, source.pixels)
+    measured = _measured(found, source, fitted, config, threads)
     worked(MEASURE_WORK * block_count([source.size], config))
-    return measured
+    if not has_own_codes or not is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
+        return measured
+    quality = MipQuality.of(found, fitted.decoder, config, source)
+
+    def not_counted(_work: float) -> None:
+        worked(0.0)
+
+    most, best = min(quality.psnr_db[0], MOST_DB), found
+    for code_mips in quality.fewer_mips(config):
+        other = encode_texture(
+            source, fitted.decoder, config, words, fitted.group, not_counted, threads, code_mips=code_mips
+        )
+        own = MipQuality.of(other, fitted.decoder, config, source)
+        if own.worth(most) > quality.worth(most) + LEAST_GAIN_DB:
+            best, quality = other, own
+    return measured if best is found else _measured(best, source, fitted, config, threads)
+
+
+def _measured(
+    found: BlockTexture, source: SourceTexture, fitted: FittedGroup, config: BlockConfig, threads: int
+) -> BlockTexture:
+    """`found` with the quality of its mip 0."""
+    decoded = shown_channels(finest_image(found, fitted.decoder, config, threads), found.places(config))
+    return measured_texture(found, decoded, source.pixels)

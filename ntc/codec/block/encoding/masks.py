@@ -9,7 +9,7 @@ from ntc.codec.block.encoding.blocks import Array, Axes
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import channel_values, texture_codes
 from ntc.codec.block.storage import BlockCodes
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 
 SIDE_WORTH = 12.0
 """Squared error that a texel may cost whose side no index tells."""
@@ -84,7 +84,7 @@ def keep_coverage(
     texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, cutoff: float, share: float
 ) -> None:
     """Set the means of derived mips of the map `alpha`, so that about the `share` of their texels is at or above `cutoff`."""
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
     channel = config.output_channels - 1
     for mip in range(1, config.mips):
         number = next((number for number, level in enumerate(levels) if level.mip_of_cell == mip), None)

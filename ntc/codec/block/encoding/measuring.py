@@ -15,7 +15,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
 from ntc.codec.block.reference import decode_image, edge_values, image_of, texture_codes
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.block.trellis import level_table
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.threads import mapped
 
 BLOCKS_AT_ONCE = 1 << 13
@@ -33,7 +33,7 @@ def finest_image(
     if compiled is None or compiled_texels is None:
         return decode_image(texture, decoder, config)
     stored = texture_codes(texture, config, 0)
-    geometry = latent_levels(texture.width, texture.height, config)[0]
+    geometry = texture_levels(texture, config)[0]
     runs = [
         slice(start, min(start + BLOCKS_AT_ONCE, geometry.cells)) for start in range(0, geometry.cells, BLOCKS_AT_ONCE)
     ]

@@ -72,7 +72,10 @@ class Member:
     def encode(self, asked_db: float) -> Try:
         """Encode in the words at which the rate curve promises `asked_db`."""
         words = self.curve.at(price_at_error(self.curve, _curve_error(asked_db)))[0]
-        found = encode_member(self.source, words, self.fitted, self.config, self.worked, self.threads)
+        # The quality of mip 0 is asked for, and the words that it takes are searched: the layout stays.
+        found = encode_member(
+            self.source, words, self.fitted, self.config, self.worked, self.threads, has_own_codes=False
+        )
         return Try(asked_db, found)
 
     def correct(self, first: Try) -> Try:

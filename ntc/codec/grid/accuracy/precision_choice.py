@@ -11,7 +11,7 @@ from ntc.codec.grid.accuracy.error_bound import running_bounds, texture_bounds, 
 from ntc.codec.grid.accuracy.rescale import stored_pack
 from ntc.codec.grid.model import Adapter, GridDecoder, grid_parts, specialised_layers
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
 
@@ -103,7 +103,7 @@ def _stored_adapter(adapter: Adapter | None) -> Adapter | None:
 def sampled_places(pack: Pack, texture_index: int, count: int, random: np.random.Generator) -> tuple[Array, Array]:
     """Return random places ([N, 2] uv, [N] lod) over one texture, float64 numbers that are fp32 exactly."""
     texture = grid_parts(pack).textures[texture_index]
-    levels = len(latent_levels(texture.width, texture.height, pack.config))
+    levels = len(texture_levels(texture, pack.config))
     uv, lod = random.uniform(0.0, 1.0, (count, 2)), random.uniform(0.0, levels - 1, count)
     return uv.astype(np.float32).astype(np.float64), lod.astype(np.float32).astype(np.float64)
 

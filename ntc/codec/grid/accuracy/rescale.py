@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ntc.codec.config import LARGEST_HALF, Precision
 from ntc.codec.grid.model import LOD_INPUT_SCALE, Adapter, GridConfig, GridDecoder, GridTexture, grid_parts
 from ntc.codec.grid.reference import PHASES
-from ntc.codec.latents import LatentLevel, latent_levels
+from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.model import Pack
 
 Array = NDArray[np.float64]
@@ -88,7 +88,7 @@ def input_bounds(texture: GridTexture, config: GridConfig, lod_error: float = 0.
     """
     scale, offset = texture.scale.astype(np.float64), texture.offset.astype(np.float64)
     ends = np.stack([offset, offset + scale * config.largest_stored])
-    levels = latent_levels(texture.width, texture.height, config)
+    levels = texture_levels(texture, config)
     last_lod = (len(levels) - 1) * LOD_INPUT_SCALE
     ones = np.ones(config.positional_inputs)
     lods = np.full(config.lod_inputs, last_lod)

@@ -18,7 +18,7 @@ from ntc.codec.config import WrapMode
 from ntc.codec.grid.model import LOD_INPUT_SCALE, GridConfig, grid_parts
 from ntc.codec.grid.reference import decoder_inputs, run_decoder
 from ntc.codec.grid.torch_twin import TorchGrid
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import latent_levels, texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image, decode_texels, texel_centres
 from ntc.codec.registry import codec_of
@@ -47,7 +47,7 @@ def texels_of(pack: Pack, index: int, level: int) -> NDArray[np.float64]:
     own = block_parts(pack)
     texture, config = own.textures[index], own.config
     decoder = own.decoders[texture.group]
-    geometry = latent_levels(texture.width, texture.height, config)[level]
+    geometry = texture_levels(texture, config)[level]
     stored = reference.texture_codes(texture, config, level)
     values = reference.block_values(texture, stored, decoder, config, geometry.mip_of_cell)
     return image_of(values, geometry, config).astype(np.float64)

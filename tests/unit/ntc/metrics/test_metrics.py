@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_pack
 from ntc.codec.grid.model import GridConfig, grid_parts
 from ntc.codec.grid.torch_twin import TorchGrid
-from ntc.codec.latents import latent_levels
+from ntc.codec.latents import texture_levels
 from ntc.codec.mips import mip_chain, srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.quality import PsnrSummary, mean_square_error, psnr_db, worst_share_db
@@ -248,7 +248,7 @@ def test_level_psnr_is_psnr_against_the_mips(color_space: Any) -> None:
         source = source_of(pack, index, noise(texture.height, texture.width, texture.channels))
         measured = level_psnr(pack, index, source, decode)
         mips = mip_chain(source.pixels, color_space)
-        assert len(measured) == len(latent_levels(texture.width, texture.height, pack.config)) > 1
+        assert len(measured) == len(texture_levels(texture, pack.config)) > 1
         for level, value in enumerate(measured):
             assert value == psnr_db(decode(index, level), mips[level])
     # What is equal has an infinite one, and another size is refused.

@@ -1,0 +1,86 @@
+"""Textures whose derived mips are poor have codes of their own there: as many mips per code as make all mips as good as mip 0."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.blocks import blocks_of
+from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block.reference import block_values, texture_codes
+from ntc.codec.block.storage import BlockCodes
+from ntc.codec.latents import latent_cell_count, texture_levels
+from ntc.codec.mips import mip_chain
+from ntc.codec.quality import mse_of_psnr, psnr_of_mse
+from ntc.codec.textures import SourceTexture
+
+CodeMips = Literal[1, 2]
+SAMPLED_BLOCKS = 256
+"""Of a mip, by which its quality is measured."""
+COMPARED_MIPS = 4
+SECOND_WORDS = 1.3
+"""Words a block of mip 1 where it has codes of its own, over the mean of all mips."""
+LEAST_GAIN_DB = 0.1
+"""Of the mean over mips, for which a texture has fewer mips per code: more of its codes are read then."""
+MOST_DB = 50.0
+"""A mip that is better counts no more."""
+NOTICED_DB = 0.25
+"""A derived mip may be below mip 0 by as much."""
+
+
+@dataclass(frozen=True)
+class MipQuality:
+    """PSNR in dB of the first mips of an encoded texture."""
+
+    psnr_db: tuple[float, ...]
+
+    @classmethod
+    def of(
+        cls, texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, source: SourceTexture
+    ) -> "MipQuality":
+        """That of samples of `texture`, which `source` was encoded to. Alpha of a mask is left out."""
+        levels = texture_levels(texture, config)[:COMPARED_MIPS]
+        mips = mip_chain(source.pixels, source.color_space, source.maps)
+        places = texture.places(config)
+        channels = len(places) - (source.cutoff is not None)
+        found = []
+        for number, level in enumerate(levels):
+            stored = texture_codes(texture, config, number)
+            rows = np.unique(np.linspace(0, len(stored.codes) - 1, SAMPLED_BLOCKS).astype(np.int64))
+            part = BlockCodes(stored.codes[rows], stored.sizes[rows])
+            values = block_values(texture, part, decoder, config, level.mip_of_cell)[..., places[:channels]]
+            shown = np.rint(np.clip(values, 0.0, 1.0) * 255.0)
+            truth = blocks_of(mips[number], config.code_sides[level.mip_of_cell], source.wrap)[rows, :, :channels]
+            found.append(psnr_of_mse(float(np.square(shown - truth).mean())))
+        return cls(tuple(found))
+
+    def fewer_mips(self, config: BlockConfig) -> tuple[CodeMips, ...]:
+        """Return how many mips a code may have where derived ones are below mip 0; nothing where none is."""
+        low = [number for number, own in enumerate(self.psnr_db) if own < self.psnr_db[0] - NOTICED_DB]
+        if not low or config.mips == 1:
+            return ()
+        if config.mips == 2:
+            return (1,)
+        return (2,) if low[0] > 1 else (2, 1)
+
+    def worth(self, most: float) -> float:
+        """Return the mean PSNR in dB of the mips, none of which counts more than `most`."""
+        return float(np.mean(np.minimum(self.psnr_db, most)))
+
+
+def is_doubtful(psnr_db: float, derived_errors: Sequence[float]) -> bool:
+    """Return whether a derived mip may be below mip 0, of `psnr_db`, by the mean squares of what averages alone are off by."""
+    return max(derived_errors, default=0.0) > mse_of_psnr(psnr_db + NOTICED_DB)
+
+
+def own_words(words: float, least: float, config: BlockConfig) -> tuple[float, ...]:
+    """Return the words a block at least of mip 1, and of coarser mips, in a texture with fewer mips per code: coarse mips have more
+    detail in a texel, and few blocks."""
+    return max(least, SECOND_WORDS * words), float(config.block_words[-1])
+
+
+def equal_words(words: float, size: tuple[int, int], code_mips: int | None, config: BlockConfig) -> float:
+    """Return the words a block that take as many bytes with `code_mips` mips per code as `words` with those of `config`."""
+    return words * latent_cell_count(*size, config) / latent_cell_count(*size, config, code_mips)
