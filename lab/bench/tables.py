@@ -8,7 +8,9 @@ import numpy as np
 
 from lab.bench.scene import SceneBenchRow
 from lab.bench.worst_case import WorstCaseRow
+from ntc.codec.model import Pack
 from viewer.cli.table import Cell, Column, Table
+from viewer.inspect.gpu_estimate import ESTIMATED_GPU, PIXELS, estimated_ms
 
 Number = TypeVar("Number", int, float)
 OTHER_PASSES = ("cull", "visibility", "composite")
@@ -33,6 +35,7 @@ SCENE_COLUMNS = (
     Column("precision", "precision"),
     Column("filter", "filter"),
     Column("decode_ms", "decode ms"),
+    *(Column(f"estimated_{size}_ms", f"{size} on {ESTIMATED_GPU}, estimated ms", 1) for size in PIXELS),
     *(Column(f"{name}_ms", f"{name} ms") for name in OTHER_PASSES),
     Column("frame_ms", "frame ms"),
     Column("to_deferred", "times deferred fp32"),
@@ -77,13 +80,17 @@ def _most(values: Sequence[Number | None]) -> Number | None:
     return max((value for value in values if value is not None), default=None)
 
 
-def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
-    """One row for each slot: means over the cameras, and whether no other is both faster and closer to the reference."""
+def scene_table(rows: Sequence[SceneBenchRow], packs: Mapping[str, Pack]) -> Table:
+    """One row for each slot: means over the cameras, and whether no other is both faster and closer to the reference.
+
+    Path `deferred` has estimated times on a GPU, too.
+    """
     slots = list(dict.fromkeys((row.source, row.path, row.precision, row.filter) for row in rows))
     table: list[dict[str, Cell]] = []
     for slot in slots:
         same = [row for row in rows if (row.source, row.path, row.precision, row.filter) == slot]
         largest = _most([row.float64_max for row in same])
+        estimates = estimated_ms(packs[slot[0]], same[0].filter) if slot[1] == "deferred" else {}
         table.append(
             {
                 "source": slot[0],
@@ -91,6 +98,7 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
                 "precision": slot[2],
                 "filter": slot[3],
                 "decode_ms": _mean([row.decode_ms for row in same]),
+                **{f"estimated_{size}_ms": estimates.get(size) for size in PIXELS},
                 "frame_ms": _mean([row.frame_ms for row in same]),
                 **{f"{name}_ms": _mean([row.passes_ms.get(name) for row in same]) for name in OTHER_PASSES},
                 "decoded_pixels": int(np.mean([row.decoded_pixels for row in same])),

@@ -221,7 +221,7 @@ def _bench_scene(
     places = (opened.scene, opened.packs, opened.cameras)
     variants = VariantChoice.of_environment(options.decoder_variant, print)
     rows = bench_scene(context, *places, config, report(name), compressed, variants)
-    table = scene_table(rows)
+    table = scene_table(rows, opened.packs)
     width, height = config.size
     title = f"{name}: {counted(len(opened.cameras), 'camera')}, {width}x{height}, {context.info.renderer}"
     content = {

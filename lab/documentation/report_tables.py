@@ -353,6 +353,18 @@ def block_counts() -> str:
     )
 
 
+def coarse_mips() -> str:
+    """Coefficients of a code that its coarse mips need, by pack."""
+    return table(
+        record("coarse_mips")["rows"],
+        "pack",
+        "mip of the code",
+        "coefficients=coefficients of a code=1",
+        "needed=needed, certified=1",
+        "needed on average=needed on average=1",
+    )
+
+
 def fuzzing() -> str:
     """Files that the readers were fuzzed with, sums by reader."""
     sums: dict[str, dict[str, Any]] = {}
@@ -531,6 +543,7 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     ),
     "shaders": shader_statistics,
     "block-counts": block_counts,
+    "coarse-mips": coarse_mips,
     "window-training": window_training,
     "first-pictures": first_pictures,
     "jobs": encoding_by_jobs,

@@ -122,6 +122,16 @@ class StoredRows(NamedTuple):
     rows: int
 
 
+class PixelInstructions(NamedTuple):
+    """Vector instructions that path `deferred` takes for a pixel on AMD Navi32, all planes together, by the texel filter.
+
+    An estimate from compiled shaders; nothing was run.
+    """
+
+    exact: float
+    stochastic: float
+
+
 class GpuTables(ABC):
     """Data that shaders read of packs with one codec's settings, stored in one precision.
 
@@ -179,6 +189,11 @@ class GpuTables(ABC):
         decoders = map(self.decoder_data, pack.decoders)
         data = b"".join([self.shared_data(), *decoders, *map(self.adapter_data, textures)])
         return data or bytes(self.block_bytes)
+
+    def pixel_instructions(self, pack: Pack) -> PixelInstructions | None:
+        """Return the estimated instructions for a pixel of `pack`; None where nobody has counted them."""
+        del pack
+        return None
 
     @property
     def texture_record(self) -> np.dtype:

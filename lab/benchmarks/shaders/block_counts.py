@@ -34,6 +34,7 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.gl.context import GraphicsContext, create_headless_context
+from viewer.inspect.gpu_estimate import LANE_INSTRUCTIONS, PIXELS
 from viewer.render.resources.layout import GROUP_SIDE, PAGE_SIDE, TILE_SIDE
 from viewer.render.resources.pack_buffers import codec_programs, scene_programs
 from viewer.render.resources.visibility_buffer import PlaneReading
@@ -43,9 +44,6 @@ GROUPS: Final = 60
 """Framebuffer blocks, and tiles, over which trip counts are averaged."""
 LODS: Final = (-2.0, 0.5, 2.5)
 STOCHASTIC_LOD: Final = 0.5
-FLOOR_RATE: Final = 9.3e12
-"""Lane instructions that Navi32 issues in a second at most, none of them two at once."""
-PIXELS: Final = {"1080p": 1920 * 1080, "4K": 3840 * 2160}
 MOST_PARTS: Final = 8
 """Blocks that a trilinear footprint touches at most."""
 TOGETHER: Final = GROUP_SIDE * GROUP_SIDE
@@ -357,7 +355,7 @@ def rows(
         row |= {"base": round(planes["base"]), "all planes": round(total)}
         is_frame = gpu == "navi32" and not path.startswith("cached")
         for size, pixels in PIXELS.items():
-            row[f"floor ms, {size}"] = round(total * pixels / FLOOR_RATE * 1e3, 2) if is_frame else None
+            row[f"floor ms, {size}"] = round(total * pixels / LANE_INSTRUCTIONS * 1e3, 2) if is_frame else None
         yield row
 
 

@@ -27,13 +27,14 @@ from ntc.codec.block.config import (
     BlockConfig,
 )
 from ntc.codec.block.model import BlockDecoder, BlockTexture
+from ntc.codec.block.reference import texture_codes
 from ntc.codec.block.storage import level_rows
 from ntc.codec.block.trellis import DEEP_CURVE, DEEP_DEPTH, LEVEL_STEPS, SHALLOW_CURVE, branch_tables
-from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, by_plane
+from ntc.codec.gpu import GpuTables, PixelInstructions, StoredRows, TextureFields, by_plane
 from ntc.codec.latents import texture_levels
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.mips import srgb_channels
-from ntc.codec.model import Decoder, EncodedTexture
+from ntc.codec.model import Decoder, EncodedTexture, Pack
 
 Words = NDArray[np.uint32]
 AT_ONCE = 4
@@ -42,6 +43,13 @@ MOST_COMPONENTS = 4
 """Components of a plane at most."""
 LEAST_SHARED = 512
 """Coefficients that a work group holds at once, if no code has more."""
+INSTRUCTIONS = PixelInstructions(1538.0, 828.0), PixelInstructions(23.5, 18.5)
+"""For a plane of a pixel, and for each coefficient of a code: a fit to counts of six planes of three packs, which are up to 6 % off
+(lab.benchmarks.shaders.block_counts, at lod 0.5)."""
+MOST_COUNTED = 16
+"""Textures of a pack whose coefficients are counted."""
+MOST_CODES = 4096
+"""Codes of a texture that are looked at."""
 PLACE_MASK = 1023
 """Bits of an entry that name a place in a code."""
 STEPS_ORIGIN = 2 * SCALE_ORIGIN - min(LEVEL_STEPS)
@@ -219,6 +227,31 @@ class BlockTables(GpuTables):
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> Words:
         return np.ascontiguousarray(cast(BlockTexture, texture).words[rows, None], "<u4")
+
+    def pixel_instructions(self, pack: Pack) -> PixelInstructions:
+        textures = cast("tuple[BlockTexture, ...]", pack.textures)[:: -(-len(pack.textures) // MOST_COUNTED) or 1]
+        # [textures, planes]
+        means = np.array(
+            [self._mean_coefficients(own, cast(BlockDecoder, pack.decoders[own.group])) for own in textures]
+        )
+        coefficients = float(means.mean(axis=0).sum()) if len(textures) else 0.0
+        exact, stochastic = (
+            len(self._config.planes) * plane + coefficients * each for plane, each in zip(*INSTRUCTIONS, strict=True)
+        )
+        return PixelInstructions(exact, stochastic)
+
+    def _mean_coefficients(self, texture: BlockTexture, decoder: BlockDecoder) -> list[float]:
+        """Return the coefficients with bits of a code of `texture` by plane, as a mean."""
+        config = self._config
+        levels = texture_levels(texture, config)
+        number = next(
+            (n for n, level in enumerate(levels) if level.width * level.height <= MOST_CODES), len(levels) - 1
+        )
+        stored = texture_codes(texture, config, number)
+        modes = stored.codes[:, 0] & np.uint32(config.modes - 1)
+        has_bits, (_, plane) = decoder.depths(config) > 0, self._places_of_channels()
+        counts = [has_bits[..., plane[decoder.channels] == own].sum(axis=-1) for own in range(len(config.planes))]
+        return [float(count[stored.sizes, modes].mean()) for count in counts]
 
     def shape_text(self) -> str:
         config = self._config

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
+from lab.bench.random_pack import random_block_pack, random_pack
+from ntc.codec.block.config import BlockConfig
 from ntc.pack.match import PackMatch
+from viewer.inspect.gpu_estimate import estimated_ms
 from viewer.inspect.picture_warnings import picture_warnings, scene_warnings
 from viewer.inspect.place_content import BlockPlace, block_content
 from viewer.locations import assets_folder
@@ -81,3 +83,12 @@ def test_a_pack_that_is_smaller_and_one_of_another_version() -> None:
 
 def test_a_preview() -> None:
     assert "preview: 50% of the pixels along each side" in texts(PackMatch(tuple(range(COUNT)), (), ()), 0.5)
+
+
+def test_estimated_times_follow_the_coefficients_and_the_filter() -> None:
+    packs = [random_block_pack([(64, 64)], (0,), BlockConfig(coefficients=count)) for count in (20, 90)]
+    few, many = (estimated_ms(pack, "exact") for pack in packs)
+    assert 0.2 < few["1080p"] < many["1080p"] < 2.0
+    assert many["4K"] == pytest.approx(4 * many["1080p"])
+    assert estimated_ms(packs[1], "stochastic")["4K"] < many["4K"]
+    assert estimated_ms(random_pack(), "exact") == {}

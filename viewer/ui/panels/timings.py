@@ -1,11 +1,16 @@
 """Panel "Timings": where the time of a frame goes, and what was left out."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from viewer.inspect.frame_times import axis_top, beyond_text, frame_ticks
+from viewer.inspect.gpu_estimate import ESTIMATED_GPU, estimated_ms
 from viewer.render.frames import FrameHistory
+from viewer.state.compare_layout import shown_slots
+from viewer.state.session import Session
 from viewer.ui.controls import copy_button
 from viewer.ui.facts import FrameFacts, UiFrame
 
@@ -72,11 +77,25 @@ class TimingsPlot:
             imgui.text_disabled(self._beyond)
 
 
-def timings_text(facts: FrameFacts) -> str:
+def timings_text(facts: FrameFacts, estimates: Sequence[str] = ()) -> str:
     """Return all figures of the panel as text for the clipboard."""
     lines = [facts.renderer, f"medians by {facts.timer}"]
     lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
-    return "\n".join([*lines, *count_lines(facts)])
+    return "\n".join([*lines, *count_lines(facts), *estimates])
+
+
+def estimate_lines(session: Session) -> list[str]:
+    """Return estimated times on a GPU for the shown packs, one a line."""
+    lines = []
+    for slot in dict.fromkeys(shown_slots(session.view)):
+        pack = session.packs.get(slot.source)
+        times = estimated_ms(pack, slot.filter) if pack is not None else {}
+        if times:
+            sizes = ", ".join(f"{milliseconds:.1f} ms at {size}" for size, milliseconds in times.items())
+            lines.append(f"{slot.source}, filter {slot.filter}: {sizes}")
+    if lines:
+        lines.insert(0, f"Estimated, not measured: path deferred on {ESTIMATED_GPU}, from counted instructions")
+    return lines
 
 
 def count_lines(facts: FrameFacts) -> list[str]:
@@ -107,7 +126,7 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     imgui.text_wrapped(ui.facts.renderer)
     imgui.text_disabled(f"medians by {ui.facts.timer}")
     imgui.same_line()
-    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts))
+    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts, estimate_lines(ui.session)))
     if ui.facts.history is not None:
         plot.draw(ui.facts.history, ui)
     if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):
@@ -126,4 +145,9 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
         imgui.end_table()
     imgui.separator()
     for line in count_lines(ui.facts):
+        imgui.text_wrapped(line)
+    estimates = estimate_lines(ui.session)
+    if estimates:
+        imgui.separator()
+    for line in estimates:
         imgui.text_wrapped(line)
