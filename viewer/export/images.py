@@ -3,7 +3,7 @@
 import io
 import struct
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -137,12 +137,24 @@ def _rgba(pixels: Pixels) -> Pixels:
     return np.dstack([pixels, np.full(pixels.shape[:2], 255, np.uint8)])
 
 
-def _blocks(wanted: BlockFormat) -> Callable[[Sequence[Pixels], bool], StoredImage]:
+Compressor = Callable[[Pixels], bytes]
+"""Function: [H, W, 4] -> BC7 blocks, those over the edge padded with the last texels."""
+
+
+def _blocks(
+    wanted: BlockFormat, compressor: Compressor | None = None
+) -> Callable[[Sequence[Pixels], bool], StoredImage]:
     def store(mips: Sequence[Pixels], srgb: bool) -> StoredImage:
         # BC1 would lose coverage.
         block_format: BlockFormat = "bc7" if wanted == "bc1" and mips[0].shape[2] == 4 else wanted
         kind: Literal["srgb", "linear"] = "srgb" if srgb else "linear"
-        stored = [(mip.shape[1], mip.shape[0], compressed_blocks(mip, block_format, "medium", kind)) for mip in mips]
+
+        def blocks_of(mip: Pixels) -> bytes:
+            if compressor is not None and block_format == "bc7":
+                return compressor(_rgba(mip))
+            return compressed_blocks(mip, block_format, "medium", kind)
+
+        stored = [(mip.shape[1], mip.shape[0], blocks_of(mip)) for mip in mips]
         height, width, channels = mips[0].shape
         read = decompress(stored[0][2], (height, width, channels), block_format, kind)
         container = ktx2_astc if block_format.startswith("astc") else dds
@@ -158,3 +170,11 @@ FORMATS: Mapping[ImageFormat, StoredFormat] = {
     "bc1": StoredFormat(".dds", "image/vnd-ms.dds", "MSFT_texture_dds", True, _blocks("bc1")),
     "astc": StoredFormat(".ktx2", "image/ktx2", "EXT_texture_astc", True, _blocks(ASTC)),
 }
+
+
+def stored_format(image_format: ImageFormat, compressor: Compressor | None = None) -> StoredFormat:
+    """Return the format; BC7 blocks are those of `compressor`, or of the extra `lab` without one."""
+    found = FORMATS[image_format]
+    if compressor is None or image_format not in ("bc7", "bc1"):
+        return found
+    return replace(found, store=_blocks(image_format, compressor))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +14,13 @@ from ntc.codec.maps import SRGB_MAPS
 from ntc.codec.mips import coded_z, mip_chain
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_db
+from ntc.codec.registry import codec_of
+from ntc.pack.native import native_image
 from viewer.export import ImageFormat
 from viewer.export.gltf.document import GltfDocument, ImageFile
 from viewer.export.gltf.export import OpenedExport, image_pixels, open_export, write_gltf
 from viewer.export.gltf.options import PackedTextureOption, separate_entries
-from viewer.export.images import FORMATS, StoredFormat
+from viewer.export.images import Compressor, StoredFormat, stored_format
 from viewer.scene.gltf.packed_textures import NO_CHANNEL
 from viewer.scene.gltf.textures import IMAGE_EXTENSIONS
 from viewer.scene.images import ProgressReport
@@ -98,13 +100,20 @@ class DecodedImage:
         return whole
 
 
-def torch_decoder(pack: Pack) -> LevelDecoder:
-    """Decodes levels of `pack` on the processor, many texels at once."""
-    from ntc.codec.registry import codec_of
+def level_decoder(pack: Pack) -> LevelDecoder:
+    """Decodes levels of `pack` on the processor: by libntc where it was built, else by torch."""
 
-    codec = codec_of(pack.config).torch_twin(pack, "cpu")
+    @cache
+    def twin() -> LevelDecoder:
+        # It takes a second to import.
+        return codec_of(pack.config).torch_twin(pack, "cpu").decode_image
+
+    def decoded(texture: int, level: int) -> Pixels:
+        image = native_image(pack, texture, level)
+        return twin()(texture, level) if image is None else image
+
     # A material set is asked for once for each of its images.
-    return lru_cache(LEVELS_KEPT)(codec.decode_image)
+    return lru_cache(LEVELS_KEPT)(decoded)
 
 
 @dataclass(frozen=True)
@@ -178,17 +187,23 @@ class _Storing:
 
 
 def export_textures(
-    scene_path: Path, pack_path: Path, out: Path, image_format: ImageFormat, report: ProgressReport | None = None
+    scene_path: Path,
+    pack_path: Path,
+    out: Path,
+    image_format: ImageFormat,
+    report: ProgressReport | None = None,
+    compressor: Compressor | None = None,
 ) -> ExportedTextures:
     """Write the scene at `scene_path` to `out` with the images that the pack at `pack_path` decodes to, in `image_format`.
 
+    `compressor` makes BC7 blocks; None: the encoder of the extra `lab`.
     Raises InputError, and what `report` raises; then no file is there that was not there before.
     """
     opened = open_export(scene_path, pack_path, out)
-    stored = FORMATS[image_format]
+    stored = stored_format(image_format, compressor)
     entries = separate_entries(opened.document, opened.options)
     images = _distinct(opened, entries)
-    storing = _Storing(stored, torch_decoder(opened.pack), len(images), report)
+    storing = _Storing(stored, level_decoder(opened.pack), len(images), report)
     document = opened.document
     first = len(document.entries("images"))
     for place, ((source, *_), (image, numbers)) in enumerate(images.items()):

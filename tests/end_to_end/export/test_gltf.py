@@ -30,7 +30,7 @@ from viewer.export.gltf import export as gltf_writing
 from viewer.export.gltf.document import GltfDocument, read_document
 from viewer.export.gltf.export import write_gltf
 from viewer.export.gltf.options import PackedTextureOption
-from viewer.export.textures import DecodedImage, torch_decoder
+from viewer.export.textures import DecodedImage, level_decoder
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.images import read_image
 from viewer.scene.load import load_scene, open_container
@@ -349,7 +349,7 @@ def test_a_pack_of_one_level_is_stored_with_all_mips() -> None:
     pack = random_pack(((32, 16),), (0,), config=GridConfig(levels=1))
     option = PackedTextureOption(0, 0, [0, 1, 2, -1], [(0, "base")])
     image = DecodedImage(pack, option, lambda: None)
-    mips = image.mips(torch_decoder(pack), None, all_levels=True)
+    mips = image.mips(level_decoder(pack), None, all_levels=True)
     assert [mip.shape[1::-1] for mip in mips] == [(32, 16), (16, 8), (8, 4), (4, 2), (2, 1), (1, 1)]
     np.testing.assert_array_equal(mips[0], decode_image(pack, 0, 0)[..., :3])
     mean = to_8bit(to_linear(mips[0], "srgb").mean((0, 1), keepdims=True), "srgb")
