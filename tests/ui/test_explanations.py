@@ -17,7 +17,7 @@ from viewer.commands.menus import MENUS
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
-from viewer.ui.help.sheets import TERMS
+from viewer.ui.help.texts import TERMS
 from viewer.ui.widgets import TOOLTIP_SECONDS, WidgetRects
 
 MAKE_WIDGETS = (
@@ -29,7 +29,7 @@ MAKE_WIDGETS = (
 """ImGui's functions after which `rects.note(LABEL)` is due."""
 WHERE_TO_ADD = (
     "draw what runs a command with viewer/ui/controls.py, or add it to viewer/ui/help/texts.py: CONTROLS for any other "
-    "control (a sentence), FIGURES for a figure, column or plot, VALUES for an entry of a list; "
+    "control, figure, column or plot (a sentence), VALUES for an entry of a list; "
     "or give note() a text of its own. # stands for any number, first words do for labels that go on"
 )
 VIEWS = (

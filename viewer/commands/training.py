@@ -22,20 +22,23 @@ from viewer.state.view_state import REFERENCE, Side, is_image_source
 from viewer.training.live_training import Decision, LiveTraining
 from viewer.training.preparation import EncodeAnew, EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
 from viewer.training.settings import (
+    ALL,
     AUTO,
     FULL,
     SIZES,
+    WORST,
     SettingName,
     TrainingSettings,
     budget_text,
     parse_budget,
     read_clusters,
+    read_groups,
+    read_number,
+    read_texture,
     with_setting,
 )
 
 NEW_GROUP = "new"
-WORST = "worst"
-ALL = "all"
 _DEFAULT = TrainingSettings()
 _BUDGET = budget_text(_DEFAULT.budget)
 FORMER = "this pack has a former format; encode the scene anew"
@@ -88,36 +91,6 @@ def _base(context: Context) -> Pack:
     if name is None:
         raise InputError("training: no pack is open to continue from; encode the scene first (training.encode)")
     return context.session.packs[name]
-
-
-def _whole(text: str, what: str, most: int) -> int:
-    if not text.isdecimal() or int(text) > most:
-        raise InputError(f"{what} {text!r}: must be a whole number from 0 to {most}")
-    return int(text)
-
-
-def _groups(text: str, pack: Pack) -> frozenset[int]:
-    count = pack.grouping.group_count
-    if text == ALL:
-        return frozenset(range(count))
-    if text == WORST:
-        known = [(texture.psnr_db, texture.group) for texture in pack.textures if texture.psnr_db is not None]
-        if not known:
-            raise InputError("groups: the PSNR of this pack is unknown; name the groups")
-        return frozenset({min(known, key=lambda entry: entry[0])[1]})
-    parts = text.replace(",", " ").split()
-    if not parts:
-        raise InputError(f"groups {text!r}: name some, as in 0,3,5")
-    return frozenset(_whole(part, "group", count - 1) for part in parts)
-
-
-def _texture(text: str, pack: Pack) -> int:
-    names = [texture.name for texture in pack.textures]
-    if text in names:
-        return names.index(text)
-    if not text.isdecimal():
-        raise InputError(f"texture {text!r}: the pack has no such texture; give its name, or its number from 0")
-    return _whole(text, "texture", len(names) - 1)
 
 
 def _training_is_busy(context: Context) -> str:
@@ -214,7 +187,7 @@ def encode_anew(
     context: Context, texture: Texture, bits: Annotated[float, Arg("bits per texel of mip 0", None, 0.01, 1000.0)]
 ) -> Effect:
     pack = _base(context)
-    index = _texture(texture, pack)
+    index = read_texture(texture, pack)
     codec_of(pack.config).anew_options(pack, index, bits)
     effect = _start(context, EncodeAnew(_DEFAULT, index, bits, pack.textures[index].name))
     _show_where(context, pack, (), {index})
@@ -238,7 +211,7 @@ def _not_retrainable(context: Context) -> str:
 )
 def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> Effect:
     pack = _base(context)
-    chosen = _groups(groups, pack)
+    chosen = read_groups(groups, pack)
     effect = _start(context, RetrainGroups(_settings(budget, recipe), chosen))
     _show_where(context, pack, chosen)
     return effect
@@ -252,8 +225,8 @@ def move(
 ) -> Effect:
     pack = _base(context)
     count = pack.grouping.group_count
-    number = count if group == NEW_GROUP else _whole(group, "group", count - 1)
-    moved = _texture(texture, pack)
+    number = count if group == NEW_GROUP else read_number(group, "group", count - 1)
+    moved = read_texture(texture, pack)
     effect = _start(context, MoveTexture(_settings(budget, recipe), moved, number))
     _show_where(context, pack, {number}, {moved})
     return effect

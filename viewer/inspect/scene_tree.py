@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.scene.model import Scene
+from viewer.scene.model import Material, Scene
 
 
 @dataclass(frozen=True)
@@ -98,3 +98,18 @@ class SceneTree:
             f"{primitive.name or 'primitive'}, {primitive.index_count // 3:,} triangles, {material.name or 'material'}"
         )
         return TreeRow(label, node, instance, material.texture_id)
+
+
+def material_text(number: int, material: Material, scene: Scene) -> str:
+    """Return a material in a line: its number, name, texture, factor and further maps."""
+    texture = scene.textures[material.texture_id].name if material.texture_id >= 0 else "no texture"
+    extras: list[str] = [material.alpha_mode] if material.alpha_mode != "opaque" else []
+    extras += ["double-sided"] if material.double_sided else []
+    planes = (plane for plane in (material.surface, material.emission) if plane is not None)
+    extras += [name for plane in planes for name in plane.maps]
+    factor = (
+        ""
+        if all(value == 1.0 for value in material.factor)
+        else " x (" + ", ".join(f"{value:.2f}" for value in material.factor) + ")"
+    )
+    return f"{number}  {material.name or 'material'}: {texture}{factor}" + (f", {', '.join(extras)}" if extras else "")

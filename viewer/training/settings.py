@@ -19,6 +19,7 @@ from ntc.codec.encoding import (
     Target,
     TimeBudget,
 )
+from ntc.codec.model import Pack
 from ntc.codec.registry import MODULES, chosen_codec, codec_named
 from ntc.errors import InputError
 from viewer.scene.source_textures import MapChoice
@@ -32,6 +33,8 @@ MOST_CLUSTERS = 100_000
 DEFAULT_BUDGET = TimeBudget(30.0)
 AUTO = "auto"
 """The number of groups where the grouping is to choose it; the codec where recipe and budget are to."""
+ALL, WORST = "all", "worst"
+"""Typed groups: every one, and the one with the texture of lowest PSNR."""
 FULL = "full"
 """Typed size of textures that are not reduced."""
 TargetUnit = Literal["bits", "dB", "MB"]
@@ -164,6 +167,39 @@ def read_size(text: str) -> int | None:
     if not text.isdecimal() or not low <= int(text) <= high:
         raise InputError(f"size {text!r}: must be {low} to {high} texels, or {FULL}")
     return int(text)
+
+
+def read_number(text: str, what: str, most: int) -> int:
+    """Return a number from 0 to `most`. Raises InputError that says `what` it is of."""
+    if not text.isdecimal() or int(text) > most:
+        raise InputError(f"{what} {text!r}: must be a whole number from 0 to {most}")
+    return int(text)
+
+
+def read_groups(text: str, pack: Pack) -> frozenset[int]:
+    """Return the groups of a pack that are written as `0,3,5`, `all` or `worst`. Raises InputError."""
+    count = pack.grouping.group_count
+    if text == ALL:
+        return frozenset(range(count))
+    if text == WORST:
+        known = [(texture.psnr_db, texture.group) for texture in pack.textures if texture.psnr_db is not None]
+        if not known:
+            raise InputError("groups: the PSNR of this pack is unknown; name the groups")
+        return frozenset({min(known, key=lambda entry: entry[0])[1]})
+    parts = text.replace(",", " ").split()
+    if not parts:
+        raise InputError(f"groups {text!r}: name some, as in 0,3,5")
+    return frozenset(read_number(part, "group", count - 1) for part in parts)
+
+
+def read_texture(text: str, pack: Pack) -> int:
+    """Return the number of a pack's texture that is written as its name or number. Raises InputError."""
+    names = [texture.name for texture in pack.textures]
+    if text in names:
+        return names.index(text)
+    if not text.isdecimal():
+        raise InputError(f"texture {text!r}: the pack has no such texture; give its name, or its number from 0")
+    return read_number(text, "texture", len(names) - 1)
 
 
 def _one_of(what: str, choices: tuple[str, ...], text: str) -> str:

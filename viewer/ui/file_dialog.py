@@ -216,7 +216,7 @@ class FileDialog:
             flags,
             self._complete,
         )
-        ui.rects.note("path")
+        ui.rects.note("path", "Part of a name in this folder, or a path. Tab completes a path, Enter opens it.")
         if text != self._text:
             self._text, self._selected, self._problem = text, 0, ""
         for key, step in ((imgui.Key.down_arrow, 1), (imgui.Key.up_arrow, -1)):

@@ -107,8 +107,13 @@ TRAINING: dict[str, tuple[tuple[str, ...], str]] = {
     ),
     "retrain": (
         SMALL,
-        """window.panels; slot.source a category; training.anew 0 3; wait seconds PATIENCE
+        """window.panels; slot.source a category; training.retrain 0 10steps; wait seconds PATIENCE
         training.accept OUT/retrained.ntc; wait seconds 2; snap retrained; kept retrained.ntc""",
+    ),
+    "anew": (
+        ALONE,
+        """window.panels; training.encode category; wait seconds PATIENCE; training.accept OUT/encoded.ntc; wait seconds 2
+        training.anew 0 1.5; wait seconds PATIENCE; training.accept OUT/anew.ntc; wait seconds 2; snap anew; kept anew.ntc""",
     ),
     "move": (
         SMALL,

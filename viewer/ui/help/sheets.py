@@ -1,7 +1,6 @@
 """Sheets over the window with two columns and a search field: keys and mouse, and the glossary."""
 
 from collections.abc import Callable, Sequence
-from typing import Final
 
 from imgui_bundle import ImVec2, imgui
 
@@ -10,47 +9,7 @@ from viewer.commands.keys import HOLD_KEY
 from viewer.commands.menus import MENUS
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
-
-TERMS: Final = {
-    "A, B": "The two slots of the comparison. Each shows the original images, a block format, or a pack.",
-    "adapter": "A few numbers of one texture that adjust the decoder it shares with others.",
-    "anisotropy": "Number of samples by which the hardware keeps surfaces at a slant sharp.",
-    "BC1, BC7, ASTC": "Block formats that graphics hardware reads directly: 4 bits, 8 bits, or 0.9 to 8 bits per texel.",
-    "bits per texel": "Size of the stored texture divided by the texels of mip 0. Uncompressed RGBA with mips has 43.",
-    "block (codec)": "Latents for blocks of 4x4 or 8x8 texels. They are computed in closed form, so that encoding takes seconds.",
-    "block (of the map)": "Pixels that the GPU shades together: 8x8, or another shape of the panel Divergence.",
-    "codec": "How latents become texels: block or grid.",
-    "decode path": "Where and when texels are decoded: forward, deferred, binned, cached or on-load. Paths differ in speed.",
-    "decoder": "A small neural network that turns latents into texels. The textures of a group share one.",
-    "divergence": "Pixels of one block need different decoders: the GPU has to run all of them, one after the other.",
-    "divergence map": "D of each block: the number of different decoders that its pixels need. 0 where nothing is decoded.",
-    "excess": "Sum over all blocks of their decoders beyond the first: 0 means no divergence.",
-    "FLIP": "Difference that an eye sees when it flips between two pictures: 0 is equal, 1 is the largest.",
-    "freedom of the decoders": "How far decoders can still change in training: 100 % is free, 0 % is fixed.",
-    "grid (codec)": "The published method: a grid of latents that is trained step by step together with its decoder.",
-    "group": "Textures that share one decoder.",
-    "grouping": "Rule that puts textures into groups: baseline, single, random, category, clustered, covisible or universal.",
-    "latents": "Numbers that are stored for a texture instead of its texels.",
-    "level of detail, lod": "Mip that a pixel reads: 0 is the full size, each further level halves it.",
-    "loss": "Weighted error that training minimises.",
-    "material set": "Maps of one material that are encoded together: base colour, normal, roughness and so on.",
-    "mip": "Copy of a texture at half the size of the one before, for distant surfaces. Mip 0 is the largest.",
-    "pack": "A .ntc file: the encoded textures and the decoders of one grouping of a scene.",
-    "precision": "Number format of decoders on the GPU: fp32 (32 bits) or fp16 (16 bits).",
-    "PSNR": "Peak signal-to-noise ratio in dB: higher is better. Above 40 dB a difference is hard to see, below 30 dB it is plain.",
-    "recipe": "Settings of the training: best for quality, paper as published.",
-    "reference": "The original images, filtered by the graphics hardware.",
-    "run": "One training, from its start to its end. Accept it to save its pack.",
-    "score": "Excess divided by the number of blocks: the mean number of decoders beyond the first.",
-    "slot": "One of the two sides of the comparison, A or B.",
-    "SSIM": "Structural similarity of two pictures, at most 1: 1 is equal.",
-    "texel": "A pixel of a texture.",
-    "tile": "Square part of a texture that path cached decodes once and keeps.",
-    "wave": "Pixels that a GPU shades in step, 32 or 64 of them. If they need several decoders, all pixels wait for each.",
-    "wave efficiency": "Share of decoder runs that would remain without divergence: 100 % is best.",
-}
-"""Meanings by term, in alphabetical order."""
-
+from viewer.ui.help.texts import TERMS
 
 WIDTH, HEIGHT = 640.0, 800.0
 """Largest size in window units at normal scale."""

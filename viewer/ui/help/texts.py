@@ -55,7 +55,7 @@ def explanation(label: str) -> str:
 
 
 def _own(label: str) -> str:
-    return CONTROLS.get(label) or FIGURES.get(label, "")
+    return CONTROLS.get(label) or TERMS.get(label, "")
 
 
 CONTROLS: Final = {
@@ -108,7 +108,6 @@ CONTROLS: Final = {
     "node #": "Click expands or collapses the node.",
     "instance #": "A mesh of this node. Click selects its texture in all panels.",
     "material #": "Click selects the material's texture in all panels; double-click opens its flat view.",
-    "path": "Type a part of a name to find it in this folder, or a path. Tab completes a path, Enter opens it.",
     "folder": "The folder that is listed.",
     "Open file": "Open what is typed or selected; Enter does the same.",
     "Cancel opening": "Close the dialog; Escape does the same.",
@@ -199,14 +198,8 @@ CONTROLS: Final = {
     "menu: Train": "Encode the scene, or continue training its pack while you look.",
     "menu: Window": "Panels and their appearance.",
     "menu: Help": "Keys, terms and commands.",
-}
-"""Sentences by label; `#` stands for any number, `slot` for `A` or `B`. They tell units and ranges."""
-
-FIGURES: Final = {
+    # Figures
     "live table": "A against B over the pixels that show the scene, in 8-bit sRGB.",
-    "PSNR": "Peak signal-to-noise ratio in dB: higher is better. Above 40 dB a difference is hard to see, below 30 dB it is plain.",
-    "SSIM": "Structural similarity, at most 1: 1 is equal.",
-    "FLIP": "Difference that an eye sees when it flips between both pictures, 0 to 1: 0 is equal.",
     "SSIMULACRA2": "Perceptual quality of the picture: 100 is equal, 90 is hard to tell apart, 50 is plain to see.",
     "JOD": "Quality that ColorVideoVDP predicts, in just-objectionable differences: 10 is equal, each step below is plainer.",
     "PSNR seen dB": "PSNR of the picture against one of the original images in dB, over the pixels that show the scene: higher is "
@@ -214,20 +207,15 @@ FIGURES: Final = {
     "costs": "Costs of each source beside the largest. PSNR of A and B is of the picture, of other formats of textures.",
     "divergence score": "Excess divided by the number of blocks: 0 is best.",
     "column error %": "Share of this texture in the squared error of the picture, A against B, in per cent.",
-    "score": "Excess divided by the number of blocks: 0 is best.",
-    "excess": "Sum over all blocks of their decoders beyond the first: 0 is best.",
     "GPU MB": "Memory of this slot on the GPU in MB: resident latents, decoders and tables; of originals, RGBA8 with all mips.",
     "decode ms": "Time of this slot in ms when it was last drawn whole: decoding and light.",
     "compression dB": "PSNR in dB of the compressed texels of path on-load against the decoded ones, all mips: higher is better.",
     "load Mtexel/s": "Speed of path on-load: texels decoded and compressed in a second, all mips and maps, in millions.",
-    "bits per texel": "Stored bits of the pack per texel of mip 0, mips and decoders included: lower is smaller.",
     "file MB": "Size of the pack's latents and decoders in MB; of a block format, of its blocks.",
     "shows": "Source of the slot.",
     "divergent blocks": "Number of blocks whose pixels need more than one decoder.",
     "decoders per block": "Mean number of decoders in a block that shows the scene.",
     "at most": "Largest number of decoders in a block.",
-    "wave efficiency": "Share of decoder runs that would remain without divergence: blocks divided by decoders summed over them. "
-    "100 % is best.",
     "divergence figures": "Divergence of the decoders for A and B.",
     "% of blocks": "Share of the blocks with this number of decoders, in per cent.",
     "% with so many or fewer": "Share of the blocks with at most this number of decoders, in per cent.",
@@ -349,3 +337,43 @@ FORMATS: Final = {
     "run ": "Pack of this training run. Accept the run to write it to a file.",
 }
 """Explanations by the beginning of the value."""
+
+TERMS: Final = {
+    "A, B": "The two slots of the comparison. Each shows the original images, a block format, or a pack.",
+    "adapter": "A few numbers of one texture that adjust the decoder it shares with others.",
+    "anisotropy": "Number of samples by which the hardware keeps surfaces at a slant sharp.",
+    "BC1, BC7, ASTC": "Block formats that graphics hardware reads directly: 4 bits, 8 bits, or 0.9 to 8 bits per texel.",
+    "bits per texel": "Size of the stored texture divided by the texels of mip 0. Uncompressed RGBA with mips has 43.",
+    "block (codec)": "Latents for blocks of 4x4 or 8x8 texels. They are computed in closed form, so that encoding takes seconds.",
+    "block (of the map)": "Pixels that the GPU shades together: 8x8, or another shape of the panel Divergence.",
+    "codec": "How latents become texels: block or grid.",
+    "decode path": "Where and when texels are decoded: forward, deferred, binned, cached or on-load. Paths differ in speed.",
+    "decoder": "A small neural network that turns latents into texels. The textures of a group share one.",
+    "divergence": "Pixels of one block need different decoders: the GPU has to run all of them, one after the other.",
+    "divergence map": "D of each block: the number of different decoders that its pixels need. 0 where nothing is decoded.",
+    "excess": "Sum over all blocks of their decoders beyond the first: 0 means no divergence.",
+    "FLIP": "Difference that an eye sees when it flips between two pictures: 0 is equal, 1 is the largest.",
+    "freedom of the decoders": "How far decoders can still change in training: 100 % is free, 0 % is fixed.",
+    "grid (codec)": "The published method: a grid of latents that is trained step by step together with its decoder.",
+    "group": "Textures that share one decoder.",
+    "grouping": "Rule that puts textures into groups: baseline, single, random, category, clustered, covisible or universal.",
+    "latents": "Numbers that are stored for a texture instead of its texels.",
+    "level of detail, lod": "Mip that a pixel reads: 0 is the full size, each further level halves it.",
+    "loss": "Weighted error that training minimises.",
+    "material set": "Maps of one material that are encoded together: base colour, normal, roughness and so on.",
+    "mip": "Copy of a texture at half the size of the one before, for distant surfaces. Mip 0 is the largest.",
+    "pack": "A .ntc file: the encoded textures and the decoders of one grouping of a scene.",
+    "precision": "Number format of decoders on the GPU: fp32 (32 bits) or fp16 (16 bits).",
+    "PSNR": "Peak signal-to-noise ratio in dB: higher is better. Above 40 dB a difference is hard to see, below 30 dB it is plain.",
+    "recipe": "Settings of the training: best for quality, paper as published.",
+    "reference": "The original images, filtered by the graphics hardware.",
+    "run": "One training, from its start to its end. Accept it to save its pack.",
+    "score": "Excess divided by the number of blocks: the mean number of decoders beyond the first.",
+    "slot": "One of the two sides of the comparison, A or B.",
+    "SSIM": "Structural similarity of two pictures, at most 1: 1 is equal.",
+    "texel": "A pixel of a texture.",
+    "tile": "Square part of a texture that path cached decodes once and keeps.",
+    "wave": "Pixels that a GPU shades in step, 32 or 64 of them. If they need several decoders, all pixels wait for each.",
+    "wave efficiency": "Share of decoder runs that would remain without divergence: 100 % is best.",
+}
+"""Meanings by term, in alphabetical order."""

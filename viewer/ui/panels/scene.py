@@ -2,8 +2,8 @@
 
 from imgui_bundle import imgui
 
-from viewer.inspect.scene_tree import SceneTree
-from viewer.scene.model import Material, Scene
+from viewer.inspect.scene_tree import SceneTree, material_text
+from viewer.scene.model import Scene
 from viewer.scene.report import report_lines
 from viewer.state.motion import chosen_animation
 from viewer.ui.controls import command_button, control, copy_button, select_texture
@@ -47,20 +47,6 @@ def _draw(ui: UiFrame) -> None:
         ui.emit("animation.time", max(0.0, seconds), shown.name)
 
 
-def _material_text(number: int, material: Material, scene: Scene) -> str:
-    texture = scene.textures[material.texture_id].name if material.texture_id >= 0 else "no texture"
-    extras: list[str] = [material.alpha_mode] if material.alpha_mode != "opaque" else []
-    extras += ["double-sided"] if material.double_sided else []
-    planes = (plane for plane in (material.surface, material.emission) if plane is not None)
-    extras += [name for plane in planes for name in plane.maps]
-    factor = (
-        ""
-        if all(value == 1.0 for value in material.factor)
-        else " x (" + ", ".join(f"{value:.2f}" for value in material.factor) + ")"
-    )
-    return f"{number}  {material.name or 'material'}: {texture}{factor}" + (f", {', '.join(extras)}" if extras else "")
-
-
 class SceneLists:
     """Lists of nodes and materials, with the filter and the expanded nodes."""
 
@@ -98,7 +84,7 @@ class SceneLists:
         self._materials = [
             number
             for number, material in enumerate(scene.materials)
-            if all(word in _material_text(number, material, scene).casefold() for word in words)
+            if all(word in material_text(number, material, scene).casefold() for word in words)
         ]
 
     def _nodes(self, tree: SceneTree, ui: UiFrame) -> None:
@@ -133,7 +119,7 @@ class SceneLists:
                 number = self._materials[index]
                 material = ui.session.scene.materials[number]
                 texture = material.texture_id
-                text = _material_text(number, material, ui.session.scene)
+                text = material_text(number, material, ui.session.scene)
                 chosen = imgui.selectable(
                     f"{text}##material {number}", 0 <= texture == ui.session.inspection.selected_texture, flags
                 )[0]
