@@ -9,7 +9,7 @@ from viewer.commands.keys import HOLD_KEY
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import ink
-from viewer.ui.widgets import Area
+from viewer.ui.widgets import CARD_FLAGS, Area
 
 WIDTH = 26.0
 """Largest width of the card in font sizes."""
@@ -51,18 +51,7 @@ class FirstRunCard:
         imgui.set_next_window_pos(low, imgui.Cond_.always, ImVec2(0.0, 1.0))
         imgui.set_next_window_size(ImVec2(max(width, 8.0 * font), 0.0))
         imgui.set_next_window_bg_alpha(0.95)
-        flags = imgui.WindowFlags_
-        imgui.begin(
-            "##first steps",
-            None,
-            flags.no_decoration
-            | flags.always_auto_resize
-            | flags.no_saved_settings
-            | flags.no_docking
-            | flags.no_move
-            | flags.no_focus_on_appearing
-            | flags.no_nav,
-        )
+        imgui.begin("##first steps", None, CARD_FLAGS)
         imgui.text_wrapped(PURPOSE)
         imgui.separator()
         for number, ((do, why), done) in enumerate(zip(_steps(ui.session), self._done, strict=True), 1):

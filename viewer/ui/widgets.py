@@ -17,6 +17,12 @@ SHADE = (0.0, 0.0, 0.0, 0.65)
 """Colours of texts and plates over the picture."""
 
 
+_FLAGS = imgui.WindowFlags_
+CARD_FLAGS = _FLAGS.no_decoration | _FLAGS.always_auto_resize | _FLAGS.no_saved_settings | _FLAGS.no_docking
+CARD_FLAGS |= _FLAGS.no_move | _FLAGS.no_focus_on_appearing | _FLAGS.no_nav
+"""Flags of a card over the picture, which is as high as its content."""
+
+
 @contextmanager
 def side_bar(name: str, side: imgui.Dir, size: float, padding: ImVec2) -> Iterator[bool]:
     """Draw a bar along an edge of the window, to which ImGui docks panels; yields True where it is visible."""

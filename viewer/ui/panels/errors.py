@@ -4,10 +4,11 @@ from imgui_bundle import imgui
 
 from viewer.commands.inspection import LARGEST_IS_WORST
 from viewer.inspect.comparison import ErrorRow
-from viewer.state.session import ErrorColumn, Session
+from viewer.inspect.error_table import sorted_rows
+from viewer.state.session import ErrorColumn
 from viewer.state.view_state import OverlayKind
 from viewer.ui.controls import command_button
-from viewer.ui.facts import FrameFacts, UiFrame
+from viewer.ui.facts import UiFrame
 from viewer.ui.panels.compare import figures_state
 from viewer.ui.widgets import beside, box_width, cells, decibels, text_width
 
@@ -22,32 +23,6 @@ HEADINGS: tuple[tuple[ErrorColumn, str], ...] = (
 )
 WIDEST: dict[ErrorColumn, str] = {"decoder": "-", "pixels": "999,999", "psnr": "99.99", "mean": "99.99", "max": "255"}
 """Widest usual figures, for the widths of columns."""
-
-
-def _value(name: str, row: ErrorRow, column: ErrorColumn) -> float | str:
-    values: dict[ErrorColumn, float | str] = {
-        "name": name.lower(),
-        "decoder": row.decoder,
-        "pixels": row.pixels,
-        "psnr": row.psnr_db,
-        "mean": row.mean,
-        "max": row.largest,
-    }
-    return values[column]
-
-
-def sorted_rows(session: Session, facts: FrameFacts) -> list[tuple[str, ErrorRow]]:
-    """Return the sorted rows of the last comparison with their names."""
-    found, table = facts.live.comparison, session.inspection.errors
-    if found is None:
-        return []
-    if table.by == "texture":
-        textures = session.scene.textures
-        rows = [(textures[row.number].name, row) for row in found.textures if row.number < len(textures)]
-    else:
-        rows = [(f"decoder {row.number}", row) for row in found.decoders]
-    # Python's sort is stable: equal rows stay in order of their numbers.
-    return sorted(rows, key=lambda named: _value(named[0], named[1], table.column), reverse=table.descending)
 
 
 def _choices(ui: UiFrame) -> None:
@@ -106,7 +81,7 @@ def draw_errors_panel(ui: UiFrame) -> None:
     if ui.session.view.highlight:
         imgui.same_line()
         command_button(ui, "end highlight", "errors.clear", small=True)
-    rows = sorted_rows(ui.session, ui.facts)
+    rows = sorted_rows(ui.session, ui.facts.live.comparison)
     if not rows:
         return
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.scroll_y | imgui.TableFlags_.borders_inner_v

@@ -19,7 +19,7 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import EncodeForm
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
-from viewer.ui.widgets import Area, cells, combo, counted, duration, em, headings, shortened
+from viewer.ui.widgets import CARD_FLAGS, Area, cells, combo, counted, duration, em, headings, shortened
 
 GAP = 4.0
 """Space between buttons in window units."""
@@ -322,14 +322,7 @@ class EncodeOffer:
         width = min(em(OFFER_WIDTH), max(area.width - em(2.0), em(12.0)))
         imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, 1e4))
         imgui.set_next_window_bg_alpha(0.88)
-        flags = (
-            imgui.WindowFlags_.no_decoration
-            | imgui.WindowFlags_.always_auto_resize
-            | imgui.WindowFlags_.no_saved_settings
-            | imgui.WindowFlags_.no_focus_on_appearing
-            | imgui.WindowFlags_.no_nav
-        )
-        if imgui.begin("##offer", None, flags)[0]:
+        if imgui.begin("##offer", None, CARD_FLAGS)[0]:
             imgui.text_wrapped("This scene has no pack.")
             kept = ui.training.waiting.of(ui.session.scene)
             if kept:
