@@ -1,5 +1,7 @@
-"""Builds ntc.wasm from libntc, and copies the tables of grouping `universal` beside it: python build.py (pip install ziglang)."""
+"""Makes the npm package whole: builds ntc.wasm from libntc where Zig's compiler is (pip install ziglang), and copies the tables of
+grouping `universal` beside it."""
 
+import hashlib
 import importlib.util
 import shutil
 import subprocess
@@ -8,19 +10,34 @@ from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
 NTC = HERE.parents[1] / "ntc"
+SOURCES = (HERE / "ntc_web.c", NTC / "c" / "ntc.c", NTC / "c" / "ntc.h")
 TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-msimd128", "-std=c99", "-O3", "-s")
 
 
-def build(folder: Path) -> None:
-    """Write ntc.wasm and the tables into `folder`. Raises CalledProcessError where the compiler fails."""
-    sources = (HERE / "ntc_web.c", NTC / "c" / "ntc.c")
+def source_section() -> bytes:
+    """Return a section of WebAssembly with the hash of the sources, which ends ntc.wasm."""
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:16]
+    content = b"\x06source" + digest.encode()
+    return bytes((0, len(content))) + content
+
+
+def build(out: Path) -> None:
+    """Compile ntc.wasm to `out`. Raises CalledProcessError where the compiler fails."""
     compiler = (sys.executable, "-m", "ziglang", "cc")
-    subprocess.run([*compiler, *TARGET, "-I", NTC / "c", *sources, "-o", folder / "ntc.wasm"], check=True)
+    subprocess.run([*compiler, *TARGET, "-I", NTC / "c", *SOURCES[:2], "-o", out], check=True)
+    out.write_bytes(out.read_bytes() + source_section())
+    out.chmod(0o644)
+
+
+def copy_tables(folder: Path) -> None:
+    """Copy the tables that packs of grouping `universal` are decoded with."""
     for tables in sorted((NTC / "codec" / "block").glob("universal_*.safetensors")):
         shutil.copy(tables, folder)
 
 
 if __name__ == "__main__":
-    if importlib.util.find_spec("ziglang") is None:
-        sys.exit("error: Zig's compiler is missing: pip install ziglang")
-    build(HERE)
+    copy_tables(HERE)
+    if importlib.util.find_spec("ziglang") is not None:
+        build(HERE / "ntc.wasm")
+    elif not (HERE / "ntc.wasm").read_bytes().endswith(source_section()):
+        sys.exit("error: ntc.wasm is of other sources: pip install ziglang")
