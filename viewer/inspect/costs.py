@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
+from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.inspect.measured_figures import SIDES
 from viewer.state.session import SlotMeasurement
@@ -32,7 +33,7 @@ KINDS = ("on disk, MB", "in memory, MB", "a frame, ms", "PSNR, dB")
 
 
 def cost_bars(
-    measured: Mapping[Side, SlotMeasurement], formats: Mapping[str, CompressedTextures]
+    measured: Mapping[Side, SlotMeasurement], formats: Mapping[BlockFormat, CompressedTextures]
 ) -> dict[str, tuple[CostBar, ...]]:
     """Return bars by kind of cost: of A and B as measured, then of the block formats that are encoded and not in A or B.
 
@@ -47,10 +48,10 @@ def cost_bars(
         if (own := measured.get(side)) is not None
     ]
     shown = {own.source for own in measured.values()}
-    for name, own in formats.items():
+    for name, blocks in formats.items():
         if name not in shown:
-            size = _mega(own.stored_bytes)
-            costs.append(_Cost(name, (size, size, None, own.psnr.of_mean_mse_db if own.psnr is not None else None)))
+            size, quality = _mega(blocks.stored_bytes), blocks.psnr
+            costs.append(_Cost(name, (size, size, None, quality.of_mean_mse_db if quality is not None else None)))
     bars: dict[str, tuple[CostBar, ...]] = {}
     for number, kind in enumerate(KINDS):
         values = [(cost.source, cost.values[number]) for cost in costs]
