@@ -25,7 +25,7 @@ class Part:
     """A primitive where it stands."""
 
     points: Array
-    """[N, 3] corners of its triangles in world space, evenly chosen."""
+    """[3 T, 3] corners of triangles in world space, evenly chosen of all that it has."""
     triangles: int
     instance: int
     """Row of `Scene.instances`."""
@@ -44,14 +44,16 @@ def parts_of(scene: Scene, pose: Pose | None = None) -> list[Part]:
     parts: list[Part] = []
     for row in rows.tolist():
         primitive = scene.primitives[instances.primitive[row]]
-        end = primitive.first_index + primitive.index_count
-        used = scene.geometry.indices[primitive.first_index : end : -(-primitive.index_count // each) or 1]
+        end = primitive.first_index + primitive.index_count // 3 * 3
+        corners = scene.geometry.indices[primitive.first_index : end].reshape(-1, 3)
+        used = corners[:: -(-primitive.index_count // each) or 1].reshape(-1)
         base = primitive.base_vertex
         own = moved[base][used] if base in moved else scene.geometry.positions[base + used.astype(np.int64)]
         transform = instances.transform[row].astype(np.float64)
         with np.errstate(over="ignore", invalid="ignore"):
             points = own.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
-        points = points[np.isfinite(points).all(axis=1)]
+        triangles = points.reshape(-1, 3, 3)
+        points = triangles[np.isfinite(triangles).all(axis=(1, 2))].reshape(-1, 3)
         if len(points):
             parts.append(Part(points, primitive.index_count // 3, row))
     return parts

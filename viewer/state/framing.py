@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.scene.parts import Part, near_parts, parts_of
-from viewer.state.camera import view_matrix
+from viewer.state.camera import view_matrix, view_projection
 
 Array = NDArray[np.float64]
 SHARE = 0.8
@@ -19,6 +19,8 @@ ALL = "all"
 """Name of the camera that frames the whole scene."""
 DIRECTIONS = ((0.45, 0.35, 1.0), (-0.45, 0.35, 1.0), (1.0, 0.35, 0.45), (-1.0, 0.35, 0.45), (0.45, 0.35, -1.0))
 """Directions from the scene to the camera; the first from which nothing that is left out hides the scene is taken."""
+MOST_HIDDEN, POINTS_INSIDE = 256, 8
+"""Number of triangles of a part that are looked for behind a box, and of points in each."""
 MOST_BLOCKING = 1 << 16
 """Number of triangles of a part that are tested for hiding the scene."""
 _opening: "WeakKeyDictionary[Scene, dict[tuple[float, float], Camera]]" = WeakKeyDictionary()
@@ -68,6 +70,36 @@ def frame_all(scene: Scene, fov_degrees: float = 60.0, aspect: float = 1.0) -> C
     if (fov_degrees, aspect) not in known:
         known[fov_degrees, aspect] = _frame_all(scene, fov_degrees, aspect)
     return known[fov_degrees, aspect]
+
+
+def emptiest_corner(
+    scene: Scene, camera: Camera, size: tuple[int, int], box: tuple[float, float], corners: Sequence[tuple[int, int]]
+) -> tuple[int, int]:
+    """Return the one of `corners` of a picture of `size` in which a box of so many pixels hides least of `scene` as it was read.
+
+    A corner is (0 left, 1 right) and (0 top, 1 bottom); the first of equal ones.
+    """
+    # Points within triangles, each for its share of their area.
+    inside = np.random.default_rng(0).dirichlet((1.0, 1.0, 1.0), POINTS_INSIDE)
+    found, areas = [np.zeros((0, 3))], [np.zeros(0)]
+    for part in parts_of(scene):
+        triangles = part.points.reshape(-1, 3, 3)
+        triangles = triangles[:: -(-len(triangles) // MOST_HIDDEN)]
+        found.append(np.einsum("pc,tcx->tpx", inside, triangles).reshape(-1, 3))
+        area = np.linalg.norm(np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1)
+        areas.append(np.repeat(area * part.triangles / len(triangles), POINTS_INSIDE))
+    points, weights = np.concatenate(found), np.concatenate(areas)
+    clip = np.concatenate([points, np.ones((len(points), 1))], axis=1) @ view_projection(camera, size, scene.bounds).T
+    is_before = clip[:, 3] > 0.0
+    clip, weights = clip[is_before], weights[is_before]
+    # From the left and from the top, 0 to 1.
+    places = clip[:, :2] / clip[:, 3:] * (0.5, -0.5) + 0.5
+    share = np.array(box) / size
+
+    def hidden(corner: tuple[int, int]) -> float:
+        return float(weights[(np.abs(places - corner) <= share).all(axis=1)].sum())
+
+    return min(corners, key=hidden)
 
 
 def _frame_all(scene: Scene, fov_degrees: float, aspect: float) -> Camera:

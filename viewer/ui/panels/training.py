@@ -9,6 +9,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from ntc.codec.registry import codec_named
+from viewer.state.framing import emptiest_corner
 from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
 from viewer.training.preparation import job_title
@@ -288,8 +289,10 @@ def _log(ui: UiFrame) -> None:
     imgui.end_table()
 
 
-OFFER_WIDTH = 28.0
-"""Width of the offer in font sizes."""
+OFFER_WIDTH, OFFER_HEIGHT = 28.0, 17.0
+"""Width of the offer in font sizes, and about its height with what lies beside it."""
+OFFER_CORNERS = ((1, 0), (1, 1), (0, 1))
+"""Corners of the picture where it may lie: right or left, top or bottom."""
 
 
 class EncodeOffer:
@@ -297,10 +300,12 @@ class EncodeOffer:
 
     def __init__(self) -> None:
         self._answered_for: object = None
+        self._placed_for: object = None
+        self._corner = OFFER_CORNERS[0]
         self._form = EncodeForm("offer")
 
     def draw(self, ui: UiFrame, area: Area) -> None:
-        """Draw the offer at the upper edge of `area`, where it applies."""
+        """Draw the offer in a corner of `area`, where it applies."""
         if ui.training.state != "idle":
             self._answered_for = ui.session.scene
         if (
@@ -312,14 +317,19 @@ class EncodeOffer:
             return
         if {ui.session.view.slot_a.source, ui.session.view.slot_b.source} != {REFERENCE}:
             return
-        imgui.set_next_window_pos(
-            # Warnings lie at the left, and the model in the middle.
-            ImVec2(area.right - 12.0, area.top + 40.0),
-            imgui.Cond_.always,
-            ImVec2(1.0, 0.0),
-        )
         # A width of its own: rows do not move while their texts change.
         width = min(em(OFFER_WIDTH), max(area.width - em(2.0), em(12.0)))
+        key = (ui.session.scene, area.width, area.height)
+        if self._placed_for != key and not ui.session.seeks_first_view:
+            # Warnings lie above on the left. Once it lies somewhere it stays: the camera may move.
+            self._placed_for, box = key, (width, em(OFFER_HEIGHT))
+            size = (round(area.width), round(area.height))
+            self._corner = emptiest_corner(ui.session.scene, ui.session.view.camera, size, box, OFFER_CORNERS)
+        right, bottom = self._corner
+        place = ImVec2(
+            area.right - 12.0 if right else area.left + 12.0, area.bottom - 40.0 if bottom else area.top + 40.0
+        )
+        imgui.set_next_window_pos(place, imgui.Cond_.always, ImVec2(right, bottom))
         imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, 1e4))
         imgui.set_next_window_bg_alpha(0.88)
         if imgui.begin("##offer", None, CARD_FLAGS)[0]:
