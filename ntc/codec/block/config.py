@@ -194,6 +194,8 @@ class BlockOptions(EncodingOptions):
     """What an error is worth in each texture, positive, in proportion; None: the same in all."""
     balance: float = 1.0
     """How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
+    own_codes: bool = True
+    """Whether textures whose derived mips are below mip 0 may have fewer mips per code."""
     threads: int | None = None
     """Most threads; None: as many as pay."""
     preview_side: int | None = None

@@ -13,7 +13,7 @@ from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, prepare_tex
 from ntc.codec.block.encoding.encoder import encode_texture
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
-from ntc.codec.block.encoding.own_codes import LEAST_GAIN_DB, MOST_DB, MipQuality, is_doubtful
+from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful
 from ntc.codec.block.encoding.rate import MEASURE_WORK, SAMPLING_WORK, block_count, fitting_work
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
@@ -134,19 +134,19 @@ def encode_member(
     if not has_own_codes or not is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
         return measured
     quality = MipQuality.of(found, fitted.decoder, config, source)
+    code_mips = quality.fewer_mips(config)
+    if code_mips is None:
+        return measured
 
     def not_counted(_work: float) -> None:
         worked(0.0)
 
-    most, best = min(quality.psnr_db[0], MOST_DB), found
-    for code_mips in quality.fewer_mips(config):
-        other = encode_texture(
-            source, fitted.decoder, config, words, fitted.group, not_counted, threads, code_mips=code_mips
-        )
-        own = MipQuality.of(other, fitted.decoder, config, source)
-        if own.worth(most) > quality.worth(most) + LEAST_GAIN_DB:
-            best, quality = other, own
-    return measured if best is found else _measured(best, source, fitted, config, threads)
+    other = encode_texture(
+        source, fitted.decoder, config, words, fitted.group, not_counted, threads, code_mips=code_mips
+    )
+    if not MipQuality.of(other, fitted.decoder, config, source).is_better(quality):
+        return measured
+    return _measured(other, source, fitted, config, threads)
 
 
 def _measured(

@@ -24,6 +24,8 @@ SECOND_WORDS = 1.3
 """Words a block of mip 1 where it has codes of its own, over the mean of all mips."""
 LEAST_GAIN_DB = 0.1
 """Of the mean over mips, for which a texture has fewer mips per code: more of its codes are read then."""
+LARGEST_LOSS_DB = 1.5
+"""Of mip 0."""
 MOST_DB = 50.0
 """A mip that is better counts no more."""
 NOTICED_DB = 0.25
@@ -56,18 +58,17 @@ class MipQuality:
             found.append(psnr_of_mse(float(np.square(shown - truth).mean())))
         return cls(tuple(found))
 
-    def fewer_mips(self, config: BlockConfig) -> tuple[CodeMips, ...]:
-        """Return how many mips a code may have where derived ones are below mip 0; nothing where none is."""
-        low = [number for number, own in enumerate(self.psnr_db) if own < self.psnr_db[0] - NOTICED_DB]
-        if not low or config.mips == 1:
-            return ()
-        if config.mips == 2:
-            return (1,)
-        return (2,) if low[0] > 1 else (2, 1)
+    def fewer_mips(self, config: BlockConfig) -> CodeMips | None:
+        """Return how many mips a code may have where derived ones are below mip 0: half as many; None where none is."""
+        if config.mips == 1 or min(self.psnr_db) >= self.psnr_db[0] - NOTICED_DB:
+            return None
+        return 2 if config.mips == 4 else 1
 
-    def worth(self, most: float) -> float:
-        """Return the mean PSNR in dB of the mips, none of which counts more than `most`."""
-        return float(np.mean(np.minimum(self.psnr_db, most)))
+    def is_better(self, other: "MipQuality") -> bool:
+        """Return whether fewer mips per code, which give this quality in place of `other`, pay."""
+        most = min(other.psnr_db[0], MOST_DB)
+        gain = np.mean(np.minimum(self.psnr_db, most)) - np.mean(np.minimum(other.psnr_db, most))
+        return bool(gain > LEAST_GAIN_DB) and self.psnr_db[0] > most - LARGEST_LOSS_DB
 
 
 def is_doubtful(psnr_db: float, derived_errors: Sequence[float]) -> bool:

@@ -179,7 +179,16 @@ class BlockEncoder(Encoder):
         index, words = part
         source = self._task.textures[index]
         prepared = self._kept.pop(source, None)
-        return encode_member(source, words, fitted, self._config, self._worked, self._threads_each, prepared)
+        return encode_member(
+            source,
+            words,
+            fitted,
+            self._config,
+            self._worked,
+            self._threads_each,
+            prepared,
+            has_own_codes=self._options.own_codes,
+        )
 
     def _worked(self, work: float) -> None:
         """In the thread of a texture. Appending to a list is atomic."""
