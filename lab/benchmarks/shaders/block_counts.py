@@ -24,7 +24,7 @@ from lab.benchmarks.shaders.machine_code import MachineCode
 from lab.benchmarks.shaders.recording import AssembledProgram, ProgramRecorder
 from lab.runner import report
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.gpu import BlockTables
+from ntc.codec.block.gpu import LEAST_SHARED, BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import texture_codes
 from ntc.codec.gpu import GPU
@@ -113,6 +113,8 @@ class PixelGroup:
     """[squares, 4] fours by component of the code of each square of texels that is read, those of a code one after the other."""
     coefficients: int
     """Coefficients of all codes that are read."""
+    work_rounds: int
+    """Rounds in which shared memory holds all codes, squares and coefficients."""
     most_fours: int
     """Fours of the largest of them."""
     edge_share: float
@@ -166,10 +168,13 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
     # Mips of the same code are decoded together.
     own_levels = [levels[level].first_cell for level, _, _ in used]
     _, first = np.unique(np.stack([own_levels, used[:, 1]], axis=-1), axis=0, return_index=True)
+    coefficients = 4 * int(fours[kinds[first]].sum())
+    room = (len(first), SLOTS), (len(used), MOST_SQUARES), (coefficients, LEAST_SHARED)
     return PixelGroup(
         steps,
         fours[kinds],
-        4 * int(fours[kinds[first]].sum()),
+        coefficients,
+        max(-(-asked // most) for asked, most in room),
         int(fours[kinds].sum(axis=1).max()),
         float((edges[kinds[first]] > 0).mean()),
     )
@@ -198,13 +203,15 @@ def _in_rounds(fours: Array, lanes: int, group: int) -> tuple[float, float]:
 
 
 def together_trips(group: PixelGroup, components: int, lanes: int, is_single: bool) -> list[float]:
-    """How often each loop runs where a work group decodes the codes of its pixels together, in one round."""
+    """How often each loop runs where a work group decodes the codes of its pixels together."""
     mips, taps = (1, 1) if is_single else (2, 8)
+    again = group.work_rounds
     # A lane finds a code; half of the lanes do. Most places in the hash table are free at once.
     finding = group.most_fours * (1.0 if lanes == TOGETHER else 0.5)
     coefficients = -(-group.coefficients // TOGETHER)
     rounds, inner = _in_rounds(group.fours, lanes, TOGETHER)
-    return [1, mips, taps, PROBES * taps, finding, taps, coefficients, rounds, components * rounds, inner, mips, taps]
+    before = np.array([1, mips, taps, PROBES * taps, finding, taps]) * again
+    return [*before.tolist(), coefficients, rounds, components * rounds, inner, mips * again, taps * again]
 
 
 @dataclass(frozen=True)
@@ -270,6 +277,10 @@ def tile_together(code: MachineCode, tile: Tile, components: int, lanes: int) ->
     return float(np.sum(found)) * TOGETHER / PAGE_TEXELS
 
 
+SLOTS: Final = 32
+"""Codes that a work group holds at once (shaders/ntc/block_together.glsl)."""
+MOST_SQUARES: Final = 112
+"""Squares of texels likewise (shaders/ntc/block_pixels.glsl)."""
 PROBES: Final = 1.5
 """Places of the hash table that a subgroup looks at for a code, estimated."""
 PAGE_TEXELS: Final = PAGE_SIDE * PAGE_SIDE
