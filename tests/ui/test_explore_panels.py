@@ -17,6 +17,7 @@ from viewer.scene.model import Material, Scene
 from viewer.state.event_handlers import notify
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.ui.annotations import slot_note
+from viewer.ui.panels.timings import count_lines
 
 
 @pytest.fixture
@@ -334,3 +335,21 @@ def test_the_label_of_a_slot_counts_the_tiles_that_are_to_come(app: DrivenApp) -
         coming = replace(facts, tiles={view.slot_a: replace(there, waiting=waiting)})
         assert slot_note(view.slot_a, view, coming) == note
     assert slot_note(view.slot_b, view, facts) == ""
+
+
+def test_a_slot_of_path_on_load_tells_what_is_compressed(app: DrivenApp) -> None:
+    app.run("slot.path", "a", "on-load")
+    app.settle()
+    view, facts = app.session.view, app.frontend.facts()
+    there = facts.loads[view.slot_a]
+    assert slot_note(view.slot_a, view, facts) == ""
+    coming = replace(facts, loads={view.slot_a: replace(there, waiting=1_234_567)})
+    assert slot_note(view.slot_a, view, coming) == "compressing 1.2 Mtexel"
+    assert any("compressed, 0 waiting" in line for line in count_lines(facts))
+    assert "compressed textures" in facts.gpu_parts[view.slot_a]
+    app.click("Measure")
+    app.settle()
+    figures = app.session.inspection.measurements["a"]
+    assert figures.compression_db is not None
+    assert figures.load_rate is not None
+    assert figures.load_rate > 0.0

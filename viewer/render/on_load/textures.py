@@ -231,8 +231,17 @@ class LoadedTextures:
         if done:
             self._compress(done)
         left = sum(bool(self._pieces.get(key)) for key in wanted)
+        if not left:
+            self._free_working_memory()
         self._waiting = sum(piece.texels for key in wanted for piece in self._pieces.get(key, ()))
         return Progress(bool(done), (ToCome("loads", left, len(wanted)),) if left else ())
+
+    def _free_working_memory(self) -> None:
+        """Free what only compressing needs, for an engine would."""
+        self._atlas.release()
+        if self._blocks.size > 16:
+            self._blocks.release()
+            self._blocks = self._context.memory.buffer(WHAT, reserve=16)
 
     def _order(self, piece: Piece) -> tuple[int, int]:
         """Return the key by which pieces are sorted: those of small mips first."""
