@@ -25,6 +25,8 @@ from viewer.scene.load import load_scene
 from viewer.scene.source_textures import reduce_texture, source_textures
 
 Image = NDArray[np.uint8]
+SET_CHANNELS = LARGEST_CHANNELS - MAP_CHANNELS["alpha"]
+"""Channels of all MAPS, with a base of four: the map `alpha` takes the rows of its last one."""
 SIDE = 128
 """Texels of a sample along one side."""
 SIDES = (1024, 512, 256)
@@ -115,7 +117,7 @@ class Sampler:
 
     @staticmethod
     def _places(name: MapName) -> slice:
-        return map_slices(MAPS, LARGEST_CHANNELS)[name]
+        return map_slices(MAPS, SET_CHANNELS)[name]
 
     def _some(self) -> Material:
         return self._materials[int(self._random.integers(len(self._materials)))]
@@ -154,11 +156,11 @@ class Sampler:
         return np.clip((image - mean) * gain + mean + 0.5, 0, 255).astype(np.uint8)
 
     def _whole(self, of: Material | None = None, mixed: bool | None = None) -> Image:
-        """[SIDE, SIDE, LARGEST_CHANNELS] of one material, or its maps with those of others."""
+        """[SIDE, SIDE, SET_CHANNELS] of one material, or its maps with those of others."""
         random, material = self._random, of or self._some()
         size, place = material.sizes[int(random.integers(len(material.sizes)))], self._place()
         mixed = random.random() < 0.5 if mixed is None else mixed
-        found = np.zeros((SIDE, SIDE, LARGEST_CHANNELS), np.uint8)
+        found = np.zeros((SIDE, SIDE, SET_CHANNELS), np.uint8)
         for name in MAPS:
             own = size.get(name)
             image: Image | None = None
@@ -177,12 +179,12 @@ class Sampler:
         random = self._random
         one = self._some() if random.random() < 0.5 else None
         parts, labels = [], self._labels(int(random.integers(1, 5)))
-        shifted = np.zeros(LARGEST_CHANNELS)
+        shifted = np.zeros(SET_CHANNELS)
         for name in ("base", "roughness", "metalness", "occlusion"):
             shifted[self._places(name)] = 25.0
         for _ in range(labels.max() + 1):
-            part = self._whole(one) + random.normal(0.0, 1.0, LARGEST_CHANNELS) * shifted
-            flat = np.zeros(LARGEST_CHANNELS, bool)
+            part = self._whole(one) + random.normal(0.0, 1.0, SET_CHANNELS) * shifted
+            flat = np.zeros(SET_CHANNELS, bool)
             kind = random.random()
             for name in MAPS if kind < 0.4 else ():
                 # Some parts are flat in all maps, some in a few.
@@ -233,9 +235,9 @@ def drawn_samples(materials: Sequence[SourceTexture], count: int = SAMPLES, seed
 
 
 FULL_CONFIG = BlockConfig(
-    coefficients=ROWS_PER_CHANNEL * LARGEST_CHANNELS,
+    coefficients=ROWS_PER_CHANNEL * SET_CHANNELS,
     modes=SET_MODES,
-    output_channels=LARGEST_CHANNELS,
+    output_channels=SET_CHANNELS,
     maps=MAPS,
 )
 
@@ -251,22 +253,20 @@ def _cosines() -> NDArray[np.float64]:
 
 def _full_basis(samples: Sequence[Sample]) -> tuple[Basis, NDArray[np.float64]]:
     """(the basis, [rows] mean energies): the rows of most energy, whichever their channel."""
-    images = [
-        torch.from_numpy(sample.blocks).view(-1, FULL_CONFIG.block_texels, LARGEST_CHANNELS) for sample in samples
-    ]
+    images = [torch.from_numpy(sample.blocks).view(-1, FULL_CONFIG.block_texels, SET_CHANNELS) for sample in samples]
     cosines = _cosines()
     matrix = torch.from_numpy(cosines.astype(np.float32))
     means = [torch.einsum("kt,ntc->nkc", matrix, own).square().mean(0).T.numpy().astype(np.float64) for own in images]
     # Channels that few samples have count as much as others.
     present = np.mean([own.sum(1) > PRESENT * FULL_CONFIG.block_texels for own in means], axis=0)
     energies = np.mean(means, axis=0) / np.maximum(present, 1.0 / len(samples))[:, None]
-    return strongest_rows(np.tile(cosines, (LARGEST_CHANNELS, 1)), energies.reshape(-1), FULL_CONFIG)
+    return strongest_rows(np.tile(cosines, (SET_CHANNELS, 1)), energies.reshape(-1), FULL_CONFIG)
 
 
 def _bands(basis: Basis, energies: NDArray[np.float64]) -> NDArray[np.int64]:
     """[rows] band of each row within its channel."""
     bands = np.zeros(len(energies), np.int64)
-    for channel in range(LARGEST_CHANNELS):
+    for channel in range(SET_CHANNELS):
         own = np.nonzero(basis.channels == channel)[0]
         order = own[np.argsort(-energies[own], kind="stable")]
         bands[order] = np.searchsorted(FIRST_ROWS, np.arange(len(own)), side="right") - 1
@@ -278,7 +278,7 @@ def fitted_set_tables(samples: Sequence[Sample], seed: int = 0) -> dict[str, np.
     with one_thread():
         basis, rows = _full_basis(samples)
         within = _bands(basis, rows)
-        bands, count = basis.channels.astype(np.int64) * BANDS + within, LARGEST_CHANNELS * BANDS
+        bands, count = basis.channels.astype(np.int64) * BANDS + within, SET_CHANNELS * BANDS
         reference = band_energies(rows, bands, count)
         projections = basis.projections(FULL_CONFIG)
         coefficients = [projected(torch.from_numpy(sample.blocks), projections) for sample in samples]
