@@ -1,8 +1,10 @@
 """Figures of training runs as lines of text, for the window."""
 
+import numpy as np
+
 from ntc.codec.registry import codec_named
 from viewer.scene.json_text import counted
-from viewer.training.run_log import ActiveRun, Run, mean_of_psnr
+from viewer.training.run_log import ActiveRun, Curves, Run, mean_of_psnr
 
 LINES_SHOWN = 3
 """Number of groups whose result is shown beside the question whether to keep a run; the log has all."""
@@ -55,3 +57,14 @@ def figures_of_run(run: Run) -> tuple[str, ...]:
     more = len(run.lines) - LINES_SHOWN
     rest = (f"and {more} more: point at the run in the list below",) if more > 0 else ()
     return (psnr_of_run(run), *run.lines[:LINES_SHOWN], *rest)
+
+
+def loss_ticks(curves: Curves) -> list[float]:
+    """Return ticks at 1, 2 and 5 of each decade of the losses: the plot itself labels only whole decades."""
+    values = np.concatenate([curves.array(curve) for curve in curves.losses.values()])
+    values = values[np.isfinite(values) & (values > 0.0)]
+    if not len(values):
+        return [1.0]
+    decades = range(int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max()))) + 1)
+    ticks = [digit * 10.0**decade for decade in decades for digit in ((1, 2, 5) if len(decades) < 3 else (1,))]
+    return [tick for tick in ticks if 0.5 * values.min() <= tick <= 2.0 * values.max()] or [float(values.max())]

@@ -13,7 +13,7 @@ from viewer.state.framing import emptiest_corner
 from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
 from viewer.training.preparation import job_title
-from viewer.training.run_figures import figures_of_run, figures_under_way, psnr_of_run
+from viewer.training.run_figures import figures_of_run, figures_under_way, loss_ticks, psnr_of_run
 from viewer.training.run_log import ActiveRun, Curves, Run
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
@@ -101,7 +101,7 @@ class TrainingCurves:
             # Beside the plot: the curves stay in sight.
             implot.setup_legend(implot.Location_.east, implot.LegendFlags_.outside)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
-            ticks = _ticks(curves)
+            ticks = loss_ticks(curves)
             implot.setup_axis_ticks(implot.ImAxis_.y1, ticks, [f"{tick:.1g}" for tick in ticks])
             for group, curve in sorted(curves.losses.items()):
                 implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
@@ -119,17 +119,6 @@ class TrainingCurves:
         current = next((label for label, texture in choices.items() if texture == self._texture), WORST)
         imgui.set_next_item_width(-1)
         self._texture = choices[combo("curve of", current, tuple(choices), ui.rects)]
-
-
-def _ticks(curves: Curves) -> list[float]:
-    """Return ticks at 1, 2 and 5 of each decade of the losses: the plot itself labels only whole decades."""
-    values = np.concatenate([curves.array(curve) for curve in curves.losses.values()])
-    values = values[np.isfinite(values) & (values > 0.0)]
-    if not len(values):
-        return [1.0]
-    decades = range(int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max()))) + 1)
-    ticks = [digit * 10.0**decade for decade in decades for digit in ((1, 2, 5) if len(decades) < 3 else (1,))]
-    return [tick for tick in ticks if 0.5 * values.min() <= tick <= 2.0 * values.max()] or [float(values.max())]
 
 
 def _name(texture: int, names: Sequence[str]) -> str:
