@@ -23,15 +23,15 @@ THUMBNAIL_LINES = 1.9
 """Side of a thumbnail in lines of text."""
 HIDDEN_AT_FIRST = frozenset(COLUMNS) - {"name", "mip 0 dB", "bits", "normals", "error %"}
 WIDTHS: dict[TextureColumn, float] = {
-    "name": 6.0,
+    "name": 3.4,
     "size": 5.6,
     "category": 5.5,
     "group": 3.0,
-    "mip 0 dB": 4.2,
-    "bits": 3.0,
+    "mip 0 dB": 4.0,
+    "bits": 2.6,
     "kB": 3.0,
     "normals": 3.7,
-    "error %": 3.7,
+    "error %": 3.4,
     "base dB": 4.2,
     "normal dB": 4.2,
     "roughness dB": 4.2,
