@@ -16,6 +16,7 @@ from viewer.render.variants import VariantChoice
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
 from viewer.script.script import Script, parse_exec, read_script
 from viewer.state.open_files import InitialView
+from viewer.state.pack_files import PREFERRED_GROUPING
 from viewer.state.view_state import REFERENCE
 
 PICTURES_SIZE = (960, 540)
@@ -87,7 +88,7 @@ def view(options: ViewOptions) -> int:
         from viewer.app.window_app import WindowContent, run_window
 
         scene = open_scene(options.scene)
-        packs = packs_with(scene, options.pack, options.grouping)
+        packs = packs_with(scene, options.pack, options.grouping, PREFERRED_GROUPING)
         source = choose_source(packs, options.grouping, options.pack)
         initial = _initial(options, source, options.precision)
         return run_window(WindowContent(scene, packs, initial, script, options.size, options.out))

@@ -7,6 +7,7 @@ from itertools import chain, count
 from pathlib import Path
 from weakref import WeakKeyDictionary
 
+from ntc.codec.config import GroupingName
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none
 from ntc.library.index import is_library
@@ -19,7 +20,7 @@ from viewer.scene.model import Scene, SceneTexture
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
-PREFERRED_GROUPING = "clustered"
+PREFERRED_GROUPING: GroupingName = "clustered"
 _FIGURES: WeakKeyDictionary[Pack, "PackFigures"] = WeakKeyDictionary()
 MOST_OF_A_LIBRARY = 4
 """Largest number of packs from a library: one for each way in which it holds a scene's textures."""

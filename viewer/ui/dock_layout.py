@@ -16,6 +16,8 @@ COLUMN_WIDTH = 350.0
 WIDEST_COLUMN = 440.0
 COLUMN_SHARE = 0.22
 """Width of the column in a large window, as a share of the window."""
+LARGEST_SAVED = 0.4
+"""Largest width of a column of a saved layout, as a share of the window; a wider one gets the usual width."""
 PICTURE_WIDTH = 300.0
 """Width for the picture in a narrow window, in window units at normal scale; half of the window where that is less."""
 NARROWEST_OPEN = 800.0
@@ -63,6 +65,8 @@ class DockLayout:
         self._saw_menu_bar = False
         """True after the first frame: only then the viewport knows the height of the menu bar."""
         self._placed = False
+        self._saw_tabs = False
+        """True after the first frame with panels: a saved layout tells which tabs were chosen."""
         self._pause = 0
         """Frames until the next panel may be focused, or until the last one is visible."""
         self._folded: frozenset[str] = frozenset()
@@ -108,8 +112,12 @@ class DockLayout:
         low, size = (viewport.work_pos, viewport.work_size) if central is None else (central.pos, central.size)
         return Area(low.x, low.y, low.x + size.x, low.y + size.y)
 
-    def bring_to_front(self) -> None:
+    def bring_to_front(self, titles: Iterable[str]) -> None:
         """Bring the next waiting panel to the front; call it after drawing the panels."""
+        if not self._saw_tabs:
+            # ImGui raises what is drawn last, whatever tab was chosen when the layout was saved.
+            self._saw_tabs = True
+            self.bring_all([title for title in titles if _is_chosen(title)])
         self._pause = max(0, self._pause - 1)
         if self._front and self._pause == 0:
             # One per frame: a tab bar selects the tab of the focused window.
@@ -196,7 +204,10 @@ class DockLayout:
             elif node.size_ref.x != given:
                 # The user has dragged the column to this width.
                 units = node.size_ref.x / self._scale
-            given = min(units * scale, widest) if self._scale is not None else units * scale
+            given = units * scale
+            if self._scale is not None or given > LARGEST_SAVED * viewport.work_size.x:
+                # What was saved on a screen of another scale may take half of the window.
+                given = min(given, widest)
             self._widths[number] = (units, given)
             node.size_ref = ImVec2(given, node.size_ref.y)
         self._scale = scale
@@ -218,7 +229,7 @@ class DockLayout:
             for title in members:
                 builder.dock_builder_dock_window(title, nodes[place])
         builder.dock_builder_finish(root)
-        self._front = [members[0] for members in titles.values()]
+        self._front, self._saw_tabs = [members[0] for members in titles.values()], True
         # ImGui gives a tab bar to a node in the frame after its windows have come.
         self._pause = 3
 
@@ -231,6 +242,12 @@ def _node(title: str) -> imgui.internal.DockNode | None:
     """Return the node in which a panel is docked; None for one that is hidden or floats."""
     window = imgui.internal.find_window_by_name(title)
     return window.dock_node if window is not None else None
+
+
+def _is_chosen(title: str) -> bool:
+    """Return whether a panel is the chosen tab of its stack."""
+    node, window = _node(title), imgui.internal.find_window_by_name(title)
+    return node is not None and window is not None and node.selected_tab_id == window.tab_id
 
 
 def _split(node: int, direction: imgui.Dir, share: float) -> tuple[int, int]:

@@ -198,7 +198,7 @@ class UserInterface:
         if raised is not None and shown:
             self._layout.bring(raised)
         if shown:
-            self._layout.bring_to_front()
+            self._layout.bring_to_front(self.panel_titles)
 
 
 def _draw_picture(picture: imgui.ImTextureRef | None, ui: UiFrame, area: Area) -> None:

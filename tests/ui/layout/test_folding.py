@@ -1,5 +1,7 @@
 """How panels and picture share the window: two thirds for the picture, and panels that fold."""
 
+import re
+
 import pytest
 from imgui_bundle import imgui
 
@@ -127,3 +129,28 @@ def test_a_column_that_a_scale_folds_comes_back_as_wide_as_it_was(opener: Opener
     after = app.frontend.interface.picture_area
     assert after is not None
     assert after.left == pytest.approx(before.left, abs=2.0)
+
+
+def test_a_saved_layout_keeps_its_tabs_and_no_width_of_another_scale(
+    opener: Opener, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    app = opener((1280, 720))
+    usual = app.frontend.interface.picture_area
+    saved = imgui.save_ini_settings_to_memory()
+    widened = re.sub(r"(ID=0x00000001 .*SizeRef=)\d+", r"\g<1>700", saved)
+    assert widened != saved
+    make = imgui.create_context
+
+    def with_layout() -> object:
+        context = make()
+        imgui.load_ini_settings_from_memory(widened)
+        return context
+
+    monkeypatch.setattr(imgui, "create_context", with_layout)
+    later = opener((1280, 720))
+    later.frame(6)
+    area = later.frontend.interface.picture_area
+    assert {"A source", "sun height"} <= set(labels(later)), "Compare and Light are on top, as they were"
+    assert usual is not None
+    assert area is not None
+    assert area.left == pytest.approx(usual.left, abs=30)
