@@ -64,7 +64,7 @@ def _texture_line(index: int, scene: Scene) -> str:
     if texture.maps != BASE_ALONE:
         extras.append(" + ".join(texture.maps))
     if texture.has_alpha:
-        extras.append("alpha kept")
+        extras.append("alpha")
     if texture.category is not None:
         extras.append(texture.category)
     return f"  {index:3d}  {width} x {height}  {texture.name}  ({', '.join(extras)})"

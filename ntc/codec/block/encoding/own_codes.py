@@ -13,7 +13,7 @@ from ntc.codec.block.reference import block_values, texture_codes
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.latents import latent_cell_count, texture_levels
 from ntc.codec.mips import mip_chain
-from ntc.codec.quality import mse_of_psnr, psnr_of_mse
+from ntc.codec.quality import psnr_of_mse
 from ntc.codec.textures import SourceTexture
 
 CodeMips = Literal[1, 2]
@@ -28,8 +28,8 @@ LARGEST_LOSS_DB = 1.5
 """Of mip 0."""
 MOST_DB = 50.0
 """A mip that is better counts no more."""
-NOTICED_DB = 0.25
-"""A derived mip may be below mip 0 by as much."""
+LEAST_SHORTFALL_DB = 0.5
+"""By which mips 0 to 3 are below mip 0 on average, where fewer mips per code are tried: mip 0 pays as much for them."""
 
 
 @dataclass(frozen=True)
@@ -59,21 +59,29 @@ class MipQuality:
         return cls(tuple(found))
 
     def fewer_mips(self, config: BlockConfig) -> CodeMips | None:
-        """Return how many mips a code may have where derived ones are below mip 0: half as many; None where none is."""
-        if config.mips == 1 or min(self.psnr_db) >= self.psnr_db[0] - NOTICED_DB:
+        """Return how many mips a code may have where derived ones are below mip 0: half as many; None where they are hardly."""
+        if config.mips == 1 or _shortfall(self.psnr_db[0], self.psnr_db) < LEAST_SHORTFALL_DB:
             return None
         return 2 if config.mips == 4 else 1
 
     def is_better(self, other: "MipQuality") -> bool:
         """Return whether fewer mips per code, which give this quality in place of `other`, pay."""
-        most = min(other.psnr_db[0], MOST_DB)
-        gain = np.mean(np.minimum(self.psnr_db, most)) - np.mean(np.minimum(other.psnr_db, most))
-        return bool(gain > LEAST_GAIN_DB) and self.psnr_db[0] > most - LARGEST_LOSS_DB
+        most = other.psnr_db[0]
+        gain = _shortfall(most, other.psnr_db) - _shortfall(most, self.psnr_db)
+        return gain > LEAST_GAIN_DB and self.psnr_db[0] > min(most, MOST_DB) - LARGEST_LOSS_DB
+
+
+def _shortfall(psnr_db: float, mips_db: Sequence[float]) -> float:
+    """Return by how many dB mips are below `psnr_db` on average, those that are not counting 0, and none more than MOST_DB."""
+    most = min(psnr_db, MOST_DB)
+    return most - float(np.mean(np.minimum(mips_db, most)))
 
 
 def is_doubtful(psnr_db: float, derived_errors: Sequence[float]) -> bool:
-    """Return whether a derived mip may be below mip 0, of `psnr_db`, by the mean squares of what averages alone are off by."""
-    return max(derived_errors, default=0.0) > mse_of_psnr(psnr_db + NOTICED_DB)
+    """Return whether fewer mips per code may pay for a texture with a mip 0 of `psnr_db`, by the mean squares of what averages alone are
+    off by. Codes of two colours come nearer."""
+    derived_db = [psnr_of_mse(error) for error in derived_errors]
+    return _shortfall(psnr_db, [psnr_db, *derived_db]) > 0.5 * LEAST_SHORTFALL_DB
 
 
 def own_words(words: float, least: float, config: BlockConfig) -> tuple[float, ...]:

@@ -407,7 +407,7 @@ def _read(
             note_absent(file, index, notes)
     decoded = list({id(image): image for image in images.values()}.values())
     notes.note("constant images became factors", sum(image.facts.constant is not None for image in decoded))
-    notes.honoured("alpha of textures kept as plain textures", sum(image.facts.has_alpha for image in decoded))
+    notes.honoured("alpha of textures", sum(image.facts.has_alpha for image in decoded))
 
     gathering = _Gathering(images, reader, notes)
     bases = [source.maps["base"] for source in sources if "base" in source.maps]
