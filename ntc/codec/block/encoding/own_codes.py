@@ -78,7 +78,7 @@ def _shortfall(psnr_db: float, mips_db: Sequence[float]) -> float:
 
 
 def is_doubtful(psnr_db: float, derived_errors: Sequence[float]) -> bool:
-    """Return whether fewer mips per code may pay for a texture with a mip 0 of `psnr_db`, by `PreparedTexture.derived_errors`. Codes of
+    """Return whether fewer mips per code may pay for a texture with a mip 0 of `psnr_db`, by what averages miss. Codes of
     two colours come nearer than these."""
     derived_db = [psnr_of_mse(error) for error in derived_errors]
     return _shortfall(psnr_db, [psnr_db, *derived_db]) > 0.5 * LEAST_SHORTFALL_DB
