@@ -111,15 +111,25 @@ TOOLTIP_SECONDS = 0.2
 """Time until a frame shows a tooltip: ImGui's own delay of 0.15 s, and a little more."""
 TOOLTIP_FONT_SIZES = 28.0
 """Largest width of a tooltip in font sizes."""
+TALLEST_ROW = 3.0
+"""Height in font sizes of what a tooltip lies beside; over larger things it lies beside the mouse."""
 TOOLTIP_IMAGE = 8.0
 """Side of an image in a tooltip, in font sizes."""
 
 
-def draw_tooltip(text: str, image: imgui.ImTextureRef | None = None) -> None:
-    """Draw a tooltip beside the mouse, with wrapped lines, below `image`; one with an image beside the panel, for it is large."""
+def draw_tooltip(text: str, image: imgui.ImTextureRef | None = None, of_item: bool = False) -> None:
+    """Draw a tooltip with wrapped lines, below `image`. One `of_item`, the last one, does not lie over it; one with an image
+    lies beside the panel, for it is large."""
+    low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     if image is not None:
-        right = imgui.get_window_pos().x + imgui.get_window_width()
-        imgui.set_next_window_pos(ImVec2(right + em(0.5), imgui.get_item_rect_min().y))
+        imgui.set_next_window_pos(ImVec2(imgui.get_window_pos().x + imgui.get_window_width() + em(0.5), low.y))
+    elif of_item and high.y - low.y < em(TALLEST_ROW):
+        padding = 2.0 * imgui.get_style().window_padding.y
+        height = imgui.calc_text_size(text, wrap_width=em(TOOLTIP_FONT_SIZES)).y + padding
+        fits = high.y + em(0.3) + height <= imgui.get_io().display_size.y
+        imgui.set_next_window_pos(
+            ImVec2(imgui.get_mouse_pos().x, high.y + em(0.3) if fits else low.y - em(0.3) - height)
+        )
     if imgui.begin_tooltip():
         if image is not None:
             imgui.image(image, ImVec2(em(TOOLTIP_IMAGE), em(TOOLTIP_IMAGE)))
@@ -163,7 +173,7 @@ class Tooltips:
         if not imgui.is_item_hovered(imgui.HoveredFlags_.for_tooltip | imgui.HoveredFlags_.allow_when_disabled):
             self._waits = True
         else:
-            draw_tooltip(shown, image)
+            draw_tooltip(shown, image, of_item=True)
 
 
 class WidgetRects:
