@@ -10,7 +10,7 @@ const int MIPS_READ = 2;
 const int CORNERS = 4;
 #endif
 const int TAPS = MIPS_READ * CORNERS;
-const int MOST_SQUARES = 112;
+const int MOST_SQUARES = 96;
 // A texel of a code: its square in the upper bits, its number in the square in the lower two.
 const int TEXEL_BITS = 7;
 const int SQUARE_BITS = TEXEL_BITS - 2;

@@ -279,7 +279,7 @@ def tile_together(code: MachineCode, tile: Tile, components: int, lanes: int) ->
 
 SLOTS: Final = 32
 """Codes that a work group holds at once (shaders/ntc/block_together.glsl)."""
-MOST_SQUARES: Final = 112
+MOST_SQUARES: Final = 96
 """Squares of texels likewise (shaders/ntc/block_pixels.glsl)."""
 PROBES: Final = 1.5
 """Places of the hash table that a subgroup looks at for a code, estimated."""

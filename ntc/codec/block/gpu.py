@@ -41,7 +41,7 @@ AT_ONCE = 4
 """Coefficients that shaders read at once."""
 MOST_COMPONENTS = 4
 """Components of a plane at most."""
-LEAST_SHARED = 512
+LEAST_SHARED = 448
 """Coefficients that a work group holds at once, if no code has more."""
 INSTRUCTIONS = PixelInstructions(1538.0, 828.0), PixelInstructions(23.5, 18.5)
 """For a plane of a pixel, and for each coefficient of a code: a fit to counts of six planes of three packs, which are up to 6 % off
