@@ -44,7 +44,7 @@ MOST_COMPONENTS = 4
 LEAST_SHARED = 448
 """Coefficients that a work group holds at once, if no code has more."""
 INSTRUCTIONS = PixelInstructions(1538.0, 828.0), PixelInstructions(23.5, 18.5)
-"""For a plane of a pixel, and for each coefficient of a code: a fit to counts of six planes of three packs, which are up to 6 % off
+"""For a plane of a pixel, and for each coefficient of a code: a fit to counts of six planes of three packs, which are up to 13 % off
 (lab.benchmarks.shaders.block_counts, at lod 0.5)."""
 MOST_COUNTED = 16
 """Textures of a pack whose coefficients are counted."""
