@@ -105,6 +105,18 @@ class RateCurve:
         return bits * self.texels / 8e6
 
 
+def point_text(curve: RateCurve, bits: float) -> str:
+    """Return what `bits` bits per texel give: `7.2 bits: 40.0 dB, 1.1 MB, normals 1.2 deg`."""
+    degrees = curve.normals_at(bits)
+    normals = "" if degrees is None else f", normals {degrees:.1f} deg"
+    return f"{bits:.1f} bits: {curve.psnr_at(bits):.1f} dB, {size_text(curve.megabytes(bits))}{normals}"
+
+
+def size_text(megabytes: float) -> str:
+    """Return a size with its unit: `1.1 MB`, `240 kB`."""
+    return f"{megabytes:.1f} MB" if megabytes >= 1.0 else f"{1e3 * megabytes:.0f} kB"
+
+
 SLOPE_DB = 4.4
 """Rise in dB for twice the bits where a curve has one point."""
 

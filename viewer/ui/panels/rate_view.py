@@ -8,7 +8,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
 from viewer.inspect.texture_table import TextureRow
-from viewer.training.rates import RateCurve
+from viewer.training.rates import RateCurve, point_text, size_text
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import Field
 from viewer.ui.theme import ink
@@ -25,17 +25,6 @@ ENOUGH_POINTS = 3
 AXIS_ENDS = (0.5, 24.0)
 """Bits per texel at the ends of the axis."""
 TICKS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-
-
-def point_text(curve: RateCurve, bits: float) -> str:
-    """Return what `bits` bits per texel give: `7.2 bits: 40.0 dB, 1.1 MB, normals 1.2 deg`."""
-    degrees = curve.normals_at(bits)
-    normals = "" if degrees is None else f", normals {degrees:.1f} deg"
-    return f"{bits:.1f} bits: {curve.psnr_at(bits):.1f} dB, {_size(curve.megabytes(bits))}{normals}"
-
-
-def _size(megabytes: float) -> str:
-    return f"{megabytes:.1f} MB" if megabytes >= 1.0 else f"{1e3 * megabytes:.0f} kB"
 
 
 class RateView:
@@ -106,7 +95,7 @@ class RateView:
             bits = curve.bits_at(min(max(float(self._asked_db), 1.0), 80.0))
             # The first points come within seconds, and tell less.
             about = "about " if len(curve.points) < ENOUGH_POINTS else ""
-            answer = f"dB: {about}{bits:.1f} bits, {_size(curve.megabytes(bits))}"
+            answer = f"dB: {about}{bits:.1f} bits, {size_text(curve.megabytes(bits))}"
         except ValueError:
             answer = "dB: type a number"
         imgui.text(answer)
