@@ -15,7 +15,7 @@ from viewer.scene.cameras_file import read_cameras
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import parse_settings
 from viewer.state.view_state import WHOLE, Overlay, Slot
-from viewer.ui.annotations import decoder_fields, slot_note
+from viewer.ui.annotations import slot_note
 
 MEETING = (SIZE[0] / 2, SIZE[1] / 2)
 """Where the two squares meet, as `mapped` looks at them."""
@@ -93,9 +93,9 @@ def test_the_map_is_opaque_titled_and_its_scale_does_not_depend_on_the_other_slo
     overlay = mapped.session.view.overlay
     assert (overlay.opacity, overlay.palette, overlay.scale) == (1.0, "viridis", "block")
     assert "map legend" in labels(mapped)
-    assert decoder_fields(overlay, 2) == decoder_fields(overlay, 40) == ("1", "2", "3", "4", "5", "6", "7", "8+")
-    assert decoder_fields(replace(overlay, block="4x4"), 2)[-1] == "4+"
-    assert decoder_fields(replace(overlay, scale="picture"), 3) == ("1", "2", "3")
+    assert overlay.legend(2) == overlay.legend(40) == ("1", "2", "3", "4", "5", "6", "7", "8+")
+    assert replace(overlay, block="4x4").legend(2)[-1] == "4+"
+    assert replace(overlay, scale="picture").legend(3) == ("1", "2", "3")
     mapped.session.window.show_panels = False
     mapped.session.view = replace(mapped.session.view, compare="wipe")
     mapped.settle()
@@ -114,7 +114,7 @@ def test_the_map_is_opaque_titled_and_its_scale_does_not_depend_on_the_other_slo
 
 def test_numbers_of_the_legend_stand_below_their_colours(mapped: DrivenApp) -> None:
     left, _, right, bottom = (round(value) for value in mapped.widgets._rects["map legend"])
-    fields = len(decoder_fields(mapped.session.view.overlay, 2))
+    fields = len(mapped.session.view.overlay.legend(2))
     numbers = mapped.screenshot()[bottom - 20 : bottom - 3, left + 8 : right - 8, :3].min(axis=2) > 150
     places = np.nonzero(numbers.any(axis=0))[0] * fields / numbers.shape[1]
     for field in range(fields):

@@ -178,6 +178,13 @@ class Overlay:
         """Return the decoders at the end of the colour range, at least 2; `maximum` is the most of a block in the picture."""
         return MOST_OF_BLOCK[self.block] if self.scale == "block" else max(2, maximum)
 
+    def legend(self, maximum: int) -> tuple[str, ...]:
+        """Return the numbers below the bar of colours; `maximum` is the most decoders of a block in the picture."""
+        most = self.most(maximum)
+        # Blocks with more decoders have the last colour.
+        last = f"{most}+" if self.scale == "block" else str(most)
+        return (*(str(decoders) for decoders in range(1, most)), last)
+
 
 NO_OVERLAY: Final = Overlay()
 
@@ -291,6 +298,13 @@ class Slot:
     ] = "all"
     """Maps that are decoded: all, or one with all others original, which shows what the error of that map does to the picture. No
     effect on the originals."""
+
+    @property
+    def label(self) -> str:
+        """Source, path and precision in a few words."""
+        if is_image_source(self.source):
+            return self.source
+        return f"{self.source}, {self.path}" + ("" if self.precision == "fp32" else f", {self.precision}")
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from viewer.inspect.picture_warnings import PictureWarning, picture_warnings
 from viewer.render.compositor import largest_error
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
 from viewer.state.session import Toast
-from viewer.state.view_state import BLOCKS, Overlay, PaletteName, Slot, ViewState, is_image_source
+from viewer.state.view_state import BLOCKS, PaletteName, Slot, ViewState, is_image_source
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tooltip, heat, packed
 
@@ -22,13 +22,6 @@ WARNINGS_TOP = 3.0
 """Distance of the first warning from the upper edge, in font sizes."""
 ERROR = (0.55, 0.08, 0.06, 0.92)
 MESSAGE = (0.10, 0.14, 0.18, 0.92)
-
-
-def slot_label(slot: Slot) -> str:
-    """Return source, path and precision of a slot in a few words."""
-    if is_image_source(slot.source):
-        return slot.source
-    return f"{slot.source}, {slot.path}" + ("" if slot.precision == "fp32" else f", {slot.precision}")
 
 
 def _line(start: ImVec2, end: ImVec2) -> None:
@@ -57,7 +50,7 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
         draw_plate(draw, ImVec2(left, top), text)
 
     sides = shown_sides(view)
-    names = [f"{side.upper()}: {slot_label(view.slot_a if side == 'a' else view.slot_b)}" for side in sides]
+    names = [f"{side.upper()}: {view.slots[side].label}" for side in sides]
     noted = [
         f"{name}\n{note}" if (note := slot_note(view.slots[side], view, ui.facts)) else name
         for side, name in zip(sides, names, strict=True)
@@ -220,14 +213,6 @@ def slot_note(slot: Slot, view: ViewState, facts: FrameFacts) -> str:
     return ""
 
 
-def decoder_fields(overlay: Overlay, maximum: int) -> tuple[str, ...]:
-    """Return the numbers below the bar; `maximum` is the most decoders of a block in the picture."""
-    most = overlay.most(maximum)
-    # Blocks with more decoders have the last colour.
-    last = f"{most}+" if overlay.scale == "block" else str(most)
-    return (*(str(decoders) for decoders in range(1, most)), last)
-
-
 def _largest(ui: UiFrame) -> float | None:
     """Return the largest error of a texture or decoder in steps of 8-bit sRGB; None without a comparison."""
     found = ui.facts.live.comparison
@@ -275,7 +260,7 @@ def draw_map_legend(ui: UiFrame, area: Area) -> None:
         return
     if overlay.kind == "divergence":
         counts = ui.facts.divergence
-        fields = decoder_fields(overlay, max((figures.maximum for figures in counts.values()), default=0))
+        fields = overlay.legend(max((figures.maximum for figures in counts.values()), default=0))
         width, height = BLOCKS[overlay.block]
         lines = [f"decoders in each block of {width} x {height} pixels"]
         if ui.facts.is_preview:
