@@ -80,7 +80,7 @@ def test_textures_are_filtered_sorted_and_selected(app: DrivenApp) -> None:
     assert shown_textures(app) == ["texture 0", "texture 1"]
     # A click on the heading of the names turns their order round.
     y = app.widgets.centre("texture 0")[1]
-    left = app.widgets.centre("texture filter")[0] - 60
+    left = app.widgets.centre("texture filter")[0] - 115
     app.click_at(left, y - 26)
     assert shown_textures(app) == ["texture 1", "texture 0"]
 
