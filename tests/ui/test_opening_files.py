@@ -202,6 +202,7 @@ def test_a_scene_that_cannot_be_drawn_is_put_away(
     def refuse(*_: object, **__: object) -> None:
         raise InputError("other.glb: has too many textures")
 
+    app.rest()
     scene, packs, view, shown = app.session.scene, app.session.packs, app.session.view, app.screenshot()
     monkeypatch.setattr("viewer.render.viewport.Renderer", refuse)
     app.drop(two_squares(9).write(tmp_path / "other.glb"))
@@ -212,7 +213,7 @@ def test_a_scene_that_cannot_be_drawn_is_put_away(
         "other.glb: has too many textures"
     ]
     app.session.window.toasts = ()
-    app.settle()
+    app.rest()
     # All but the status bar, which goes on showing the last message.
     assert (app.screenshot()[:-STATUS_BAR] == shown[:-STATUS_BAR]).all()
 
