@@ -195,7 +195,8 @@ def prepare_texture(source: SourceTexture, config: BlockConfig, code_mips: int |
         weights[-1] *= MASK_WEIGHT
     colours = srgb_channels(config.maps, config.output_channels, source.color_space)
     has_derived = any(not level.has_own_cells for level in levels[:2])
-    moments = [_Moments.of(value) for value in values]
+    # Means of coarse mips are compared where any is derived.
+    moments = [_Moments.of(value) for value in (values if config.mips > 1 else values[:1])]
     axes = _principal_axes(moments[0], weights, colours, has_derived, cutoff, config)
     for number in range(1, config.mips):
         axes.mean[number] = axes.mean[0] + _offset([each.mean for each in moments], levels, number)

@@ -61,16 +61,17 @@ def fitted_edges(
     if compiled is None:
         return _with_sides(fitted_edges_by_numpy(blocks, axes, bits, config, rounds), blocks, axes, config)
     shown = blocks.reshape(-1, config.block_texels, config.output_channels)
+    weights = np.linalg.norm(axes.inverse, axis=1)
     rest, parts = shown.copy(), []
     for channels, own in zip(config.planes, bits, strict=True):
         if not own:
             parts.append(_no_part(config, channels))
             continue
         colours, indices = _room_for(len(blocks), config, len(channels))
-        plane = _plane_of(axes, channels)
-        squares = _squares(np.linalg.norm(axes.inverse, axis=1)[list(channels)])
+        numbers, means, to_values, inverse = _plane_of(axes, channels)
+        squares, largest = _squares(weights[numbers]), (1 << own) - 1
         compiled.fit_plane(
-            shown, *plane[:1], plane[1][0], *plane[2:], squares, (1 << own) - 1, rounds, colours, indices, rest
+            shown, numbers, means[0], to_values, inverse, squares, largest, rounds, colours, indices, rest
         )
         parts.append(EdgePart(np.arange(len(blocks)), np.full(len(blocks), own), colours, indices))
     return _with_sides(EdgeFit(tuple(parts), rest.reshape(blocks.shape)), blocks, axes, config)
