@@ -1,5 +1,6 @@
 """Damaged pack files give a Pack or InputError: never another exception, never for long."""
 
+import copy
 import json
 import random
 import struct
@@ -167,12 +168,15 @@ def damage_document(document: Any, source: random.Random) -> None:
     action = source.randrange(8)
     if action == 0:
         del owner[path[-1]]
-    elif action == 1 and isinstance(owner, dict):
-        owner[source.choice(("x", "", "textures", "weight"))] = source.choice(VALUES)
+        return
+    # Copied, because a later damage may lie within a list of `VALUES`, or put that list into itself.
+    value = copy.deepcopy(source.choice(VALUES))
+    if action == 1 and isinstance(owner, dict):
+        owner[source.choice(("x", "", "textures", "weight"))] = value
     elif action == 1:
-        owner.append(source.choice(VALUES))
+        owner.append(value)
     else:
-        owner[path[-1]] = source.choice(VALUES)
+        owner[path[-1]] = value
 
 
 @pytest.mark.parametrize("part", ["metadata", "tensors"])
