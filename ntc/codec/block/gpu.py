@@ -66,17 +66,35 @@ def trellis_subsets() -> int:
     return found
 
 
-def _ordered(components: NDArray[np.int64]) -> tuple[Words, bool]:
-    """Order of a list's coefficients, of `components` [coefficients]: ([blocks, 4], whether it names empty entries)."""
-    groups = [np.nonzero(components == number)[0] for number in range(MOST_COMPONENTS)]
-    padded = [np.pad(own, (0, -len(own) % AT_ONCE), constant_values=len(components)) for own in groups]
-    places = np.concatenate(padded)
-    ends = np.cumsum([len(own) // AT_ONCE for own in padded])
-    shifts = 8 * np.arange(AT_ONCE)
-    words = [(ends << shifts).sum(), *(places.reshape(-1, AT_ONCE) << shifts).sum(axis=1)]
-    return np.pad(words, (0, -len(words) % AT_ONCE)).astype(np.uint32).reshape(-1, AT_ONCE), len(places) > len(
-        components
-    )
+def _lists(entries: NDArray[np.int64], is_used: NDArray[np.bool_], components: NDArray[np.int64]) -> tuple[Words, ...]:
+    """Lists of modes with their orders, of a word for each coefficient [modes, coefficients] and its component [coefficients].
+
+    ([blocks, 4], [modes] first block of each list, [modes] blocks of it without its order).
+    """
+    of_component = is_used[:, None] & (components == np.arange(MOST_COMPONENTS)[:, None])
+    used, counts = is_used.sum(axis=1), of_component.sum(axis=2)
+    words = -(-counts // AT_ONCE)
+    ends = words.cumsum(axis=1)
+    # What is left over of an order names the first empty entry.
+    blocks = -(-(used + (AT_ONCE * ends[:, -1] > used)) // AT_ONCE)
+    order_blocks = -(-(1 + ends[:, -1]) // AT_ONCE)
+    last = (blocks + order_blocks).cumsum()
+    first = last - blocks - order_blocks
+    found = np.zeros(AT_ONCE * int(last[-1]), np.int64)
+    # Where a coefficient lies in its list, and in its component's part of the order.
+    mode, coefficient = np.nonzero(is_used)
+    place = (is_used.cumsum(axis=1) - 1)[mode, coefficient]
+    own = components[coefficient]
+    rank = (of_component.cumsum(axis=2) - 1)[mode, own, coefficient]
+    found[AT_ONCE * first[mode] + place] = entries[mode, coefficient]
+    words_before = ends[:, -1].cumsum() - ends[:, -1]
+    places = np.repeat(used, AT_ONCE * ends[:, -1])
+    places[AT_ONCE * (words_before[mode] + ends[mode, own] - words[mode, own]) + rank] = place
+    shifts, order = 8 * np.arange(AT_ONCE), AT_ONCE * (first + blocks)
+    found[order] = (ends << shifts).sum(axis=1)
+    within = np.arange(len(places) // AT_ONCE) - np.repeat(words_before, ends[:, -1])
+    found[np.repeat(order + 1, ends[:, -1]) + within] = (places.reshape(-1, AT_ONCE) << shifts).sum(axis=1)
+    return found.astype(np.uint32).reshape(-1, AT_ONCE), first.astype(np.uint32), blocks.astype(np.uint32)
 
 
 def _squares(side: int) -> int:
@@ -151,7 +169,7 @@ class BlockTables(GpuTables):
         config = self._config
         sizes, modes = np.divmod(np.arange(len(config.block_words) * config.modes), config.modes)
         places = bit_places(modes, sizes, decoder, config)
-        edges = decoder.fitting_edges(config)[sizes, modes]
+        edges = decoder.fitting_edges(config)[sizes, modes].astype(np.int64)
         component, plane = self._places_of_channels()
         planes = plane[decoder.channels]
         heads = np.zeros((len(modes), len(config.planes), 4), np.uint32)
@@ -162,27 +180,24 @@ class BlockTables(GpuTables):
             edge_at = edge_places(decoder, config, own_plane)[sizes, modes]
             first_row = int((planes < own_plane).sum())
             row_word = AT_ONCE * (self.heads + self.lists + first_row * self.row_blocks)
-            for number in range(len(modes)):
-                own = np.nonzero((places.depths[number] > 0) & (planes == own_plane))[0]
-                depths = places.depths[number, own].astype(np.int64)
-                # Where no bits follow, the place says nothing; it may lie behind the last bit.
-                entries = np.minimum(places.others[number, own], PLACE_MASK) | depths << 10
-                entries |= component[decoder.channels[own]] << 13 | (own - first_row) << 15
-                scale = decoder.scales[modes[number], own] + steps[own] + np.array(LEVEL_STEPS)[depths]
-                entries |= scale << 23
-                order, has_gaps = _ordered(component[decoder.channels[own]])
-                # What is left over of an order names the first empty entry.
-                blocks = -(-(len(own) + has_gaps) // AT_ONCE)
-                padded = np.pad(entries, (0, blocks * AT_ONCE - len(own))).astype(np.uint32)
-                branch = int(places.branches[number, own[0]]) if len(own) else 0
-                heads[number, own_plane] = (
-                    first,
-                    blocks,
-                    branch | int(edge_at[number]) << 16,
-                    int(edges[number, own_plane]) | row_word << 2,
-                )
-                lists += [padded.reshape(-1, AT_ONCE), order]
-                first += blocks + len(order)
+            own = np.nonzero(planes == own_plane)[0]
+            depths = places.depths[:, own].astype(np.int64)
+            is_used = depths > 0
+            components = component[decoder.channels[own]]
+            # Where no bits follow, the place says nothing; it may lie behind the last bit.
+            entries = np.minimum(places.others[:, own], PLACE_MASK) | depths << 10
+            entries |= components << 13 | (own - first_row) << 15
+            entries |= (decoder.scales[modes[:, None], own] + steps[own] + np.array(LEVEL_STEPS)[depths]) << 23
+            found, begins, blocks = _lists(entries, is_used, components)
+            # A mode without coefficients has no branch.
+            is_first = is_used & (is_used.cumsum(axis=1) == 1)
+            branches = (places.branches[:, own] * is_first).sum(axis=1)
+            heads[:, own_plane, 0] = first + begins
+            heads[:, own_plane, 1] = blocks
+            heads[:, own_plane, 2] = branches | edge_at << 16
+            heads[:, own_plane, 3] = edges[:, own_plane] | row_word << 2
+            lists.append(found)
+            first += len(found)
         return heads.reshape(-1, 4), np.concatenate([np.zeros((0, 4), np.uint32), *lists])
 
     def _places_of_channels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
