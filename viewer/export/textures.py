@@ -90,11 +90,11 @@ class DecodedImage:
         height, width = decoded.shape[:2]
         channels = original.shape[2] if original is not None else 3
         whole = np.full((height, width, channels), OPAQUE, np.uint8)
-        if original is not None:
-            whole[:] = resized(original, width, height)
         for component, channel in enumerate(self.option.channels[:channels]):
             if channel != NO_CHANNEL:
                 whole[..., component] = decoded[..., channel]
+            elif original is not None:
+                whole[..., component] = resized(original[..., component : component + 1], width, height)[..., 0]
         if self.is_normal:
             whole[..., 2:3] = coded_z(whole[..., :2])
         return whole
@@ -127,7 +127,7 @@ class ImageLoss:
     decoded_db: float | None
     """PSNR of the pack alone."""
     stored_db: float | None
-    """PSNR of the format alone: the original stored in it."""
+    """PSNR of the format alone: what was written against what was decoded."""
     both_db: float | None
     """PSNR of what was written."""
     file_bytes: int
@@ -168,7 +168,6 @@ class _Storing:
         height, width = mips[0].shape[:2]
         if original is not None:
             original = resized(original, width, height)
-        alone = None if original is None else self._stored.store([original], image.srgb).read
         parts = image.components
         self.losses.append(
             ImageLoss(
@@ -176,7 +175,7 @@ class _Storing:
                 width,
                 height,
                 _loss(mips[0], original, parts),
-                None if alone is None else _loss(alone, original, parts),
+                _loss(stored.read, mips[0], parts),
                 _loss(stored.read, original, parts),
                 len(stored.data),
             )
