@@ -1,6 +1,7 @@
 """`ntc-viewer export SCENE --pack F --out G.gltf --as FORMAT`: the scene with the images that its pack decodes to."""
 
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, lru_cache, partial
 from pathlib import Path
@@ -151,19 +152,32 @@ def _loss(one: Pixels, other: Pixels | None, components: list[int]) -> float | N
 
 
 class _Storing:
-    """Makes images as they are written, and keeps what they lost."""
+    """Makes images as they are written, and keeps what they lost. The next one is decoded meanwhile."""
 
-    def __init__(self, stored: StoredFormat, decode: LevelDecoder, count: int, report: ProgressReport | None) -> None:
-        self._stored, self._decode, self._count, self._report = stored, decode, count, report
+    def __init__(
+        self, stored: StoredFormat, decode: LevelDecoder, pool: ThreadPoolExecutor, report: ProgressReport | None
+    ) -> None:
+        self._stored, self._decode, self._pool, self._report = stored, decode, pool, report
+        self._images: list[DecodedImage] = []
+        self._decoding: dict[int, Future[tuple[Pixels | None, list[Pixels]]]] = {}
         self.losses: list[ImageLoss] = []
 
     def file(self, image: DecodedImage, name: str) -> ImageFile:
         """Return `image`, to be decoded and stored when it is written."""
-        return ImageFile(f"{name}{self._stored.suffix}", self._stored.mime_type, lambda: self._made(image, name))
+        place = len(self._images)
+        self._images.append(image)
+        return ImageFile(f"{name}{self._stored.suffix}", self._stored.mime_type, lambda: self._made(place, name))
 
-    def _made(self, image: DecodedImage, name: str) -> bytes:
+    def _decoded(self, image: DecodedImage) -> tuple[Pixels | None, list[Pixels]]:
         original = image.original()
-        mips = image.mips(self._decode, original, self._stored.has_mips)
+        return original, image.mips(self._decode, original, self._stored.has_mips)
+
+    def _made(self, place: int, name: str) -> bytes:
+        image = self._images[place]
+        for number in range(place, min(place + 2, len(self._images))):
+            if number not in self._decoding:
+                self._decoding[number] = self._pool.submit(self._decoded, self._images[number])
+        original, mips = self._decoding.pop(place).result()
         stored = self._stored.store(mips, image.srgb)
         height, width = mips[0].shape[:2]
         if original is not None:
@@ -181,7 +195,7 @@ class _Storing:
             )
         )
         if self._report is not None:
-            self._report.progress(len(self.losses), self._count)
+            self._report.progress(len(self.losses), len(self._images))
         return stored.data
 
 
@@ -202,20 +216,21 @@ def export_textures(
     stored = stored_format(image_format, compressor)
     entries = separate_entries(opened.document, opened.options)
     images = _distinct(opened, entries)
-    storing = _Storing(stored, level_decoder(opened.pack), len(images), report)
     document = opened.document
-    first = len(document.entries("images"))
-    for place, ((source, *_), (image, numbers)) in enumerate(images.items()):
-        name = opened.file.label(opened.file.entries("images")[source], f"image {source}")
-        index = first + place
-        document.entries("images").append({"name": name})
-        document.images[index] = storing.file(image, name.rsplit(".", 1)[0])
-        for number in numbers:
-            _name_image(document.entries("textures")[number], index, stored)
-    if stored.extension:
-        document.use_extension(stored.extension, required=True)
-    document.remove_images(_unused(document))
-    written = write_gltf(out, document)
+    with ThreadPoolExecutor(1) as pool:
+        storing = _Storing(stored, level_decoder(opened.pack), pool, report)
+        first = len(document.entries("images"))
+        for place, ((source, *_), (image, numbers)) in enumerate(images.items()):
+            name = opened.file.label(opened.file.entries("images")[source], f"image {source}")
+            index = first + place
+            document.entries("images").append({"name": name})
+            document.images[index] = storing.file(image, name.rsplit(".", 1)[0])
+            for number in numbers:
+                _name_image(document.entries("textures")[number], index, stored)
+        if stored.extension:
+            document.use_extension(stored.extension, required=True)
+        document.remove_images(_unused(document))
+        written = write_gltf(out, document)
     kept = len(document.entries("images")) - len(images)
     return ExportedTextures(out, written, tuple(storing.losses), kept, tuple(document.missing))
 
