@@ -119,18 +119,18 @@ def level_decoder(pack: Pack) -> LevelDecoder:
 
 @dataclass(frozen=True)
 class ImageLoss:
-    """Losses of one image, over the components that the pack holds of it: PSNR in dB of 8-bit values against the original, at
-    the size that the pack has; None where there is no original, infinite where nothing changed."""
+    """Losses of one image, over the components that the pack holds of it: PSNR in dB of 8-bit values at the size that the pack has;
+    None where there is no original to compare with, infinite where nothing changed."""
 
     name: str
     width: int
     height: int
     decoded_db: float | None
-    """PSNR of the pack alone."""
-    stored_db: float | None
+    """PSNR of the pack alone: what was decoded against the original."""
+    stored_db: float
     """PSNR of the format alone: what was written against what was decoded."""
     both_db: float | None
-    """PSNR of what was written."""
+    """PSNR of what was written against the original."""
     file_bytes: int
 
 
@@ -146,9 +146,9 @@ class ExportedTextures:
     missing: tuple[str, ...]
 
 
-def _loss(one: Pixels, other: Pixels | None, components: list[int]) -> float | None:
+def _loss(one: Pixels, other: Pixels, components: list[int]) -> float:
     """PSNR in dB over `components`."""
-    return None if other is None else psnr_db(one[..., components], other[..., components])
+    return psnr_db(one[..., components], other[..., components])
 
 
 class _Storing:
@@ -188,9 +188,9 @@ class _Storing:
                 name,
                 width,
                 height,
-                _loss(mips[0], original, parts),
+                None if original is None else _loss(mips[0], original, parts),
                 _loss(stored.read, mips[0], parts),
-                _loss(stored.read, original, parts),
+                None if original is None else _loss(stored.read, original, parts),
                 len(stored.data),
             )
         )

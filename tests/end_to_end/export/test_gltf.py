@@ -318,6 +318,7 @@ def test_decoded_images_are_stored_with_their_losses(
     rows = list(csv.DictReader((tmp_path / "other.losses.csv").read_text().splitlines()))
     assert [row["name"] for row in rows] == ["base 0", "bumps", "orm", "base 1", "base 2"]
     assert all(float(row["both_db"]) <= float(row["decoded_db"]) + 1.5 for row in rows)
+    assert all(float(row["stored_db"]) >= least_db for row in rows), "the format's own loss is that of decoded texels"
 
 
 def test_astc_is_stored_as_its_extension_demands(scene: Path, tmp_path: Path) -> None:
