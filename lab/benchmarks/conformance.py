@@ -38,6 +38,7 @@ COLUMNS = (
     Column("honoured", "honoured"),
     Column("ignored", "ignored"),
     Column("missing", "missing"),
+    Column("repaired", "repaired"),
     Column("notes", "notes"),
 )
 
@@ -77,7 +78,7 @@ def examine(path: Path, folder: Path, limit: float) -> tuple[dict[str, Any], NDA
         return row, None
     information = json.loads(text)
     row |= {key: information["used"][key] for key in ("triangles", "textures")}
-    row |= {key: "; ".join(information[key]) or None for key in ("honoured", "ignored", "missing", "notes")}
+    row |= {key: "; ".join(information[key]) or None for key in ("honoured", "ignored", "missing", "repaired", "notes")}
     with tempfile.TemporaryDirectory() as out:
         started = time.monotonic()
         arguments = ["render", str(path), "--grouping", "reference", "--view", "lit", "--size", SIZE, "--out", out]

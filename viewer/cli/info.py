@@ -50,6 +50,7 @@ class FileInfo:
     honoured: tuple[str, ...] = ()
     ignored: tuple[str, ...] = ()
     missing: tuple[str, ...] = ()
+    repaired: tuple[str, ...] = ()
 
     def row(self) -> dict[str, str | int | None]:
         """Return the file as a row of the table."""
@@ -59,12 +60,13 @@ class FileInfo:
             "result": self.outcome if not self.message else f"{self.outcome}: {self.message}",
             "triangles": self.triangles,
             "textures": self.textures,
-            **{key: "; ".join(getattr(self, key)) or None for key in ("honoured", "ignored", "missing")},
+            **{key: "; ".join(getattr(self, key)) or None for key in ("honoured", "ignored", "missing", "repaired")},
         }
 
 
 COLUMNS = tuple(
-    Column(key, key) for key in ("file", "kind", "result", "triangles", "textures", "honoured", "ignored", "missing")
+    Column(key, key)
+    for key in ("file", "kind", "result", "triangles", "textures", "honoured", "ignored", "missing", "repaired")
 )
 
 
@@ -113,6 +115,7 @@ def describe_file(path: Path, name: str) -> FileInfo:
         honoured=report.honoured,
         ignored=report.ignored,
         missing=report.missing,
+        repaired=report.repaired,
     )
 
 

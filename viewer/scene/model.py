@@ -288,6 +288,8 @@ class LoadReport:
     """Features that are in the file and have no effect here, e.g. "normal textures (55)"."""
     missing: tuple[str, ...] = ()
     """Things the file asks for that could not be read, each with its name and what was used instead."""
+    repaired: tuple[str, ...] = ()
+    """Values of the file that are broken, and what was used instead, e.g. normals without a direction."""
     notes: tuple[str, ...] = ()
     """E.g. "15 constant images became factors", "BLEND is drawn alpha-hashed"."""
 

@@ -9,6 +9,8 @@ from viewer.scene.model import LoadReport, Material, Scene
 
 ONE = {"meshes": "mesh", "triangles drawn": "triangle drawn", "vertices": "vertex"}
 """Singular of the counts whose plural has more than an s."""
+KINDS = ("honoured", "ignored", "missing", "repaired", "notes")
+"""Lists of the report, in the order in which they are shown."""
 MAX_LINES = 200
 """Most distinct lines of one kind that a report keeps; the rest is counted."""
 
@@ -17,7 +19,7 @@ class ReportNotes:
     """Counts equal remarks; one is made for each load."""
 
     def __init__(self) -> None:
-        self._lines: dict[str, Counter[str]] = {kind: Counter() for kind in ("honoured", "ignored", "missing", "notes")}
+        self._lines: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
 
     def honoured(self, what: str, count: int = 1) -> None:
         """Count a feature that is drawn as specified, `count` times more."""
@@ -30,6 +32,10 @@ class ReportNotes:
     def missing(self, what: str) -> None:
         """Something that could not be read, and what is used instead."""
         self._add("missing", what, 1)
+
+    def repaired(self, what: str) -> None:
+        """Values of the file that are broken, and what is used instead."""
+        self._add("repaired", what, 1)
 
     def note(self, what: str, count: int = 1) -> None:
         """Anything else worth saying."""
@@ -47,13 +53,7 @@ class ReportNotes:
 
     def report(self, used: dict[str, int]) -> LoadReport:
         """Return the finished report with the counts `used`."""
-        return LoadReport(
-            used=used,
-            honoured=self._finished("honoured"),
-            ignored=self._finished("ignored"),
-            missing=self._finished("missing"),
-            notes=self._finished("notes"),
-        )
+        return LoadReport(used=used, **{kind: self._finished(kind) for kind in KINDS})
 
 
 def _texture_line(index: int, scene: Scene) -> str:
@@ -71,21 +71,16 @@ def _texture_line(index: int, scene: Scene) -> str:
 
 
 def report_lines(scene: Scene) -> list[str]:
-    """Return the load report as lines of text: counts, what is honoured, ignored and missing, cameras, textures."""
+    """Return the load report as lines of text: counts, what is honoured, ignored, missing and repaired, cameras, textures."""
     report = scene.report
     low, high = (", ".join(f"{value:.3g}" for value in corner) for corner in scene.bounds)
     lines = [
         f"{scene.path or scene.name}: " + ", ".join(_counted(count, what) for what, count in report.used.items()),
         f"bounds: {low} to {high}",
     ]
-    for title, entries in (
-        ("honoured", report.honoured),
-        ("ignored", report.ignored),
-        ("missing", report.missing),
-        ("notes", report.notes),
-    ):
-        if entries:
-            lines.append(f"{title}:")
+    for kind in KINDS:
+        if entries := getattr(report, kind):
+            lines.append(f"{kind}:")
             lines.extend(f"  {entry}" for entry in entries)
     if scene.cameras:
         lines.append("cameras: " + ", ".join(camera.name for camera in scene.cameras))
@@ -123,10 +118,7 @@ def report_json(scene: Scene) -> dict[str, Any]:
         "name": scene.name,
         "used": dict(report.used),
         "bounds": [[float(value) for value in corner] for corner in scene.bounds],
-        "honoured": list(report.honoured),
-        "ignored": list(report.ignored),
-        "missing": list(report.missing),
-        "notes": list(report.notes),
+        **{kind: list(getattr(report, kind)) for kind in KINDS},
         "cameras": [camera.name for camera in scene.cameras],
         "materials": [_material_json(material) for material in scene.materials],
         "lights": [asdict(light) for light in scene.lights],

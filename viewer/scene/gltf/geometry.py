@@ -352,7 +352,7 @@ class GeometryReader:
         self._notes.honoured("vertex normals: primitives")
         unit, broken = unit_normals(normals)
         if broken:
-            self._notes.missing(f"normals without a direction in {broken} vertices; the triangle's own is used")
+            self._notes.repaired(f"normals without a direction in {broken} vertices; the triangle's own is used")
         return unit
 
     def _tangent(self, tangents: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
@@ -362,7 +362,7 @@ class GeometryReader:
         self._notes.honoured("vertex tangents: primitives")
         unit, broken = unit_tangents(tangents)
         if broken:
-            self._notes.missing(f"tangents without a direction in {broken} vertices; they follow from the UVs")
+            self._notes.repaired(f"tangents without a direction in {broken} vertices; they follow from the UVs")
         return unit
 
     def _optional(
@@ -375,7 +375,7 @@ class GeometryReader:
             if values is not None:
                 self._same_count(values, count, f"{where}.attributes.{name}")
         except InputError as error:
-            self._notes.missing(f"{str(error).removeprefix(f'{self._file.name}: ')} [{instead}]")
+            self._notes.repaired(f"{str(error).removeprefix(f'{self._file.name}: ')} [{instead}]")
             return None
         return values
 
@@ -456,7 +456,7 @@ class GeometryReader:
         broken = ~np.isfinite(values)
         if not broken.any():
             return values
-        self._notes.missing(f"{what} that are NaN or infinite in {int(broken.any(axis=1).sum())} vertices; 0 is used")
+        self._notes.repaired(f"{what} that are NaN or infinite in {int(broken.any(axis=1).sum())} vertices; 0 is used")
         return np.where(broken, np.float32(0), values)
 
 

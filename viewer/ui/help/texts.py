@@ -114,7 +114,7 @@ CONTROLS: Final = {
     "System dialog...": "Choose the file in the desktop's own dialog.",
     "Got it": "Close the card for good; Help > First steps shows it again.",
     "first step": "One of three things to try in the first minute.",
-    "load report": "What of the file is shown, what is ignored, and what is missing.",
+    "load report": "What of the file is shown, ignored, missing or repaired.",
     "copy report": "Copy the whole report to the clipboard.",
     "cameras": "Cameras of the file. Keys 1 to 9 go to the first nine.",
     "camera": "Go to this camera of the scene. Keys 1 to 9 go to the first nine.",
@@ -288,7 +288,8 @@ CONTROLS: Final = {
     "PSNR curve": "PSNR in dB over the training: the thick line is the mean of all textures, the blue one the chosen texture.",
     "honoured": "What of the file is shown as the file says.",
     "ignored": "What of the file is not shown.",
-    "missing": "Files that the scene names and that do not exist.",
+    "missing": "Files or parts that the scene names and that cannot be read, and what is used instead.",
+    "repaired": "Values of the file that are broken, such as normals without a direction, and what is used instead.",
     "notes": "Other findings of reading the file.",
 }
 """Sentences by label, with unit, range and the better direction; `#` stands for any number, `slot` for `A` or `B`."""

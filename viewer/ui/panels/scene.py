@@ -4,7 +4,7 @@ from imgui_bundle import imgui
 
 from viewer.inspect.scene_tree import SceneTree, material_text
 from viewer.scene.model import Scene
-from viewer.scene.report import report_lines
+from viewer.scene.report import KINDS, report_lines
 from viewer.state.motion import chosen_animation
 from viewer.ui.controls import command_button, control, copy_button, select_texture
 from viewer.ui.facts import UiFrame
@@ -135,8 +135,8 @@ def _report(scene: Scene, ui: UiFrame) -> None:
     if not opened:
         return
     copy_button(ui, "copy report", "copy report", lambda: "\n".join(report_lines(scene)))
-    parts = {"honoured": report.honoured, "ignored": report.ignored, "missing": report.missing, "notes": report.notes}
-    for name, lines in parts.items():
+    for name in KINDS:
+        lines = getattr(report, name)
         if not lines:
             continue
         flags = imgui.TreeNodeFlags_.default_open if name == "missing" else 0

@@ -379,8 +379,8 @@ def test_vectors_without_a_direction_become_zero() -> None:
     np.testing.assert_array_equal(whole, [[0, 0, 0, 0], [1, 0, 0, -1], [0, 0, 0, 0], [0, 0, 0, 0]])
     assert broken == 3
     scene = scene_with({"NORMAL": normals, "TANGENT": tangents[:3]})
-    assert any("normals without a direction in 2 vertices" in line for line in scene.report.missing)
-    assert any("tangents without a direction in 2 vertices" in line for line in scene.report.missing)
+    assert any("normals without a direction in 2 vertices" in line for line in scene.report.repaired)
+    assert any("tangents without a direction in 2 vertices" in line for line in scene.report.repaired)
     assert scene.geometry.normals is not None
     assert np.isfinite(scene.geometry.normals).all()
 
@@ -422,7 +422,7 @@ def test_frames_that_cannot_be_read_are_reported_and_the_rest_is_shown(
     scene = scene_with({name: values})
     assert scene.geometry.normals is None
     assert scene.geometry.tangents is None
-    assert any(instead in line for line in scene.report.missing)
+    assert any(instead in line for line in scene.report.repaired)
 
 
 def test_primitives_without_normals_have_zeros_among_those_that_have() -> None:
