@@ -9,18 +9,18 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 from lab.documentation.api_page import api_page
+from lab.documentation.command_tables import command_table, key_table
 from lab.documentation.option_tables import option_tables, settings_table
 from lab.documentation.report_tables import REPORT_PARTS
 from ntc.io import write_text
-from viewer.commands import command_table_markdown, key_table_markdown
 from viewer.script.directions import direction_table_markdown
 
 ROOT = Path(__file__).resolve().parents[2]
 PARTS: Mapping[str, Callable[[], str]] = {
     "api": api_page,
-    "commands": command_table_markdown,
+    "commands": command_table,
     "directions": direction_table_markdown,
-    "keys": key_table_markdown,
+    "keys": key_table,
     "options": option_tables,
     "settings": settings_table,
     **REPORT_PARTS,

@@ -104,6 +104,8 @@ def test_every_label_of_every_panel_is_explained(
     watch = Widgets()
     for name in MAKE_WIDGETS:
         monkeypatch.setattr(imgui, name, watch.made(getattr(imgui, name)))
+    for name in ("menu_item_ex", "begin_menu_ex"):
+        monkeypatch.setattr(imgui.internal, name, watch.made(getattr(imgui.internal, name)))
     for name in ("note", "tip", "explain"):
         monkeypatch.setattr(WidgetRects, name, watch.labelled(getattr(WidgetRects, name)))
     missing: dict[str, str] = {}

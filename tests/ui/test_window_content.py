@@ -32,6 +32,7 @@ from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE, Overlay, Side, Slot, Zoom
 from viewer.ui.panels.timings import timings_text
+from viewer.ui.theme import ERROR_ICON, WARNING_ICON, icon
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
@@ -40,6 +41,15 @@ def test_the_first_look_compares_clustered_with_the_reference(app: DrivenApp) ->
     assert app.session.view.slot_a == Slot("clustered", "deferred")
     assert app.session.view.slot_b == Slot(REFERENCE)
     assert app.session.view.compare == "wipe"
+
+
+def test_every_icon_of_a_command_is_in_the_font(app: DrivenApp) -> None:
+    icons = {command.icon for command in COMMANDS if command.icon} | {WARNING_ICON, ERROR_ICON}
+    assert {"folder-open", "box-archive", "ruler", "play", "stop", "layer-group", "lightbulb", "file-export"} <= icons
+    app.run("compare.swap")
+    font = imgui.get_io().fonts.fonts[0]
+    assert not [name for name in sorted(icons) if not font.is_glyph_in_font(ord(icon(name)))]
+    assert not font.is_glyph_in_font(0xE0FF)
 
 
 def test_slots_are_chosen_from_lists(app: DrivenApp) -> None:

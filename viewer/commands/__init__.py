@@ -1,4 +1,4 @@
-"""Every command of the window: one registry feeds menus, keys, the palette, the help, scripts and README's key table."""
+"""Every command of the window: one registry feeds menus, keys, the palette, the help and scripts."""
 
 import difflib
 from collections.abc import Mapping
@@ -21,7 +21,7 @@ from viewer.commands import (
 )
 from viewer.commands.command import Command, Context, words
 from viewer.commands.history import present_state
-from viewer.commands.keys import HOLD_KEY, Bindings, bind_keys
+from viewer.commands.keys import Bindings, bind_keys
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
@@ -104,32 +104,3 @@ def bindings(keys: Mapping[str, str]) -> Bindings:
 def _bindings(keys: tuple[tuple[str, str], ...]) -> Bindings:
     """Bind the keys once for each state of the settings: every frame asks for them."""
     return bind_keys(COMMANDS, dict(keys))
-
-
-def key_table(bound: Bindings) -> tuple[tuple[str, str], ...]:
-    """Return (key, effect) of all keys and mouse gestures, keys first."""
-    keys = tuple((bound.text(command.id), command.help) for command in COMMANDS if bound.text(command.id))
-    return ((HOLD_KEY, "hold: show the other slot"), *keys, ("1 to 9", "go to a camera of the scene"), *PICTURE_HINTS)
-
-
-def key_table_markdown() -> str:
-    """Return the table of keys and mouse gestures for the documentation."""
-    rows = [f"| {key} | {description} |" for key, description in key_table(bindings({}))]
-    return "\n".join(["| key or mouse | what it does |", "|---|---|", *rows])
-
-
-def command_table_markdown() -> str:
-    """Return the table of commands for docs/reference/commands.md."""
-    bound = bindings({})
-    rows = [f"| `{c.usage}` | {c.help} | {_parameters(c)} | {bound.text(c.id)} |" for c in COMMANDS]
-    return "\n".join(["| command | what it does | parameters | key |", "|---|---|---|---|", *rows])
-
-
-def _parameters(command: Command) -> str:
-    parts = []
-    for parameter in command.parameters:
-        what = " \\| ".join(f"`{choice}`" for choice in parameter.fixed) or parameter.arg.help
-        parts.append(
-            f"{parameter.name.upper()}: {what}" + (f" ({parameter.default_text})" if parameter.default_text else "")
-        )
-    return "; ".join(parts)

@@ -31,6 +31,7 @@ AnimationName = Annotated[
     "K",
     unavailable=_animated,
     current=lambda session: session.playback.is_playing,
+    icon="play",
 )
 def play(session: Session) -> None:
     session.playback = replace(session.playback, is_playing=not session.playback.is_playing)
@@ -52,7 +53,7 @@ def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") 
     _stand(session, Pose(name, seconds))
 
 
-@command("animation.rest", "Rest pose", "show the scene without animation", unavailable=_animated)
+@command("animation.rest", "Rest pose", "show the scene without animation", unavailable=_animated, icon="stop")
 def rest(session: Session) -> None:
     session.playback = replace(session.playback, is_playing=False)
     _stand(session, None)

@@ -40,7 +40,7 @@ def fly_faster(session: Session, notches: float) -> None:
     session.navigation.speed_notches += notches
 
 
-@command("camera.frame-all", "Frame all", "frame the whole scene as it stands now", "F")
+@command("camera.frame-all", "Frame all", "frame the whole scene as it stands now", "F", icon="expand")
 def frame_all(session: Session) -> None:
     width, height = session.window.picture_size
     camera = replace(session.view.camera, name=FREE)
@@ -173,7 +173,11 @@ PathFile = Annotated[Path, Arg("a cameras file; default: the last recorded path"
 
 
 @command(
-    "camera.play", "Play camera path", "move the camera along the last recorded path, or along a cameras file", "Ctrl+R"
+    "camera.play",
+    "Play camera path",
+    "move the camera along the last recorded path, or along a cameras file",
+    "Ctrl+R",
+    icon="play",
 )
 def play(session: Session, file: PathFile = Path()) -> None:
     cameras = session.navigation.last_path if file == Path() else read_cameras(session.file_to_read(file))
@@ -187,4 +191,5 @@ stop = command(
     "Stop camera",
     "stop the turntable or the camera path",
     unavailable=unless(lambda context: context.session.navigation.motion, "the camera does not move by itself"),
+    icon="stop",
 )(setter("navigation.motion", None))

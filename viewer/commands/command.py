@@ -145,7 +145,7 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """Something the user can do. One definition feeds menus, keys, the palette, the help, scripts and README's table."""
+    """Something the user can do. One definition feeds menus, keys, the palette, the help and scripts."""
 
     id: str
     """Name of the command in scripts: `noun.verb`, lower case."""
@@ -172,6 +172,8 @@ class Command:
     """Tooltip of the widget in sentences; "" takes `help`."""
     steps: str = ""
     """Id of the command whose next choice this one takes; "" for none."""
+    icon: str = ""
+    """Name of the Font Awesome icon beside the title, such as `folder-open`; "" for none."""
 
     @property
     def usage(self) -> str:
@@ -240,10 +242,12 @@ def command(
     unavailable: Callable[[Context], str] | None = None,
     current: Callable[..., Any] | None = None,
     about: str = "",
+    icon: str = "",
 ) -> Callable[[Callable[..., Effect | None]], Command]:
     """Return a decorator that makes a `Command` of a function; the parameters after its first are the command's."""
     return lambda function: Command(
-        command_id, title, help_line, function, _parameters(function), key, second_key, unavailable, current, about
+        *(command_id, title, help_line, function, _parameters(function), key, second_key, unavailable, current, about),
+        icon=icon,
     )
 
 
@@ -320,8 +324,14 @@ def field_command(
 
     sides = (_parameter("side", SlotSide),) if "*" in path else ()
     parameters = (*sides, *(() if setting.toggles else (parameter,)))
-    made = command(setting.command, setting.title, setting.help, setting.key, setting.second_key, about=setting.about)
-    return replace(made(change), parameters=parameters, unavailable=unavailable, current=present)
+    made = command(
+        *(setting.command, setting.title, setting.help, setting.key, setting.second_key),
+        unavailable=unavailable,
+        current=present,
+        about=setting.about,
+        icon=setting.icon,
+    )
+    return replace(made(change), parameters=parameters)
 
 
 def setter(path: str, value: Any) -> Callable[[Session], None]:

@@ -27,7 +27,9 @@ from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.state.settings import FLICKER_RANGE
 from viewer.state.view_state import (
+    DIFFERENCE_ARG,
     FILTER_ARG,
+    PRECISION_ARG,
     REFERENCE,
     DecodePath,
     DifferenceKind,
@@ -92,28 +94,15 @@ def set_flicker(session: Session, rate: Rate = 2.0) -> None:
         session.settings = replace(session.settings, flicker_hz=rate)
 
 
-Kind = Annotated[
-    DifferenceKind,
-    Arg(
-        "kind of difference",
-        values={
-            "raw": "|A - B| of sRGB values.",
-            "amplified": "|A - B| of sRGB values times a gain.",
-            "relative": "|A - B| / A of linear light: the error relative to the brightness of the pixel.",
-            "flip": "FLIP: the difference that an eye sees when it flips between both pictures. Dark is 0, bright is 1.",
-        },
-    ),
-]
-
-
 @command(
     "compare.difference",
     "Difference",
     "show the difference between A and B: raw, amplified, relative or FLIP",
     current=_shown_difference,
     about="How the difference between A and B is measured and coloured.",
+    icon="circle-half-stroke",
 )
-def set_difference(session: Session, kind: Kind) -> None:
+def set_difference(session: Session, kind: Annotated[DifferenceKind, DIFFERENCE_ARG]) -> None:
     session.view = replace(session.view, compare="difference", difference=replace(session.view.difference, kind=kind))
 
 
@@ -122,7 +111,7 @@ live = field_command("settings.live_figures")
 divider = field_command("view.wipe_position", default=0.5)
 
 
-@command("compare.swap", "Swap A and B", "exchange what slots A and B show", "X")
+@command("compare.swap", "Swap A and B", "exchange what slots A and B show", "X", icon="right-left")
 def swap(session: Session) -> None:
     session.view = replace(session.view, slot_a=session.view.slot_b, slot_b=session.view.slot_a)
     waiting = session.awaited_formats
@@ -134,6 +123,7 @@ def swap(session: Session) -> None:
     "Measure",
     "measure PSNR, divergence, memory and decode time of both slots in the present view",
     "M",
+    icon="ruler",
 )
 def measure(_session: Session) -> Effect:
     # A frame says so before: a picture of each slot takes a moment.
@@ -149,6 +139,7 @@ _measured = unless(lambda context: context.session.inspection.measurements, "not
     "Copy figures",
     "copy the measured figures of A and B to the clipboard, as a table in Markdown",
     unavailable=_measured,
+    icon="copy",
 )
 def copy_figures(context: Context) -> None:
     context.write_clipboard(figures_markdown(context.session.inspection.measurements))
@@ -165,6 +156,7 @@ FiguresFile = Annotated[
     "Save figures",
     "save the measured figures of A and B as JSON, with the picture and a chart of the costs as PNGs",
     unavailable=_measured,
+    icon="floppy-disk",
 )
 def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
     if file != Path() and file.suffix.lower() != ".json":
@@ -225,22 +217,7 @@ def _unsupported(session: Session, text: str) -> str:
 
 
 path = field_command("view.slot_*.path", refuses=_unsupported)
-
-
-Precision = Annotated[
-    PrecisionChoice,
-    Arg(
-        "number format of the decoders; auto measures and picks the fastest one without visible error",
-        refuses=_unsupported,
-        values={
-            "auto": "The program measures and chooses.",
-            "fp32": "32-bit numbers: exact.",
-            "fp16": "Decoders are stored in 16-bit numbers; arithmetic is in 32 bits.",
-            "fp16-arithmetic": "Storage and arithmetic in 16-bit numbers, sums in 32 bits.",
-            "fp16-accumulate": "Storage, arithmetic and sums in 16-bit numbers: the fastest and least exact.",
-        },
-    ),
-]
+Precision = Annotated[PrecisionChoice, replace(PRECISION_ARG, refuses=_unsupported)]
 
 
 @command(

@@ -10,6 +10,7 @@ from viewer.state.event_handlers import notify
     "undo the last change of view, settings or panels, or the discarding of a run; a drag counts as one change",
     "Ctrl+Z",
     unavailable=unless(lambda context: context.history.can_undo(context.session), "there is nothing to undo"),
+    icon="rotate-left",
 )
 def undo(context: Context) -> None:
     title = context.history.undo(context.session, context.training)
@@ -23,6 +24,7 @@ def undo(context: Context) -> None:
     "Ctrl+Shift+Z",
     "Ctrl+Y",
     unavailable=unless(lambda context: context.history.can_redo(context.session), "there is nothing to redo"),
+    icon="rotate-right",
 )
 def redo(context: Context) -> None:
     title = context.history.redo(context.session, context.training)

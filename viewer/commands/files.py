@@ -38,7 +38,9 @@ Picture = Annotated[PictureAlone, Arg("content: shown, a, b, split (both with th
 OpenedFile = Annotated[Path, Arg("a scene, a folder with one scene, a .ntc, .hdr or .exr; default: ask in a dialog")]
 
 
-@command("file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "Ctrl+O")
+@command(
+    "file.open", "Open...", "open a scene, a pack, or a panorama that lights the scene", "Ctrl+O", icon="folder-open"
+)
 def open_any(context: Context, file: OpenedFile = Path()) -> Effect | None:
     if file == Path():
         context.session.window.file_dialog = True
@@ -102,6 +104,7 @@ ExportFolder = Annotated[Path, Arg("folder to write into; default: a new one bes
     "Export",
     "write the scene with its pack for other programs: glTF, glTF with KTX2 or BC7 images, a web page, or the decoder's source",
     unavailable=_not_exportable,
+    icon="file-export",
 )
 def export(
     session: Session,
@@ -127,7 +130,7 @@ cancel_export = gesture("file.cancel-export")(lambda _session: CancelExport())
 RecentFile = Annotated[str, Arg("a recent file", lambda session: session.settings.recent_files)]
 
 
-@command("file.open-recent", "Open recent", "open a scene or a pack that was opened before")
+@command("file.open-recent", "Open recent", "open a scene or a pack that was opened before", icon="clock-rotate-left")
 def open_recent(_session: Session, file: RecentFile) -> Effect:
     return RunCommand("file.open", (Path(file),))
 
@@ -138,12 +141,12 @@ def _picture(kind: PictureKind, file: Path) -> Effect:
     return TakePicture(kind, None if file == Path() else file)
 
 
-@command("file.screenshot", "Screenshot", "save the window as a PNG", "F12")
+@command("file.screenshot", "Screenshot", "save the window as a PNG", "F12", icon="camera")
 def take_screenshot(_session: Session, file: PictureFile = Path()) -> Effect:
     return _picture("window", file)
 
 
-@command("file.screenshot-picture", "Save picture only", "save the picture without panels as a PNG")
+@command("file.screenshot-picture", "Save picture only", "save the picture without panels as a PNG", icon="image")
 def take_picture(_session: Session, kind: Picture, file: PictureFile = Path()) -> Effect:
     return _picture(kind, file)
 
@@ -200,13 +203,13 @@ def load_view(session: Session, file: Annotated[Path, Arg("a saved view")]) -> N
     _restore(session, text, str(path))
 
 
-@command("view.copy", "Copy view", "copy the view to the clipboard as JSON", "Ctrl+C")
+@command("view.copy", "Copy view", "copy the view to the clipboard as JSON", "Ctrl+C", icon="copy")
 def copy_view(context: Context) -> None:
     context.write_clipboard(view_json(present_view(context.session)))
     notify(context.session, "the view is on the clipboard")
 
 
-@command("view.paste", "Paste view", "restore the view from the clipboard", "Ctrl+V")
+@command("view.paste", "Paste view", "restore the view from the clipboard", "Ctrl+V", icon="paste")
 def paste_view(context: Context) -> None:
     text = context.read_clipboard()
     if not text.strip():

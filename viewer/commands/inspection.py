@@ -14,7 +14,7 @@ By = Annotated[ErrorsBy, Arg("rows of the list")]
 LARGEST_IS_WORST: tuple[ErrorColumn, ...] = ("pixels", "mean", "max")
 
 
-pixel_panel = panel_command("Pixel", "enlarge the pixels around the mouse in A and B", "I")
+pixel_panel = panel_command("Pixel", "enlarge the pixels around the mouse in A and B", "I", icon="eye-dropper")
 
 
 @command("pixel.keep", "Keep pixel", "keep a pixel of the picture in the panel Pixel")
@@ -41,7 +41,7 @@ let_pixel_go = command(
 keep_pixel_at = field_gesture("pixel.keep-at", "inspection.pixel")
 keep_block_at = field_gesture("block.keep-at", "inspection.block")
 hover = field_gesture("picture.hover", "inspection.hovered")
-errors_panel = panel_command("Errors", "list textures or decoders by the difference between A and B", "U")
+errors_panel = panel_command("Errors", "list textures or decoders by the difference between A and B", "U", icon="list")
 
 
 def _change_table(session: Session, table: dict[str, object]) -> None:
@@ -109,7 +109,7 @@ def end_highlight(session: Session) -> None:
     session.view = replace(session.view, highlight=())
 
 
-histogram_panel = panel_command("Histogram", "plot the number of pixels by the difference between A and B")
+histogram_panel = panel_command("Histogram", "plot pixels by the difference between A and B", icon="chart-column")
 
 
 Texture = Annotated[str, Arg("number of the texture in the scene, or its name")]

@@ -78,7 +78,9 @@ def use_environment(session: Session, file: Path) -> None:
     notify(session, f"lit by {path.name} alone; the sun is off")
 
 
-@command("light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama")
+@command(
+    "light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama", icon="lightbulb"
+)
 def set_environment(
     session: Session, file: Annotated[Path, Arg("`sky`, `studio`, or an equirectangular .hdr or .exr")]
 ) -> None:

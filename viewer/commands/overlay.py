@@ -10,6 +10,7 @@ from viewer.state.session import Session
     "show the number of decoders per block over the picture",
     "O",
     current=lambda session: session.view.overlay.kind == "divergence",
+    icon="layer-group",
 )
 def toggle(session: Session) -> None:
     kind.function(session, "none" if session.view.overlay.kind == "divergence" else "divergence")

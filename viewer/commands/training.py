@@ -113,6 +113,7 @@ ENCODE_SETTINGS: tuple[SettingName, ...] = ("grouping", "groups", "size", "budge
     "Encode the scene",
     "encode the open scene into a new pack, as chosen in the panel Training; values replace the chosen ones",
     unavailable=_training_is_busy,
+    icon="box-archive",
 )
 def encode(
     context: Context,
@@ -208,6 +209,7 @@ def _not_retrainable(context: Context) -> str:
     "Retrain groups",
     "continue training some groups of the shown pack; all others stay unchanged",
     unavailable=_not_retrainable,
+    icon="arrows-rotate",
 )
 def retrain(context: Context, groups: Groups, budget: Budget = _BUDGET, recipe: Recipe = _DEFAULT.recipe) -> Effect:
     pack = _base(context)
@@ -273,7 +275,7 @@ def _none_to_accept(context: Context) -> str:
     return "" if context.training.undecided_runs else "no finished run waits to be accepted or discarded"
 
 
-@command("training.pause", "Pause training", "pause the training", unavailable=_not_pausable)
+@command("training.pause", "Pause training", "pause the training", unavailable=_not_pausable, icon="pause")
 def pause(context: Context) -> None:
     context.training.pause()
 
@@ -283,6 +285,7 @@ def pause(context: Context) -> None:
     "Resume training",
     "continue a paused training",
     unavailable=unless(lambda context: context.training.state in ("paused", "pausing"), "no training is paused"),
+    icon="play",
 )
 def resume(context: Context) -> None:
     context.training.resume()
@@ -293,12 +296,13 @@ def resume(context: Context) -> None:
     "Cancel training",
     "stop the training; its last result stays visible",
     unavailable=unless(lambda context: context.training.active, "no training is under way"),
+    icon="xmark",
 )
 def cancel(context: Context) -> None:
     context.training.cancel()
 
 
-@command("training.accept", "Accept run", "save the pack of a run to a file", unavailable=_none_to_accept)
+@command("training.accept", "Accept run", "save the pack of a run to a file", unavailable=_none_to_accept, icon="check")
 def accept(
     context: Context,
     file: PackFile = Path(),
@@ -329,6 +333,7 @@ def accept_over(context: Context, file: Path) -> None:
     "Discard run",
     "discard the last run, and show what was shown before it",
     unavailable=_none_to_decide,
+    icon="trash",
 )
 def discard(context: Context) -> None:
     _runs(context).discard()

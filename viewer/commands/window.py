@@ -45,7 +45,7 @@ def toggle_column(session: Session) -> None:
 fit_column = field_gesture("window.fit-column", "window.column_folded")
 
 
-def panel_command(title: str, help_line: str, key: str = "") -> Command:
+def panel_command(title: str, help_line: str, key: str = "", *, icon: str) -> Command:
     """Return the command that opens a panel of OPENED_ON_REQUEST, or closes it."""
 
     def toggle(session: Session) -> None:
@@ -54,13 +54,13 @@ def panel_command(title: str, help_line: str, key: str = "") -> Command:
     def is_open(session: Session) -> bool:
         return title in session.window.open_panels
 
-    return command(f"{title.lower()}.panel", f"{title} panel", help_line, key, current=is_open)(toggle)
+    return command(f"{title.lower()}.panel", f"{title} panel", help_line, key, current=is_open, icon=icon)(toggle)
 
 
-log_panel = panel_command("Log", "show all messages with their times")
+log_panel = panel_command("Log", "show all messages with their times", icon="receipt")
 
 
-@command("help.palette", "Find a command", "find a command by typing", "Ctrl+P", "F3")
+@command("help.palette", "Find a command", "find a command by typing", "Ctrl+P", "F3", icon="magnifying-glass")
 def toggle_palette(session: Session) -> None:
     session.window.palette = None if session.window.palette is not None else ""
 

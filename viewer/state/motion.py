@@ -83,7 +83,10 @@ class AnimationPlayback:
         Arg("seconds of the animation per second", clamp=True, offers=(0.1, 0.25, 0.5, 1.0, 2.0, 4.0)),
     ] = 1.0
     repeats: Annotated[
-        bool, Setting("animation.repeat", "Repeat animation", "restart the animation at its end", toggles=True)
+        bool,
+        Setting(
+            "animation.repeat", "Repeat animation", "restart the animation at its end", toggles=True, icon="repeat"
+        ),
     ] = True
 
     def advance(

@@ -182,16 +182,27 @@ class WindowState:
             key="F1",
             second_key="Shift+/",
             toggles=True,
+            icon="keyboard",
         ),
     ] = False
     show_glossary: Annotated[
         bool,
-        Setting("help.glossary", "Glossary", "explain PSNR, divergence, group, latents and other terms", toggles=True),
+        Setting(
+            "help.glossary",
+            "Glossary",
+            "explain PSNR, divergence, group, latents and other terms",
+            toggles=True,
+            icon="book",
+        ),
     ] = False
     show_first_steps: Annotated[
         bool,
         Setting(
-            "help.first-steps", "First steps", "show what this program is for, and three things to try", toggles=True
+            "help.first-steps",
+            "First steps",
+            "show what this program is for, and three things to try",
+            toggles=True,
+            icon="circle-question",
         ),
     ] = False
     """True where the card of first steps is shown."""

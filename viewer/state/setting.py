@@ -24,6 +24,8 @@ class Setting:
     """Default key as `viewer.commands.keys` spells it; "" for none."""
     second_key: str = ""
     """Second default key; "" for none."""
+    icon: str = ""
+    """Name of the Font Awesome icon beside the title; "" for none."""
     toggles: bool = False
     """True for a command without a value that switches a bool on and off."""
 

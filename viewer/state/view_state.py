@@ -228,6 +228,25 @@ DecodedMaps = Literal["all", "base", "normal", "roughness", "metalness", "emissi
 DifferenceKind = Literal["raw", "amplified", "relative", "flip"]
 
 Anisotropy = Literal[1, 2, 4, 8, 16]
+DIFFERENCE_ARG: Final = Arg(
+    "kind of difference",
+    values={
+        "raw": "|A - B| of sRGB values.",
+        "amplified": "|A - B| of sRGB values times a gain.",
+        "relative": "|A - B| / A of linear light: the error relative to the brightness of the pixel.",
+        "flip": "FLIP: the difference that an eye sees when it flips between both pictures. Dark is 0, bright is 1.",
+    },
+)
+PRECISION_ARG: Final = Arg(
+    "number format of the decoders; auto measures and picks the fastest one without visible error",
+    values={
+        "auto": "The program measures and chooses.",
+        "fp32": "32-bit numbers: exact.",
+        "fp16": "Decoders are stored in 16-bit numbers; arithmetic is in 32 bits.",
+        "fp16-arithmetic": "Storage and arithmetic in 16-bit numbers, sums in 32 bits.",
+        "fp16-accumulate": "Storage, arithmetic and sums in 16-bit numbers: the fastest and least exact.",
+    },
+)
 TexelFilter = Literal["exact", "stochastic"]
 """Trilinear as the codec defines it, or one texel of the footprint, chosen at random by its weight."""
 FILTER_ARG: Final = Arg(
@@ -361,7 +380,7 @@ class Lighting:
     exposure: Annotated[
         float,
         Meta(ge=-10.0, le=10.0),
-        Setting("light.exposure", "Exposure", "make the lit picture brighter or darker"),
+        Setting("light.exposure", "Exposure", "make the lit picture brighter or darker", icon="sun"),
         Arg("stops: +1 is twice as bright", name="stops", ends=(-4.0, 4.0), text="%+.2f stops"),
     ] = 0.0
     tone_map: Annotated[
@@ -396,7 +415,10 @@ class ViewState:
     compare: Annotated[
         CompareMode,
         Setting(
-            "compare.mode", "Compare mode", "show A, B, both with a divider, both side by side, or their difference"
+            "compare.mode",
+            "Compare mode",
+            "show A, B, both with a divider, both side by side, or their difference",
+            icon="table-columns",
         ),
         Arg("what is shown", name="mode", values=MODE_TEXTS, names=MODE_NAMES),
     ] = "a"

@@ -12,9 +12,9 @@ from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown
 from viewer.state.session import Toast
 from viewer.state.view_state import BLOCKS, PaletteName, Slot, ViewState, is_image_source
 from viewer.ui.facts import FrameFacts, UiFrame
-from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tooltip, heat, packed
+from viewer.ui.theme import ERROR_ICON, WARNING_ICON, with_icon
+from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tooltip, em, grid, heat, packed
 
-MARGIN = 12.0
 WARNING = (0.38, 0.26, 0.02, 0.92)
 WARNING_WIDTH = 26.0
 """Largest width of a warning, in font sizes."""
@@ -26,8 +26,8 @@ MESSAGE = (0.10, 0.14, 0.18, 0.92)
 
 def _line(start: ImVec2, end: ImVec2) -> None:
     draw = imgui.get_background_draw_list()
-    draw.add_line(start, end, packed(SHADE), 4.0)
-    draw.add_line(start, end, packed(WHITE), 1.5)
+    draw.add_line(start, end, packed(SHADE), grid(1))
+    draw.add_line(start, end, packed(WHITE), grid(0.4))
 
 
 def _difference_label(view: ViewState) -> str:
@@ -44,7 +44,7 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
     """Draw the names of the shown slots: on either side of the divider, else in the middle of `area`."""
     draw = imgui.get_background_draw_list()
     view = ui.session.shown_view
-    top, middle = area.top + 8.0, ImVec2(*area.at(0.5, 0.5))
+    top, middle, gap = area.top + grid(2), ImVec2(*area.at(0.5, 0.5)), grid(3)
 
     def plate(left: float, top: float, text: str) -> None:
         draw_plate(draw, ImVec2(left, top), text)
@@ -62,17 +62,17 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
     elif not split.vertical:
         y = area.at(0.0, split.position)[1]
         _line(ImVec2(area.left, y), ImVec2(area.right, y))
-        draw.add_circle_filled(ImVec2(middle.x, y), 7.0, packed(WHITE))
-        for text, text_top in ((noted[0], y - MARGIN - imgui.calc_text_size(noted[0]).y), (noted[1], y + MARGIN)):
+        draw.add_circle_filled(ImVec2(middle.x, y), grid(2), packed(WHITE))
+        for text, text_top in ((noted[0], y - gap - imgui.calc_text_size(noted[0]).y), (noted[1], y + gap)):
             plate(middle.x - imgui.calc_text_size(text).x / 2, text_top, text)
         ui.rects.note_rectangle("divider", middle.x - 1, y - 1, middle.x + 1, y + 1)
     else:
         x = area.at(split.position, 0.0)[0]
         _line(ImVec2(x, area.top), ImVec2(x, area.bottom))
-        plate(x - MARGIN - imgui.calc_text_size(noted[0]).x, top, noted[0])
-        plate(x + MARGIN, top, noted[1])
+        plate(x - gap - imgui.calc_text_size(noted[0]).x, top, noted[0])
+        plate(x + gap, top, noted[1])
         if view.compare in WIPES:
-            draw.add_circle_filled(ImVec2(x, middle.y), 7.0, packed(WHITE))
+            draw.add_circle_filled(ImVec2(x, middle.y), grid(2), packed(WHITE))
             ui.rects.note_rectangle("divider", x - 1, middle.y - 1, x + 1, middle.y + 1)
 
 
@@ -96,14 +96,14 @@ class PictureWarnings:
             self._key = key
             self._warnings = picture_warnings(session.scene, slots, packs, matches, session.resolution)
         draw = imgui.get_background_draw_list()
-        at = ImVec2(area.left + MARGIN, area.top + WARNINGS_TOP * imgui.get_font_size())
-        wrap = max(80.0, min(WARNING_WIDTH * imgui.get_font_size(), area.width - 3.0 * MARGIN))
+        at = ImVec2(area.left + grid(3), area.top + em(WARNINGS_TOP))
+        wrap = max(em(6.0), min(em(WARNING_WIDTH), area.width - grid(9)))
         for number, warning in enumerate(self._warnings):
-            low, high = draw_plate(draw, at, f"! {warning.text}", WARNING, wrap)
+            low, high = draw_plate(draw, at, with_icon(WARNING_ICON, warning.text), WARNING, wrap)
             ui.rects.note_rectangle(f"warning {number + 1}", low.x, low.y, high.x, high.y)
             if not imgui.get_io().want_capture_mouse and imgui.is_mouse_hovering_rect(low, high, False):
                 draw_tooltip(warning.remedy)
-            at = ImVec2(at.x, high.y + 7.0)
+            at = ImVec2(at.x, high.y + grid(2))
 
 
 def _frames(ui: UiFrame, part: tuple[float, float, float, float], area: Area) -> None:
@@ -147,25 +147,26 @@ def draw_block(ui: UiFrame, area: Area) -> None:
 def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
     """Draw messages above the lower edge of `area`, newest lowest."""
     y = area.bottom - 2.0 * imgui.get_text_line_height_with_spacing()
-    wrap = max(200.0, min(640.0, area.width - 40.0))
+    wrap = max(em(15.0), min(em(46.0), area.width - grid(10)))
     draw = imgui.get_foreground_draw_list()
     for toast in reversed(toasts):
-        extent = imgui.calc_text_size(toast.text, wrap_width=wrap)
-        y -= extent.y + 10.0
-        fill = ERROR if toast.kind == "error" else MESSAGE
-        draw_plate(draw, ImVec2(_centred(area, extent.x), y), toast.text, fill, wrap)
+        fill, sign = (ERROR, ERROR_ICON) if toast.kind == "error" else (MESSAGE, "")
+        text = with_icon(sign, toast.text)
+        extent = imgui.calc_text_size(text, wrap_width=wrap)
+        y -= extent.y + grid(3)
+        draw_plate(draw, ImVec2(_centred(area, extent.x), y), text, fill, wrap)
 
 
 def _centred(area: Area, width: float) -> float:
     """Return the left edge that centres `width` in `area`, moved into the window where `area` is narrower."""
-    right = imgui.get_io().display_size.x - MARGIN
-    return max(MARGIN, min((area.left + area.right - width) / 2.0, right - width))
+    right = imgui.get_io().display_size.x - grid(3)
+    return max(grid(3), min((area.left + area.right - width) / 2.0, right - width))
 
 
 def _draw_low_line(area: Area, text: str) -> Area:
     """Draw a line of text at the lower edge of `area`, below all windows, and return its rectangle."""
     extent = imgui.calc_text_size(text)
-    at = ImVec2(_centred(area, extent.x), area.bottom - extent.y - 8.0)
+    at = ImVec2(_centred(area, extent.x), area.bottom - extent.y - grid(2))
     draw_plate(imgui.get_background_draw_list(), at, text)
     return Area(at.x, at.y, at.x + extent.x, at.y + extent.y)
 
@@ -174,7 +175,7 @@ def draw_hints(ui: UiFrame, area: Area) -> None:
     """Draw one line of hints at the lower edge of `area`, as many as fit."""
     keys = ("Ctrl+P commands", "F1 help", "Tab mode", "Space other slot", "M measure", "F12 screenshot")
     parts = [f"{ui.session.settings.camera_mode} camera", *keys]
-    while parts and imgui.calc_text_size("   ".join(parts)).x > area.width - 2.0 * MARGIN:
+    while parts and imgui.calc_text_size("   ".join(parts)).x > area.width - grid(6):
         parts.pop()
     if parts:
         _draw_low_line(area, "   ".join(parts))
@@ -227,28 +228,28 @@ def _legend(
 ) -> None:
     """Draw the legend: `texts` stand below equal parts of the bar, `shades` are places on the palette, 0 to 1."""
     draw = imgui.get_background_draw_list()
-    line, font = imgui.get_text_line_height(), imgui.get_font_size()
-    room = area.width - 4.0 * MARGIN
+    line, font, pad = imgui.get_text_line_height(), imgui.get_font_size(), grid(2)
+    room = area.width - grid(12)
     bar = min(max(FIELD * font * max(len(texts), 4), *(imgui.calc_text_size(text).x for text in lines)), room)
-    height = (len(lines) + (2.0 if texts else 0.0)) * line + 6.0
+    height = (len(lines) + (2.0 if texts else 0.0)) * line + grid(1)
     if room < FIELD * font * 2 or height > 0.5 * area.height:
         return
-    left, top = area.left + MARGIN, area.bottom - LINES_BELOW * line - height - MARGIN
-    low, high = ImVec2(left, top), ImVec2(left + bar + 16.0, top + height + 8.0)
-    draw.add_rect_filled(low, high, packed(LEGEND_SHADE), 4.0)
+    left, top = area.left + grid(3), area.bottom - LINES_BELOW * line - height - grid(3)
+    low, high = ImVec2(left, top), ImVec2(left + bar + 2.0 * pad, top + height + pad)
+    draw.add_rect_filled(low, high, packed(LEGEND_SHADE), grid(1))
     draw.push_clip_rect(low, high)
-    y = top + 4.0
+    y = top + grid(1)
     for text in lines:
-        draw.add_text(ImVec2(left + 8.0, y), packed(LEGEND_TEXT), text)
+        draw.add_text(ImVec2(left + pad, y), packed(LEGEND_TEXT), text)
         y += line
     field = bar / max(len(shades), 1)
     for number, shade in enumerate(shades):
-        at = ImVec2(left + 8.0 + number * field, y + 2.0)
+        at = ImVec2(left + pad + number * field, y + grid(0.5))
         draw.add_rect_filled(at, ImVec2(at.x + field, at.y + line), packed(heat(name, 1.0 + shade, 2)))
     part = bar / max(len(texts), 1)
     for number, text in enumerate(texts):
-        x = left + 8.0 + number * part + (part - imgui.calc_text_size(text).x) / 2.0
-        draw.add_text(ImVec2(x, y + line + 4.0), packed(LEGEND_TEXT), text)
+        x = left + pad + number * part + (part - imgui.calc_text_size(text).x) / 2.0
+        draw.add_text(ImVec2(x, y + line + grid(1)), packed(LEGEND_TEXT), text)
     draw.pop_clip_rect()
     ui.rects.note_rectangle("map legend", low.x, low.y, high.x, high.y)
 

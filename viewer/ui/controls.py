@@ -9,6 +9,7 @@ from viewer.commands import BY_ID, bindings
 from viewer.commands.command import Arg, Parameter, typed
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import choice_text, command_text, control_text
+from viewer.ui.theme import with_icon
 from viewer.ui.widgets import beside, box_width, combo, list_width
 
 
@@ -41,7 +42,7 @@ def control(
     tip = explained(control_text(command, parameter, bindings(ui.session.settings.keys)), reason)
     imgui.begin_disabled(bool(reason))
     if parameter is None or command.is_switch:
-        changed, value = imgui.checkbox(title or label, value)
+        changed, value = imgui.checkbox(with_icon(command.icon, title or label), value)
         ui.rects.note(label, tip)
     else:
         imgui.set_next_item_width(-1.0 if width is None else width)
@@ -111,12 +112,15 @@ def command_button(
     missing: str = "",
     size: ImVec2 | None = None,
     small: bool = False,
+    icon: str = "",
 ) -> None:
     """Draw a button that runs a command with `values`; it is grey, with the reason as tooltip, while the command cannot run.
 
-    `label` names it for scripts and tooltips, where that is not its title. `missing` says what else is missing to run it.
+    `label` names it for scripts and tooltips, where that is not its title. `missing` says what else is missing to run it. `icon`
+    replaces that of the command.
     """
     reason, label = missing or ui.why_not(command_id), label or title
+    title = with_icon(icon or BY_ID[command_id].icon, title)
     imgui.begin_disabled(bool(reason))
     clicked = imgui.small_button(title) if small else imgui.button(title, size or ImVec2(0, 0))
     imgui.end_disabled()

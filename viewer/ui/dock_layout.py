@@ -7,7 +7,7 @@ from typing import Literal
 from imgui_bundle import ImVec2, imgui
 
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import Area, side_bar, ui_scale
+from viewer.ui.widgets import Area, grid, side_bar
 
 Place = Literal["upper", "lower"]
 DOCK_SPACE = "column"
@@ -256,15 +256,15 @@ def _split(node: int, direction: imgui.Dir, share: float) -> tuple[int, int]:
     return there, rest
 
 
-STRIP = 14.0
-"""Width of the strip in window units at normal scale."""
+STRIP = 3.0
+"""Width of the strip in units of the grid."""
 COLUMN_LABEL = "fold panels"
 """Label under which scripts click on the strip."""
 
 
 def draw_column_handle(ui: UiFrame, folded: bool) -> None:
     """Draw a strip with an arrow along the left edge: a click folds all panels into it, the next one unfolds them."""
-    with side_bar("##fold", imgui.Dir.left, STRIP * ui_scale(), ImVec2(0.0, 0.0)) as opened:
+    with side_bar("##fold", imgui.Dir.left, grid(STRIP), ImVec2(0.0, 0.0)) as opened:
         if not opened:
             return
         at, room = imgui.get_cursor_screen_pos(), imgui.get_content_region_avail()

@@ -24,6 +24,7 @@ from viewer.scene.scene_files import (
 )
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import ink
+from viewer.ui.widgets import DIALOG_FLAGS, place_dialog, wrapped
 
 HELPERS = ("zenity", "matedialog", "qarma", "kdialog")
 """Programs that show the dialog on Linux."""
@@ -92,21 +93,12 @@ class FileDialog:
             return
         if opening:
             self._begin(ui)
-        font = imgui.get_font_size()
-        extent = ImVec2(min(SIZE[0] * font, size[0] - 16.0), min(SIZE[1] * font, size[1] - 16.0))
-        imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] / 2.0), imgui.Cond_.always, ImVec2(0.5, 0.5))
-        imgui.set_next_window_size(extent)
-        imgui.set_next_window_bg_alpha(1.0)
-        flags = imgui.WindowFlags_
+        place_dialog(size, *SIZE)
         on_top = ui.session.window.question is None
         if on_top:
             # In every frame: a click on a panel would put it in front of the dialog.
             imgui.set_next_window_focus()
-        _, stays = imgui.begin(
-            "Open a scene, a pack or a panorama###open",
-            True,
-            flags.no_collapse | flags.no_saved_settings | flags.no_docking | flags.no_resize | flags.no_move,
-        )
+        _, stays = imgui.begin("Open a scene, a pack or a panorama###open", True, DIALOG_FLAGS)
         self._content(ui)
         imgui.end()
         if not stays or (on_top and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
@@ -170,9 +162,7 @@ class FileDialog:
         entries = self._listed()
         entered = self._field(entries, ui)
         if self._problem:
-            imgui.push_style_color(imgui.Col_.text, ink("error"))
-            imgui.text_wrapped(self._problem)
-            imgui.pop_style_color()
+            wrapped(self._problem, ink("error"))
         line = imgui.get_frame_height_with_spacing()
         room = imgui.get_content_region_avail()
         imgui.begin_child("##recent", ImVec2(room.x * RECENT_SHARE, room.y - line))

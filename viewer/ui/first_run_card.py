@@ -8,12 +8,11 @@ from viewer.commands import bindings
 from viewer.commands.keys import HOLD_KEY
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
-from viewer.ui.theme import ink
-from viewer.ui.widgets import CARD_FLAGS, Area
+from viewer.ui.theme import ink, with_icon
+from viewer.ui.widgets import CARD_FLAGS, Area, grid, wrapped_disabled
 
 WIDTH = 26.0
 """Largest width of the card in font sizes."""
-MARGIN = 12.0
 LEAST_REST = 22.0
 """Least width beside the card for a legend and messages, in font sizes."""
 PURPOSE = (
@@ -46,8 +45,8 @@ class FirstRunCard:
             return area
         self._note_progress(ui.session)
         font = imgui.get_font_size()
-        width = min(WIDTH * font, area.width - 2.0 * MARGIN)
-        low = ImVec2(area.left + MARGIN, area.bottom - 3.0 * font)
+        width = min(WIDTH * font, area.width - grid(6))
+        low = ImVec2(area.left + grid(3), area.bottom - 3.0 * font)
         imgui.set_next_window_pos(low, imgui.Cond_.always, ImVec2(0.0, 1.0))
         imgui.set_next_window_size(ImVec2(max(width, 8.0 * font), 0.0))
         imgui.set_next_window_bg_alpha(0.95)
@@ -64,21 +63,19 @@ class FirstRunCard:
         imgui.text_disabled("Help > First steps shows this again.")
         top = imgui.get_window_pos().y
         imgui.end()
-        rest = replace(area, left=area.left + MARGIN + width)
+        rest = replace(area, left=area.left + grid(3) + width)
         return rest if rest.width >= LEAST_REST * font else replace(area, bottom=max(top, area.top + 1.0))
 
     @staticmethod
     def _row(do: str, why: str, done: bool) -> None:
         imgui.begin_group()
         if done:
-            imgui.text_colored(ink("good"), f"{do}: done")
+            imgui.text_colored(ink("good"), with_icon("check", f"{do}: done"))
         else:
             imgui.text(do)
-        imgui.push_style_color(imgui.Col_.text, imgui.get_style_color_vec4(imgui.Col_.text_disabled))
         imgui.indent()
-        imgui.text_wrapped(why)
+        wrapped_disabled(why)
         imgui.unindent()
-        imgui.pop_style_color()
         imgui.end_group()
 
     def _note_progress(self, session: Session) -> None:

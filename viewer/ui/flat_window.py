@@ -19,7 +19,7 @@ from viewer.jobs.job import Background, Job, JobReport
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import INKS, side_ink
-from viewer.ui.widgets import combo, packed
+from viewer.ui.widgets import combo, grid, packed
 
 Arrangement = Literal["side by side", "wipe"]
 ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
@@ -176,7 +176,7 @@ class FlatWindow:
         imgui.invisible_button("flat picture", room)
         ui.rects.note("flat picture")
         wipes = self._arrangement == "wipe"
-        gap = 0.0 if wipes else 4.0
+        gap = 0.0 if wipes else grid(1)
         width = room.x if wipes else (room.x - gap) / 2.0
         fits = min(width / size[0], room.y / size[1])
         texel = fits * self._zoom
@@ -194,9 +194,8 @@ class FlatWindow:
             corner = (middle.x - self._centre[0] * size[0] * texel, middle.y - self._centre[1] * size[1] * texel)
             if flat is not None:
                 self._image(side, flat, (*corner, size[0] * texel, size[1] * texel), (low, high), ui)
-            draw.add_text(
-                ImVec2(low.x + 4.0, low.y + 2.0), packed(INKS["dark"]["a" if side == "a" else "b"]), side.upper()
-            )
+            place, color = ImVec2(low.x + grid(1), low.y + grid(0.5)), INKS["dark"]["a" if side == "a" else "b"]
+            draw.add_text(place, packed(color), side.upper())
             draw.pop_clip_rect()
         if wipes:
             draw.add_line(ImVec2(split, at.y), ImVec2(split, at.y + room.y), packed(LINE), 1.5)

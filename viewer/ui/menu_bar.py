@@ -9,6 +9,7 @@ from viewer.commands.menus import MENUS
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import choice_text, command_text
+from viewer.ui.theme import icon
 
 LABEL = "menu: "
 """Prefix of the labels of menus and their items: `menu: View`, `menu: compare.mode a`."""
@@ -45,28 +46,26 @@ def _command(command: Command, bound: Bindings, ui: UiFrame) -> None:
     reason = ui.why_not(command.id)
     note = explained(command_text(command, bound), reason)
     if command.is_switch:
-        _switch(command, note, not reason, bound, ui)
+        is_on = command.is_on(ui.session)
+        if _item(ui, command.title, command.id, note, is_on, not reason, bound.text(command.id), command.icon):
+            ui.emit(command.id, *([not is_on] if command.parameters else ()))
         return
     needed = [parameter for parameter in command.parameters if parameter.default_text is None]
     if needed and all(parameter.is_choice for parameter in needed) and not reason:
         _choices(command, len(needed), (), note, ui)
         return
     title = f"{command.title}..." if needed else command.title
-    clicked = imgui.menu_item(title, bound.text(command.id), False, not reason)[0]
-    ui.rects.note(f"{LABEL}{command.id}", note)
-    if clicked and needed:
-        ui.emit("palette.set", command.id)
-    elif clicked:
-        ui.emit(command.id)
+    if _item(ui, title, command.id, note, False, not reason, bound.text(command.id), command.icon):
+        ui.emit(*(("palette.set", command.id) if needed else (command.id,)))
 
 
-def _switch(command: Command, note: str, enabled: bool, bound: Bindings, ui: UiFrame) -> None:
-    """Draw an item that is ticked while it is on."""
-    is_on = command.is_on(ui.session)
-    clicked = imgui.menu_item(command.title, bound.text(command.id), is_on, enabled)[0]
-    ui.rects.note(f"{LABEL}{command.id}", note)
-    if clicked:
-        ui.emit(command.id, *([not is_on] if command.parameters else ()))
+def _item(
+    ui: UiFrame, title: str, name: str, note: str, is_on: bool, enabled: bool, key: str = "", sign: str = ""
+) -> bool:
+    """Draw an item with icon and tooltip, and return whether it was clicked."""
+    clicked = imgui.internal.menu_item_ex(title, icon(sign), key, is_on, enabled)
+    ui.rects.note(f"{LABEL}{name}", note)
+    return clicked
 
 
 def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, ui: UiFrame) -> None:
@@ -75,7 +74,8 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
     options = parameter.options(ui.session)
     name = " ".join((command.id, *chosen))
     title = _shown(chosen[-1]) if chosen else command.title
-    opened = imgui.begin_menu(f"{title}##{name}", bool(options))
+    sign = "" if chosen else icon(command.icon)
+    opened = imgui.internal.begin_menu_ex(f"{title}##{name}", sign, bool(options))
     ui.rects.note(f"{LABEL}{name}", note if options else explained(note, "there are none yet"), opened)
     if not opened:
         return
@@ -86,10 +86,8 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
             _choices(command, needed, (*chosen, option), note, ui)
             continue
         refusal = parameter.refusal(ui.session, option)
-        ticked = option == current
-        clicked = imgui.menu_item(f"{_shown(option)}##{name}", "", ticked, not refusal)[0]
-        ui.rects.note(f"{LABEL}{name} {option}", explained(choice_text(parameter, option), refusal))
-        if clicked:
+        about = explained(choice_text(parameter, option), refusal)
+        if _item(ui, f"{_shown(option)}##{name}", f"{name} {option}", about, option == current, not refusal):
             ui.emit(command.id, *command.parse((*chosen, option)))
     imgui.end_menu()
 

@@ -11,8 +11,8 @@ from viewer.commands.command import Command, Parameter
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import choice_text, sentence
-from viewer.ui.theme import ink
-from viewer.ui.widgets import shortened
+from viewer.ui.theme import icon, ink
+from viewer.ui.widgets import em, grid, place_dialog, shortened, wrapped
 
 
 def score(query: str, text: str) -> float | None:
@@ -54,7 +54,10 @@ def best_first(query: str, commands: Sequence[Command]) -> tuple[Command, ...]:
     return tuple(command for _, _, command in sorted(ranked, key=lambda entry: entry[:2]))
 
 
-WIDTH = 620.0
+WIDTH = 48.0
+"""Largest width in font sizes."""
+ICON_ROOM = 1.75
+"""Width of the column of icons in font sizes."""
 TOP_SHARE = 0.12
 ROWS_SHARE = 0.6
 """Largest height of the list, as a share of the window."""
@@ -72,6 +75,7 @@ class _Row:
     text: str
     note: str = ""
     key: str = ""
+    icon: str = ""
     refusal: str = ""
     """Reason why the entry cannot be taken now; "" where it can."""
 
@@ -102,10 +106,8 @@ class Palette:
             self._begin(find_command(ui.session.window.palette) if ui.session.window.palette else None, ui)
         if ui.session.window.palette is None:
             return
-        width = min(WIDTH * imgui.get_font_size() / 13.0, size[0] - 16.0)
+        place_dialog(size, WIDTH)
         imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] * TOP_SHARE), imgui.Cond_.always, ImVec2(0.5, 0.0))
-        imgui.set_next_window_size(ImVec2(width, 0.0))
-        imgui.set_next_window_bg_alpha(1.0)
         flags = imgui.WindowFlags_
         imgui.set_next_window_focus()
         imgui.begin(
@@ -152,8 +154,8 @@ class Palette:
         if parameter is None:
             bound = bindings(ui.session.settings.keys)
             return tuple(
-                _Row(command.id, command.title, command.help, bound.text(command.id), ui.why_not(command.id))
-                for command in best_first(self._text, COMMANDS)
+                _Row(c.id, c.title, c.help, bound.text(c.id), icon(c.icon), ui.why_not(c.id))
+                for c in best_first(self._text, COMMANDS)
             )
         options = parameter.options(ui.session)
         fits = [(score(self._text, option), option) for option in options]
@@ -180,9 +182,7 @@ class Palette:
         if text != self._text:
             self._text, self._selected, self._problem = text, 0, ""
         if self._problem:
-            imgui.push_style_color(imgui.Col_.text, ink("error"))
-            imgui.text_wrapped(self._problem)
-            imgui.pop_style_color()
+            wrapped(self._problem, ink("error"))
         for key, step in ((imgui.Key.down_arrow, 1), (imgui.Key.up_arrow, -1)):
             if rows and imgui.is_key_pressed(key):
                 self._selected = (self._selected + step) % len(rows)
@@ -208,7 +208,7 @@ class Palette:
                 ui.rects.note("nothing found")
             return None
         line = imgui.get_text_line_height_with_spacing()
-        imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + 4.0, height)))
+        imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + grid(1), height)))
         clicked = None
         moved = imgui.get_io().mouse_delta.x != 0.0 or imgui.get_io().mouse_delta.y != 0.0
         # Only one row is marked, by the mouse or the arrow keys.
@@ -227,13 +227,16 @@ class Palette:
             ui.rects.note(f"{LABEL}{row.value}", explained(text, row.refusal))
             if index == self._selected and not imgui.is_item_visible():
                 imgui.set_scroll_here_y(0.5)
-            imgui.same_line(6.0)
             write = imgui.text_disabled if row.refusal else imgui.text
+            imgui.same_line(grid(2))
+            if self._command is None:
+                write(row.icon)
+                imgui.same_line(grid(2) + em(ICON_ROOM))
             write(row.text)
-            key_left = imgui.get_window_width() - imgui.calc_text_size(row.key).x - 20.0
+            key_left = imgui.get_window_width() - imgui.calc_text_size(row.key).x - grid(5)
             if row.note:
                 imgui.same_line()
-                imgui.text_disabled(shortened(row.note, key_left - imgui.get_cursor_pos_x() - 8.0))
+                imgui.text_disabled(shortened(row.note, key_left - imgui.get_cursor_pos_x() - grid(2)))
             if row.key:
                 imgui.same_line(key_left)
                 imgui.text_disabled(row.key)

@@ -1,12 +1,13 @@
 """Question over the window, which must be answered before anything else."""
 
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import imgui
 
 from viewer.state.session import Question
 from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import place_dialog
 
-WIDTH = 460.0
-"""Width in window units at the normal size of text."""
+WIDTH = 35.0
+"""Width in font sizes."""
 
 
 class QuestionWindow:
@@ -22,9 +23,7 @@ class QuestionWindow:
         is_new, self._shown = question is not self._shown, question
         if question is not None and (is_new or not imgui.is_popup_open("###question")):
             imgui.open_popup("###question")
-        scale = imgui.get_font_size() / 13.0
-        imgui.set_next_window_pos(ImVec2(size[0] / 2.0, size[1] / 2.0), imgui.Cond_.always, ImVec2(0.5, 0.5))
-        imgui.set_next_window_size(ImVec2(min(WIDTH * scale, size[0] - 16.0), 0.0))
+        place_dialog(size, WIDTH)
         flags = imgui.WindowFlags_
         if not imgui.begin_popup_modal(title, None, flags.no_move | flags.no_resize | flags.no_saved_settings)[0]:
             return

@@ -6,13 +6,11 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.state.message_log import MessageLog
 from viewer.ui.facts import UiFrame, Work
-from viewer.ui.widgets import duration, shortened, side_bar, ui_scale
+from viewer.ui.theme import ERROR_ICON, with_icon
+from viewer.ui.widgets import duration, grid, shortened, side_bar
 
-SIDE = 4.0
-"""Space above and below the text, in window units at normal scale."""
-SHARE_WIDTH = 90.0
-"""Width of the progress bar, in window units at normal scale."""
-SHARE_HEIGHT = 6.0
+SHARE_WIDTH, SHARE_HEIGHT = 22.0, 1.5
+"""Size of the progress bar in units of the grid."""
 MESSAGE_SHARE = 0.3
 """Width that the last message keeps beside the work, as a share of the bar."""
 CANCEL = "Cancel"
@@ -20,7 +18,7 @@ CANCEL = "Cancel"
 
 def status_bar_height() -> float:
     """Return the height of the bar in window units: one line of text."""
-    return float(imgui.get_text_line_height() + 2.0 * SIDE * ui_scale())
+    return float(imgui.get_text_line_height() + grid(2))
 
 
 def draw_status_bar(ui: UiFrame) -> float:
@@ -44,7 +42,8 @@ def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
         ui.rects.note("status")
         return
     last = log[-1]
-    shown = shortened(("error: " if last.kind == "error" else "") + " ".join(last.text.split()), width)
+    text = " ".join(last.text.split())
+    shown = shortened(with_icon(ERROR_ICON, f"error: {text}") if last.kind == "error" else text, width)
     if last.kind == "error":
         imgui.text(shown)
     else:
@@ -71,12 +70,12 @@ def _work(all_work: Sequence[Work], right: float, ui: UiFrame) -> float:
             ui.emit(first.cancel)
         ui.rects.note("cancel work", f"Cancel: {first.title}.")
         imgui.same_line()
-    bar = SHARE_WIDTH * ui_scale()
+    bar, thick = grid(SHARE_WIDTH), grid(SHARE_HEIGHT)
     top = imgui.get_cursor_pos_y()
     if first.share is not None:
         left -= gap + bar
-        imgui.set_cursor_pos(ImVec2(left, top + (imgui.get_text_line_height() - SHARE_HEIGHT) / 2.0))
-        imgui.progress_bar(min(1.0, first.share), ImVec2(bar, SHARE_HEIGHT), "")
+        imgui.set_cursor_pos(ImVec2(left, top + (imgui.get_text_line_height() - thick) / 2.0))
+        imgui.progress_bar(min(1.0, first.share), ImVec2(bar, thick), "")
         ui.rects.note("share of the work", work_text(first))
         imgui.same_line()
     more = f"  (+ {len(all_work) - 1})" if len(all_work) > 1 else ""

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Literal
 
 import imgui_bundle
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import ImVec2, icons_fontawesome_6, imgui
 
 from viewer.state.settings import Theme
 
@@ -106,16 +106,39 @@ def theme_colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
     }
 
 
-FONT = Path(imgui_bundle.__file__).parent / "assets" / "fonts" / "Roboto" / "Roboto-Regular.ttf"
-"""A font made for screens, with digits of one width. It comes with imgui-bundle."""
-FONT_SIZE = 14.0
+FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
+"""Folder of fonts that come with imgui-bundle."""
+FONT = FONTS / "Roboto" / "Roboto-Regular.ttf"
+"""A font made for screens, with digits of one width."""
+ICONS = FONTS / "Font_Awesome_6_Free-Solid-900.otf"
+FONT_SIZE, ICON_SIZE = 14.0, 12.0
 """Height in window units at normal scale."""
+GRID = 4.0
+"""Unit of paddings and gaps in window units at normal scale: what has a margin takes a multiple of it."""
+WARNING_ICON, ERROR_ICON = "triangle-exclamation", "circle-exclamation"
 
 
 def load_font() -> None:
-    """Load the font into the present ImGui context; without its file ImGui's own one stays."""
-    if FONT.is_file():
-        imgui.get_io().fonts.add_font_from_file_ttf(str(FONT), FONT_SIZE)
+    """Load text and icons into the present ImGui context; without their files ImGui's own font stays, and icons are left out."""
+    fonts, merged = imgui.get_io().fonts, imgui.ImFontConfig()
+    if not FONT.is_file():
+        return
+    fonts.add_font_from_file_ttf(str(FONT), FONT_SIZE)
+    # All icons are as wide as the widest, so that the texts behind them stand in one line.
+    merged.merge_mode, merged.glyph_min_advance_x = True, 1.25 * FONT_SIZE
+    if ICONS.is_file():
+        fonts.add_font_from_file_ttf(str(ICONS), ICON_SIZE, merged)
+
+
+def icon(name: str) -> str:
+    """Return the character of a Font Awesome icon by its name, such as `folder-open`; "" for none, or without their font."""
+    known = name and FONT.is_file() and ICONS.is_file()
+    return str(getattr(icons_fontawesome_6, f"ICON_FA_{name.replace('-', '_').upper()}")) if known else ""
+
+
+def with_icon(name: str, text: str) -> str:
+    """Return a text behind an icon; without an icon, the text."""
+    return f"{icon(name)} {text}".lstrip()
 
 
 class Appearance:
@@ -133,6 +156,11 @@ class Appearance:
         style, fresh = imgui.get_style(), imgui.Style()
         fresh.frame_rounding = fresh.grab_rounding = fresh.popup_rounding = 3.0
         fresh.window_rounding, fresh.tab_rounding, fresh.frame_border_size = 4.0, 3.0, float(theme == "light")
+        fresh.window_padding, fresh.item_spacing = ImVec2(2.0 * GRID, 2.0 * GRID), ImVec2(2.0 * GRID, GRID)
+        fresh.item_inner_spacing, fresh.cell_padding = ImVec2(GRID, GRID), ImVec2(GRID, 0.5 * GRID)
+        # A row is five units high, and six with the gap below it.
+        fresh.frame_padding = ImVec2(GRID, 0.5 * (5.0 * GRID - FONT_SIZE))
+        fresh.indent_spacing, fresh.scrollbar_size, fresh.grab_min_size = 5.0 * GRID, 3.0 * GRID, 3.0 * GRID
         fresh.window_menu_button_position = imgui.Dir.none
         fresh.docking_node_has_close_button = False
         fresh.tab_bar_overline_size = 2.0

@@ -11,6 +11,7 @@ from imgui_bundle import ImVec2, imgui
 
 from viewer.scene.json_text import counted as counted
 from viewer.state.view_state import PaletteName, palette_colors, share_of_most
+from viewer.ui.theme import GRID
 
 WHITE = (1.0, 1.0, 1.0, 0.9)
 SHADE = (0.0, 0.0, 0.0, 0.65)
@@ -21,6 +22,8 @@ _FLAGS = imgui.WindowFlags_
 CARD_FLAGS = _FLAGS.no_decoration | _FLAGS.always_auto_resize | _FLAGS.no_saved_settings | _FLAGS.no_docking
 CARD_FLAGS |= _FLAGS.no_move | _FLAGS.no_focus_on_appearing | _FLAGS.no_nav
 """Flags of a card over the picture, which is as high as its content."""
+DIALOG_FLAGS = _FLAGS.no_collapse | _FLAGS.no_saved_settings | _FLAGS.no_docking | _FLAGS.no_resize | _FLAGS.no_move
+"""Flags of a dialog that `place_dialog` places."""
 
 
 @contextmanager
@@ -44,6 +47,20 @@ def ui_scale() -> float:
     """Return window units per unit of normal scale."""
     style = imgui.get_style()
     return float(style.font_scale_main * style.font_scale_dpi)
+
+
+def grid(units: float) -> float:
+    """Return a padding or a gap of so many units in window units."""
+    return units * GRID * ui_scale()
+
+
+def place_dialog(size: tuple[float, float], width: float, height: float = 0.0, top: float = 0.0) -> None:
+    """Put the next window in the middle of one of `size`, below `top`, opaque. Width and height are font sizes, less where they do
+    not fit; height 0 is that of the content."""
+    low = em(height) and min(em(height), size[1] - top - grid(4))
+    imgui.set_next_window_pos(ImVec2(size[0] / 2.0, (top + size[1]) / 2.0), imgui.Cond_.always, ImVec2(0.5, 0.5))
+    imgui.set_next_window_size(ImVec2(min(em(width), size[0] - grid(4)), low))
+    imgui.set_next_window_bg_alpha(1.0)
 
 
 def packed(rgba: tuple[float, float, float, float]) -> int:
@@ -101,8 +118,8 @@ def draw_plate(
 ) -> tuple[ImVec2, ImVec2]:
     """Draw text on a plate, with the text's upper left corner at `at`; returns two corners of the plate."""
     size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
-    low, high = ImVec2(at.x - 6, at.y - 3), ImVec2(at.x + size.x + 6, at.y + size.y + 3)
-    draw.add_rect_filled(low, high, packed(fill), 4.0)
+    low, high = ImVec2(at.x - grid(2), at.y - grid(1)), ImVec2(at.x + size.x + grid(2), at.y + size.y + grid(1))
+    draw.add_rect_filled(low, high, packed(fill), grid(1))
     draw.add_text(imgui.get_font(), imgui.get_font_size(), at, packed(WHITE), text, wrap_width=wrap)
     return low, high
 
@@ -122,13 +139,13 @@ def draw_tooltip(text: str, image: imgui.ImTextureRef | None = None, of_item: bo
     lies beside the panel, for it is large."""
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     if image is not None:
-        imgui.set_next_window_pos(ImVec2(imgui.get_window_pos().x + imgui.get_window_width() + em(0.5), low.y))
+        imgui.set_next_window_pos(ImVec2(imgui.get_window_pos().x + imgui.get_window_width() + grid(2), low.y))
     elif of_item and high.y - low.y < em(TALLEST_ROW):
         padding = 2.0 * imgui.get_style().window_padding.y
         height = imgui.calc_text_size(text, wrap_width=em(TOOLTIP_FONT_SIZES)).y + padding
-        fits = high.y + em(0.3) + height <= imgui.get_io().display_size.y
+        fits = high.y + grid(1) + height <= imgui.get_io().display_size.y
         imgui.set_next_window_pos(
-            ImVec2(imgui.get_mouse_pos().x, high.y + em(0.3) if fits else low.y - em(0.3) - height)
+            ImVec2(imgui.get_mouse_pos().x, high.y + grid(1) if fits else low.y - grid(1) - height)
         )
     if imgui.begin_tooltip():
         if image is not None:
@@ -269,6 +286,16 @@ def combo(
     return chosen
 
 
+@contextmanager
+def branch(items: WidgetRects, title: str, label: str, is_open: bool = False) -> Iterator[bool]:
+    """Draw a heading that unfolds what follows; yields True where it is unfolded. `is_open` unfolds it at first."""
+    unfolded = imgui.tree_node_ex(title, imgui.TreeNodeFlags_.default_open if is_open else 0)
+    items.note(label)
+    yield unfolded
+    if unfolded:
+        imgui.tree_pop()
+
+
 def sort_order() -> tuple[int, bool] | None:
     """Return (column, descending) by which the present table is sorted; None without an order."""
     specs = imgui.table_get_sort_specs()
@@ -359,11 +386,16 @@ def beside(width: float) -> None:
         imgui.new_line()
 
 
-def wrapped_disabled(text: str) -> None:
-    """Draw faint text over as many lines as it needs."""
-    imgui.push_style_color(imgui.Col_.text, imgui.get_style().color_(imgui.Col_.text_disabled))
+def wrapped(text: str, color: imgui.ImVec4) -> None:
+    """Draw coloured text over as many lines as it needs."""
+    imgui.push_style_color(imgui.Col_.text, color)
     imgui.text_wrapped(text)
     imgui.pop_style_color()
+
+
+def wrapped_disabled(text: str) -> None:
+    """Draw faint text over as many lines as it needs."""
+    wrapped(text, imgui.get_style().color_(imgui.Col_.text_disabled))
 
 
 def disabled_beside(text: str) -> None:

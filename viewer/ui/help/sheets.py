@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import imgui
 
 from viewer.commands import COMMANDS, PICTURE_HINTS, bindings
 from viewer.commands.keys import HOLD_KEY
@@ -10,9 +10,10 @@ from viewer.commands.menus import MENUS
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import TERMS
+from viewer.ui.widgets import DIALOG_FLAGS, em, place_dialog
 
-WIDTH, HEIGHT = 640.0, 800.0
-"""Largest size in window units at normal scale."""
+WIDTH, HEIGHT = 49.0, 62.0
+"""Largest size in font sizes."""
 Rows = Sequence[tuple[str, str]]
 
 
@@ -43,19 +44,11 @@ class Sheet:
         if not is_open:
             self._typing = False
             return
-        scale = imgui.get_font_size() / 13.0
-        middle = ImVec2(size[0] / 2.0, (top + size[1]) / 2.0)
-        imgui.set_next_window_pos(middle, imgui.Cond_.always, ImVec2(0.5, 0.5))
-        extent = ImVec2(min(WIDTH * scale, size[0] - 16.0), min(HEIGHT * scale, size[1] - top - 16.0))
-        imgui.set_next_window_size(extent)
-        imgui.set_next_window_bg_alpha(1.0)
-        flags = imgui.WindowFlags_
+        place_dialog(size, WIDTH, HEIGHT, top)
         if opening:
             self._text = ""
             imgui.set_next_window_focus()
-        opened, stays = imgui.begin(
-            self._title, True, flags.no_collapse | flags.no_saved_settings | flags.no_docking | flags.no_resize
-        )
+        opened, stays = imgui.begin(self._title, True, DIALOG_FLAGS)
         if opened:
             self._search(opening, ui)
             self._table(self._rows(ui.session))
@@ -85,7 +78,7 @@ class Sheet:
         imgui.end_table()
 
     def _search(self, opening: bool, ui: UiFrame) -> None:
-        imgui.set_next_item_width(-13.0 * imgui.get_font_size())
+        imgui.set_next_item_width(-em(13.0))
         if opening:
             imgui.set_keyboard_focus_here()
         _, self._text = imgui.input_text_with_hint("##search", "search", self._text)

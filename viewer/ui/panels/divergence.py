@@ -68,7 +68,7 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> N
     counts = np.arange(1, max(most, 2) + 1, dtype=np.float64)
     flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text | implot.Flags_.no_legend
     ticks = counts[:: max(1, len(counts) // 8)]
-    half = (imgui.get_content_region_avail().x - 8.0) / 2.0
+    half = (imgui.get_content_region_avail().x - imgui.get_style().item_spacing.x) / 2.0
     size = ImVec2(half, PLOT_LINES * imgui.get_text_line_height_with_spacing())
     for title, cumulative in (("% of blocks", False), ("% with so many or fewer", True)):
         if implot.begin_plot(title, size, flags):

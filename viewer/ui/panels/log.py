@@ -5,8 +5,8 @@ from imgui_bundle import ImVec2, imgui
 from viewer.state.message_log import LogEntry
 from viewer.ui.controls import copy_button
 from viewer.ui.facts import UiFrame
-from viewer.ui.theme import ink
-from viewer.ui.widgets import counted
+from viewer.ui.theme import ERROR_ICON, ink, with_icon
+from viewer.ui.widgets import counted, wrapped
 
 
 class LogPanel:
@@ -38,18 +38,14 @@ class LogPanel:
 
     def _line(self, entry: LogEntry, color: imgui.ImVec4, ui: UiFrame) -> None:
         more = "+ " if entry.details and self._expanded != entry.number else ""
-        text = f"{more}{entry.line()}"
+        text = with_icon(ERROR_ICON if entry.kind == "error" else "", f"{more}{entry.line()}")
         at, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         height = imgui.calc_text_size(text, wrap_width=width).y
         chosen = imgui.selectable(f"##{entry.number}", self._expanded == entry.number, size=ImVec2(0, height))[0]
         ui.rects.note(f"log {entry.number}")
         if imgui.is_item_visible():
             imgui.set_cursor_pos(at)
-            imgui.push_style_color(
-                imgui.Col_.text, color if entry.kind == "error" else imgui.get_style().color_(imgui.Col_.text)
-            )
-            imgui.text_wrapped(text)
-            imgui.pop_style_color()
+            wrapped(text, color if entry.kind == "error" else imgui.get_style().color_(imgui.Col_.text))
         if chosen:
             self._expanded = None if self._expanded == entry.number else entry.number
         if self._expanded != entry.number:

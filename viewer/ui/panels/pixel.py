@@ -7,7 +7,7 @@ from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import side_ink
-from viewer.ui.widgets import cells, em
+from viewer.ui.widgets import cells, em, grid
 
 SIDE = 2 * REACH + 1
 LARGEST_CELL = 0.9
@@ -117,7 +117,7 @@ def draw_pixel_panel(ui: UiFrame) -> None:
         command_button(ui, "release", "pixel.let-go", label="let the pixel go", small=True)
     else:
         imgui.text_disabled("click to keep")
-    cell = min(em(LARGEST_CELL), (imgui.get_content_region_avail().x - 8.0) / (2 * SIDE))
+    cell = min(em(LARGEST_CELL), (imgui.get_content_region_avail().x - grid(2)) / (2 * SIDE))
     cell = max(2.0, float(int(cell)))
     _patch(pixel.a, place.inside, cell)
     ui.rects.note("pixels of A")

@@ -8,21 +8,18 @@ from viewer.scene.report import KINDS, report_lines
 from viewer.state.motion import chosen_animation
 from viewer.ui.controls import command_button, control, copy_button, select_texture
 from viewer.ui.facts import UiFrame
+from viewer.ui.widgets import branch
 
 
 def draw_time_line(ui: UiFrame) -> None:
     """Draw the time line of the animations: play, time, speed."""
     session = ui.session
     animations = session.scene.animations
-    opened = imgui.tree_node_ex(f"animations ({len(animations)})###animations", imgui.TreeNodeFlags_.default_open)
-    ui.rects.note("animations")
-    if not opened:
-        return
-    if animations:
-        _draw(ui)
-    else:
-        imgui.text_disabled("The scene has no animations.")
-    imgui.tree_pop()
+    with branch(ui.rects, f"animations ({len(animations)})###animations", "animations", True) as unfolded:
+        if unfolded and animations:
+            _draw(ui)
+        elif unfolded:
+            imgui.text_disabled("The scene has no animations.")
 
 
 def _draw(ui: UiFrame) -> None:
@@ -30,7 +27,8 @@ def _draw(ui: UiFrame) -> None:
     shown = chosen_animation(session.scene.animations, pose)
     if len(session.scene.animations) > 1:
         control(ui, "animation.time", 0.0, label="animation", width=-1.0)
-    command_button(ui, "Pause" if session.playback.is_playing else "Play", "animation.play", label="Play")
+    sign = "pause" if session.playback.is_playing else "play"
+    command_button(ui, "Pause" if session.playback.is_playing else "Play", "animation.play", label="Play", icon=sign)
     imgui.same_line()
     rests = pose is None and not session.playback.is_playing
     command_button(ui, "Rest", "animation.rest", missing="the scene is at rest" if rests else "")
@@ -67,16 +65,12 @@ class SceneLists:
         ui.rects.note("scene filter")
         if changed:
             self._find(scene, self._tree)
-        opened = imgui.tree_node(f"nodes ({self._tree.node_count:,})###nodes")
-        ui.rects.note("nodes")
-        if opened:
-            self._nodes(self._tree, ui)
-            imgui.tree_pop()
-        opened = imgui.tree_node(f"materials ({len(self._materials):,})###materials")
-        ui.rects.note("materials")
-        if opened:
-            self._material_rows(ui)
-            imgui.tree_pop()
+        with branch(ui.rects, f"nodes ({self._tree.node_count:,})###nodes", "nodes") as unfolded:
+            if unfolded:
+                self._nodes(self._tree, ui)
+        with branch(ui.rects, f"materials ({len(self._materials):,})###materials", "materials") as unfolded:
+            if unfolded:
+                self._material_rows(ui)
 
     def _find(self, scene: Scene, tree: SceneTree) -> None:
         tree.filter(self._filter)
@@ -129,24 +123,16 @@ class SceneLists:
 
 
 def _report(scene: Scene, ui: UiFrame) -> None:
-    report = scene.report
-    opened = imgui.tree_node_ex("load report", imgui.TreeNodeFlags_.default_open)
-    ui.rects.note("load report")
-    if not opened:
-        return
-    copy_button(ui, "copy report", "copy report", lambda: "\n".join(report_lines(scene)))
-    for name in KINDS:
-        lines = getattr(report, name)
-        if not lines:
-            continue
-        flags = imgui.TreeNodeFlags_.default_open if name == "missing" else 0
-        opened = imgui.tree_node_ex(f"{name} ({len(lines)})", flags)
-        ui.rects.note(name)
-        if opened:
-            for line in lines:
-                imgui.text_wrapped(line)
-            imgui.tree_pop()
-    imgui.tree_pop()
+    with branch(ui.rects, "load report", "load report", True) as unfolded:
+        if not unfolded:
+            return
+        copy_button(ui, "copy report", "copy report", lambda: "\n".join(report_lines(scene)))
+        for name in KINDS:
+            lines: tuple[str, ...] = getattr(scene.report, name)
+            if lines:
+                with branch(ui.rects, f"{name} ({len(lines)})", name, name == "missing") as shown:
+                    for line in lines if shown else ():
+                        imgui.text_wrapped(line)
 
 
 def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
@@ -162,15 +148,12 @@ def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
     command_button(ui, "Open...", "file.open")
     imgui.same_line()
     command_button(ui, "Frame all", "camera.frame-all")
-    opened = imgui.tree_node_ex(f"cameras ({len(scene.cameras)})", imgui.TreeNodeFlags_.default_open)
-    ui.rects.note("cameras")
-    if opened:
-        for number, camera in enumerate(scene.cameras):
+    with branch(ui.rects, f"cameras ({len(scene.cameras)})", "cameras", True) as unfolded:
+        for number, camera in enumerate(scene.cameras if unfolded else ()):
             label = f"{number + 1}  {camera.name}"
             if imgui.selectable(label, ui.session.view.camera == camera)[0]:
                 ui.emit("camera.set", camera)
             ui.rects.note(f"camera {camera.name}")
-        imgui.tree_pop()
     draw_time_line(ui)
     lists.draw(ui)
     _report(scene, ui)

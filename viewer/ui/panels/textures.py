@@ -17,7 +17,7 @@ from viewer.state.view_state import is_image_source
 from viewer.ui.controls import select_texture
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.rate_view import RateView
-from viewer.ui.widgets import decibels, headings, sort_order
+from viewer.ui.widgets import decibels, em, headings, sort_order
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail in lines of text."""
@@ -32,15 +32,10 @@ WIDTHS: dict[TextureColumn, float] = {
     "kB": 3.0,
     "normals": 3.7,
     "error %": 3.4,
-    "base dB": 4.2,
-    "normal dB": 4.2,
-    "roughness dB": 4.2,
-    "metalness dB": 4.2,
-    "emissive dB": 4.2,
-    "occlusion dB": 4.2,
     "on GPU": 4.5,
 }
-"""Widths of the columns in font sizes."""
+MAP_WIDTH = 4.2
+"""Widths of the columns in font sizes; MAP_WIDTH is that of the quality of one map."""
 
 
 def _texts(row: TextureRow) -> tuple[str, ...]:
@@ -111,7 +106,7 @@ class TexturesPanel:
         side = THUMBNAIL_LINES * size
         style = imgui.get_style()
         others = sum(WIDTHS[column] * size for column in COLUMNS if column not in (*HIDDEN_AT_FIRST, "name"))
-        gaps = 2.0 * (len(COLUMNS) - len(HIDDEN_AT_FIRST) + 2) * style.cell_padding.x + style.scrollbar_size
+        gaps = 2.0 * (len(COLUMNS) - len(HIDDEN_AT_FIRST) + 3) * style.cell_padding.x + style.scrollbar_size
         name = max(WIDTHS["name"] * size, self._width - side - others - gaps)
         imgui.table_setup_column(
             "##picture", fixed | imgui.TableColumnFlags_.no_sort | imgui.TableColumnFlags_.no_hide, side
@@ -120,7 +115,9 @@ class TexturesPanel:
             flags = fixed | (imgui.TableColumnFlags_.default_hide if column in HIDDEN_AT_FIRST else 0)
             if column == "name":
                 flags |= imgui.TableColumnFlags_.no_hide
-            imgui.table_setup_column(column, flags, name if column == "name" else WIDTHS[column] * size, number)
+            imgui.table_setup_column(
+                column, flags, name if column == "name" else em(WIDTHS.get(column, MAP_WIDTH)), number
+            )
         headings(("##picture", *COLUMNS), ui.rects)
 
     def _update(self, ui: UiFrame, source: str) -> None:

@@ -20,10 +20,8 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import EncodeForm
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
-from viewer.ui.widgets import CARD_FLAGS, Area, cells, combo, counted, duration, em, headings, shortened
+from viewer.ui.widgets import CARD_FLAGS, Area, cells, combo, counted, duration, em, grid, headings, shortened
 
-GAP = 4.0
-"""Space between buttons in window units."""
 ACTIONS = (("open", "Open"), ("keep", "Keep"), ("discard", "Discard"))
 
 
@@ -39,10 +37,10 @@ def draw_kept_runs(ui: UiFrame) -> None:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
         if imgui.is_item_hovered():
             ui.rects.tip("\n".join((run.title, run.settings, f"{run.outcome}{quality}", run.scene_path)))
-        width = (imgui.get_content_region_avail().x - GAP * (len(ACTIONS) - 1)) / len(ACTIONS)
+        width = (imgui.get_content_region_avail().x - grid(len(ACTIONS) - 1)) / len(ACTIONS)
         for index, (action, title) in enumerate(ACTIONS):
             if index:
-                imgui.same_line(0.0, GAP)
+                imgui.same_line(0.0, grid(1))
             label, size = f"{action} kept back {number}", ImVec2(width, 0.0)
             command_button(ui, f"{title}##kept{number}", "training.kept-back", action, number, label=label, size=size)
     imgui.separator()
@@ -213,7 +211,7 @@ def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
     share = 1.0 if run is None else -0.6 * imgui.get_time() if progress is None else progress.share
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*INKS["dark"]["a"]))
     # The text stands below: over the bar it would be hard to read.
-    imgui.progress_bar(min(1.0, share), ImVec2(-1, 6), "")
+    imgui.progress_bar(min(1.0, share), ImVec2(-1, grid(1.5)), "")
     imgui.pop_style_color()
     ui.rects.note("progress")
 
@@ -316,7 +314,8 @@ class EncodeOffer:
             self._corner = emptiest_corner(ui.session.scene, ui.session.view.camera, size, box, OFFER_CORNERS)
         right, bottom = self._corner
         place = ImVec2(
-            area.right - 12.0 if right else area.left + 12.0, area.bottom - 40.0 if bottom else area.top + 40.0
+            area.right - grid(3) if right else area.left + grid(3),
+            area.bottom - grid(10) if bottom else area.top + grid(10),
         )
         imgui.set_next_window_pos(place, imgui.Cond_.always, ImVec2(right, bottom))
         imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, 1e4))
