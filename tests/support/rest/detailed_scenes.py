@@ -15,7 +15,7 @@ SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 0, 0], [1, 1, 0], [0, 1,
 SQUARE_UVS = np.array([[0, 1], [1, 1], [1, 0], [0, 1], [1, 0], [0, 0]], np.float32)
 TOWARDS_CAMERA = np.tile(np.array([0.0, 0.0, 1.0], np.float32), (6, 1))
 SIDE = 256
-"""Texels along a side of a texture: about 1.5 for each pixel of a window of 320x180."""
+"""Texels along a side of a texture: about 1.5 for each pixel of a window of 320x200."""
 FIELD = 0.6
 """Vertical field of view of the scene's camera, radians."""
 FINE, LARGE = 4, 32

@@ -17,7 +17,8 @@ from tests.support.rest.plan import Plan, write_plan
 from viewer.state.view_state import PathChoice, Slot, ViewState
 
 ROOT = Path(__file__).resolve().parents[3]
-SIZE = (320, 180)
+SIZE = (320, 200)
+"""Of the smallest window that settings may name: others are refused, and the window has its usual size and panels."""
 ALONE = {"show_panels": False, "first_steps": False, "prepare_encoding": False, "column_folded": False}
 """Settings of a window that shows the picture alone, and prepares nothing."""
 STARTING_SECONDS = 120.0
@@ -141,4 +142,6 @@ def play(
     rests = tuple(rest for rest in found if isinstance(rest, Rest))
     failed = done.returncode != 0 or "Traceback" in done.stderr
     problem = f"exit status {done.returncode}: {done.stderr[-2000:]}" if failed else ""
+    if rests and rests[0].screen.shape[1::-1] != size:
+        problem += f"the window has {rests[0].screen.shape[1::-1]} pixels, not {size}: {rests[0].told}"
     return Played(rests, next((rest for rest in found if isinstance(rest, Idle)), None), problem)

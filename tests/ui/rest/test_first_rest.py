@@ -64,9 +64,9 @@ def test_a_library(start: Start, check: Check, tmp_path: Path) -> None:
 @pytest.mark.nightly
 def test_surfaces_that_let_light_through(start: Start, check: Check, tmp_path: Path) -> None:
     # Many samples of each pixel are drawn.
-    scene, size = write_wall(tmp_path / "panes.glb", side=SMALL, blend=True), (240, 135)
+    scene = write_wall(tmp_path / "panes.glb", side=SMALL, blend=True)
     encode(scene, tmp_path / "panes.clustered.ntc")
-    played = start(str(scene), stages=(Stage("side by side", ("compare.mode side-by-side",)),), size=size)
+    played = start(str(scene), stages=(Stage("side by side", ("compare.mode side-by-side",)),))
     for name in ("start", "side by side"):
         check(played.of(name))
 

@@ -20,7 +20,6 @@ VIEWS = [f"materials.view {view}" for view in ("base", "normal", "orm", "emissiv
 MODES = [f"compare.mode {mode}" for mode in ("a", "b", "wipe-horizontal", "side-by-side")]
 DIFFERENCES = [f"compare.difference {kind}" for kind in ("raw", "amplified", "relative", "flip")]
 OVERLAYS = [f"overlay.kind {kind}; overlay.opacity 0.3" for kind in ("divergence", "error-texture")]
-SIZE = (240, 135)
 WAYS = [*PATHS, *VIEWS, *MODES, *DIFFERENCES, *OVERLAYS]
 SOME = [PATHS[5], PATHS[8], VIEWS[2], MODES[3], DIFFERENCES[3], OVERLAYS[1]]
 """One of each kind at least."""
@@ -34,7 +33,7 @@ def played(request: pytest.FixtureRequest, screen: str, wall: Path, tmp_path_fac
     # The view of materials outlives the scene.
     opened = (f"file.open '{wall}'", "materials.view lit")
     stages = tuple(Stage(way, (*opened, *way.split("; "))) for way in ways)
-    return play(screen, tmp_path_factory.mktemp("ways"), Plan((str(wall),), stages), SIZE)
+    return play(screen, tmp_path_factory.mktemp("ways"), Plan((str(wall),), stages))
 
 
 @pytest.mark.parametrize(
