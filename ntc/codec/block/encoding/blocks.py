@@ -25,8 +25,8 @@ Array = NDArray[np.float32]
 Number = TypeVar("Number", bound=np.generic)
 SAMPLED_BLOCKS = 24_000
 """Blocks that a group's tables are fitted to."""
-COMPARED_BLOCKS = 512
-"""By which averages are compared with coarse mips."""
+COMPARED_BLOCKS, COMPARED_MIPS = 512, 4
+"""Of each of so many mips, by which the quality of a layout of mips is judged."""
 ROWS_AT_ONCE = 1 << 16
 """Texels whose products are summed at a time."""
 MASK_MARGIN = 40
@@ -91,6 +91,8 @@ class PreparedTexture:
     axes: Axes
     texels: NDArray[np.uint8]
     """[blocks of all levels, texels, channels] 8-bit values; 0 in channels that the texture lacks."""
+    compared: tuple[NDArray[np.uint8], ...] = ()
+    """By level, the first COMPARED_MIPS: 8-bit values [blocks, texels of a code's mip, channels] of its `compared_blocks`."""
     derived_errors: tuple[float, ...] = ()
     """Mean squares, in 8-bit steps, by which averages of the values of mip 0 miss the mips that are derived from it, by samples."""
 
@@ -201,32 +203,40 @@ def prepare_texture(source: SourceTexture, config: BlockConfig, code_mips: int |
     for number in range(1, config.mips):
         axes.mean[number] = axes.mean[0] + _offset([each.mean for each in moments], levels, number)
     own = [number for number, level in enumerate(levels) if level.has_own_cells]
-    texels = np.concatenate([blocks_of(values[number], config.block_side, source.wrap) for number in own])
+    blocks = {number: blocks_of(values[number], config.block_side, source.wrap) for number in own}
+    compared = []
+    for number, level in enumerate(levels[:COMPARED_MIPS]):
+        side = config.code_sides[level.mip_of_cell]
+        every = blocks[number] if level.has_own_cells else blocks_of(values[number], side, source.wrap)
+        compared.append(every[compared_blocks(level.cells)])
+    texels = np.concatenate(list(blocks.values()))
     shown = [channel for channel in places if cutoff is None or channel != config.alpha]
-    return PreparedTexture(axes, texels, _derived_errors(texels, values, levels, source.wrap, axes, shown, config))
+    return PreparedTexture(axes, texels, tuple(compared), _derived_errors(compared, levels, axes, shown, config))
+
+
+def compared_blocks(count: int) -> NDArray[np.int64]:
+    """Return the numbers of the blocks among `count` by which the quality of a level is judged."""
+    return np.unique(np.linspace(0, count - 1, COMPARED_BLOCKS).astype(np.int64))
 
 
 def _derived_errors(
-    texels: NDArray[np.uint8],
-    values: Sequence[NDArray[np.uint8]],
+    compared: Sequence[NDArray[np.uint8]],
     levels: Sequence[LatentLevel],
-    wrap: tuple[WrapMode, WrapMode],
     axes: Axes,
     channels: Sequence[int],
     config: BlockConfig,
 ) -> tuple[float, ...]:
-    """`PreparedTexture.derived_errors` over `channels` of `texels`, which begin with the blocks of mip 0."""
+    """`PreparedTexture.derived_errors` over `channels` of the blocks `compared` by level."""
     found = []
-    for number, level in enumerate(levels[1:], 1):
+    finest = compared[0][..., channels]
+    for number, (level, truth) in enumerate(zip(levels[1:], compared[1:], strict=False), 1):
         if level.mip_of_cell != number:
             break
-        rows = np.unique(np.linspace(0, level.cells - 1, COMPARED_BLOCKS).astype(np.int64))
         side, count = config.code_sides[number], 1 << number
-        squares = texels[rows][..., channels].reshape(len(rows), side, count, side, count, len(channels))
-        means = squares.mean((2, 4), dtype=np.float32).reshape(len(rows), side * side, -1)
+        squares = finest.reshape(len(finest), side, count, side, count, len(channels))
+        means = squares.mean((2, 4), dtype=np.float32).reshape(len(finest), side * side, -1)
         means += np.float32(255.0) * (axes.mean[number] - axes.mean[0])[channels]
-        truth = blocks_of(values[number], side, wrap)[rows][..., channels]
-        found.append(float(np.square(means - truth).mean()))
+        found.append(float(np.square(means - truth[..., channels]).mean()))
     return tuple(found)
 
 

@@ -1,7 +1,7 @@
 """Which modes suit blocks, edge parts included, by the errors that are expected of them."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 import torch
@@ -19,7 +19,7 @@ CANDIDATES = 2
 """Modes that are searched for each block: with more of them, pictures were not nearer."""
 ROUNDS_TO_CHOOSE = 2
 """Rounds in which edge parts are fitted, to choose modes: codes take more of them."""
-JUDGED_BLOCKS = 2048
+JUDGED_BLOCKS = 1024
 """Of a texture, by which kinds of edge parts are judged."""
 LEAST_GAIN = 0.005
 """Share of the error that a kind of edge parts must take away."""
@@ -37,10 +37,20 @@ class Choices:
     modes: NDArray[np.uint8]
     """[blocks, sizes, CANDIDATES] modes of the least expected errors."""
 
+    @classmethod
+    def joined(cls, parts: "Sequence[Choices]") -> "Choices":
+        """Those of the blocks of all `parts`, one after the other."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+
+    def of_first(self, blocks: int) -> "Choices":
+        """Those of the first so many blocks."""
+        return Choices(self.errors[:blocks], self.unavoidable[:blocks], self.modes[:blocks])
+
 
 def left_out(blocks: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
     """[blocks] squared error of what the basis cannot show of `blocks`, whatever their coefficients `values` become."""
-    return (blocks.square().sum(1) - values.square().sum(1)).clamp_(min=0.0)
+    whole: torch.Tensor = torch.linalg.vector_norm(blocks, dim=1).square_()
+    return whole.sub_(torch.linalg.vector_norm(values, dim=1).square_()).clamp_(min=0.0)
 
 
 def paying_kinds(

@@ -1,5 +1,6 @@
 """The search for a block's best path through the trellis and the writing of its code, compiled by numba, a block at a time."""
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -36,6 +37,7 @@ class SearchTables(NamedTuple):
     """[depths, numbers]."""
 
 
+@lru_cache(maxsize=64)
 def search_tables(decoder: BlockDecoder, config: BlockConfig, size: int) -> SearchTables:
     """Tables for codes of size class `size`."""
     depths = decoder.depths(config)[size].astype(np.int64)
@@ -187,17 +189,19 @@ def _read(word: NDArray[np.uint32], place: int, width: int) -> int:
 def read_codes(
     words: NDArray[np.uint32],
     modes: NDArray[np.int64],
-    values: NDArray[np.float64],
+    blocks: NDArray[np.int64],
+    values: NDArray[np.float32],
     counts: NDArray[np.int64],
     rows: NDArray[np.int64],
     depths: NDArray[np.int64],
-    scales: NDArray[np.float64],
+    scales: NDArray[np.float32],
     first: NDArray[np.int64],
-    levels: NDArray[np.float64],
+    _nearest: NDArray[np.uint8],
+    levels: NDArray[np.float32],
 ) -> None:
-    """Write the coefficients of codes `words` [blocks, words] of `modes` [blocks] into `values` [blocks, coefficients], which are 0.
-    The other arguments are those of a `SearchTables`."""
-    for block in range(len(words)):
+    """Write the coefficients of those `blocks` [N] of codes `words` [blocks, words] of `modes` [blocks] into `values` [blocks,
+    coefficients], which are 0. The other arguments are a `SearchTables`."""
+    for block in blocks:
         mode = modes[block]
         count, before = counts[mode], first[mode]
         state, rest = _start_state(words[block], before), before + count

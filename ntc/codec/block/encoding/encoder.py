@@ -39,38 +39,25 @@ def encode_texture(
     threads: int = 1,
     prepared: PreparedTexture | None = None,
     code_mips: Literal[1, 2] | None = None,
+    choices: Choices | None = None,
 ) -> BlockTexture:
     """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that. With `code_mips`
     mips per code in place of as many as `config` says, it takes as many bytes.
 
-    `prepared` is `source` in blocks, where that is known. `threads` change no byte. `worked` is called often, with the work that was
-    done since, in blocks (`rate.encoding_work`); what it raises ends the encoding.
+    `prepared` is `source` in blocks, and `choices` are those of these, where that is known. `threads` change no byte. `worked` is
+    called often, with the work that was done since, in blocks (`rate.encoding_work`); what it raises ends the encoding.
     """
     texture = prepared or prepare_texture(source, config, code_mips)
     words = equal_words(words, source.size, code_mips, config)
+    choices = choices or texture_choices(texture, decoder, config, worked, threads)
     with one_thread():
-        tables = Tables.of(decoder, config)
-        kinds = paying_kinds(texture, tables, decoder, config)
-        starts = range(0, len(texture.texels), BLOCKS_AT_ONCE)
-        parts = [slice(start, start + BLOCKS_AT_ONCE) for start in starts]
-
-        def choices_of(part: slice) -> Choices:
-            worked(0.0)
-            blocks = texture.normalised(part)
-            found = block_choices(blocks, texture.axes, tables, decoder, config, kinds)
-            worked(CHOICES_WORK * len(blocks))
-            return found
-
-        choices = mapped(choices_of, parts, threads)
         levels = latent_levels(*source.size, config, code_mips)
         least = 0.0 if texture.axes.cutoff is None else float(mask_words(config))
-        expected = np.concatenate([each.errors for each in choices])
         sizes = _sizes(
-            expected, levels, config, words, [least] if code_mips is None else own_words(words, least, config)
+            choices.errors, levels, config, words, [least] if code_mips is None else own_words(words, least, config)
         )
-        modes = np.concatenate([each.modes for each in choices])
-        own = np.take_along_axis(modes, sizes[:, None, None], axis=1)[:, 0]
-        codes = _codes(texture, sizes, own, tables, decoder, config, worked, threads)
+        own = np.take_along_axis(choices.modes, sizes[:, None, None], axis=1)[:, 0]
+        codes = _codes(texture, sizes, own, Tables.of(decoder, config), decoder, config, worked, threads)
     stored = stored_words(BlockCodes(codes, sizes), levels, config)
     axes = texture.axes
     found = BlockTexture(
@@ -80,6 +67,32 @@ def encode_texture(
         share = float((source.pixels[..., -1] >= 255.0 * axes.cutoff).mean())
         keep_coverage(found, decoder, config, axes.cutoff, share)
     return found
+
+
+def texture_choices(
+    texture: PreparedTexture,
+    decoder: BlockDecoder,
+    config: BlockConfig,
+    worked: Callable[[float], None] = lambda _: None,
+    threads: int = 1,
+    first: Choices | None = None,
+) -> Choices:
+    """Choices for all blocks of `texture`; the `first` of them may be known. `threads` and `worked` as `encode_texture` has them."""
+    with one_thread():
+        tables = Tables.of(decoder, config)
+        kinds = paying_kinds(texture, tables, decoder, config)
+        known = 0 if first is None else len(first.errors)
+        starts = range(known, len(texture.texels), BLOCKS_AT_ONCE)
+
+        def choices_of(start: int) -> Choices:
+            worked(0.0)
+            blocks = texture.normalised(slice(start, start + BLOCKS_AT_ONCE))
+            found = block_choices(blocks, texture.axes, tables, decoder, config, kinds)
+            worked(CHOICES_WORK * len(blocks))
+            return found
+
+        found = mapped(choices_of, starts, threads)
+    return Choices.joined([*([] if first is None else [first]), *found])
 
 
 def _sizes(

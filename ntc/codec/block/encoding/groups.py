@@ -10,10 +10,10 @@ import torch
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, prepare_texture, sample_textures
-from ntc.codec.block.encoding.encoder import encode_texture
+from ntc.codec.block.encoding.encoder import encode_texture, texture_choices
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
-from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful
+from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful, loses_much
 from ntc.codec.block.encoding.rate import MEASURE_WORK, SAMPLING_WORK, block_count, fitting_work
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
@@ -21,6 +21,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.universal import universal_decoder
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import Interruption, no_interruption
+from ntc.codec.latents import texture_levels
 from ntc.codec.model import Grouping
 from ntc.codec.quality import measured_texture
 from ntc.codec.textures import SourceTexture
@@ -127,13 +128,15 @@ def encode_member(
 
     Where `has_own_codes`, a texture whose derived mips are below mip 0 has fewer mips per code, in as many bytes, if that is better.
     """
+    decoder, group = fitted.decoder, fitted.group
     prepared = prepared or prepare_texture(source, config)
-    found = encode_texture(source, fitted.decoder, config, words, fitted.group, worked, threads, prepared)
+    choices = texture_choices(prepared, decoder, config, worked, threads)
+    found = encode_texture(source, decoder, config, words, group, worked, threads, prepared, choices=choices)
     measured = _measured(found, source, fitted, config, threads)
     worked(MEASURE_WORK * block_count([source.size], config))
     if not has_own_codes or not is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
         return measured
-    quality = MipQuality.of(found, fitted.decoder, config, source)
+    quality = MipQuality.of(found, prepared, decoder, config)
     code_mips = quality.fewer_mips(config)
     if code_mips is None:
         return measured
@@ -141,12 +144,15 @@ def encode_member(
     def not_counted(_work: float) -> None:
         worked(0.0)
 
-    other = encode_texture(
-        source, fitted.decoder, config, words, fitted.group, not_counted, threads, code_mips=code_mips
-    )
-    if not MipQuality.of(other, fitted.decoder, config, source).is_better(quality):
+    again = prepare_texture(source, config, code_mips)
+    # Blocks of mip 0 come first, and suit the same modes as long as mip 1 is derived from them.
+    same = choices.of_first(texture_levels(found, config)[0].cells) if again.axes.has_derived else None
+    chosen = texture_choices(again, decoder, config, not_counted, threads, same)
+    other = encode_texture(source, decoder, config, words, group, not_counted, threads, again, code_mips, chosen)
+    if not MipQuality.of(other, again, decoder, config).is_better(quality):
         return measured
-    return _measured(other, source, fitted, config, threads)
+    other = _measured(other, source, fitted, config, threads)
+    return measured if loses_much(other.psnr_db or 0.0, measured.psnr_db or 0.0) else other
 
 
 def _measured(

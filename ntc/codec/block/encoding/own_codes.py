@@ -7,19 +7,14 @@ from typing import Literal
 import numpy as np
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import blocks_of
+from ntc.codec.block.encoding.blocks import PreparedTexture, compared_blocks
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import block_values, texture_codes
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.latents import latent_cell_count, texture_levels
-from ntc.codec.mips import mip_chain
 from ntc.codec.quality import psnr_of_mse
-from ntc.codec.textures import SourceTexture
 
 CodeMips = Literal[1, 2]
-SAMPLED_BLOCKS = 256
-"""Of a mip, by which its quality is measured."""
-COMPARED_MIPS = 4
 SECOND_WORDS = 1.3
 """Words a block of mip 1 where it has codes of its own, over the mean of all mips."""
 LEAST_GAIN_DB = 0.1
@@ -40,22 +35,19 @@ class MipQuality:
 
     @classmethod
     def of(
-        cls, texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, source: SourceTexture
+        cls, texture: BlockTexture, prepared: PreparedTexture, decoder: BlockDecoder, config: BlockConfig
     ) -> "MipQuality":
-        """That of samples of `texture`, which `source` was encoded to. Alpha of a mask is left out."""
-        levels = texture_levels(texture, config)[:COMPARED_MIPS]
-        mips = mip_chain(source.pixels, source.color_space, source.maps)
+        """That of samples of `texture`, which `prepared` was encoded to. Alpha of a mask is left out."""
         places = texture.places(config)
-        channels = len(places) - (source.cutoff is not None)
+        channels = [place for place in places if prepared.axes.cutoff is None or place != config.alpha]
         found = []
-        for number, level in enumerate(levels):
-            stored = texture_codes(texture, config, number)
-            rows = np.unique(np.linspace(0, len(stored.codes) - 1, SAMPLED_BLOCKS).astype(np.int64))
+        for number, truth in enumerate(prepared.compared):
+            level, stored = texture_levels(texture, config)[number], texture_codes(texture, config, number)
+            rows = compared_blocks(level.cells)
             part = BlockCodes(stored.codes[rows], stored.sizes[rows])
-            values = block_values(texture, part, decoder, config, level.mip_of_cell)[..., places[:channels]]
+            values = block_values(texture, part, decoder, config, level.mip_of_cell)[..., channels]
             shown = np.rint(np.clip(values, 0.0, 1.0) * 255.0)
-            truth = blocks_of(mips[number], config.code_sides[level.mip_of_cell], source.wrap)[rows, :, :channels]
-            found.append(psnr_of_mse(float(np.square(shown - truth).mean())))
+            found.append(psnr_of_mse(float(np.square(shown - truth[..., channels]).mean())))
         return cls(tuple(found))
 
     def fewer_mips(self, config: BlockConfig) -> CodeMips | None:
@@ -65,10 +57,14 @@ class MipQuality:
         return 2 if config.mips == 4 else 1
 
     def is_better(self, other: "MipQuality") -> bool:
-        """Return whether fewer mips per code, which give this quality in place of `other`, pay."""
+        """Return whether mips of this quality, in place of those of `other`, pay for fewer mips per code."""
         most = other.psnr_db[0]
-        gain = _shortfall(most, other.psnr_db) - _shortfall(most, self.psnr_db)
-        return gain > LEAST_GAIN_DB and self.psnr_db[0] > min(most, MOST_DB) - LARGEST_LOSS_DB
+        return _shortfall(most, other.psnr_db) - _shortfall(most, self.psnr_db) > LEAST_GAIN_DB
+
+
+def loses_much(psnr_db: float, others_db: float) -> bool:
+    """Return whether a mip 0 of `psnr_db` is too poor beside one of `others_db`."""
+    return psnr_db <= min(others_db, MOST_DB) - LARGEST_LOSS_DB
 
 
 def _shortfall(psnr_db: float, mips_db: Sequence[float]) -> float:

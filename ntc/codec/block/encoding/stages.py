@@ -30,6 +30,8 @@ PREVIEW_TIMES = 48
 """Texels of a group, as a multiple of those of its preview, from which on it has one."""
 FEW_TEXTURES = 8
 """Up to so many are encoded one after the other, each by all threads."""
+MOST_KEPT = 1 << 28
+"""Values of all textures of a task up to which they stay in blocks from when tables are fitted until they are encoded."""
 HIGHEST_PSNR_DB = 120.0
 """What is reported of textures that are exact: curves have no room for infinity."""
 
@@ -52,7 +54,7 @@ class BlockEncoder(Encoder):
         self._threads_each = 1
         """Threads that encode one texture."""
         self._kept: dict[SourceTexture, PreparedTexture] = {}
-        """Textures in blocks, where they are few, from when tables are fitted until they are encoded."""
+        """Textures in blocks that wait to be encoded."""
         self._ended: set[int] = set()
         self._previews: dict[int, EncodedGroup] = {}
         """Coarse groups to show until they are encoded."""
@@ -163,8 +165,8 @@ class BlockEncoder(Encoder):
 
             # Groups side by side, or the textures of one.
             threads = most if len(groups) == 1 else 1
-            few = len(task.textures) <= FEW_TEXTURES and self._options.quality_db is None
-            kept = self._kept if few else None
+            few = sum(texture.pixels.size for texture in task.textures) <= MOST_KEPT
+            kept = self._kept if few and self._options.quality_db is None else None
             found = fitted_group(task.textures, task.grouping, group, config, self._options.seed, worked, threads, kept)
             self._step += 1
             return found

@@ -17,7 +17,7 @@ from ntc.codec.block.encoding.masks import mixed_blocks
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
 from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
-from ntc.codec.block.model import BlockDecoder, stored_scales
+from ntc.codec.block.model import BlockDecoder, scale_values, stored_scales
 
 MODE_ROUNDS = 6
 """Alternations between choosing a mode for each block and fitting the modes to their blocks."""
@@ -25,7 +25,7 @@ CLASS_ROUNDS = 12
 """Rounds of the clustering that the first modes come from."""
 MODE_FEATURES = 64
 """Leading coefficients whose energies the first modes are clustered by."""
-CURVE_BLOCKS = 2048
+CURVE_BLOCKS = 1024
 """Of a texture, by which the worth of its words is estimated."""
 FEWEST_BLOCKS = 16
 """A mode that fewer blocks chose is fitted to all."""
@@ -73,10 +73,10 @@ def _modes(
     scales = _fitted_scales(squares, first_classes(energies, modes, random), modes)
     middle = len(config.block_words) // 2
     for _ in range(MODE_ROUNDS):
-        tables = Tables.of(replace(decoder, scales=scales), config)
-        depths = tables.depths[middle : middle + 1]
-        expected = expected_errors(coefficients, depths, tables.scales)[:, 0]
-        chosen = best_modes(coefficients, expected, depths[0], tables.scales).numpy()
+        depths = torch.from_numpy(replace(decoder, scales=scales).depths(config)[middle].astype(np.int64))
+        values = torch.from_numpy(scale_values(scales).astype(np.float32))
+        expected = expected_errors(coefficients, depths[None], values)[:, 0]
+        chosen = best_modes(coefficients, expected, depths, values).numpy()
         scales = _fitted_scales(squares, chosen, modes)
         worked(1.0 / MODE_ROUNDS)
     return scales

@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -31,14 +32,18 @@ class Tables:
     @classmethod
     def of(cls, decoder: BlockDecoder, config: BlockConfig) -> "Tables":
         """Those of `decoder`."""
-        depths = torch.from_numpy(decoder.depths(config).astype(np.int64))
-        scales = torch.from_numpy(scale_values(decoder.scales).astype(np.float32))
-        basis = Basis(decoder.basis, decoder.channels, decoder.basis_scale)
-        return cls(basis.projections(config), depths, scales)
+        return _tables(decoder, config)
 
     def project(self, blocks: torch.Tensor) -> torch.Tensor:
         """[blocks, coefficients] float32: the coefficients of least squared error of `blocks` [blocks, texels x channels]."""
         return projected(blocks, self.projections)
+
+
+@lru_cache(maxsize=16)
+def _tables(decoder: BlockDecoder, config: BlockConfig) -> Tables:
+    depths = torch.from_numpy(decoder.depths(config).astype(np.int64))
+    scales = torch.from_numpy(scale_values(decoder.scales).astype(np.float32))
+    return Tables(Basis(decoder.basis, decoder.channels, decoder.basis_scale).projections(config), depths, scales)
 
 
 @dataclass(frozen=True, eq=False)
