@@ -18,6 +18,8 @@ import {
     ShaderChunk,
 } from "three";
 
+import { PackFile } from "./pack.js";
+
 const EXTENSION = "NV_texture_swizzle";
 const PACK_TYPE = "image/vnd.ntc-viewer.pack";
 const FILLED = -1;
@@ -104,6 +106,11 @@ class Workers {
         else this.#ask(worker, job.message).then(job.resolve, job.reject);
     }
 
+    /** Gives all workers bytes of the pack that have arrived. What is asked of them later is decoded with these. */
+    fill(parts) {
+        if (parts.length > 0) this.#all.forEach((worker) => worker.postMessage({ task: "fill", parts }));
+    }
+
     /** Mips of a texture: for each output [{data, width, height}]. */
     decode(stage, message) {
         return new Promise((resolve, reject) => {
@@ -151,8 +158,8 @@ function uses(json) {
 
 /** Which tables of grouping `universal` a pack names; null for others. */
 function tablesName(pack) {
-    const length = Number(new DataView(pack).getBigUint64(0, true));
-    const header = JSON.parse(new TextDecoder().decode(new Uint8Array(pack, 8, length)));
+    const length = Number(new DataView(pack.buffer).getBigUint64(0, true));
+    const header = JSON.parse(new TextDecoder().decode(pack.subarray(8, 8 + length)));
     const { codec, grouping } = JSON.parse(header.__metadata__.ntc);
     if (codec.tables) return `universal_sets_${codec.tables}.safetensors`;
     return grouping.name === "universal" ? `universal_${grouping.parameters.version}_${codec.output_channels}.safetensors` : null;
@@ -289,7 +296,9 @@ export class NTCTextures {
         const workers = new Workers();
         const name = this.#parser.json.images[image].uri ?? `images[${image}]`;
         try {
-            const [module, pack] = await Promise.all([wasmModule(), this.#bytes(image)]);
+            const [module, file] = await Promise.all([wasmModule(), this.#file(image)]);
+            const pack = file.bytes;
+            file.bytes = null;
             let tables = null;
             try {
                 tables = tablesName(pack);
@@ -299,7 +308,7 @@ export class NTCTextures {
             if (tables !== null) tables = await fetched(new URL(`./${tables}`, import.meta.url));
             const count = this.#options.workers ?? Math.min(4, Math.max(1, (navigator.hardwareConcurrency ?? 2) - 1));
             const facts = await workers.open(count, { module, pack, tables });
-            return { workers, facts };
+            return { workers, facts, file, name };
         } catch (error) {
             workers.end();
             this.#report(`${name}: the pack cannot be read (${error.message}); the other images are shown`);
@@ -307,14 +316,20 @@ export class NTCTextures {
         }
     }
 
-    /** The pack as it lies in the file, or beside it. */
-    async #bytes(image) {
+    /** The pack as it lies in the file, or beside it: read in parts where it comes by HTTP. */
+    async #file(image) {
         const parser = this.#parser;
         const { uri, bufferView } = parser.json.images[image];
-        if (bufferView !== undefined) return parser.getDependency("bufferView", bufferView);
+        if (bufferView !== undefined) return PackFile.whole(new Uint8Array(await parser.getDependency("bufferView", bufferView)));
         const url = LoaderUtils.resolveURL(uri, parser.options.path);
+        const { manager, requestHeader, withCredentials } = parser.fileLoader;
+        const resolved = manager.resolveURL(url);
+        if (/^https?:/.test(new URL(resolved, globalThis.location?.href).protocol)) {
+            return PackFile.read(resolved, { headers: requestHeader, credentials: withCredentials ? "include" : "same-origin" });
+        }
         return new Promise((resolve, reject) => {
-            parser.fileLoader.load(url, resolve, undefined, () => reject(new Error("the file is not there")));
+            const whole = (data) => resolve(PackFile.whole(new Uint8Array(data)));
+            parser.fileLoader.load(url, whole, undefined, () => reject(new Error("the file is not there")));
         });
     }
 
@@ -329,12 +344,14 @@ export class NTCTextures {
         const outputs = made.map(({ output }) => output);
         const shown = made.map(({ texture }) => texture);
         let last = mips - 1;
-        const jobs = stages(width, height, mips, outputs.every(({ format }) => format === RGBA8)).map((first) => {
+        const isPlain = outputs.every(({ format }) => format === RGBA8);
+        const jobs = stages(width, height, mips, isPlain, (mip) => pack.file.hasOwnCodes(layer, mip)).map((first) => {
             const job = { texture: layer, width, height, first, last, outputs };
             last = first - 1;
             return job;
         });
         const show = async (stage) => {
+            pack.workers.fill(await pack.file.need(layer, jobs[stage].first));
             const found = await pack.workers.decode(stage, jobs[stage]);
             shown.forEach((texture, place) => texture.prepend(found[place]));
         };
@@ -351,7 +368,11 @@ export class NTCTextures {
             this.#report(`${error.message}; the other images are shown`);
             return new Map();
         }
-        this.#pending.push(finish().catch((error) => this.#report(error.message)));
+        const fail = (error) => {
+            if (!pack.isBroken) this.#report(`${pack.name}: finer mips cannot be read (${error.message})`);
+            pack.isBroken = true;
+        };
+        this.#pending.push(finish().catch(fail));
         return new Map(entries.map((index, place) => [index, shown[place]]));
     }
 
@@ -386,13 +407,17 @@ export class NTCTextures {
     }
 }
 
-/** First mips of what is decoded at a time, the coarsest first. Unless `any` will do, their sides are multiples of 4. */
-function stages(width, height, mips, any) {
+/**
+ * First mips of what is decoded at a time, the coarsest first. Unless `any` will do, their sides are multiples of 4. The first one is
+ * one that `hasOwnCodes`.
+ */
+function stages(width, height, mips, any, hasOwnCodes) {
     const found = [];
     for (const largest of STAGES) {
         for (let mip = 0; mip < mips; ++mip) {
             const [w, h] = [Math.max(1, width >> mip), Math.max(1, height >> mip)];
             if (Math.max(w, h) > largest || (!any && (w % 4 || h % 4))) continue;
+            if (largest === STAGES[0] && !hasOwnCodes(mip)) continue;
             if (mip !== found[found.length - 1]) found.push(mip);
             break;
         }

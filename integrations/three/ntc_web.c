@@ -29,8 +29,10 @@ EXPORT("release") void release(void *memory) {
     free(memory);
 }
 
+/* Opens the pack in `data`, and closes the one before. */
 EXPORT("open") int open_pack(const void *data, size_t bytes, const void *tables, size_t tables_bytes) {
     ntc_options options = {0};
+    ntc_close(pack);
     options.tables = tables_bytes > 0 ? tables : NULL;
     options.tables_bytes = tables_bytes;
     return (int)ntc_open(data, bytes, &options, &pack, &error);

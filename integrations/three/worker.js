@@ -5,6 +5,13 @@ const BLOCK_BYTES = [8, 16, 16, 8, 16, 16];
 const OUTPUT_WORDS = 7;
 
 let ntc;
+/** Resolves with facts about the textures when the pack is open. */
+let opened = Promise.reject(new Error("no pack is open"));
+opened.catch(() => {});
+/** Addresses and sizes of the pack and of its tables. */
+let places = [];
+/** Whether bytes of the pack have arrived since libntc checked it. */
+let isStale = false;
 const decoder = new TextDecoder();
 
 /** Copies bytes into the module's memory, and returns their address. Memory may move: views are made anew each time. */
@@ -24,15 +31,28 @@ function text(at) {
 async function open({ module, pack, tables }) {
     ntc = (await WebAssembly.instantiate(module, {})).exports;
     ntc._initialize();
-    const bytes = new Uint8Array(pack);
     const own = tables ? new Uint8Array(tables) : new Uint8Array();
-    if (ntc.open(put(bytes), bytes.length, put(own), own.length) !== 0) throw new Error(text(ntc.error()));
+    places = [put(pack), pack.length, put(own), own.length];
+    check();
     const facts = ntc.allocate(20);
     return Array.from({ length: ntc.textures() }, (_, number) => {
         ntc.texture(number, facts);
         const [width, height, mips, channels, hash] = new Int32Array(ntc.memory.buffer, facts, 5);
         return { width, height, mips, channels, hash: text(hash) };
     });
+}
+
+/** Lets libntc open the pack as it is now. Throws what is wrong with it. */
+function check() {
+    if (ntc.open(...places) !== 0) throw new Error(text(ntc.error()));
+    isStale = false;
+}
+
+/** Writes bytes of the pack that have arrived. */
+function fill({ parts }) {
+    const [start, size] = places;
+    for (const { at, data } of parts) new Uint8Array(ntc.memory.buffer, start, size).set(data, at);
+    isStale = true;
 }
 
 /** RGBA8 of half the width and height, each texel the mean of four. */
@@ -65,6 +85,8 @@ function fillMips(image, sizes) {
 
 /** Decodes mips `first` to `last` of a texture; returns, for each output, [{data, width, height}]. */
 function decode({ texture, width, height, first, last, outputs }) {
+    // A server may send other bytes than libntc has checked.
+    if (isStale) check();
     const sizes = Array.from({ length: last + 1 }, (_, mip) => ({
         width: Math.max(1, width >> mip),
         height: Math.max(1, height >> mip),
@@ -99,11 +121,14 @@ function decode({ texture, width, height, first, last, outputs }) {
 }
 
 self.onmessage = async ({ data: { id, task, ...job } }) => {
+    if (task === "open") opened = open(job);
     try {
-        const result = task === "open" ? await open(job) : decode(job);
+        const facts = await opened;
+        if (task === "fill") return fill(job);
+        const result = task === "open" ? facts : decode(job);
         const moved = task === "open" ? [] : result.flat().map((mip) => mip.data.buffer);
         self.postMessage({ id, result }, moved);
     } catch (error) {
-        self.postMessage({ id, error: error.message });
+        if (task !== "fill") self.postMessage({ id, error: error.message });
     }
 };

@@ -4,8 +4,10 @@ import base64
 import contextlib
 import functools
 import http.server
+import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import threading
@@ -37,15 +39,38 @@ def chromium() -> str | None:
     return next((path for name in NAMES if (path := shutil.which(name)) is not None), None)
 
 
+class Quiet(http.server.SimpleHTTPRequestHandler):
+    """What `python -m http.server` answers."""
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Say nothing."""
+
+
+class Ranges(Quiet):
+    """Answers ranges of bytes too."""
+
+    def send_head(self) -> Any:
+        path, wanted = (
+            Path(self.translate_path(self.path)),
+            re.fullmatch(r"bytes=(\d+)-(\d+)", self.headers.get("Range", "")),
+        )
+        if wanted is None or not path.is_file():
+            return super().send_head()
+        data = path.read_bytes()
+        first, last = int(wanted[1]), min(int(wanted[2]), len(data) - 1)
+        self.send_response(206 if first <= last else 416)
+        self.send_header(
+            "Content-Range", f"bytes {first}-{last}/{len(data)}" if first <= last else f"bytes */{len(data)}"
+        )
+        self.send_header("Content-Length", str(max(0, last + 1 - first)))
+        self.end_headers()
+        return io.BytesIO(data[first : last + 1])
+
+
 @contextlib.contextmanager
-def served(folder: Path) -> Iterator[str]:
-    """The address at which `folder` is served as `python -m http.server` does."""
-
-    class Quiet(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, format: str, *arguments: Any) -> None:
-            """Say nothing."""
-
-    handler = functools.partial(Quiet, directory=str(folder))
+def served(folder: Path, answers: type[Quiet] = Quiet) -> Iterator[str]:
+    """The address at which `folder` is served."""
+    handler = functools.partial(answers, directory=str(folder))
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler)
     thread = threading.Thread(target=server.serve_forever, daemon=True)
     thread.start()

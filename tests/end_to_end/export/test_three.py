@@ -19,14 +19,16 @@ from ntc.codec.mips import coded_z
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.pack.file import read_pack
-from tests.end_to_end.export.browser import Browser, served
+from tests.end_to_end.export.browser import Browser, Ranges, served
 from tests.end_to_end.export.material_scene import materials_scene, waves
 from viewer import cli
+from viewer.locations import builtin_scene_path
 from viewer.scene.images import decode_image as decode_picture
 
 ROOT = Path(__file__).resolve().parents[3]
 PLUGIN = ROOT / "integrations" / "three"
 THREE = Path(os.environ.get("NTC_VIEWER_THREE", PLUGIN / "node_modules" / "three"))
+PACKS = ROOT / "tests" / "conformance" / "packs"
 SIDE = 136
 SWIZZLE = "NV_texture_swizzle"
 READY = "window.own !== undefined"
@@ -55,7 +57,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "three").symlink_to(THREE)
     plugin = folder / "ntc-three"
     plugin.mkdir()
-    for name in ("index.js", "worker.js", "ntc.wasm"):
+    for name in ("index.js", "pack.js", "worker.js", "ntc.wasm"):
         shutil.copy(PLUGIN / name, plugin)
     build_script().copy_tables(plugin)
     shutil.copy(Path(__file__).with_name("three.html"), folder / "index.html")
@@ -68,6 +70,18 @@ def page(site: Path, browser: Browser) -> Iterator[Browser]:
         browser.open(address)
         browser.wait(READY)
         yield browser
+
+
+@pytest.fixture
+def ranges(site: Path, page: Browser) -> Iterator[Browser]:
+    """The page, from a server that answers ranges of bytes."""
+    before = page.ask("location.href")
+    with served(site, Ranges) as address:
+        page.open(address)
+        page.wait(READY)
+        yield page
+    page.open(before)
+    page.wait(READY)
 
 
 @pytest.fixture(scope="module")
@@ -98,6 +112,18 @@ def glb_json(path: Path) -> dict[str, Any]:
     data = path.read_bytes()
     found: dict[str, Any] = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
     return found
+
+
+def glb_binary(path: Path) -> bytes:
+    data = path.read_bytes()
+    return data[28 + struct.unpack_from("<I", data, 12)[0] :]
+
+
+def write_glb(path: Path, document: dict[str, Any], binary: bytes) -> None:
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
+    path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
 
 
 def shown(page: Browser, index: int, width: int, height: int, level: int = 0) -> NDArray[np.uint8]:
@@ -181,19 +207,14 @@ def test_a_pack_inside_the_file_with_coverage_in_the_other_image(page: Browser, 
     document = glb_json(materials)
     covered = next(number for number, own in enumerate(document["textures"]) if own["source"] == 4)
     document["textures"][covered]["extensions"][SWIZZLE]["options"][0]["channels"][3] = -1
-    data = materials.read_bytes()
-    start = 28 + struct.unpack_from("<I", data, 12)[0]
-    binary = data[start:]
+    binary = glb_binary(materials)
     image = next(own for own in document["images"] if own.get("uri", "").endswith(".ntc"))
     pack = (site / image.pop("uri")).read_bytes()
     image["bufferView"] = len(document["bufferViews"])
     document["bufferViews"].append({"buffer": 0, "byteOffset": len(binary), "byteLength": len(pack)})
     binary += pack + bytes(-len(pack) % 4)
     document["buffers"][0]["byteLength"] = len(binary)
-    text = json.dumps(document).encode()
-    text += b" " * (-len(text) % 4)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(binary), b"BIN\0") + binary
-    (site / "inside.glb").write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+    write_glb(site / "inside.glb", document, binary)
     load(page, "inside.glb", "rgba8")
     page.ask("own.complete()")
     coverage = shown(page, covered, SIDE, SIDE)[..., 3]
@@ -221,6 +242,40 @@ def test_a_pack_that_cannot_be_read_leaves_the_other_images(page: Browser, mater
         assert reason in own[0], own
         pixels = shown(page, 0, SIDE, SIDE)[..., :3]
         assert np.abs(pixels.astype(int) - waves(0, SIDE)).max() <= 1
+
+
+def test_the_first_picture_needs_few_bytes_of_a_pack(ranges: Browser, materials: Path, site: Path) -> None:
+    """Of a server that answers ranges. The pack has 55 material sets of 512 x 512 texels, the scene shows two of them."""
+    document = glb_json(materials)
+    courtyard = Path(builtin_scene_path().parent / "courtyard.clustered.ntc")
+    shutil.copy(courtyard, site)
+    next(own for own in document["images"] if own.get("uri", "").endswith(".ntc"))["uri"] = courtyard.name
+    for texture in document["textures"]:
+        option = texture["extensions"][SWIZZLE]["options"][0]
+        option.update(arrayLayer=min(option["arrayLayer"], 1), channels=[0, 1, 2, 5], extras={})
+    write_glb(site / "few.glb", document, glb_binary(materials))
+    assert set(load(ranges, "few.glb", "rgba8", workers=2)) == {128}
+    assert ranges.ask("own.packBytes") < 0.2 * courtyard.stat().st_size
+    ranges.ask("own.complete()")
+    assert compare(ranges, site / "few.glb", level=2) == 5
+    assert compare(ranges, site / "few.glb", step=4) == 2
+    # Damaged files are read whole, so that libntc says what is wrong.
+    (site / courtyard.name.replace("courtyard", "shortened")).write_bytes(courtyard.read_bytes()[:1_000_000])
+    (site / "short.glb").write_bytes((site / "few.glb").read_bytes().replace(b"courtyard.clus", b"shortened.clus"))
+    load(ranges, "short.glb", "rgba8", report=False)
+    assert len(faults(ranges)) == 1
+    assert "tensor" in faults(ranges)[0]
+
+
+def test_parts_of_packs_lie_where_they_are_looked_for(ranges: Browser, site: Path) -> None:
+    packs = sorted(path for path in PACKS.glob("*.ntc"))
+    (site / "packs").symlink_to(PACKS)
+    parts = []
+    for path in packs:
+        count = len(read_pack(path).textures)
+        parts.append(ranges.ask(f"own.parts('packs/{path.name}', {count}, {{first: 256, coarse: 8, gap: 0}})"))
+    assert None not in parts, "together they are the file"
+    assert all(part > 0 for part in parts), "each has mips that come later"
 
 
 @pytest.mark.nightly
