@@ -25,7 +25,7 @@ from viewer.training.live_training import LiveTraining
 SWITCH = {"on": True, "off": False}
 Name = TypeVar("Name", bound=str)
 REQUIRED: Any = inspect.Parameter.empty
-SlotSide = Annotated[Side, Arg("which slot")]
+SlotSide = Annotated[Side, Arg("which slot", names={"a": "A", "b": "B"})]
 
 
 class Context:

@@ -73,6 +73,12 @@ _EXPORTS: dict[ExportKind, tuple[str, tuple[str, ...]]] = {
     **{language: ("--out", ("--shader", language)) for language in ("glsl", "hlsl", "wgsl", "cuda")},
 }
 """Option that takes the file or folder, and further options of `ntc-viewer export`, by kind."""
+_IMAGES = {"gltf": "glTF with the pack", "gltf-ktx2": "glTF with KTX2 images", "gltf-bc7": "glTF with BC7 images"}
+_NAMES = {
+    **_IMAGES,
+    "page": "web page",
+    **{name: f"decoder in {name.upper()}" for name in ("glsl", "hlsl", "wgsl", "cuda")},
+}
 
 
 def _exported_pack(session: Session) -> tuple[str, Path]:
@@ -108,7 +114,7 @@ ExportFolder = Annotated[Path, Arg("folder to write into; default: a new one bes
 )
 def export(
     session: Session,
-    kind: Annotated[ExportKind, Arg("what to write: glTF with the pack, glTF with images, a page, or a language")],
+    kind: Annotated[ExportKind, Arg("what to write: glTF with pack or images, a page, or a language", names=_NAMES)],
     folder: ExportFolder = Path(),
 ) -> Effect:
     scene = session.scene.path

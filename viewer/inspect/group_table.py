@@ -16,7 +16,7 @@ from ntc.pack.match import PackMatch
 from viewer.jobs.job import JobReport
 from viewer.locations import features_cache
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import source_textures
+from viewer.scene.source_textures import has_source, source_texture
 
 QUICK_FEATURES = ("low_level", "spectral")
 """Features that need no network."""
@@ -117,8 +117,11 @@ def group_distances(
 ) -> GroupDistances:
     """Return the distances of all decoded textures (a job). `decoders` is by texture id, -1 for none."""
     held = [texture for texture, decoder in enumerate(decoders) if decoder >= 0]
-    textures = source_textures(scene, None)
     options = FeatureOptions(cache=features_cache(), progress=report.progress)
-    matrix = feature_matrix(features, [textures[texture] for texture in held], options)
+    sources = [
+        source_texture(scene, texture, None, "base" if has_source(scene.textures[texture], "base") else "all")
+        for texture in held
+    ]
+    matrix = feature_matrix(features, sources, options)
     distances = centroid_distances(matrix, np.array([decoders[texture] for texture in held], np.int64))
     return GroupDistances(features, grouped_by, dict(zip(held, distances.tolist(), strict=True)))

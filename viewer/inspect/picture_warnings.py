@@ -1,5 +1,6 @@
 """Warnings over the picture about missing files and packs that do not fit, so that nobody judges a codec by them."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -23,6 +24,9 @@ class PictureWarning:
 
 
 def _short(line: str) -> str:
+    """Return the file of a line of the report, such as `images[0].uri: wood.png: cannot be read (...)`; else as much as fits."""
+    named = re.match(r"(?:\S+\.uri: )?(.+?): (?:cannot be read|no such file)", line)
+    line = named[1] if named is not None else line
     return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 3].rstrip()}..."
 
 
@@ -34,7 +38,8 @@ def scene_warnings(scene: Scene) -> tuple[PictureWarning, ...]:
         more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
         remedy = "These files or parts could not be read. The panel Scene lists all of them under 'missing'."
         found.append(PictureWarning(f"missing: {_short(missing[0])}{more}", remedy))
-    white = sum(material.texture_id < 0 and material.factor == WHITE for material in scene.materials)
+    plain = [material for material in scene.materials if material.texture_id < 0 and not material.missing_base]
+    white = sum(material.factor == WHITE for material in plain)
     if white and 2 * white >= len(scene.materials):
         few = "the material has" if len(scene.materials) == 1 else f"{white} of {len(scene.materials)} materials have"
         remedy = "These surfaces are white. If the scene should have textures, look for their files."

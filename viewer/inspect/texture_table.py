@@ -43,9 +43,12 @@ def _common_start(names: Sequence[str]) -> str:
 
 
 def short_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names without the words that all of them begin or end with; nothing is cut where a name would be empty."""
+    """Return names without folders, where they still differ, and without the words that all of them begin or end with; nothing is
+    cut where a name would be empty."""
     if len(names) < 2:
         return tuple(names)
+    files = [name.rpartition("/")[2] for name in names]
+    names = files if all(files) and len(set(files)) == len(set(names)) else names
     front = _common_start(names)
     front = front[: max((front.rfind(mark) for mark in SEPARATORS), default=-1) + 1]
     back = _common_start([name[::-1] for name in names])[::-1]

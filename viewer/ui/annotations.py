@@ -261,6 +261,8 @@ def draw_map_legend(ui: UiFrame, area: Area) -> None:
         return
     if overlay.kind == "divergence":
         counts = ui.facts.divergence
+        if not counts:
+            return
         fields = overlay.legend(max((figures.maximum for figures in counts.values()), default=0))
         width, height = BLOCKS[overlay.block]
         lines = [f"decoders in each block of {width} x {height} pixels"]

@@ -73,7 +73,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
     parameter = command.parameters[len(chosen)]
     options = parameter.options(ui.session)
     name = " ".join((command.id, *chosen))
-    title = _shown(chosen[-1]) if chosen else command.title
+    title = command.parameters[len(chosen) - 1].arg.names.get(chosen[-1], chosen[-1]) if chosen else command.title
     sign = "" if chosen else icon(command.icon)
     opened = imgui.internal.begin_menu_ex(f"{title}##{name}", sign, bool(options))
     ui.rects.note(f"{LABEL}{name}", note if options else explained(note, "there are none yet"), opened)
@@ -87,11 +87,7 @@ def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, 
             continue
         refusal = parameter.refusal(ui.session, option)
         about = explained(choice_text(parameter, option), refusal)
-        if _item(ui, f"{_shown(option)}##{name}", f"{name} {option}", about, option == current, not refusal):
+        title = f"{parameter.arg.names.get(option, option)}##{name}"
+        if _item(ui, title, f"{name} {option}", about, option == current, not refusal):
             ui.emit(command.id, *command.parse((*chosen, option)))
     imgui.end_menu()
-
-
-def _shown(option: str) -> str:
-    """Return an option as menus show it: sides of the comparison as `A` and `B`."""
-    return option.upper() if option in ("a", "b") else option

@@ -331,6 +331,14 @@ def shortened(text: str, width: float) -> str:
     return text[:low].rstrip() + "..." if low else ""
 
 
+def two_lines(text: str, width: float) -> str:
+    """Return `text` on one or two lines of `width` window units, shortened with dots where it needs more."""
+    first = text
+    while text_width(first) > width and len(first) > 1:
+        first = first[:-1]
+    return text if first == text else f"{first}\n{shortened(text[len(first) :], width)}"
+
+
 def duration(seconds: float) -> str:
     """Return a time as text: `45 s`, `3 min`, `2.5 h`."""
     if seconds < 99.5:

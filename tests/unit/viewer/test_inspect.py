@@ -62,14 +62,18 @@ def test_nothing_is_said_of_a_scene_that_has_everything() -> None:
 
 
 def test_missing_files_and_colours() -> None:
-    report = replace(SCENE.report, missing=("texture wall.png: not found; white is used", "buffer b"))
+    report = replace(
+        SCENE.report, missing=("images[0].uri: a/wall.png: cannot be read (no); white is used", "buffer b")
+    )
     bare = tuple(replace(m, texture_id=-1, factor=(1.0, 1.0, 1.0, 1.0)) for m in SCENE.materials)
     found = [warning.text for warning in scene_warnings(replace(SCENE, report=report, materials=bare))]
     assert found == [
-        "missing: texture wall.png: not found; white is used, and 1 more",
+        "missing: a/wall.png, and 1 more",
         f"{len(bare)} of {len(bare)} materials have no base colour",
     ]
     assert scene_warnings(replace(SCENE, materials=bare[:1]))[0].text == "the material has no base colour"
+    patterned = tuple(replace(material, missing_base=True) for material in bare)
+    assert not scene_warnings(replace(SCENE, materials=patterned))
 
 
 def test_a_pack_that_is_smaller_and_one_of_another_version() -> None:

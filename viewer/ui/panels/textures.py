@@ -17,7 +17,7 @@ from viewer.state.view_state import is_image_source
 from viewer.ui.controls import select_texture
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.rate_view import RateView
-from viewer.ui.widgets import decibels, em, headings, sort_order
+from viewer.ui.widgets import decibels, em, headings, sort_order, two_lines
 
 THUMBNAIL_LINES = 1.9
 """Side of a thumbnail in lines of text."""
@@ -106,7 +106,8 @@ class TexturesPanel:
         side = THUMBNAIL_LINES * size
         style = imgui.get_style()
         others = sum(WIDTHS[column] * size for column in COLUMNS if column not in (*HIDDEN_AT_FIRST, "name"))
-        gaps = 2.0 * (len(COLUMNS) - len(HIDDEN_AT_FIRST) + 3) * style.cell_padding.x + style.scrollbar_size
+        columns = len(COLUMNS) - len(HIDDEN_AT_FIRST) + 1
+        gaps = columns * (2.0 * style.cell_padding.x + 1.0) + style.scrollbar_size
         name = max(WIDTHS["name"] * size, self._width - side - others - gaps)
         imgui.table_setup_column(
             "##picture", fixed | imgui.TableColumnFlags_.no_sort | imgui.TableColumnFlags_.no_hide, side
@@ -184,6 +185,6 @@ class TexturesPanel:
         imgui.set_cursor_pos(at)
         if ui.facts.thumbnail is not None:
             imgui.image(ui.facts.thumbnail(row.texture_id), ImVec2(side, side))
-        for text in texts:
+        for number, text in enumerate(texts):
             if imgui.table_next_column():
-                imgui.text(text)
+                imgui.text(text if number else two_lines(text, imgui.get_content_region_avail().x))

@@ -311,7 +311,9 @@ class EncodeOffer:
             # Warnings lie above on the left. Once it lies somewhere it stays: the camera may move.
             self._placed_for, box = key, (width, em(OFFER_HEIGHT))
             size = (round(area.width), round(area.height))
-            self._corner = emptiest_corner(ui.session.scene, ui.session.view.camera, size, box, OFFER_CORNERS)
+            # The card of first steps lies at the lower left: where it was, a second click must hit nothing.
+            corners = OFFER_CORNERS[: 2 if ui.session.window.show_first_steps else 3]
+            self._corner = emptiest_corner(ui.session.scene, ui.session.view.camera, size, box, corners)
         right, bottom = self._corner
         place = ImVec2(
             area.right - grid(3) if right else area.left + grid(3),
