@@ -72,7 +72,7 @@ def test_sorting_puts_unknown_values_last_both_ways() -> None:
         (("alone_name",), ("alone_name",)),
         ((), ()),
         (("wood/oak_a", "wood/ash_b", "tiles/red_c"), ("oak_a", "ash_b", "red_c")),
-        (("wood/a", "tiles/a"), ("wood/a", "tiles/a")),
+        (("wood/a", "tiles/a"), ("wood", "tiles")),
     ],
 )
 def test_names_are_shown_without_what_all_share(names: tuple[str, ...], short: tuple[str, ...]) -> None:
