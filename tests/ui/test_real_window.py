@@ -1,5 +1,6 @@
 """A real window on a virtual screen."""
 
+import json
 import shutil
 from pathlib import Path
 
@@ -92,12 +93,17 @@ def test_a_settings_folder_that_cannot_be_made_is_no_obstacle(display: str, scen
 
 
 def test_a_script_plays_in_the_window_and_closes_it(display: str, scene_path: Path, tmp_path: Path) -> None:
-    lines = "wait settled; key H; expect panels off; size 320x240; wait frames 5; screenshot a.png; window.close"
+    measured = "compare.measure; wait settled; compare.save-figures f.json"
+    lines = f"wait settled; {measured}; key H; expect panels off; size 320x240; wait frames 5; screenshot a.png; window.close"
     command = ("-m", "viewer", "view", str(scene_path), "--exec", lines, "--size", "400x300", "--out", "out")
     result = run_window(display, tmp_path, *command)
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert read_image(tmp_path / "out" / "a.png").shape == (240, 320, 3)
+    # Both slots were drawn before anybody looked at times.
+    times = [own["decode_ms"] for own in json.loads((tmp_path / "out" / "f.json").read_text()).values()]
+    assert len(times) == 2
+    assert all(times)
 
 
 def test_a_mistake_in_a_panel_ends_with_its_traceback(display: str, scene_path: Path, tmp_path: Path) -> None:

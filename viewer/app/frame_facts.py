@@ -18,10 +18,14 @@ from viewer.inspect.place_content import BlockContent, PixelContent, PlaceReader
 from viewer.render.frames import FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.viewport import Viewport
+from viewer.state.compare_layout import shown_slots
 from viewer.state.pack_files import pack_figures
 from viewer.state.session import Session, SlotMeasurement
 from viewer.state.view_state import REFERENCE, Side, Slot
 from viewer.ui.facts import FrameFacts
+
+FRAMES_FOR_TIMES = 30
+"""Most frames in which a measurement waits for the times of its slots."""
 
 
 class FactsReader:
@@ -94,7 +98,16 @@ class FactsReader:
         return imgui.ImTextureRef(self._picture.thumbnails[texture_id].glo)
 
     def measuring(self) -> Iterator[Mapping[Side, SlotMeasurement]]:
-        """Measure both slots of the present view: yield what is known after each step, which a frame has time for."""
+        """Measure both slots of the present view: yield what is known after each step, which a frame has time for.
+
+        Slots that were drawn while nobody looked at times are drawn again first. Their times arrive a few frames later.
+        """
+        if not self._knows_times():
+            self._picture.draw_anew()
+            for _ in range(FRAMES_FOR_TIMES):
+                yield {}
+                if self._knows_times() and not self._picture.to_come:
+                    break
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
             return
@@ -114,6 +127,10 @@ class FactsReader:
                     by_map = {**results[side].psnr_by_map, error.maps: error.psnr_db}
                     results[side] = replace(results[side], psnr_by_map=by_map)
                 yield dict(results)
+
+    def _knows_times(self) -> bool:
+        view = self._picture.last_view
+        return view is not None and all(slot in self._times.slot_ms for slot in shown_slots(view))
 
     def _measured(self, renderer: Renderer, slot: Slot, picture: MeasuredPicture) -> SlotMeasurement:
         session, times = self._session, self._times.slot_ms

@@ -301,8 +301,8 @@ class Frontend:
     @property
     def _times_are_wanted(self) -> bool:
         """True while something shows times: Timings, and the table of figures."""
-        measured = bool(self.session.inspection.measurements) or self._measuring is not None
-        return self.interface.shows("Timings") or (measured and self.interface.shows("Compare"))
+        shown = bool(self.session.inspection.measurements) and self.interface.shows("Compare")
+        return shown or self._measuring is not None or self.interface.shows("Timings")
 
     def _measure_further(self) -> None:
         """Do the next step of a measurement."""
@@ -311,7 +311,7 @@ class Frontend:
         measured = next(self._measuring, None)
         if measured is None:
             self._measuring = None
-        else:
+        elif measured:
             set_measurements(self.session, measured)
 
     def _look_for_first_view(self, size: tuple[int, int]) -> None:

@@ -1,6 +1,6 @@
 """The frame: which passes run, in which order. A pass whose inputs have not changed is skipped."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -217,13 +217,12 @@ class Renderer:
         chosen = dict(zip(asked, (view.slot_a, view.slot_b), strict=True))
         is_blended = self._blend.is_needed(targets.view)
         times = self.take_times()
-        drawn_ms = targets.slot_ms()
         before, self._blocked = self._blocked, self._context.memory.blocking.count
         to_come = (*output.to_come, *([ToCome("packs", 1)] if upload.is_pending else []))
         return FrameResult(
             image=composite.texture,
             timings_ms=times,
-            slot_ms=drawn_ms | {slot: drawn_ms[own] for slot, own in chosen.items() if own in drawn_ms},
+            slot_ms=self.slot_ms(asked),
             timer=self._timer.kind,
             skipped=self._scheduler.take_skipped(),
             divergence=self._compositor.statistics(view, {slot.source for slot in shown}),
@@ -273,6 +272,16 @@ class Renderer:
         if self._targets is not None:
             self._targets.note_ms(self._timer.take_owned())
         return times
+
+    def slot_ms(self, slots: Sequence[Slot]) -> dict[Slot, float]:
+        """Return the time in ms that each of `slots` took when it was last drawn, as far as `take_times` has brought it."""
+        drawn = self._targets.slot_ms() if self._targets is not None else {}
+        known = {slot: self.paths.known(slot) for slot in slots}
+        return drawn | {slot: drawn[own] for slot, own in known.items() if own in drawn}
+
+    def forget_pictures(self) -> None:
+        """Forget what was drawn of the last view: the next frame draws all of it again."""
+        self._release_targets()
 
     def _forget_frame(self, targets: PictureTargets) -> None:
         """Count what was drawn outside of a frame for its slot alone."""

@@ -111,6 +111,12 @@ class Viewport:
         scene, packs, view = self._undrawable
         return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
 
+    def draw_anew(self) -> None:
+        """Have the next frame draw the whole picture, though nothing of it has changed: its times may be wanted only now."""
+        self.last_view = None
+        if self.renderer is not None:
+            self.renderer.forget_pictures()
+
     def draw(self, size: tuple[int, int], whole: bool = False) -> None:
         """Draw what is out of date; with `whole` at once, although the camera moves, and nothing is left for later frames.
 
@@ -124,7 +130,9 @@ class Viewport:
         view = self._view(size)
         renderer.want_times(self.times_wanted)
         if view == self.last_view and not self.to_come:
-            self._times.note_passes(renderer.take_times())
+            if late := renderer.take_times():
+                self._times.note_passes(late)
+                self._times.slot_ms = {**self._times.slot_ms, **renderer.slot_ms((view.slot_a, view.slot_b))}
             return
         renderer.tile_budget.note_frame(self._times.last_ms)
         # Nothing can be asked about a view that could not be drawn.

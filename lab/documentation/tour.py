@@ -1,0 +1,67 @@
+"""`python -m lab.documentation.tour`: make the pictures and the film of the guide again, in real windows on a virtual screen.
+
+They are played by docs/images/tour.script and docs/images/film.script, with the built-in scenes and empty settings.
+"""
+
+import io
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from PIL import Image
+
+from lab.window_trials.virtual_display import remembering_in, virtual_display
+from viewer.locations import assets_folder
+
+IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
+LARGEST = 300_000
+"""Bytes of a picture at most."""
+COLORS = (256, 192, 128, 96, 64, 48, 32)
+"""Numbers of colours of a picture: the first with which it is small enough."""
+RARE = 0.3
+"""Share of the colours for what covers few pixels, such as a legend."""
+
+
+def reduced(picture: Path) -> bytes:
+    """The picture as a PNG of a few colours, below LARGEST bytes where that many colours suffice."""
+    image, data = Image.open(picture).convert("RGB"), b""
+    for count in COLORS:
+        rare, file, palette = int(RARE * count), io.BytesIO(), Image.new("P", (1, 1))
+        common = image.quantize(count - rare).getpalette() or []
+        palette.putpalette(common + (image.quantize(rare, Image.Quantize.MAXCOVERAGE).getpalette() or []))
+        image.quantize(palette=palette, dither=Image.Dither.NONE).save(file, "PNG", optimize=True)
+        data = file.getvalue()
+        if len(data) < LARGEST:
+            break
+    return data
+
+
+def play(script: Path, folder: Path, display: str) -> Path:
+    """Play a script in a window of its own, and return the folder of its pictures."""
+    work = folder / script.stem
+    (work / "pictures" / script.stem).mkdir(parents=True)
+    shutil.copy(assets_folder() / "gallery.glb", work / "my-scene.glb")
+    text = script.read_text().replace("assets/", f"{assets_folder()}/")
+    (work / script.name).write_text(f"{text}\nwindow.close\n")
+    command = [sys.executable, "-m", "viewer", "view", "--script", script.name, "--out", "pictures"]
+    environment = {**remembering_in(work, display), "PYTHONPATH": str(IMAGES.parents[1])}
+    subprocess.run(command, cwd=work, env=environment, check=True)
+    return work / "pictures"
+
+
+def main() -> None:
+    """Make all pictures, or those of the scripts that are named."""
+    names = sys.argv[1:] or ["tour", "film"]
+    with tempfile.TemporaryDirectory(prefix="ntc-viewer-") as name, virtual_display(1280, 720) as display:
+        for script in names:
+            made = play(IMAGES / f"{script}.script", Path(name), display)
+            for picture in sorted(made.rglob("*.*")):
+                out = IMAGES / picture.relative_to(made)
+                out.write_bytes(reduced(picture) if picture.suffix == ".png" else picture.read_bytes())
+                sys.stdout.write(f"{out.name}: {out.stat().st_size:,} bytes\n")
+
+
+if __name__ == "__main__":
+    main()
