@@ -22,16 +22,27 @@ ORIGINAL, DECODED = "ntc_original", "ntc_decoded"
 DEEPEST = 16
 
 
-def image_of(socket: Any, deepest: int = DEEPEST) -> tuple[Any, int | None] | None:
-    """Return the image node that a socket shows, and the component of it, None for all; None where there is no image."""
+def image_of(socket: Any, groups: tuple[Any, ...] = (), deepest: int = DEEPEST) -> tuple[Any, int | None] | None:
+    """Return the image node that a socket shows, and the component of it, None for all; None where there is no image.
+
+    `groups`: the group nodes that the socket lies in, the outermost first.
+    """
     if not socket.is_linked or deepest == 0:
         return None
     link = socket.links[0]
     node = link.from_node
     if node.type == "TEX_IMAGE":
         return (node, None) if node.image is not None else None
-    for own in node.inputs:
-        found = image_of(own, deepest - 1)
+    inputs = node.inputs
+    if node.type == "GROUP" and node.node_tree is not None:
+        ends = [own for own in node.node_tree.nodes if own.type == "GROUP_OUTPUT" and own.is_active_output]
+        inputs = [own for end in ends for own in end.inputs if own.identifier == link.from_socket.identifier]
+        groups = (*groups, node)
+    elif node.type == "GROUP_INPUT" and groups:
+        inputs = [own for own in groups[-1].inputs if own.identifier == link.from_socket.identifier]
+        groups = groups[:-1]
+    for own in inputs:
+        found = image_of(own, groups, deepest - 1)
         if found is not None:
             if node.type in ("SEPARATE_COLOR", "SEPRGB"):
                 return found[0], list(node.outputs).index(link.from_socket)
@@ -40,24 +51,32 @@ def image_of(socket: Any, deepest: int = DEEPEST) -> tuple[Any, int | None] | No
 
 
 def image_nodes(material: Any) -> Iterator[tuple[str, Any, int | None]]:
-    """Yield (map, image node, component) of a material."""
+    """Yield (map, image node, component) of a material, whose nodes may lie in groups."""
     if not material.use_nodes:
         return
-    for node in material.node_tree.nodes:
+    for node, groups in _nodes(material.node_tree):
         if node.type != "BSDF_PRINCIPLED":
             continue
         for name, sockets in SOCKETS.items():
             socket = next((node.inputs[own] for own in sockets if own in node.inputs), None)
-            found = image_of(socket) if socket is not None else None
+            found = image_of(socket, groups) if socket is not None else None
             if found is not None:
                 yield name, *found
 
 
+def _nodes(tree: Any, groups: tuple[Any, ...] = ()) -> Iterator[tuple[Any, tuple[Any, ...]]]:
+    """Yield the nodes of a tree and of its groups, each with the group nodes that it lies in."""
+    for node in tree.nodes:
+        yield node, groups
+        if node.type == "GROUP" and node.node_tree is not None:
+            yield from _nodes(node.node_tree, (*groups, node))
+
+
 def all_nodes() -> Iterator[Any]:
     """Yield the image nodes that have a decoded image."""
-    for material in bpy.data.materials:
-        if material.use_nodes:
-            yield from (node for node in material.node_tree.nodes if node.get(DECODED) is not None)
+    trees = [material.node_tree for material in bpy.data.materials if material.use_nodes]
+    for tree in [*trees, *bpy.data.node_groups]:
+        yield from (node for node in tree.nodes if node.get(DECODED) is not None)
 
 
 def show(decoded: bool) -> None:

@@ -70,6 +70,38 @@ def build() -> dict[str, Any]:
     return made
 
 
+def found_in_groups() -> list[str]:
+    """Images that the add-on finds in a material: one in a group, one that goes through it, one whose shader lies in it."""
+    from ntc_viewer import swap
+
+    group = bpy.data.node_groups.new("inner", "ShaderNodeTree")
+    material = bpy.data.materials.new("grouped")
+    material.use_nodes = True
+    nodes, links = material.node_tree.nodes, material.node_tree.links
+    own = nodes.new("ShaderNodeGroup")
+    own.node_tree = group
+    into, out = (group.nodes.new(f"NodeGroup{kind}") for kind in ("Input", "Output"))
+    # Sockets of groups are declared since Blender 4.0, and before grew by a method of their own.
+    for name, kind in (("Through", "INPUT"), ("Color", "OUTPUT"), ("Rough", "OUTPUT")):
+        if bpy.app.version >= (4, 0, 0):
+            group.interface.new_socket(name, in_out=kind, socket_type="NodeSocketColor")
+        else:
+            (group.inputs if kind == "INPUT" else group.outputs).new("NodeSocketColor", name)
+    images = {}
+    for name, tree in (("in the group", group), ("before it", material.node_tree)):
+        images[name] = tree.nodes.new("ShaderNodeTexImage")
+        images[name].image = bpy.data.images.new(name, 4, 4)
+    shader = next(node for node in nodes if node.type == "BSDF_PRINCIPLED")
+    group.links.new(images["in the group"].outputs["Color"], out.inputs["Color"])
+    group.links.new(into.outputs["Through"], out.inputs["Rough"])
+    links.new(images["before it"].outputs["Color"], own.inputs["Through"])
+    links.new(own.outputs["Color"], shader.inputs["Base Color"])
+    links.new(own.outputs["Rough"], shader.inputs["Roughness"])
+    inner = group.nodes.new("ShaderNodeBsdfPrincipled")
+    group.links.new(into.outputs["Through"], inner.inputs["Metallic"])
+    return sorted(f"{name}: {node.image.name}" for name, node, _ in swap.image_nodes(material))
+
+
 def main() -> None:
     """Do it all."""
     # Only there once bpy is imported.
@@ -106,6 +138,7 @@ def main() -> None:
         bpy.ops.ntc.encode()
     except RuntimeError as error:
         result["missing"] = str(error)
+    result["groups"] = found_in_groups()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     addon_utils.enable("io_scene_gltf2", default_set=True)
     bpy.ops.import_scene.gltf(filepath=str(FOLDER / "exported.glb"))

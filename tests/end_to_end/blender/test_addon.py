@@ -58,6 +58,7 @@ def test_encode_switch_and_export(tmp_path: Path) -> None:
     assert result["reopened"] == ["bumps decoded", "color decoded", "packed decoded"]
     assert result["forgotten"] == ["bumps", "color", "packed"]
     assert "no-such-program" in result["missing"]
+    assert result["groups"] == ["base: in the group", "metalness: before it", "roughness: before it"]
     assert {"color", "bumps"} <= {own.split(".")[0] for own in result["imported"]}
     scene = load_scene(tmp_path / "exported.glb")
     (pack,) = packs_of(scene)
