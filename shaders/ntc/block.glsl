@@ -109,7 +109,7 @@ uint code_bits(Code code, int at) {
     uint low = latent_words[word];
     uint high = latent_words[min(word + 1, code.last_word)];
     uint shift = uint(at & 31);
-    return (low >> shift) | ((high << 1) << (31u - shift));
+    return (low >> shift) | ((high << 1) << (~shift & 31u));
 }
 
 float code_byte(Code code, int at) {
@@ -119,15 +119,15 @@ float code_byte(Code code, int at) {
 // The coefficient of `entry`. The lowest four bits of `branches` end with its branch bit; its other bits are the lowest of `others`.
 float coefficient_of(uint entry, uint branches, uint others) {
     uint depth = (entry >> 10) & 7u;
-    uint subset = (TRELLIS_SUBSETS >> (2u * (branches & 15u))) & 3u;
+    uint subset = (TRELLIS_SUBSETS >> ((branches << 1) & 31u)) & 3u;
     uint number = 4u * (others & ((1u << ((depth - 1u) & 31u)) - 1u)) + subset;
     float share = float(2u * number + 1u) * uintBitsToFloat((126u - depth) << 23) - 1.0;
     float size = abs(share);
     vec2 curve = depth < DEEP_DEPTH ? SHALLOW_CURVE : DEEP_CURVE;
     float level = share * (1.0 + size * (curve.x + size * curve.y));
-    float steps = float(int(entry >> 23) - STEPS_ORIGIN);
+    float octaves = float(entry >> 23) * (1.0 / STEPS_PER_OCTAVE) - float(STEPS_ORIGIN) / STEPS_PER_OCTAVE;
     // The last entries of a list are empty.
-    return entry == 0u ? 0.0 : level * exp2(steps * (1.0 / STEPS_PER_OCTAVE));
+    return entry == 0u ? 0.0 : level * exp2(octaves);
 }
 
 // Four numbers of a row of the basis, of sums over texels in coarser mips: those of a texel and of its neighbours on the right, below,

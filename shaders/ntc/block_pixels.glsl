@@ -1,5 +1,8 @@
 // Codec `block` for pixels side by side: the codes that they read are found in a hash table, and squares of texels are decoded once.
 // Where shared memory does not hold all, further rounds decode the rest.
+#define SLOT_BITS 5
+#define SLOTS (1 << SLOT_BITS)
+#define USUAL_FOURS 112
 #include "ntc/block_together.glsl"
 
 #if FILTER_STOCHASTIC
@@ -94,8 +97,8 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
         }
         begin_round(lane);
         barrier();
-        // Of squares that several pixels read, one has to list it.
-        int owned = 0;
+        // Squares are listed for decoding: where a pixel reads one texel, by the first one that reads a square, else by the code's slot.
+        bool lists = false;
         uint before = NO_CODE;
         int slot = -1;
         for (int mip = 0; mip < MIPS_READ * network_blocks; ++mip) {
@@ -128,7 +131,7 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
                     if (slot >= 0) {
                         int number = (is_second.x ? other.x : texel.x) + (is_second.y ? other.y : texel.y);
                         uint bit = 1u << uint(number >> 2);
-                        if ((atomicOr(slot_squares[slot], bit) & bit) == 0u) owned |= 1 << tap;
+                        lists = (atomicOr(slot_squares[slot], bit) & bit) == 0u;
                         place = slot << TEXEL_BITS | number;
                     }
                 }
@@ -137,13 +140,17 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
         }
         barrier();
         if (lane < SLOTS) {
-            int squares = bitCount(slot_squares[lane]);
-            slot_square[lane] = squares > 0 ? take_room(lane, squares, MOST_SQUARES) : -1;
+            uint left_squares = slot_squares[lane];
+            int place = left_squares != 0u ? take_room(lane, bitCount(left_squares), MOST_SQUARES) : -1;
+            slot_square[lane] = place;
+            for (; TAPS > 1 && place >= 0 && left_squares != 0u; left_squares &= left_squares - 1u) {
+                texel_values[place].x = uintBitsToFloat(uint(lane << SQUARE_BITS | findLSB(left_squares)));
+                ++place;
+            }
         }
         barrier();
-        for (int number = 0; number < TAPS * network_blocks; ++number) {
-            if ((owned & (1 << number)) == 0) continue;
-            int texel = tap_places[number * TOGETHER + lane] >> 2;
+        if (TAPS == 1 && lists) {
+            int texel = tap_places[lane] >> 2;
             int own_slot = texel >> SQUARE_BITS;
             if (slot_square[own_slot] >= 0)
                 texel_values[square_place(own_slot, texel & SQUARE_MASK)].x = uintBitsToFloat(uint(texel));
@@ -153,8 +160,15 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
         int squares = int(room_taken >> 16);
         for (int place = lane; place < squares; place += TOGETHER) {
             int found = int(floatBitsToUint(texel_values[place].x));
+            int own_slot = found >> SQUARE_BITS;
+            int square = found & SQUARE_MASK;
+            int mip = mip_of_square(square);
+            int side = BLOCK_SIDE >> mip;
+            int own = square - mip_square(mip);
+            int row = own / max(side / 2, 1);
+            int texel = 2 * row * side + 2 * (own - row * (side / 2));
             vec4 values[4];
-            decode_square(found >> SQUARE_BITS, found & SQUARE_MASK, values);
+            decode_four(own_slot, slot_texture[own_slot], mip, 2 * square, texel, ivec2(1, side), values);
             for (int one = 0; one < 4; ++one) texel_values[one * MOST_SQUARES + place] = values[one];
         }
         barrier();

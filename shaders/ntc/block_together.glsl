@@ -1,24 +1,20 @@
 // Codec `block` for work groups: each code that the group's invocations read is decoded once, for all of them, in shared memory.
-// For work groups of TOGETHER invocations. Every invocation of the group must call what has a barrier.
+// For work groups of TOGETHER invocations, which hold SLOTS codes at once, and USUAL_FOURS times four coefficients, if no code has more.
+// Further ones wait for the next round. Every invocation of the group must call what has a barrier.
 const int TOGETHER = 64;
 
-// Codes at once. Further ones wait for the next round.
-const int SLOTS = 32;
-const int SLOT_BITS = 5;
 const uint NO_CODE = 0xFFFFFFFFu;
-const int MOST_FOURS = MOST_COEFFICIENTS / 4;
+const int MOST_FOURS = max(USUAL_FOURS, LARGEST_FOURS);
 
 shared uint slot_code[SLOTS];         // the code's number among all on the GPU
 shared int slot_texture[SLOTS];
 shared int slot_level[SLOTS];         // a mip that is decoded from the code
-shared ivec4 slot_place[SLOTS];       // its first and last word, and the first block of its decoder
+shared ivec4 slot_place[SLOTS];       // its first and last word, the first block of its list, and the first word of what is read of rows
 shared uvec4 slot_head[SLOTS];
-shared uint slot_ends[SLOTS];         // of the coefficients of each component, in fours: a byte each
-shared int slot_fours[SLOTS];         // groups of four coefficients
+shared uint slot_ends[SLOTS];         // of the coefficients of each component: as an order of the tables begins
 shared int slot_first[SLOTS];         // of its fours in shared memory
 shared uint four_slots[MOST_FOURS + 1];    // one more: with three numbers below, vectors stay aligned
-shared vec4 coefficient_values[MOST_FOURS];
-shared ivec4 coefficient_rows[MOST_FOURS];    // word of the tables where the squares of the row begin
+shared uvec2 coefficients[4 * MOST_FOURS];    // value, and word of the tables where the squares of the row begin
 
 shared int slot_fits[SLOTS];          // 1: it is decoded in this round
 shared uint room_asked;               // by all slots: fours in the lower half, squares of texels in the upper half
@@ -30,13 +26,13 @@ uint code_number(LevelRecord level, ivec2 block) {
     return uint(level.first_cell + block.y * level.width + block.x);
 }
 
+// Without the place of the decoder.
 Code slot_content(int slot, int mip) {
     Code code;
     ivec4 place = slot_place[slot];
     code.first_word = place.x;
     code.last_word = place.y;
     code.mip = mip;
-    code.tables = place.z;
     code.srgb = float(textures[slot_texture[slot]].srgb != 0);
     code.head = slot_head[slot];
     return code;
@@ -46,11 +42,15 @@ Code slot_content(int slot, int mip) {
 void find_slot(int slot) {
     LevelRecord level = levels[slot_level[slot]];
     Code code = numbered_code(textures[slot_texture[slot]], level, int(slot_code[slot]) - level.first_cell);
-    slot_place[slot] = ivec4(code.first_word, code.last_word, code.tables, 0);
+    int rows = int(code.head.w >> 2) + 4 * code.tables + SQUARES_WORD;
+    int list = code.tables + int(code.head.x);
+    slot_place[slot] = ivec4(code.first_word, code.last_word, list, rows);
     slot_head[slot] = code.head;
-    uint ends = table_word(4 * (code.tables + int(code.head.x) + int(code.head.y)));
-    slot_ends[slot] = ends;
-    slot_fours[slot] = int(ends >> 24);
+    slot_ends[slot] = table_word(4 * (list + int(code.head.y)));
+}
+
+int slot_fours(int slot) {
+    return int(slot_ends[slot] >> 24) & 127;
 }
 
 // Begins a round; a barrier must follow.
@@ -63,7 +63,7 @@ void begin_round(int lane) {
 // to wait for another round. Both are shared out at once, so that slots that fit lie before all others.
 int take_room(int slot, int squares, int most_squares) {
     find_slot(slot);
-    int fours = slot_fours[slot];
+    int fours = slot_fours(slot);
     uint own = uint(fours) | uint(squares) << 16;
     uint first = atomicAdd(room_asked, own);
     uint end = first + own;
@@ -78,21 +78,31 @@ int take_room(int slot, int squares, int most_squares) {
     return int(first >> 16);
 }
 
-// Writes the coefficients of all slots that fit to shared memory.
+// Writes the coefficients of all slots that fit to shared memory: four of a list in each invocation, to their places by component.
 void decode_coefficients(int lane) {
     int fours = int(room_taken & 65535u);
-    for (int number = lane; number < 4 * fours; number += TOGETHER) {
-        int slot = int(four_slots[number >> 2]);
+    for (int number = lane; number < fours; number += TOGETHER) {
+        int slot = int(four_slots[number]);
         Code code = slot_content(slot, 0);
-        int own = number - 4 * slot_first[slot];
-        int list = 4 * (code.tables + int(code.head.x));
-        uint places = table_word(list + 4 * int(code.head.y) + 1 + (own >> 2));
-        int place = int((places >> uint(8 * (own & 3))) & 255u);
-        uint entry = table_word(list + place);
-        uint branches = code_bits(code, int(code.head.z & 65535u) - 3 + place);
-        float value = coefficient_of(entry, branches, code_bits(code, int(entry & 1023u)));
-        coefficient_values[number >> 2][number & 3] = value;
-        coefficient_rows[number >> 2][number & 3] = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS + SQUARES_WORD;
+        int first = slot_first[slot];
+        int own = number - first;
+        int list = slot_place[slot].z;
+        int blocks = int(code.head.y);
+        // Behind the list there are empty ones that fill up fours.
+        uvec4 entries = table_block(own < blocks ? list + own : EMPTY_BLOCK);
+        uint places = table_word(4 * (list + blocks) + 1 + own);
+        uint branches = code_bits(code, int(code.head.z & 65535u) - 3 + 4 * own);
+        uint others = code_bits(code, int(entries.x & 1023u));
+        int rows = slot_place[slot].w;
+        uint bit = 0u;
+        for (int one = 0; one < 4; ++one) {
+            uint entry = entries[one];
+            float value = coefficient_of(entry, branches >> uint(one), others >> bit);
+            // The other bits of four coefficients lie one after the other, at most 24.
+            bit = (bit + ((entry >> 10) & 7u) - 1u) & 31u;
+            int place = 4 * first + int((places >> uint(8 * one)) & 255u);
+            coefficients[place] = uvec2(floatBitsToUint(value), rows + int((entry >> 15) & 255u) * ROW_WORDS);
+        }
     }
 }
 
@@ -116,25 +126,32 @@ int mip_of_square(int square) {
     return mip;
 }
 
+// Where the words of a texel's square begin, of what work groups read of a row.
+int square_word(int mip, ivec2 texel) {
+    return 2 * (mip_square(mip) + (texel.y >> 1) * ((BLOCK_SIDE >> mip) / 2) + (texel.x >> 1));
+}
+
+// Where the word of a texel and of that below lies, which mips of four texels a side and more have column by column.
+int column_word(int mip, ivec2 texel) {
+    int first = COLUMNS_WORD + (mip == 0 ? 0 : BLOCK_SIDE * BLOCK_SIDE / 2);
+    return first + texel.x * ((BLOCK_SIDE >> mip) / 2) + (texel.y >> 1);
+}
+
 vec4 four_halves(int word) {
     return vec4(unpackHalf2x16(table_word(word)), unpackHalf2x16(table_word(word + 1)));
 }
 
-// Values, not limited, of the texels of a square: the first, then those on its right, below, and on its right below.
-void decode_square(int slot, int square, out vec4 values[4]) {
-    int texture_id = slot_texture[slot];
-    int mip = mip_of_square(square);
+// Values, not limited, at four texels of a slot's code, whose words begin at `word` of what work groups read of a row. Texel number
+// `texel` of the code is the first; bit by bit their numbers add `steps`.
+void decode_four(int slot, int texture_id, int mip, int word, int texel, ivec2 steps, out vec4 values[4]) {
     Code code = slot_content(slot, mip);
     vec4 mean = textures[texture_id].mean[CODE_MIPS * PLANE_PLACE + mip];
     for (int one = 0; one < 4; ++one) values[one] = mean;
     uint width = code.head.w & 3u;
     if (width != 0u) {
-        int side = BLOCK_SIDE >> code.mip;
-        int own = square - mip_square(mip);
-        int row = own / max(side / 2, 1);
-        int texel = 2 * row * side + 2 * (own - row * (side / 2));
+        int side = BLOCK_SIDE >> mip;
         for (int one = 0; one < 4 * network_blocks; ++one) {
-            int place = min(texel + (one >> 1) * side + (one & 1), side * side - 1);
+            int place = min(texel + (one & 1) * steps.x + (one >> 1) * steps.y, side * side - 1);
             Sum sum = with_base(code, place, vec4(1.0, 0.0, 0.0, 0.0), vec4(0.0));
             values[one] = untransformed_value(textures[texture_id], sum);
         }
@@ -142,21 +159,20 @@ void decode_square(int slot, int square, out vec4 values[4]) {
     uint ends = slot_ends[slot];
     int four = slot_first[slot];
     int first = four;
-    for (int component = 0; component < COMPONENTS * network_blocks; ++component) {
-        int end = first + int((ends >> uint(8 * component)) & 255u);
+    for (uint left = ends & 0x80808080u; left != 0u; left &= left - 1u) {
+        int bit = findLSB(left) - 7;
+        int end = first + int((ends >> uint(bit)) & 127u);
         vec4 sum = vec4(0.0);
         for (; four < end; ++four) {
-            ivec4 at = coefficient_rows[four] + 2 * square;
-            vec4 own = coefficient_values[four];
-            sum += own.x * four_halves(at.x);
-            sum += own.y * four_halves(at.y);
-            sum += own.z * four_halves(at.z);
-            sum += own.w * four_halves(at.w);
+            for (int one = 0; one < 4; ++one) {
+                uvec2 own = coefficients[4 * four + one];
+                sum += uintBitsToFloat(own.x) * four_halves(int(own.y) + word);
+            }
         }
 #if BLOCK_SIDE >> (CODE_MIPS - 1) == 1
         if (BLOCK_SIDE >> mip == 1) sum.x += sum.y;
 #endif
-        vec4 axis = textures[texture_id].axes[4 * PLANE_PLACE + component];
+        vec4 axis = textures[texture_id].axes[4 * PLANE_PLACE + (bit >> 3)];
         values[0] += axis * sum.x;
         values[1] += axis * sum.y;
         values[2] += axis * sum.z;

@@ -24,7 +24,7 @@ from lab.benchmarks.shaders.machine_code import MachineCode
 from lab.benchmarks.shaders.recording import AssembledProgram, ProgramRecorder
 from lab.runner import report
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.gpu import LEAST_SHARED, BlockTables
+from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import texture_codes
 from ntc.codec.gpu import GPU
@@ -79,7 +79,7 @@ class PackCodes:
             words = heads.astype(np.int64)
             lists.append(words[:, 1])
             edges.append(words[:, 3] & 3)
-            ends = blocks[words[:, 0] + words[:, 1] - len(heads), :1] >> (8 * np.arange(4)) & 255
+            ends = blocks[words[:, 0] + words[:, 1] - len(heads), :1] >> (8 * np.arange(4)) & 127
             ends = ends.astype(np.int64)
             fours.append(np.concatenate([ends[:, :1], ends[:, 1:] - ends[:, :-1]], axis=1))
         shape = (len(lists), -1, len(self.config.planes))
@@ -117,6 +117,8 @@ class PixelGroup:
     """Rounds in which shared memory holds all codes, squares and coefficients."""
     most_fours: int
     """Fours of the largest of them."""
+    most_squares: int
+    """Squares that are read of one of them, at most."""
     edge_share: float
     """Share of the codes that have an edge part."""
 
@@ -167,15 +169,18 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
     kinds = np.array([codes.kinds(texture, level)[block] for level, block, _ in used])
     # Mips of the same code are decoded together.
     own_levels = [levels[level].first_cell for level, _, _ in used]
-    _, first = np.unique(np.stack([own_levels, used[:, 1]], axis=-1), axis=0, return_index=True)
+    _, first, squares = np.unique(
+        np.stack([own_levels, used[:, 1]], axis=-1), axis=0, return_index=True, return_counts=True
+    )
     coefficients = 4 * int(fours[kinds[first]].sum())
-    room = (len(first), SLOTS), (len(used), MOST_SQUARES), (coefficients, LEAST_SHARED)
+    room = (len(first), SLOTS), (len(used), MOST_SQUARES), (coefficients, 4 * PIXEL_FOURS)
     return PixelGroup(
         steps,
         fours[kinds],
         coefficients,
         max(-(-asked // most) for asked, most in room),
         int(fours[kinds].sum(axis=1).max()),
+        int(squares.max()),
         float((edges[kinds[first]] > 0).mean()),
     )
 
@@ -192,26 +197,27 @@ def alone_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
     return [lists] if is_single else [parts, lists]
 
 
-def _in_rounds(fours: Array, lanes: int, group: int) -> tuple[float, float]:
-    """Rounds of a work group over texels with `fours` [texels, 4], and runs of their loop over fours, as means over its subgroups."""
-    rounds = -(-len(fours) // group)
-    padded = np.full((rounds * group, 4), NOTHING)
-    padded[: len(fours)] = fours
+def _in_rounds(fours: Array, lanes: int) -> NDArray[np.float64]:
+    """Rounds of a work group over texels with `fours` [texels, 4], components and fours in them, as means over its subgroups."""
+    present = np.argsort(fours == 0, axis=1, kind="stable")
+    fours = np.take_along_axis(fours, present, axis=1)
+    padded = np.pad(fours, ((0, -len(fours) % TOGETHER), (0, 0)), constant_values=NOTHING)
     subgroups = padded.reshape(-1, lanes, 4).max(axis=1)
-    share = lanes / group
-    return float((subgroups[:, 0] >= 0).sum() * share), float(np.maximum(subgroups, 0).sum() * share)
+    counts = (subgroups[:, 0] >= 0).sum(), (subgroups > 0).sum(), np.maximum(subgroups, 0).sum()
+    return np.array(counts) * (lanes / TOGETHER)
 
 
-def together_trips(group: PixelGroup, components: int, lanes: int, is_single: bool) -> list[float]:
+def together_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
     """How often each loop runs where a work group decodes the codes of its pixels together."""
     mips, taps = (1, 1) if is_single else (2, 8)
     again = group.work_rounds
     # A lane finds a code; half of the lanes do. Most places in the hash table are free at once.
     finding = group.most_fours * (1.0 if lanes == TOGETHER else 0.5)
-    coefficients = -(-group.coefficients // TOGETHER)
-    rounds, inner = _in_rounds(group.fours, lanes, TOGETHER)
-    before = np.array([1, mips, taps, PROBES * taps, finding, taps]) * again
-    return [*before.tolist(), coefficients, rounds, components * rounds, inner, mips * again, taps * again]
+    coefficients = -(-group.coefficients // (4 * TOGETHER))
+    # Where a pixel reads one texel, it lists its square itself.
+    listing = [] if is_single else [group.most_squares]
+    before = np.array([1, mips, taps, PROBES * taps, finding, *listing]) * again
+    return [*before.tolist(), coefficients, *_in_rounds(group.fours, lanes), mips * again, taps * again]
 
 
 @dataclass(frozen=True)
@@ -241,51 +247,84 @@ def random_tile(codes: PackCodes, plane: int, random: np.random.Generator) -> Ti
     return Tile(page[1:-1, 1:-1].reshape(-1), page, lists, fours, edges)
 
 
-def _sides(page: Array) -> Array:
-    """Squares of 2x2 texels along each block of a row of `page`, which begins and ends with one texel of the border."""
-    across = page.shape[1] - 2
-    return np.pad(np.full(across, TILE_SIDE // across // 2), 1, constant_values=1)
+def _border_squares(page: Array) -> Array:
+    """Kinds of codes along the border of `page`: of squares of 2x2 texels beside the codes inside, and of each corner's texel."""
+    across = page.shape[0] - 2
+    sides = np.pad(np.full(across, TILE_SIDE // across // 2), 1, constant_values=1)
+    lines = (page[0], page[-1], page[1:-1, 0], page[1:-1, -1])
+    return np.concatenate([np.repeat(line, sides if len(line) > across else sides[1:-1]) for line in lines])
 
 
-def _squares(page: Array) -> Array:
-    """Kinds of codes of the squares of 2x2 texels that cover blocks `page`, of which the first row and both sides are border."""
-    sides = _sides(page)
-    each = np.repeat(np.repeat(page, sides[: len(page)], axis=0), sides, axis=1)
-    inside = np.repeat(page[1:, 1:-1].reshape(-1), sides[1] ** 2)
-    return np.concatenate([inside, each[1:, 0], each[1:, -1], each[0]])
+def _border_parts(page: Array) -> Array:
+    """Kinds of codes of the parts of the border that work groups decode: columns of four texels and corners, then squares of rows."""
+    across = page.shape[0] - 2
+    columns = np.concatenate(
+        [np.repeat(page[1:-1, [0, -1]], TILE_SIDE // across // 4, axis=0), page[[0, -1]][:, [0, -1]]]
+    )
+    rows = np.repeat(page[[0, -1], 1:-1], TILE_SIDE // across // 2, axis=1)
+    return np.concatenate([columns.reshape(-1), rows.reshape(-1)])
 
 
 def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
     """Vector instructions a texel where invocations decode a square of texels each, and read all coefficients for it."""
-    squares = np.concatenate([_squares(tile.page[:-1]), np.repeat(tile.page[-1], _sides(tile.page))])
+    inside = np.repeat(tile.page[1:-1, 1:-1].reshape(-1), TILE_SIDE**2 // tile.inside.size // 4)
+    squares = np.concatenate([inside, _border_squares(tile.page)])
     longest = np.pad(tile.lists[squares], (0, -len(squares) % lanes)).reshape(-1, lanes).max(axis=1)
     # First the loops for mips that are not there.
     each = [code.weighted([1.0, 0.0, 0.0, 0.0, most, 4.0]) for most in longest]
     return float(np.sum(each)) * lanes / PAGE_TEXELS
 
 
-def tile_together(code: MachineCode, tile: Tile, components: int, lanes: int) -> float:
-    """Vector instructions a texel where a work group decodes half a tile; squares of 2x2 texels, those of the border last."""
-    across = tile.page.shape[0] - 2
-    found = []
-    for page in (tile.page[: across // 2 + 1], tile.page[across // 2 + 1 :][::-1]):
-        fours = tile.fours[page.reshape(-1)]
-        coefficients = -(-4 * int(fours.sum()) // TOGETHER)
-        rounds, inner = _in_rounds(tile.fours[_squares(page)], lanes, TOGETHER)
-        finding = fours.sum(axis=1).max() * (1.0 if lanes == TOGETHER else 0.5)
-        found.append(code.weighted([1, 1, finding, coefficients, rounds, components * rounds, inner]))
-    return float(np.sum(found)) * TOGETHER / PAGE_TEXELS
+def _code_rounds(fours: Array) -> list[NDArray[np.bool_]]:
+    """Which of codes with `fours` [codes] a work group holds in each round, in order: [codes] bool."""
+    found, left = list[NDArray[np.bool_]](), np.full(len(fours), True)
+    while left.any():
+        fits = left & (np.cumsum(np.where(left, fours, 0)) <= TILE_FOURS)
+        found.append(fits)
+        left &= ~fits
+    return found
+
+
+def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
+    """Vector instructions a texel where a work group decodes a tile: codes inside and those of the border, TILE_SLOTS at once."""
+    border = np.ones(tile.page.shape, bool)
+    border[1:-1, 1:-1] = False
+    numbers = np.arange(tile.page.size).reshape(tile.page.shape)
+    fours = tile.fours[tile.page.reshape(-1)]
+    codes = np.concatenate([numbers[~border], numbers[border]])
+    units = np.repeat(numbers[~border], TILE_SIDE**2 // tile.inside.size // 4), _border_parts(numbers)
+    trips = np.zeros(10)
+    for first in range(0, len(codes), TILE_SLOTS):
+        own = codes[first : first + TILE_SLOTS]
+        trips[0] += 1
+        for fits in _code_rounds(fours[own].sum(axis=1)):
+            asked = fours[own].sum(axis=1) * fits
+            finding = asked.max() * (1.0 if lanes == TOGETHER else 0.5)
+            trips[1:4] += 1, finding, _in_rounds(np.zeros((int(asked.sum()), 4), np.int64), lanes)[0]
+            for place, all_units in zip((4, 7), units, strict=True):
+                read = all_units[np.isin(all_units, own)]
+                held = np.where(np.isin(read, own[fits])[:, None], fours[read], 0)
+                trips[place : place + 3] += _in_rounds(held, lanes)
+    return code.weighted(trips.tolist()) * TOGETHER / PAGE_TEXELS
 
 
 SLOTS: Final = 32
 """Codes that a work group holds at once (shaders/ntc/block_together.glsl)."""
 MOST_SQUARES: Final = 96
 """Squares of texels likewise (shaders/ntc/block_pixels.glsl)."""
+PIXEL_FOURS: Final = 112
+"""Coefficients likewise, in fours, if no code has more."""
+TILE_SLOTS: Final = 48
+"""Codes that a work group holds of a tile (shaders/passes/decode_cached/decode_together.comp)."""
+TILE_FOURS: Final = 320
+"""Fours of their coefficients."""
 PROBES: Final = 1.5
 """Places of the hash table that a subgroup looks at for a code, estimated."""
 PAGE_TEXELS: Final = PAGE_SIDE * PAGE_SIDE
 EDGE_PART: Final = ("uint width = code.head.w & 3u;", "uint width = 0u;")
 """What decides whether a code has an edge part, and what says that none has. Edge parts are few: they are counted without."""
+CODED: Final = ("if (textures[tile.texture_id].srgb == 0)", "if (false)")
+"""What decides whether a tile's base colours have to be coded for sRGB. Packs hold them so: that is not counted either."""
 
 
 def instructions(code: MachineCode, trips: Sequence[Sequence[float]]) -> float:
@@ -318,7 +357,7 @@ def counted_programs(context: GraphicsContext, codes: PackCodes, together: int) 
             programs.compute(f"passes/{name}.comp", {**defines, "WEIGHTS_IN_IMAGE": 0, "DECODER_PLACE": 1})
             (key,) = set(recorder.found) - before
             own = recorder.found[key]
-            return replace(own, texts=tuple(text.replace(*EDGE_PART) for text in own.texts))
+            return replace(own, texts=tuple(text.replace(*EDGE_PART).replace(*CODED) for text in own.texts))
 
         for plane in planes:
             exact = made("decode_deferred/decode", plane, False)
@@ -335,17 +374,17 @@ def counted(found: CountedProgram, told: dict[str, Any], codes: PackCodes, seed:
     random = np.random.default_rng(seed)
     code, lanes = MachineCode.parsed(told["assembly"]), min(int(told["subgroup"]), TOGETHER)
     planes = plane_channels(codes.config.maps, codes.config.output_channels)
-    plane, components = list(planes).index(found.plane), 1 + max(planes[found.plane])
+    plane = list(planes).index(found.plane)
     if found.path.startswith("cached"):
 
         def of_tile(tile: Tile) -> float:
-            return tile_together(code, tile, components, lanes) if found.together else tile_alone(code, tile, lanes)
+            return tile_together(code, tile, lanes) if found.together else tile_alone(code, tile, lanes)
 
         return float(np.mean([of_tile(random_tile(codes, plane, random)) for _ in range(GROUPS)]))
     is_single = found.path.endswith("stochastic")
     groups = [pixel_group(codes, plane, found.lod, is_single, random) for _ in range(GROUPS)]
     if found.together:
-        return instructions(code, [together_trips(group, components, lanes, is_single) for group in groups])
+        return instructions(code, [together_trips(group, lanes, is_single) for group in groups])
     return instructions(code, [alone_trips(group, lanes, is_single) for group in groups])
 
 

@@ -4,11 +4,15 @@
   blocks the list has, the bit of a code that holds the first branch of the plane in its lower half and the bit of the plane's edge
   part in its upper half, and the edge part's bits a texel with the word of the plane's first row above 2 bits;
 - lists: a word for each coefficient that has bits, four to a block: from the lowest bit, the bit of a code at which its other bits
-  begin (10 bits), its depth (3), component (2), row of the plane (8), and scale in steps of 1/16 octave (9);
+  begin (10 bits), its depth (3), component (2), row of the plane (8), and scale in steps of 1/16 octave (9). After each list, its
+  order by component, in which work groups keep it: a word with a byte for each component, where its coefficients end, counted in
+  fours, and the highest bit set where it has any; then a word for each four of the list with the places of its coefficients, and with
+  those of empty ones that fill up fours. The first block of all lists is empty;
 - rows: words for each row of the basis. Of mip 0 of a code a word for each texel: signed bytes of the texel, its neighbours on the
   right, below, and on the right below. Of each coarser mip two words for each texel: the same as signed halves of a word, of sums
-  over texels. Then two words for each square of 2x2 texels of every mip, which work groups decode together: its texels, averaged
-  in coarser mips, as floats of 16 bits, which hold them exactly. Of a mip of one texel that is the sum of the first two.
+  over texels. Then, from a whole block on, what work groups read: two words for each square of 2x2 texels of every mip: its texels,
+  averaged in coarser mips, as floats of 16 bits, which hold them exactly. Of a mip of one texel that is the sum of the first two.
+  Then the texels of mips of four texels a side and more once again, column by column, two in a word.
 """
 
 from collections.abc import Mapping
@@ -41,10 +45,10 @@ AT_ONCE = 4
 """Coefficients that shaders read at once."""
 MOST_COMPONENTS = 4
 """Components of a plane at most."""
-LEAST_SHARED = 448
-"""Coefficients that a work group holds at once, if no code has more."""
-INSTRUCTIONS = PixelInstructions(1538.0, 828.0), PixelInstructions(23.5, 18.5)
-"""For a plane of a pixel, and for each coefficient of a code: a fit to counts of six planes of three packs, which are up to 13 % off
+MOST_TOGETHER = 256
+"""Coefficients at most of a code that a work group decodes: an order has a byte for each place."""
+INSTRUCTIONS = PixelInstructions(1453.0, 791.0), PixelInstructions(24.2, 15.8)
+"""For a plane of a pixel, and for each coefficient of a code: a fit to counts of seven planes of four packs, which are up to 8 % off
 (lab.benchmarks.shaders.block_counts, at lod 0.5)."""
 MOST_COUNTED = 16
 """Textures of a pack whose coefficients are counted."""
@@ -75,23 +79,28 @@ def _lists(entries: NDArray[np.int64], is_used: NDArray[np.bool_], components: N
     used, counts = is_used.sum(axis=1), of_component.sum(axis=2)
     words = -(-counts // AT_ONCE)
     ends = words.cumsum(axis=1)
-    # What is left over of an order names the first empty entry.
-    blocks = -(-(used + (AT_ONCE * ends[:, -1] > used)) // AT_ONCE)
+    blocks = -(-used // AT_ONCE)
     order_blocks = -(-(1 + ends[:, -1]) // AT_ONCE)
     last = (blocks + order_blocks).cumsum()
     first = last - blocks - order_blocks
     found = np.zeros(AT_ONCE * int(last[-1]), np.int64)
-    # Where a coefficient lies in its list, and in its component's part of the order.
+    # Where a coefficient lies in its list, and by component.
     mode, coefficient = np.nonzero(is_used)
     place = (is_used.cumsum(axis=1) - 1)[mode, coefficient]
     own = components[coefficient]
     rank = (of_component.cumsum(axis=2) - 1)[mode, own, coefficient]
+    ordered = AT_ONCE * (ends[mode, own] - words[mode, own]) + rank
     found[AT_ONCE * first[mode] + place] = entries[mode, coefficient]
     words_before = ends[:, -1].cumsum() - ends[:, -1]
-    places = np.repeat(used, AT_ONCE * ends[:, -1])
-    places[AT_ONCE * (words_before[mode] + ends[mode, own] - words[mode, own]) + rank] = place
+    begins = np.repeat(AT_ONCE * words_before, AT_ONCE * ends[:, -1])
+    places, is_left, is_free = np.zeros(len(begins), np.int64), np.full(len(begins), True), np.full(len(begins), True)
+    places[AT_ONCE * words_before[mode] + place] = ordered
+    # Empty ones take the places that are left over.
+    is_left[AT_ONCE * words_before[mode] + place] = False
+    is_free[AT_ONCE * words_before[mode] + ordered] = False
+    places[is_left] = np.nonzero(is_free)[0] - begins[is_left]
     shifts, order = 8 * np.arange(AT_ONCE), AT_ONCE * (first + blocks)
-    found[order] = (ends << shifts).sum(axis=1)
+    found[order] = ((ends | (counts > 0) << 7) << shifts).sum(axis=1)
     within = np.arange(len(places) // AT_ONCE) - np.repeat(words_before, ends[:, -1])
     found[np.repeat(order + 1, ends[:, -1]) + within] = (places.reshape(-1, AT_ONCE) << shifts).sum(axis=1)
     return found.astype(np.uint32).reshape(-1, AT_ONCE), first.astype(np.uint32), blocks.astype(np.uint32)
@@ -111,7 +120,12 @@ def _square_words(texels: NDArray[np.float64]) -> Words:
         four = np.concatenate([high, texels - high, np.zeros((len(texels), 1, 2))], axis=2)
     else:
         four = texels.reshape(-1, side // 2, 2, side // 2, 2).transpose(0, 1, 3, 2, 4)
-    return np.ascontiguousarray(four, "<f2").reshape(len(texels), -1).view("<u4")
+    return _half_words(four)
+
+
+def _half_words(texels: NDArray[np.float64]) -> Words:
+    """Return `texels` [coefficients, ...] as floats of 16 bits, two in a word: [coefficients, words]."""
+    return np.ascontiguousarray(texels, "<f2").reshape(len(texels), -1).view("<u4")
 
 
 class BlockTables(GpuTables):
@@ -119,7 +133,6 @@ class BlockTables(GpuTables):
 
     number_type = "u4"
     decodes_quads = True
-    together_shader = "ntc/block_pixels.glsl"
     shader = "ntc/block.glsl"
 
     def __init__(self, settings: BlockConfig) -> None:
@@ -132,26 +145,31 @@ class BlockTables(GpuTables):
         lists, planes = sum(each // AT_ONCE for each in most), len(most) * len(config.planes)
         # A word of an order has four places; there are the ends, and up to four words that are not full.
         orders = sum(each // AT_ONCE**2 for each in most) + 3 * planes
-        self.lists = (lists + 2 * planes + orders) * config.modes
+        self.lists = 1 + (lists + 2 * planes + orders) * config.modes
         self.most_coefficients = max(most) + AT_ONCE * MOST_COMPONENTS
-        self.row_blocks = sum(self._mip_words) // AT_ONCE
+        self.together_shader = "ntc/block_pixels.glsl" if self.most_coefficients <= MOST_TOGETHER else ""
+        self.row_blocks = sum(self._row_words) // AT_ONCE
         self.decoder_blocks = self.heads + self.lists + config.coefficients * self.row_blocks
 
     @property
-    def _mip_words(self) -> tuple[int, ...]:
-        """Words of a row by mip of a code, then of squares of all mips, padded to whole blocks."""
+    def _row_words(self) -> tuple[int, ...]:
+        """Words of a row by mip of a code, padded to whole blocks; of squares of all mips; of columns, padded likewise."""
         sides = self._config.code_sides
-        words = [side * side * (1 if mip == 0 else 2) for mip, side in enumerate(sides)]
+        mips = [side * side * (1 if mip == 0 else 2) for mip, side in enumerate(sides)]
+        mips[-1] += -sum(mips) % AT_ONCE
         squares = 2 * sum(_squares(side) for side in sides)
-        return (*words, squares + -(sum(words) + squares) % AT_ONCE)
+        columns = sum(side * side // 2 for side in sides if side >= AT_ONCE)
+        return (*mips, squares, columns + -(squares + columns) % AT_ONCE)
 
     def _rows(self, decoder: BlockDecoder) -> Words:
         """[coefficients, words of a row]."""
-        config, parts, squares = self._config, [], []
+        config, parts, squares, columns = self._config, list[Words](), list[Words](), list[Words]()
         for mip, side in enumerate(config.code_sides):
             count = 1 << mip
             sums = decoder.basis.astype(np.int64).reshape(-1, side, count, side, count).sum(axis=(2, 4))
             squares.append(_square_words(sums / count**2))
+            if side >= AT_ONCE:
+                columns.append(_half_words((sums / count**2).transpose(0, 2, 1)))
             padded = np.pad(sums, ((0, 0), (0, 1), (0, 1)))
             right, down = padded[:, :side, 1:], padded[:, 1:, :side]
             four = [sums, right, down, padded[:, 1:, 1:]]
@@ -161,8 +179,15 @@ class BlockTables(GpuTables):
                 low, high = ((four[n] & 65535) | (four[n + 1] & 65535) << 16 for n in (0, 2))
                 words = np.stack([low, high], axis=-1)
             parts.append(np.asarray(words).reshape(len(sums), -1))
-        found = np.concatenate([*parts, *squares], axis=1).astype(np.uint32)
-        return np.pad(found, ((0, 0), (0, -found.shape[1] % AT_ONCE)))
+        each = (
+            *parts,
+            np.concatenate(squares, axis=1),
+            np.concatenate([*columns, np.zeros((len(decoder.basis), 0))], axis=1),
+        )
+        filled = [
+            np.pad(own, ((0, 0), (0, count - own.shape[1]))) for own, count in zip(each, self._row_words, strict=True)
+        ]
+        return np.concatenate(filled, axis=1).astype(np.uint32)
 
     def heads_and_lists(self, decoder: BlockDecoder) -> tuple[Words, Words]:
         """Return the heads of [sizes of codes * modes, planes], and the lists with their orders: [blocks, 4] each."""
@@ -174,7 +199,7 @@ class BlockTables(GpuTables):
         planes = plane[decoder.channels]
         heads = np.zeros((len(modes), len(config.planes), 4), np.uint32)
         lists: list[Words] = []
-        first = self.heads
+        first = self.heads + 1
         steps = decoder.basis_scale.astype(np.int64) - min(LEVEL_STEPS)
         for own_plane in range(len(config.planes)):
             edge_at = edge_places(decoder, config, own_plane)[sizes, modes]
@@ -198,7 +223,7 @@ class BlockTables(GpuTables):
             heads[:, own_plane, 3] = edges[:, own_plane] | row_word << 2
             lists.append(found)
             first += len(found)
-        return heads.reshape(-1, 4), np.concatenate([np.zeros((0, 4), np.uint32), *lists])
+        return heads.reshape(-1, 4), np.concatenate([np.zeros((1, 4), np.uint32), *lists])
 
     def _places_of_channels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """([channels] component, [channels] number of the plane)."""
@@ -285,10 +310,12 @@ class BlockTables(GpuTables):
             "DIRECTORY_RUN": DIRECTORY_RUN,
             "MODES": config.modes,
             "PLANES": len(config.planes),
+            "EMPTY_BLOCK": self.heads,
             "TABLE_BLOCKS": self.decoder_blocks,
             "ROW_WORDS": AT_ONCE * self.row_blocks,
-            **{f"MIP_{mip}_WORDS": sum(self._mip_words[:mip]) for mip in range(config.mips)},
-            "SQUARES_WORD": sum(self._mip_words[:-1]),
+            **{f"MIP_{mip}_WORDS": sum(self._row_words[:mip]) for mip in range(config.mips)},
+            "SQUARES_WORD": sum(self._row_words[:-2]),
+            "COLUMNS_WORD": self._row_words[-2],
             "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
             "STEPS_ORIGIN": STEPS_ORIGIN,
             "STEPS_PER_OCTAVE": f"{SCALE_STEPS_PER_OCTAVE}.0",
@@ -296,7 +323,7 @@ class BlockTables(GpuTables):
             "SHALLOW_CURVE": f"vec2{SHALLOW_CURVE}",
             "DEEP_CURVE": f"vec2{DEEP_CURVE}",
             "COLOUR_BITS": COLOUR_BITS,
-            "MOST_COEFFICIENTS": max(LEAST_SHARED, -(-self.most_coefficients // AT_ONCE) * AT_ONCE),
+            "LARGEST_FOURS": -(-self.most_coefficients // AT_ONCE),
         }
         lines = [f"#define {name} {value}" for name, value in values.items()]
         return lines + by_plane(config, lambda _, channels: _edge_defines(config, channels))

@@ -1,10 +1,13 @@
 #version 430
-// Decodes tiles, with their borders, into their pages of the atlas, half of one in each work group: each code once for all its texels.
+// Decodes tiles, with their borders, into their pages of the atlas, one in each work group: each code once for all its texels.
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "ntc/decode.glsl"
 #include "passes/decode_cached/page.glsl"
 #include "passes/decode_cached/squares.glsl"
+// Most tiles have no more codes and coefficients.
+#define SLOTS 48
+#define USUAL_FOURS 320
 #include "ntc/block_together.glsl"
 
 layout(std430, binding = BINDING_REQUESTS) readonly buffer Tiles {
@@ -17,45 +20,103 @@ layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
-const int HALF_ROWS = TILE_SIDE / 2;
+// A tile along one axis, in texels of its mip.
+struct Side {
+    int first;       // texel, the border not counted
+    int size;        // of the mip
+    ivec2 beside;    // texels that are read before the first one of the mip, and beyond the last one
+};
 
-// Writes the number of a slot's code; false: no texel reads one.
-bool fill_slot(int slot, Axis across, Axis down, int number, int shift, LevelRecord level, TileRecord tile) {
-    ivec2 run = in_rows(number, run_count(across, shift));
-    if (run.y >= run_count(down, shift)) return false;
-    ivec2 texel = ivec2(run_texel(across, shift, run.x), run_texel(down, shift, run.y));
-    if (texel.x > across.size || texel.y > down.size) return false;
-    slot_texture[slot] = tile.texture_id;
-    slot_level[slot] = textures[tile.texture_id].first_level + tile.level;
-    slot_code[slot] = code_number(level, ivec2(texel_read(across, texel.x), texel_read(down, texel.y)) >> shift);
-    return true;
+Side side_of(int first, int size, int wrap) {
+    return Side(first, size, ivec2(from_first(-1, size, wrap), to_last(size, size, wrap)));
 }
 
-void store(TileRecord tile, ivec2 texel, vec4 value) {
-    ivec2 place = texel - ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + TILE_BORDER;
-    ivec3 at = ivec3(page_corner(tile.page) + place, tile.page / (PAGES_ACROSS * PAGES_ACROSS));
-    imageStore(atlas, at, stored_texel(tile, limit_output(value)));
+// The texel of the texture that is read at `texel`, at most one beyond its edges.
+int texel_read(Side side, int texel) {
+    return texel < 0 ? side.beside.x : (texel == side.size ? side.beside.y : texel);
+}
+
+// A part of the border: columns come first, each with its corners, then rows.
+struct Part {
+    bool is_read;
+    bool is_column;
+    bool is_corner;
+    ivec2 run;       // a column and a place along it, or a place along a row and the row
+    ivec2 texel;     // that it begins with
+};
+
+// How many columns or rows the border has: both sides, and the texels right beyond the texture's edge, where that lies within the tile.
+int borders_of(Side side) {
+    return side.size > side.first && side.size < side.first + TILE_SIDE ? 3 : 2;
+}
+
+int border_texel(Side side, int number) {
+    return number == 0 ? side.first - 1 : (number == 1 ? side.first + TILE_SIDE : side.size);
+}
+
+// Parts of the border in runs of 2^`shifts` texels along rows and columns: those of columns, and those of rows.
+ivec2 part_counts(Side across, Side down, ivec2 shifts) {
+    int borders = borders_of(down);
+    return ivec2(borders_of(across) * ((TILE_SIDE >> shifts.y) + borders), borders * (TILE_SIDE >> shifts.x));
+}
+
+Part part_at(Side across, Side down, ivec2 shifts, int number) {
+    int runs = TILE_SIDE >> shifts.y;
+    int columns = part_counts(across, down, shifts).x;
+    Part part;
+    part.is_column = number < columns;
+    part.run = in_rows(part.is_column ? number : number - columns, part.is_column ? borders_of(across) : TILE_SIDE >> shifts.x);
+    part.is_corner = part.is_column && part.run.y >= runs;
+    int row = part.is_corner ? part.run.y - runs : part.run.y;
+    part.texel.x = part.is_column ? border_texel(across, part.run.x) : across.first + (part.run.x << shifts.x);
+    part.texel.y = part.is_column && !part.is_corner ? down.first + (row << shifts.y) : border_texel(down, row);
+    ivec2 size = ivec2(across.size, down.size);
+    part.is_read = all(lessThanEqual(part.texel, size));
+    // Where a run goes on along the border, it begins inside the texture.
+    if (!part.is_corner) part.is_read = part.is_read && (part.is_column ? part.texel.y < size.y : part.texel.x < size.x);
+    return part;
+}
+
+void store(TileRecord tile, ivec2 corner, ivec2 texel, vec4 value) {
+    ivec3 at = ivec3(corner + texel, tile.page / (PAGES_ACROSS * PAGES_ACROSS));
+    // The image limits values, which are finite, to [0, 1].
+    imageStore(atlas, at, stored_texel(tile, value));
 }
 
 void main() {
     int lane = int(gl_LocalInvocationID.x);
     TileRecord tile = tiles[first_tile + min(int(gl_WorkGroupID.x), tile_count - 1)];
-    LevelRecord level = levels[textures[tile.texture_id].first_level + tile.level];
-    int part = int(gl_WorkGroupID.y);
-    ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + ivec2(0, part * HALF_ROWS);
-    ivec2 borders = ivec2(first.x - 1, first.x + TILE_SIDE);
-    Axis across = axis_of(first.x, TILE_SIDE, borders, 2, level.texel_width, tile.wrap_u);
-    Axis down = axis_of(first.y, HALF_ROWS, ivec2(first.y + (part == 0 ? -1 : HALF_ROWS)), 1, level.texel_height, tile.wrap_v);
-    int shift = block_shift(level);
+    int level_number = textures[tile.texture_id].first_level + tile.level;
+    LevelRecord level = levels[level_number];
+    ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE;
+    ivec2 corner = page_corner(tile.page) + TILE_BORDER - first;
+    Side across = side_of(first.x, level.texel_width, tile.wrap_u);
+    Side down = side_of(first.y, level.texel_height, tile.wrap_v);
+    ivec2 size = ivec2(across.size, down.size);
     int mip = code_mip(level);
-    int fine_shift = square_shift(shift);
-    int slots = run_count(across, shift) * run_count(down, shift);
-    int squares = run_count(across, fine_shift) * run_count(down, fine_shift);
-    // Nothing of it is read.
-    if (across.first > across.size || down.first > down.size) slots = 0;
-    if (lane == 0 && part == 0) tile_entries[tile.entry] = uint(tile.page + 1);
-    for (int before = 0; before < slots; before += SLOTS) {
-        bool waits = lane < SLOTS && fill_slot(lane, across, down, before + lane, shift, level, tile);
+    int shift = block_shift(level);
+    int side = 1 << shift;
+    // Squares of a code.
+    int squares_shift = max(2 * shift - 2, 0);
+    int inside = (TILE_SIDE >> shift) * (TILE_SIDE >> shift);
+    ivec2 border_codes = part_counts(across, down, ivec2(shift));
+    int codes = inside + border_codes.x + border_codes.y;
+    if (lane == 0) tile_entries[tile.entry] = uint(tile.page + 1);
+    for (int begin = 0; begin < codes; begin += SLOTS) {
+        bool waits = false;
+        int number = begin + lane;
+        if (lane < SLOTS && number < codes) {
+            ivec2 texel = first + ivec2((number << shift) & (TILE_SIDE - 1), (number >> (TILE_SHIFT - shift)) << shift);
+            waits = all(lessThan(texel, size));
+            if (number >= inside) {
+                Part part = part_at(across, down, ivec2(shift), number - inside);
+                texel = part.texel;
+                waits = part.is_read;
+            }
+            slot_texture[lane] = tile.texture_id;
+            slot_level[lane] = level_number;
+            slot_code[lane] = code_number(level, ivec2(texel_read(across, texel.x), texel_read(down, texel.y)) >> shift);
+        }
         uint again = 1u;
         // Each round decodes one code at least.
         for (int round = 0; round < SLOTS && again != 0u; ++round) {
@@ -65,19 +126,53 @@ void main() {
             barrier();
             decode_coefficients(lane);
             barrier();
+            int squares = min(inside - begin, SLOTS) << squares_shift;
             for (int number = lane; number < squares; number += TOGETHER) {
-                Square own = square_at(across, down, fine_shift, number);
-                if (!own.is_read) continue;
-                int slot = run_around(down, shift, fine_shift, own.run.y, own.texel.y) * run_count(across, shift) - before;
-                slot += run_around(across, shift, fine_shift, own.run.x, own.texel.x);
-                if (slot < 0 || slot >= SLOTS || slot_fits[slot] == 0) continue;
-                ivec2 within = own.first & ((1 << shift) - 1);
-                int square = mip_square(mip) + ((within.y >> 1) << shift >> 1) + (within.x >> 1);
+                int slot = number >> squares_shift;
+                int own = number & ((1 << squares_shift) - 1);
+                int code = begin + slot;
+                ivec2 block = ivec2((code << shift) & (TILE_SIDE - 1), (code >> (TILE_SHIFT - shift)) << shift);
+                ivec2 within = ivec2((own << 1) & (side - 1), own >> max(shift - 1, 0) << 1);
+                ivec2 texel = first + block + within;
+                ivec2 limit = min(size, first + block + side);
+                if (texel.x >= limit.x || texel.y >= limit.y || slot_fits[slot] == 0) continue;
                 vec4 values[4];
-                decode_square(slot, square, values);
+                decode_four(slot, tile.texture_id, mip, 2 * (mip_square(mip) + own), (within.y << shift) + within.x, ivec2(1, side), values);
                 for (int one = 0; one < 4; ++one) {
-                    ivec2 texel;
-                    if (is_stored(own, one, texel)) store(tile, texel, values[one]);
+                    ivec2 place = texel + ivec2(one & 1, one >> 1);
+                    if (place.x < limit.x && place.y < limit.y) store(tile, corner, place, values[one]);
+                }
+            }
+            // Along the border, a square or four texels of a column.
+            int square_shift = min(shift, 1);
+            bool has_columns = shift > 1;
+            ivec2 part_shifts = ivec2(square_shift, has_columns ? 2 : square_shift);
+            ivec2 parts = part_counts(across, down, part_shifts);
+            int around = begin + SLOTS > inside ? parts.x + parts.y : 0;
+            for (int number = lane; number < around; number += TOGETHER) {
+                Part part = part_at(across, down, part_shifts, number);
+                int row = part.is_corner ? part.run.y - (TILE_SIDE >> part_shifts.y) + (TILE_SIDE >> shift)
+                                         : part.run.y >> (shift - part_shifts.y);
+                int slot = inside - begin + (part.is_column ? row * borders_of(across) + part.run.x
+                    : part_counts(across, down, ivec2(shift)).x + (part.run.y << (TILE_SHIFT - shift)) + (part.run.x >> (shift - part_shifts.x)));
+                if (!part.is_read || slot < 0 || slot >= SLOTS || slot_fits[slot] == 0) continue;
+                ivec2 within = ivec2(texel_read(across, part.texel.x), texel_read(down, part.texel.y)) & (side - 1);
+                bool is_strip = part.is_column && has_columns;
+                // Of its texels, the one that the part begins with, and whether the others along each axis belong to it.
+                ivec2 own = is_strip ? ivec2(0, within.y & 3) : within & square_shift;
+                bvec2 more = bvec2(!part.is_column, part.is_column && !part.is_corner);
+                ivec2 begins = within - own;
+                int word = is_strip ? column_word(mip, begins) : square_word(mip, begins);
+                vec4 values[4];
+                ivec2 steps = is_strip ? ivec2(side, 2 * side) : ivec2(1, side);
+                decode_four(slot, tile.texture_id, mip, word, (begins.y << shift) + begins.x, steps, values);
+                for (int one = 0; one < (shift > 0 ? 4 : 1); ++one) {
+                    ivec2 place = is_strip ? ivec2(0, one) : ivec2(one & 1, one >> 1);
+                    ivec2 texel = part.texel + place - own;
+                    bvec2 is_own = equal(place, own);
+                    bvec2 is_other = lessThan(texel, size);
+                    if ((is_own.x || more.x && is_other.x) && (is_own.y || more.y && is_other.y))
+                        store(tile, corner, texel, values[one]);
                 }
             }
             barrier();

@@ -237,6 +237,7 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
         f"#define SCAN_GROUP {SCAN_GROUP}",
         f"#define GROUPS_ACROSS {groups_across}",
         f"#define TILE_SIDE {TILE_SIDE}",
+        f"#define TILE_SHIFT {TILE_SIDE.bit_length() - 1}",
         f"#define TILE_BORDER {TILE_BORDER}",
         f"#define PAGE_SIDE {PAGE_SIDE}",
         f"#define PAGES_ACROSS {PAGES_ACROSS}",

@@ -59,9 +59,9 @@ class TileDecoder:
         self._gl.memory_barrier()
 
     def _work_groups(self, tiles: int, together: bool) -> tuple[int, int]:
-        """Return the work groups that decode `tiles` tiles: half a tile each, a square of texels in each invocation, or any."""
+        """Return the work groups that decode `tiles` tiles: one each, a square of texels in each invocation, or any."""
         if together:
-            return tiles, 2
+            return tiles, 1
         if self._buffers.decodes_quads:
             return tiles, -(-PAGE_SQUARES // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
