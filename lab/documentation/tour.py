@@ -40,15 +40,17 @@ def reduced(picture: Path) -> bytes:
 
 def play(script: Path, folder: Path, display: str) -> Path:
     """Play a script in a window of its own, and return the folder of its pictures."""
-    work = folder / script.stem
-    (work / "pictures" / script.stem).mkdir(parents=True)
+    work, made = folder / script.stem, folder / f"{script.stem} pictures"
+    for each in (work, made / script.stem):
+        each.mkdir(parents=True)
     shutil.copy(assets_folder() / "gallery.glb", work / "my-scene.glb")
-    text = script.read_text().replace("assets/", f"{assets_folder()}/")
-    (work / script.name).write_text(f"{text}\nwindow.close\n")
-    command = [sys.executable, "-m", "viewer", "view", "--script", script.name, "--out", "pictures"]
-    environment = {**remembering_in(work, display), "PYTHONPATH": str(IMAGES.parents[1])}
+    lines = script.read_text().replace("drop assets/", f"drop {assets_folder()}/")
+    played = folder / script.name
+    played.write_text(f"{lines}\nwindow.close\n")
+    command = [sys.executable, "-m", "viewer", "view", "--script", str(played), "--out", str(made)]
+    environment = {**remembering_in(folder / f"{script.stem} state", display), "PYTHONPATH": str(IMAGES.parents[1])}
     subprocess.run(command, cwd=work, env=environment, check=True)
-    return work / "pictures"
+    return made
 
 
 def main() -> None:
