@@ -219,7 +219,8 @@ def write_png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Non
     write_image(path, np.ascontiguousarray(image), spec)
 
 
-def write_image(path: Path, pixels: NDArray[Any], spec: OpenImageIO.ImageSpec) -> None:
+# The quoted name keeps no type of OpenImageIO: nanobind reports types that outlive the interpreter.
+def write_image(path: Path, pixels: NDArray[Any], spec: "OpenImageIO.ImageSpec") -> None:
     """Write `pixels` [H, W, C] as `spec` says, atomically, in the format that the name's ending stands for.
 
     Raises InputError where the file cannot be written.
