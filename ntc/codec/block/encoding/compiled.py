@@ -189,19 +189,17 @@ def _read(word: NDArray[np.uint32], place: int, width: int) -> int:
 def read_codes(
     words: NDArray[np.uint32],
     modes: NDArray[np.int64],
-    blocks: NDArray[np.int64],
-    values: NDArray[np.float32],
+    values: NDArray[np.float64],
     counts: NDArray[np.int64],
     rows: NDArray[np.int64],
     depths: NDArray[np.int64],
-    scales: NDArray[np.float32],
+    scales: NDArray[np.float64],
     first: NDArray[np.int64],
-    _nearest: NDArray[np.uint8],
-    levels: NDArray[np.float32],
+    levels: NDArray[np.float64],
 ) -> None:
-    """Write the coefficients of those `blocks` [N] of codes `words` [blocks, words] of `modes` [blocks] into `values` [blocks,
-    coefficients], which are 0. The other arguments are a `SearchTables`."""
-    for block in blocks:
+    """Write the coefficients of codes `words` [blocks, words] of `modes` [blocks] into `values` [blocks, coefficients], which are 0.
+    The other arguments are those of a `SearchTables`."""
+    for block in range(len(words)):
         mode = modes[block]
         count, before = counts[mode], first[mode]
         state, rest = _start_state(words[block], before), before + count

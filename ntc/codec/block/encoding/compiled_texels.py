@@ -66,7 +66,7 @@ def add_moments(values: NDArray[np.uint8], sums: NDArray[np.int64], products: ND
 
 @njit(nogil=True, cache=True)
 def show(
-    transformed: NDArray[np.float32], mean: NDArray[np.float32], axes: NDArray[np.float32], out: NDArray[np.uint8]
+    transformed: NDArray[np.float64], mean: NDArray[np.float64], axes: NDArray[np.float64], out: NDArray[np.uint8]
 ) -> None:
     """Write `mean` + `axes` @ `transformed` [channels, blocks, texels] as 8-bit values into `out` [blocks, texels, channels]."""
     channels, used = transformed.shape[0], _used(axes.T)
@@ -76,5 +76,5 @@ def show(
                 value = mean[channel]
                 for column in range(used[channel, 0], used[channel, 1]):
                     value += axes[channel, column] * transformed[column, block, texel]
-                value = min(max(value, np.float32(0.0)), np.float32(1.0))
-                out[block, texel, channel] = np.uint8(np.rint(value * np.float32(255.0)))
+                value = min(max(value, 0.0), 1.0)
+                out[block, texel, channel] = np.uint8(np.rint(value * 255.0))

@@ -1,4 +1,4 @@
-"""Mip 0 of an encoded texture for the measure of its quality, decoded in float32 by compiled code."""
+"""Mip 0 of an encoded texture for the measure of its quality, decoded in float64 by compiled code."""
 
 from collections.abc import Sequence
 
@@ -14,6 +14,7 @@ from ntc.codec.block.encoding.transform import one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values
 from ntc.codec.block.reference import decode_image, edge_values, image_of, texture_codes
 from ntc.codec.block.storage import BlockCodes
+from ntc.codec.block.trellis import level_table
 from ntc.codec.latents import texture_levels
 from ntc.threads import mapped
 
@@ -48,12 +49,18 @@ def finest_image(
 def _blocks(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.uint8]:
     """Return [blocks, texels, channels] uint8."""
     modes = (stored.codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)
-    coefficients = np.zeros((len(modes), config.coefficients), np.float32)
+    coefficients = np.zeros((len(modes), config.coefficients))
+    levels, scales = level_table(), scale_values(decoder.scales)
     for size in range(len(config.block_words)):
         own = np.nonzero(stored.sizes == size)[0]
-        compiled.read_codes(stored.codes, modes, own, coefficients, *compiled.search_tables(decoder, config, size))
-    rows = (decoder.basis * scale_values(decoder.basis_scale)[:, None]).astype(np.float32)
-    transformed = np.zeros((config.output_channels, len(modes), config.block_texels), np.float32)
+        tables = compiled.search_tables(decoder, config, size)
+        found = np.zeros((len(own), config.coefficients))
+        with_bits = scales[np.arange(config.modes)[:, None], tables.rows]
+        shape = (tables.counts, tables.rows, tables.depths, with_bits, tables.first)
+        compiled.read_codes(stored.codes[own], modes[own], found, *shape, levels)
+        coefficients[own] = found
+    rows = decoder.basis * scale_values(decoder.basis_scale)[:, None]
+    transformed = np.zeros((config.output_channels, len(modes), config.block_texels))
     for channel in range(config.output_channels):
         own = np.nonzero(decoder.channels == channel)[0]
         torch.mm(
@@ -62,7 +69,7 @@ def _blocks(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, co
             out=torch.from_numpy(transformed[channel]),
         )
     shown = np.empty((len(modes), config.block_texels, config.output_channels), np.uint8)
-    compiled_texels.show(transformed, texture.mean[0], texture.axes, shown)
+    compiled_texels.show(transformed, texture.mean[0].astype(np.float64), texture.axes.astype(np.float64), shown)
     parts = edge_parts(stored, decoder, config)
     with_parts = np.unique(np.concatenate([part.blocks for part in parts]))
     if len(with_parts):
@@ -72,13 +79,13 @@ def _blocks(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, co
 
 def _with_edges(
     texture: BlockTexture,
-    transformed: NDArray[np.float32],
+    transformed: NDArray[np.float64],
     parts: Sequence[EdgePart],
     blocks: NDArray[np.int64],
     config: BlockConfig,
 ) -> NDArray[np.uint8]:
     """Return [blocks, texels, channels] uint8 of `blocks`, which have edge `parts`."""
-    values = transformed.transpose(1, 2, 0) @ texture.axes.T
+    values = transformed.transpose(1, 2, 0) @ texture.axes.T.astype(np.float64)
     base = np.zeros_like(values) + texture.mean[0]
     for channels, part in zip(config.planes, parts, strict=True):
         places = np.ix_(np.searchsorted(blocks, part.blocks), np.arange(config.block_texels), np.array(channels))
