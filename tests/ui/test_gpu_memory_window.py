@@ -38,8 +38,8 @@ def errors(app: DrivenApp) -> list[str]:
 
 
 def picture(app: DrivenApp) -> NDArray[np.uint8]:
-    """The scene's part of the window: messages and panels lie elsewhere."""
-    app.settle()
+    """The scene's part of the window at rest: messages and panels lie elsewhere."""
+    app.rest()
     frontend = app.frontend
     assert frontend.picture.last is not None
     image = frontend.picture.last.image
