@@ -3,13 +3,22 @@
     python -m lab.benchmarks.decode_in_turns bistro.gltf --cameras cameras.json --camera square --pack grid=grid.ntc \
         --pack block=block.ntc --json lab/benchmarks/results/decode_in_turns_bistro_llvmpipe.json
 
+    python -m lab.benchmarks.decode_in_turns bistro.gltf ... --before CHECKOUT      in turns with an earlier commit
+
 Paths that decode every pixel are timed on whole pictures; of path `cached`, decoding the tiles of an empty cache, and apart from
 that drawing from a full one. Processor time, as `time.process_time` counts it, for a software renderer decodes on the processor: a
 busy machine does not change it much. The first tiles of a run are not counted.
 """
 
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -34,6 +43,9 @@ from viewer.scene.model import Camera, Scene
 from viewer.state.pack_files import match_scene
 
 WHOLE_PICTURES = ("deferred", "deferred, stochastic", "binned")
+ROOT = Path(__file__).resolve().parents[2]
+TURNS = 2
+"""Runs of each of two commits."""
 
 
 @dataclass(frozen=True)
@@ -126,16 +138,56 @@ def measure(
     ]
 
 
+def _recorded(checkout: Path, given: argparse.Namespace) -> list[dict[str, Any]]:
+    """Rows of one run of `checkout`, in a process of its own."""
+    with tempfile.TemporaryDirectory() as folder:
+        record = Path(folder) / "record.json"
+        # Not from the folder at hand: both find the same files, each its own modules.
+        command = [
+            sys.executable,
+            "-P",
+            "-m",
+            "lab.benchmarks.decode_in_turns",
+            str(given.scene),
+            "--json",
+            str(record),
+        ]
+        command += ["--size", "{}x{}".format(*given.size), "--frames", str(given.frames)]
+        command += ["--cameras", str(given.cameras)] if given.cameras else []
+        command += [text for name in given.camera or () for text in ("--camera", name)]
+        command += [text for entry in given.pack for text in ("--pack", entry)]
+        environment = {**os.environ, "PYTHONPATH": str(checkout.resolve())}
+        subprocess.run(command, env=environment, stdout=subprocess.DEVNULL, check=True)
+        rows: list[dict[str, Any]] = json.loads(record.read_text(encoding="utf-8"))["rows"]
+        return rows
+
+
+def in_turns(before: Path, given: argparse.Namespace) -> list[dict[str, Any]]:
+    """A row for each pack and way: medians of this commit and of the one in `before`, run by turns."""
+    times: dict[tuple[str, str], tuple[list[float], list[float]]] = {}
+    for _ in range(TURNS):
+        for place, checkout in enumerate((before, ROOT)):
+            for row in _recorded(checkout, given):
+                times.setdefault((row["way"], row["pack"]), ([], []))[place].append(row["processor ms"])
+    medians = {key: (median(old), median(new)) for key, (old, new) in times.items()}
+    return [
+        {"way": way, "pack": name, "before, processor ms": old, "processor ms": new, "times faster": old / new}
+        for (way, name), (old, new) in medians.items()
+    ]
+
+
 def main() -> None:
     """Run from the command line. Raises InputError."""
     parser = scene_options(__doc__)
     parser.add_argument("--pack", action="append", required=True, metavar="NAME=FILE", help="may be given again")
+    parser.add_argument("--before", type=Path, metavar="CHECKOUT", help="measure in turns with this earlier commit")
     given = parser.parse_args()
     scene = load_scene(given.scene)
     packs = {name: read_pack(Path(file)) for name, _, file in (entry.partition("=") for entry in given.pack)}
     graphics = create_headless_context()
     camera = chosen_cameras(scene, given.cameras, given.camera)[0]
-    rows = measure(graphics, scene, packs, camera, given.size, given.frames)
+    own = partial(measure, graphics, scene, packs, camera, given.size, given.frames)
+    rows = own() if given.before is None else in_turns(given.before, given)
     facts = {
         "scene": scene.name,
         "camera": camera.name,
