@@ -23,6 +23,7 @@ from ntc.io import write_text
 from viewer.cli.info import KINDS, files_below
 from viewer.cli.table import Column, Table
 from viewer.scene.images import read_image
+from viewer.scene.report import KINDS as LISTS
 from viewer.scene.scene_files import CAMERAS_FILE
 
 SIZE = "320x180"
@@ -35,11 +36,7 @@ COLUMNS = (
     Column("triangles", "triangles"),
     Column("textures", "textures"),
     Column("seconds", "load and draw, s", 1),
-    Column("honoured", "honoured"),
-    Column("ignored", "ignored"),
-    Column("missing", "missing"),
-    Column("repaired", "repaired"),
-    Column("notes", "notes"),
+    *(Column(kind, kind) for kind in LISTS),
 )
 
 
@@ -78,7 +75,7 @@ def examine(path: Path, folder: Path, limit: float) -> tuple[dict[str, Any], NDA
         return row, None
     information = json.loads(text)
     row |= {key: information["used"][key] for key in ("triangles", "textures")}
-    row |= {key: "; ".join(information[key]) or None for key in ("honoured", "ignored", "missing", "repaired", "notes")}
+    row |= {key: "; ".join(information[key]) or None for key in LISTS}
     with tempfile.TemporaryDirectory() as out:
         started = time.monotonic()
         arguments = ["render", str(path), "--grouping", "reference", "--view", "lit", "--size", SIZE, "--out", out]

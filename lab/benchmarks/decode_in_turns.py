@@ -18,7 +18,6 @@ import sys
 import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -186,8 +185,11 @@ def main() -> None:
     packs = {name: read_pack(Path(file)) for name, _, file in (entry.partition("=") for entry in given.pack)}
     graphics = create_headless_context()
     camera = chosen_cameras(scene, given.cameras, given.camera)[0]
-    own = partial(measure, graphics, scene, packs, camera, given.size, given.frames)
-    rows = own() if given.before is None else in_turns(given.before, given)
+    rows = (
+        measure(graphics, scene, packs, camera, given.size, given.frames)
+        if given.before is None
+        else in_turns(given.before, given)
+    )
     facts = {
         "scene": scene.name,
         "camera": camera.name,

@@ -31,6 +31,8 @@ from viewer.scene.scene_files import PACK_SUFFIX
 
 KINDS = {".gltf": "glTF", ".glb": "GLB", PACK_SUFFIX: "pack"}
 """Kind of file by suffix; other files are skipped."""
+LISTS = ("honoured", "ignored", "missing", "repaired")
+"""Lists of the load report that have a column in the table of files."""
 
 Outcome = Literal["read", "refused", "crashed"]
 
@@ -60,14 +62,11 @@ class FileInfo:
             "result": self.outcome if not self.message else f"{self.outcome}: {self.message}",
             "triangles": self.triangles,
             "textures": self.textures,
-            **{key: "; ".join(getattr(self, key)) or None for key in ("honoured", "ignored", "missing", "repaired")},
+            **{key: "; ".join(getattr(self, key)) or None for key in LISTS},
         }
 
 
-COLUMNS = tuple(
-    Column(key, key)
-    for key in ("file", "kind", "result", "triangles", "textures", "honoured", "ignored", "missing", "repaired")
-)
+COLUMNS = tuple(Column(key, key) for key in ("file", "kind", "result", "triangles", "textures", *LISTS))
 
 
 def files_below(folder: Path) -> list[Path]:

@@ -43,8 +43,8 @@ void main() {
     LevelRecord finest = levels[record.first_level + record.finest_level];
     ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
     ivec2 corner = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE;
-    Axis across = axis_of(corner.x, TILE_SIDE, corner.x + ivec2(-1, TILE_SIDE), 2, level.texel_width, wrap.x);
-    Axis down = axis_of(corner.y, TILE_SIDE, corner.y + ivec2(-1, TILE_SIDE), 2, level.texel_height, wrap.y);
+    Axis across = axis_of(corner.x, level.texel_width, wrap.x);
+    Axis down = axis_of(corner.y, level.texel_height, wrap.y);
     int side = block_side(level);
     int shift = min(side - 1, 1);
     int squares = run_count(across, shift) * run_count(down, shift);

@@ -20,22 +20,6 @@ layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
-// A tile along one axis, in texels of its mip.
-struct Side {
-    int first;       // texel, the border not counted
-    int size;        // of the mip
-    ivec2 beside;    // texels that are read before the first one of the mip, and beyond the last one
-};
-
-Side side_of(int first, int size, int wrap) {
-    return Side(first, size, ivec2(from_first(-1, size, wrap), to_last(size, size, wrap)));
-}
-
-// The texel of the texture that is read at `texel`, at most one beyond its edges.
-int texel_read(Side side, int texel) {
-    return texel < 0 ? side.beside.x : (texel == side.size ? side.beside.y : texel);
-}
-
 // A part of the border: columns come first, each with its corners, then rows.
 struct Part {
     bool is_read;
@@ -45,22 +29,18 @@ struct Part {
     ivec2 texel;     // that it begins with
 };
 
-// How many columns or rows the border has: both sides, and the texels right beyond the texture's edge, where that lies within the tile.
-int borders_of(Side side) {
-    return side.size > side.first && side.size < side.first + TILE_SIDE ? 3 : 2;
-}
-
-int border_texel(Side side, int number) {
-    return number == 0 ? side.first - 1 : (number == 1 ? side.first + TILE_SIDE : side.size);
+// How many columns or rows the border has.
+int borders_of(Axis axis) {
+    return holds_edge(axis) ? 3 : 2;
 }
 
 // Parts of the border in runs of 2^`shifts` texels along rows and columns: those of columns, and those of rows.
-ivec2 part_counts(Side across, Side down, ivec2 shifts) {
+ivec2 part_counts(Axis across, Axis down, ivec2 shifts) {
     int borders = borders_of(down);
     return ivec2(borders_of(across) * ((TILE_SIDE >> shifts.y) + borders), borders * (TILE_SIDE >> shifts.x));
 }
 
-Part part_at(Side across, Side down, ivec2 shifts, int number) {
+Part part_at(Axis across, Axis down, ivec2 shifts, int number) {
     int runs = TILE_SIDE >> shifts.y;
     int columns = part_counts(across, down, shifts).x;
     Part part;
@@ -90,8 +70,8 @@ void main() {
     LevelRecord level = levels[level_number];
     ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE;
     ivec2 corner = page_corner(tile.page) + TILE_BORDER - first;
-    Side across = side_of(first.x, level.texel_width, tile.wrap_u);
-    Side down = side_of(first.y, level.texel_height, tile.wrap_v);
+    Axis across = axis_of(first.x, level.texel_width, tile.wrap_u);
+    Axis down = axis_of(first.y, level.texel_height, tile.wrap_v);
     ivec2 size = ivec2(across.size, down.size);
     int mip = code_mip(level);
     int shift = block_shift(level);
@@ -144,9 +124,9 @@ void main() {
                 }
             }
             // Along the border, a square or four texels of a column.
-            int square_shift = min(shift, 1);
+            int run_shift = square_shift(shift);
             bool has_columns = shift > 1;
-            ivec2 part_shifts = ivec2(square_shift, has_columns ? 2 : square_shift);
+            ivec2 part_shifts = ivec2(run_shift, has_columns ? 2 : run_shift);
             ivec2 parts = part_counts(across, down, part_shifts);
             int around = begin + SLOTS > inside ? parts.x + parts.y : 0;
             for (int number = lane; number < around; number += TOGETHER) {
@@ -159,7 +139,7 @@ void main() {
                 ivec2 within = ivec2(texel_read(across, part.texel.x), texel_read(down, part.texel.y)) & (side - 1);
                 bool is_strip = part.is_column && has_columns;
                 // Of its texels, the one that the part begins with, and whether the others along each axis belong to it.
-                ivec2 own = is_strip ? ivec2(0, within.y & 3) : within & square_shift;
+                ivec2 own = is_strip ? ivec2(0, within.y & 3) : within & run_shift;
                 bvec2 more = bvec2(!part.is_column, part.is_column && !part.is_corner);
                 ivec2 begins = within - own;
                 int word = is_strip ? column_word(mip, begins) : square_word(mip, begins);

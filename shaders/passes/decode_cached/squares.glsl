@@ -1,39 +1,35 @@
 // Squares of 2x2 texels that cover a tile and its border: each within one block of the texture.
-// A tile, or a part of it, along one axis, in texels of its mip. What is read there comes in runs: of blocks or of squares of texels inside, then
-// one for each texel of the border, then one for the texel right beyond the texture's edge, where the edge cuts a run.
+// A tile along one axis, in texels of its mip. What is read there comes in runs: of blocks or of squares of texels inside, then one for
+// each texel of the border, then one for the texel right beyond the texture's edge, where the edge cuts a run.
 struct Axis {
     int first;       // texel, the border not counted
-    int texels;
-    ivec2 border;    // its texels
-    int borders;     // how many
     int size;        // of the mip
-    ivec2 beside;    // texels that are read before the first one, and beyond the last one
+    ivec2 beside;    // texels that are read before the first one of the mip, and beyond the last one
 };
 
-Axis axis_of(int first, int texels, ivec2 border, int borders, int size, int wrap) {
-    return Axis(first, texels, border, borders, size, ivec2(from_first(-1, size, wrap), to_last(size, size, wrap)));
+Axis axis_of(int first, int size, int wrap) {
+    return Axis(first, size, ivec2(from_first(-1, size, wrap), to_last(size, size, wrap)));
 }
 
-bool cuts_run(Axis axis, int shift) {
-    return axis.size > axis.first && axis.size < axis.first + axis.texels && (axis.size & ((1 << shift) - 1)) != 0;
+// Whether the texel right beyond the texture's edge lies within the tile, but not at its begin.
+bool holds_edge(Axis axis) {
+    return axis.size > axis.first && axis.size < axis.first + TILE_SIDE;
+}
+
+// Texel `number` outside: of the border on both sides, then the one right beyond the texture's edge.
+int border_texel(Axis axis, int number) {
+    return number == 0 ? axis.first - 1 : (number == 1 ? axis.first + TILE_SIDE : axis.size);
 }
 
 int run_count(Axis axis, int shift) {
-    return (axis.texels >> shift) + axis.borders + int(cuts_run(axis, shift));
+    bool cuts_run = holds_edge(axis) && (axis.size & ((1 << shift) - 1)) != 0;
+    return (TILE_SIDE >> shift) + 2 + int(cuts_run);
 }
 
 // First texel of a run of 2^`shift` texels.
 int run_texel(Axis axis, int shift, int run) {
-    int outside = run - (axis.texels >> shift);
-    if (outside < 0) return axis.first + (run << shift);
-    return outside < axis.borders ? (outside == 0 ? axis.border.x : axis.border.y) : axis.size;
-}
-
-// The run of 2^`shift` texels with run `run` of 2^`fine_shift` texels, which begins at `texel`.
-int run_around(Axis axis, int shift, int fine_shift, int run, int texel) {
-    int outside = run - (axis.texels >> fine_shift);
-    if (texel == axis.size && cuts_run(axis, shift)) outside = axis.borders;
-    return outside < 0 ? run << fine_shift >> shift : (axis.texels >> shift) + outside;
+    int outside = run - (TILE_SIDE >> shift);
+    return outside < 0 ? axis.first + (run << shift) : border_texel(axis, outside);
 }
 
 // The texel of the texture that is read at `texel`, at most one beyond its edges.
@@ -49,17 +45,16 @@ ivec2 in_rows(int number, int across) {
 
 // Run along both axes of square `number`: first those inside, in groups of four by four, which lie in few blocks, then columns, then rows.
 ivec2 run_at(Axis across, Axis down, int shift, int number) {
-    int columns = across.texels >> shift;
-    int rows = down.texels >> shift;
-    int outside = number - columns * rows;
+    int runs = TILE_SIDE >> shift;
+    int outside = number - runs * runs;
     if (outside < 0) {
-        ivec2 group = ivec2((number >> 4) & (columns / 4 - 1), (number >> 2) / columns);
+        ivec2 group = ivec2((number >> 4) & (runs / 4 - 1), (number >> 2) / runs);
         return 4 * group + ivec2(number & 3, (number >> 2) & 3);
     }
-    int more = run_count(across, shift) - columns;
+    int more = run_count(across, shift) - runs;
     int beside = more * run_count(down, shift);
-    ivec2 run = in_rows(outside < beside ? outside : outside - beside, outside < beside ? more : columns);
-    return run + (outside < beside ? ivec2(columns, 0) : ivec2(0, rows));
+    ivec2 run = in_rows(outside < beside ? outside : outside - beside, outside < beside ? more : runs);
+    return run + (outside < beside ? ivec2(runs, 0) : ivec2(0, runs));
 }
 
 // Squares of one texel where the mip of a code has no more.
@@ -69,7 +64,7 @@ int square_shift(int shift) {
 
 // Whether a run of texels that begins inside goes on with a second one.
 bool has_second(Axis axis, int shift, int run, int texel) {
-    return shift > 0 && run < axis.texels >> shift && texel + 1 < axis.size;
+    return shift > 0 && run < TILE_SIDE >> shift && texel + 1 < axis.size;
 }
 
 // A square of 2^`shift` texels and what is stored of it.
