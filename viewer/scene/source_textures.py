@@ -86,6 +86,13 @@ def source_texture(scene: Scene, index: int, size: int | None, maps: MapChoice =
     return _source(scene, index, _wraps(scene), _cutoffs(scene), size, maps)
 
 
+def source_maps(texture: SceneTexture, maps: MapChoice) -> tuple[MapName, ...]:
+    """Return the maps of what `source_textures` gives for `texture`."""
+    if maps == "base" or (texture.maps == BASE_ALONE and not texture.has_alpha):
+        return BASE_ALONE
+    return (*texture.maps, "alpha") if texture.has_alpha else texture.maps
+
+
 def _source(
     scene: Scene,
     index: int,
@@ -95,16 +102,16 @@ def _source(
     maps: MapChoice,
 ) -> SourceTexture:
     texture = scene.textures[index]
-    is_set = maps == "all" and (texture.maps != BASE_ALONE or texture.has_alpha)
-    alpha: tuple[MapName, ...] = ("alpha",) if texture.has_alpha else ()
+    own = source_maps(texture, maps)
+    is_set = own != BASE_ALONE
     whole = SourceTexture(
         name=texture.name,
         pixels=_whole(texture) if is_set else texture.pixels,
         pixel_hash=texture.set_hash or texture.pixel_hash if is_set else texture.pixel_hash,
         wrap=wraps.get(index, ("repeat", "repeat")),
         category=texture.category,
-        maps=(*texture.maps, *alpha) if is_set else BASE_ALONE,
-        cutoff=cutoffs.get(index) if is_set and alpha else None,
+        maps=own,
+        cutoff=cutoffs.get(index) if "alpha" in own else None,
     )
     return whole if size is None else reduce_texture(whole, size)
 

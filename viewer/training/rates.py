@@ -15,7 +15,7 @@ import numpy as np
 
 from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target, TextureSet, texture_set
-from ntc.codec.maps import MAP_CHANNELS, MapName
+from ntc.codec.maps import MAP_CHANNELS, MapName, joint_maps
 from ntc.codec.model import Grouping
 from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.registry import codec_named, codec_of
@@ -29,7 +29,7 @@ from viewer.locations import pace_file
 from viewer.scene.images import reduced_size
 from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import MapChoice, has_source, source_texture
+from viewer.scene.source_textures import MapChoice, has_source, source_maps, source_texture
 from viewer.training.settings import TrainingSettings
 
 RATE_CODEC = "block"
@@ -388,8 +388,9 @@ class Rates:
             found = _with_target(found, target, curves, dict(zip(ids, texels, strict=True)))
         pace = self.pace.seconds_per_work(codec.settings_type.kind)
         if pace is not None and not codec.trains:
-            work = _work(settings, sizes, [scene.textures[index].maps for index in ids], target)
-            found = replace(found, seconds=pace * work)
+            own = [source_maps(scene.textures[index], maps) for index in ids]
+            work = _work(settings, list(zip(sizes, own, strict=True)), target)
+            found = replace(found, seconds=None if work is None else pace * work)
         return found
 
     def note_run(self, request: TrainingRequest, seconds: float) -> None:
@@ -419,22 +420,19 @@ def group_count(settings: TrainingSettings, textures: int) -> int:
 
 
 def _work(
-    settings: TrainingSettings,
-    sizes: Sequence[tuple[int, int]],
-    maps: Sequence[tuple[MapName, ...]],
-    target: Target | None,
-) -> float:
-    """Return the work of an encoding before its groups are known: about as many textures are in each."""
-    codec, count = codec_named(settings.codec_kind), group_count(settings, len(sizes))
-    groups = [sizes[first::count] for first in range(count)]
-    names = tuple(dict.fromkeys(name for own in maps for name in own)) if settings.chosen_maps == "all" else ("base",)
-    known = TextureSet(
-        sizes, 0 if settings.strategy == UNIVERSAL else count, sum(MAP_CHANNELS[name] for name in names), maps=names
-    )
-    with suppress(InputError, ValueError):
-        config = codec.settings_for(replace(known, groups=max(known.groups, 1)), EncodingChoices())
-        return codec.encoding_work(groups, config, target, settings.strategy == UNIVERSAL)
-    return 0.0
+    settings: TrainingSettings, textures: Sequence[tuple[tuple[int, int], tuple[MapName, ...]]], target: Target | None
+) -> float | None:
+    """Return the work of an encoding of textures of these sizes and maps before its groups are known: about as many textures are in
+    each. None where `target` is out of reach."""
+    codec, count = codec_named(settings.codec_kind), group_count(settings, len(textures))
+    sizes = [size for size, _ in textures]
+    maps, channels = joint_maps((own, sum(MAP_CHANNELS[name] for name in own)) for _, own in textures)
+    ships = settings.strategy == UNIVERSAL
+    try:
+        config = codec.settings_for(TextureSet(sizes, 0 if ships else count, channels, maps=maps), settings.choices)
+    except InputError:
+        return None
+    return codec.encoding_work([sizes[first::count] for first in range(count)], config, target, ships)
 
 
 def _with_target(

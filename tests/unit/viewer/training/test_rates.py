@@ -8,13 +8,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.config import GroupingName
 from ntc.codec.encoding import BitsTarget, QualityTarget, SizeTarget, StepBudget, Target, texture_set
 from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from tests.end_to_end.conftest import two_squares
+from viewer.locations import builtin_scene_path
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
+from viewer.scene.source_textures import MapChoice, source_textures
 from viewer.training.rates import Forecast, PointJob, RateCurve, RatePoint, Rates, chosen_textures, part_of, rate_point
 from viewer.training.settings import TrainingSettings, parse_target, target_text, with_setting
 
@@ -118,6 +121,33 @@ def test_a_forecast_says_what_a_target_gives(scene: Scene, tmp_path: Path, monke
     again = Rates().forecast(replace(settings, target=BitsTarget(4.0)), scene)
     assert again is not None
     assert again.seconds == at_bits.seconds
+
+
+@pytest.mark.parametrize("strategy", ["single", "baseline", "universal"])
+@pytest.mark.parametrize("maps", ["base", "all"])
+def test_an_encoding_takes_the_work_that_was_forecast(strategy: GroupingName, maps: MapChoice) -> None:
+    scene = load_scene(builtin_scene_path())
+    # The last texture alone has an emissive map, before the occlusion that the others have.
+    few = (*scene.textures[:2], scene.textures[-1])
+    scene = replace(scene, textures=few)
+    settings, rates = TrainingSettings(strategy=strategy, maps=maps), Rates()
+    rates.pace.seconds_per_work = lambda _codec: 1.0  # type: ignore[method-assign]
+    forecast = rates.forecast(settings, scene)
+    sources = source_textures(scene, None, maps)
+    count = len(few) if strategy == "baseline" else 1
+    codec, ships = codec_named("block"), strategy == "universal"
+    config = codec.settings_for(texture_set(sources, 0 if ships else count), settings.choices)
+    groups = [[source.size for source in sources[first::count]] for first in range(count)]
+    assert forecast is not None
+    assert forecast.seconds == pytest.approx(codec.encoding_work(groups, config, None, ships))
+
+
+def test_no_time_is_forecast_for_a_target_out_of_reach(scene: Scene) -> None:
+    rates = Rates()
+    rates.pace.seconds_per_work = lambda _codec: 1.0  # type: ignore[method-assign]
+    forecast = rates.forecast(TrainingSettings(target=BitsTarget(900.0)), scene)
+    assert forecast is not None
+    assert forecast.seconds is None
 
 
 def test_the_line_of_a_forecast() -> None:
