@@ -8,6 +8,7 @@ Of branches all sides count, but no edge parts: few codes have one. Nothing runs
 """
 
 import argparse
+import re
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -35,6 +36,7 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.inspect.gpu_estimate import LANE_INSTRUCTIONS, PIXELS
+from viewer.locations import shaders_folder
 from viewer.render.resources.layout import GROUP_SIDE, PAGE_SIDE, TILE_SIDE
 from viewer.render.resources.pack_buffers import codec_programs, scene_programs
 from viewer.render.resources.visibility_buffer import PlaneReading
@@ -308,15 +310,28 @@ def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
     return code.weighted(trips.tolist()) * TOGETHER / PAGE_TEXELS
 
 
-SLOTS: Final = 32
-"""Codes that a work group holds at once (shaders/ntc/block_together.glsl)."""
-MOST_SQUARES: Final = 96
-"""Squares of texels likewise (shaders/ntc/block_pixels.glsl)."""
-PIXEL_FOURS: Final = 112
+def shader_number(file: str, name: str) -> int:
+    """Return the whole number that a file below shaders/ gives `name`, as a `#define` or a `const int`.
+
+    Raises ValueError where the file gives none, or several."""
+    text = (shaders_folder() / file).read_text(encoding="utf-8")
+    found = re.findall(rf"^(?:#define {name} |const int {name} = )(\d+);?$", text, re.MULTILINE)
+    if len(found) != 1:
+        raise ValueError(f"shaders/{file} defines {name} {len(found)} times as a number")
+    return int(found[0])
+
+
+PIXEL_SHADER: Final = "ntc/block_pixels.glsl"
+TILE_SHADER: Final = "passes/decode_cached/decode_together.comp"
+SLOTS: Final = 1 << shader_number(PIXEL_SHADER, "SLOT_BITS")
+"""Codes that a work group holds at once."""
+MOST_SQUARES: Final = shader_number(PIXEL_SHADER, "MOST_SQUARES")
+"""Squares of texels likewise."""
+PIXEL_FOURS: Final = shader_number(PIXEL_SHADER, "USUAL_FOURS")
 """Coefficients likewise, in fours, if no code has more."""
-TILE_SLOTS: Final = 48
-"""Codes that a work group holds of a tile (shaders/passes/decode_cached/decode_together.comp)."""
-TILE_FOURS: Final = 320
+TILE_SLOTS: Final = shader_number(TILE_SHADER, "SLOTS")
+"""Codes that a work group holds of a tile."""
+TILE_FOURS: Final = shader_number(TILE_SHADER, "USUAL_FOURS")
 """Fours of their coefficients."""
 PROBES: Final = 1.5
 """Places of the hash table that a subgroup looks at for a code, estimated."""

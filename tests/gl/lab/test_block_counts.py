@@ -8,7 +8,20 @@ import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
-from lab.benchmarks.shaders.block_counts import TOGETHER, PackCodes, pixel_group, random_tile, rows
+from lab.benchmarks.shaders.block_counts import (
+    MOST_SQUARES,
+    PIXEL_FOURS,
+    SLOTS,
+    TILE_FOURS,
+    TILE_SLOTS,
+    TOGETHER,
+    PackCodes,
+    counted_programs,
+    pixel_group,
+    random_tile,
+    rows,
+    shader_number,
+)
 from lab.benchmarks.shaders.compiling import GPUS, find_compiler
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.gpu import BlockTables
@@ -68,6 +81,19 @@ def test_a_tile_has_a_border_of_codes(codes: PackCodes) -> None:
     # The order of a list has the same coefficients, and at most four words that are not full.
     assert (tile.fours.sum(axis=1) >= tile.lists - 1).all()
     assert (tile.fours.sum(axis=1) <= tile.lists + 4).all()
+
+
+def test_room_in_shared_memory_is_that_of_the_programs(graphics: GraphicsContext, codes: PackCodes) -> None:
+    texts = {own.path: own.program.texts[0] for own in counted_programs(graphics, codes, 1)}
+    pixels, tile = texts["deferred"], texts["cached, a texel of a tile"]
+    assert f"#define SLOT_BITS {SLOTS.bit_length() - 1}\n" in pixels
+    assert f"const int MOST_SQUARES = {MOST_SQUARES};\n" in pixels
+    assert f"#define USUAL_FOURS {PIXEL_FOURS}\n" in pixels
+    assert f"#define SLOTS {TILE_SLOTS}\n" in tile
+    assert f"#define USUAL_FOURS {TILE_FOURS}\n" in tile
+    assert all(f"const int TOGETHER = {TOGETHER};\n" in text for text in (pixels, tile))
+    with pytest.raises(ValueError, match="defines NOTHING 0 times"):
+        shader_number("ntc/block_pixels.glsl", "NOTHING")
 
 
 def test_other_codecs_are_refused() -> None:
