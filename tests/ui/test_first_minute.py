@@ -186,6 +186,35 @@ def test_a_place_is_found_in_a_scene_that_is_a_speck_from_afar(app: DrivenApp, t
     assert len(np.unique(found)) > 8
 
 
+def test_in_a_room_one_stands_at_eye_height(app: DrivenApp, tmp_path: Path) -> None:
+    builder = GltfBuilder()
+    uvs = square((0, 0, 0), (1, 0, 0), (0, 1, 0))[:, :2]
+    floor = builder.material(
+        builder.image(png(np.eye(8, dtype=np.uint8)[..., None] * np.full(3, 90, np.uint8)), name="floor"),
+        doubleSided=True,
+    )
+    walls = builder.material(None, doubleSided=True)
+    x, y, z = (8.0, 0.0, 0.0), (0.0, 3.0, 0.0), (0.0, 0.0, 5.0)
+    origin = (0.0, 0.0, 0.0)
+    sides = [
+        (floor, origin, x, z),
+        (walls, y, x, z),
+        (walls, origin, x, y),
+        (walls, z, x, y),
+        (walls, origin, z, y),
+        (walls, x, z, y),
+    ]
+    drawn = [builder.triangle(m, POSITION=square(at, u, v), TEXCOORD_0=uvs) for m, at, u, v in sides]
+    app.drop(builder.drawn(*drawn).write(tmp_path / "room.glb"))
+    searched(app)
+    camera = app.session.view.camera
+    assert camera.name == "first view"
+    assert camera.eye[1] == pytest.approx(1.7, abs=0.01)
+    assert 0.0 < camera.eye[0] < 8.0
+    assert 0.0 < camera.eye[2] < 5.0
+    assert np.linalg.norm(np.array(camera.target) - camera.eye) > 2.5
+
+
 def test_a_camera_that_was_moved_stays(app: DrivenApp, tmp_path: Path) -> None:
     app.open_files([courtyard(tmp_path)])
     app.frame()

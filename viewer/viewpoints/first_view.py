@@ -1,6 +1,7 @@
 """The first view of a scene without cameras: all of it, unless a place in it shows much more of its textures.
 
-All of a town is a speck. So while that is on screen, places are sampled beside the frames and looked from, one a frame.
+All of a town is a speck, and a room is a closed box from outside. So while that is on screen, places are sampled beside the
+frames and looked from, one a frame.
 """
 
 from collections.abc import Sequence
@@ -24,8 +25,9 @@ from viewer.viewpoints.sampling import (
     choose,
 )
 
-WALKING, CLOSE, AROUND = 6, 3, 3
-"""Numbers of places at eye height, close to surfaces and around the scene that are looked from."""
+WALKING, CLOSE, AROUND, INDOORS = 6, 3, 3, 12
+"""Numbers of places at eye height, close to surfaces, around the scene and in rooms that are looked from; where there are rooms, in
+them alone."""
 ENOUGH = ViewCriteria(least_covered=0.03, most_of_one=1.0, least_textures=1)
 """Criteria that the view of all of the scene must meet to be the first view, besides ENOUGH_TEXTURES."""
 ENOUGH_TEXTURES = 0.6
@@ -44,6 +46,8 @@ class FirstView:
         self._overview: CandidateView | None = None
         self._waiting: Sequence[Candidate] | None = None
         """Places still to look from; None until they are known."""
+        self._indoors = False
+        """Flag: the places are in rooms."""
         self._views: list[CandidateView] = []
 
     def is_due(self, session: Session) -> bool:
@@ -78,14 +82,14 @@ class FirstView:
         elif self._waiting is None:
             job = self._job(scene)
             if job.done:
-                self._waiting = [] if job.problem else job.result()
+                self._indoors, self._waiting = (False, []) if job.problem else job.result()
         elif self._waiting:
             self._views += drawer.views(self._waiting[:1])
             self._waiting = self._waiting[1:]
         else:
             self._emit(FirstViewFound(scene, self._best(scene, drawer)))
 
-    def _job(self, scene: Scene) -> Job[list[Candidate]]:
+    def _job(self, scene: Scene) -> Job[tuple[bool, list[Candidate]]]:
         return self._background.submit(("first view", id(scene)), lambda _report: _places(scene))
 
     def _look_at_all(self, scene: Scene, camera: Camera, draw_ids: DrawTextureIds) -> None:
@@ -102,12 +106,14 @@ class FirstView:
         )
 
     def _best(self, scene: Scene, drawer: CandidateRenderer) -> Camera | None:
-        """Return the place that shows most; None where that is no more than all of the scene shows."""
-        overview = self._overview
-        better = [view for view in self._views if overview is None or view.covered > overview.covered]
+        """Return the place that shows most; None where that is outdoors and no more than all of the scene shows."""
+        shown = 0.0 if self._overview is None or self._indoors else self._overview.covered
+        better = [view for view in self._views if view.covered > shown]
         chosen = choose(better, drawer, 1, len(scene.textures)) if better else []
         if not chosen:
             return None
+        if self._indoors:
+            return replace(chosen[0].camera, name="first view")
         camera, scale = chosen[0].camera, chosen[0].scale
         way = np.array(camera.target) - camera.eye
         target = np.array(camera.eye) + way / np.linalg.norm(way) * TARGET_DISTANCE * scale
@@ -115,9 +121,11 @@ class FirstView:
         return replace(camera, name="first view", target=(x, y, z))
 
 
-def _places(scene: Scene) -> list[Candidate]:
-    """Return places to look from, the same for the same scene."""
+def _places(scene: Scene) -> tuple[bool, list[Candidate]]:
+    """Return whether the scene is an interior, and places to look from, the same for the same scene."""
     sampler = CandidateSampler.of(scene, CONFIG)
     if sampler is None:
-        return []
-    return [*sampler.walking(WALKING), *sampler.close(CLOSE), *sampler.around(AROUND)]
+        return False, []
+    if rooms := sampler.indoors(INDOORS):
+        return True, rooms
+    return False, [*sampler.walking(WALKING), *sampler.close(CLOSE), *sampler.around(AROUND)]

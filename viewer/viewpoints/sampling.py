@@ -13,7 +13,7 @@ from ntc.grouping.covisible import seen_blocks
 from ntc.metrics.divergence import BLOCK
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import clip_distances
-from viewer.viewpoints.surfaces import HIGH_UP, Surfaces
+from viewer.viewpoints.surfaces import DIRECTIONS, HIGH_UP, Surfaces
 
 Array = NDArray[np.float64]
 EYE_HEIGHT = 1.7
@@ -48,6 +48,26 @@ SIDEWAYS = 0.7
 DUPLICATE_DISTANCE = 1.0
 """Distance in eye heights below which views with directions within DUPLICATE_COSINE count as one."""
 DUPLICATE_COSINE = math.cos(math.radians(30.0))
+
+
+FLOOR_TOLERANCE = 0.5
+"""Height in metres above the floor of most rooms up to which ground is a floor or outdoors; what is higher is a table or a roof."""
+LEAST_INDOORS = 0.5
+"""Share of the low ground that lies in rooms from which a scene is an interior."""
+LEAST_OF_ALL = 0.25
+"""The same for all ground, roofs included."""
+INDOOR_POINTS = 64
+"""Number of points on the ground by which it is decided whether a scene is an interior."""
+LEAST_WALLED = 0.75
+"""Share of the level directions in which a room has a wall."""
+ROOM_HEIGHTS = (2.0, 8.0)
+"""Range of the heights of rooms in metres."""
+UNITS = (1.0, 100.0)
+"""Units to a metre in interiors: glTF's metres, and centimetres."""
+INDOOR_SLOPE = 0.12
+"""Slope downwards of views in rooms, so that the floor is in the picture."""
+CLEARANCE = 0.35
+"""Distance in eye heights below which surfaces obstruct the view."""
 
 
 @dataclass(frozen=True)
@@ -162,6 +182,40 @@ class CandidateSampler:
         targets = eyes + _direction(turn, np.radians(pitch)) * heights[:, None]
         return self._kept(eyes, targets, heights, True, count)
 
+    def indoors(self, count: int) -> list[Candidate]:
+        """Return at most `count` views from eye height in rooms, each along its longest free direction; the longest come first.
+
+        None where less than LEAST_INDOORS of the ground lies in rooms. The camera turns about the middle of the free way.
+        """
+        ground = self._ground
+        if not ground.up_area.any():
+            return []
+        floors = ground.points(self._random, ground.up_area, INDOOR_POINTS, up_only=True).points
+        # From just above the floor: the eye could be in a table or above a low ceiling.
+        around = ground.around(floors + np.array([0.0, 1e-3 * self._extent, 0.0]), np.ones(len(floors)))
+        walls, rooms = np.isfinite(around.distance[[0, 2]]).mean(axis=(0, 1)), around.distance[1, 0]
+        is_closed = (walls >= LEAST_WALLED) & ~around.buried()
+        found = [is_closed & (rooms > unit * ROOM_HEIGHTS[0]) & (rooms < unit * ROOM_HEIGHTS[1]) for unit in UNITS]
+        unit, inside = max(zip(UNITS, found, strict=True), key=lambda pair: int(pair[1].sum()))
+        if not inside.any():
+            return []
+        is_low = floors[:, 1] <= np.median(floors[inside, 1]) + FLOOR_TOLERANCE * unit
+        inside &= is_low
+        outside = around.open_sky() & is_low
+        if inside.sum() < LEAST_INDOORS * (inside | outside).sum() or inside.mean() < LEAST_OF_ALL:
+            return []
+        floors, heights = floors[inside], np.full(int(inside.sum()), EYE_HEIGHT * unit)
+        eyes = floors + np.array([0.0, 1.0, 0.0]) * heights[:, None]
+        free = ground.free_distances(eyes, heights)
+        is_room = (np.isfinite(free).mean(axis=1) >= LEAST_WALLED) & (free.min(axis=1) >= CLEARANCE * heights)
+        longest = np.where(np.isfinite(free), free, 0.0)
+        order = np.argsort(-longest.max(axis=1))
+        best = order[is_room[order]][:count]
+        turn = longest[best].argmax(axis=1) * 2.0 * np.pi / DIRECTIONS
+        way = _direction(turn, np.full(len(best), -math.atan(INDOOR_SLOPE)))
+        targets = eyes[best] + way * longest[best].max(axis=1)[:, None] / 2.0
+        return candidates(eyes[best], targets, heights[best], self._config.fov_degrees)
+
     def close(self, count: int) -> list[Candidate]:
         """Sample at most `count` close views of textured surfaces; every texture is targeted equally often."""
         random, points = self._random, count * OVERSAMPLING
@@ -198,8 +252,6 @@ class CandidateSampler:
 DrawTextureIds = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
 """Function: (camera, (width, height)) -> texture ids [H, W] int32, -1 for none, row 0 on top."""
 
-CLEARANCE = 0.35
-"""Distance in eye heights below which surfaces obstruct the view."""
 MOST_OBSTRUCTED = 0.1
 """Largest share of the picture that obstructing surfaces may hide."""
 TEXTURE_WEIGHT = 8.0

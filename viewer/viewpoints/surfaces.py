@@ -1,5 +1,6 @@
 """The triangles of a scene in world space: points sampled on them, and the nearest surfaces around a place."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -85,6 +86,10 @@ LEAST_UP = 0.7
 """Cosine between the vertical and the normal of ground that can be stood on."""
 CHUNK = 1 << 20
 """Number of triangles that are transformed at once."""
+
+
+DIRECTIONS = 16
+"""Number of level directions in which `Surfaces.free_distances` looks."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,18 +195,24 @@ class Surfaces:
         ends = np.array([positions.min(axis=0), positions.max(axis=0)], np.float64)
         return np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
 
-    def around(self, eyes: Array, heights: Array) -> Surroundings:
-        """Find the nearest opaque surfaces along the axes around `eyes` [N, 3]."""
+    def around(self, eyes: Array, heights: Array, turn: float = 0.0) -> Surroundings:
+        """Find the nearest opaque surfaces along the axes around `eyes` [N, 3].
+
+        `turn`: angle in radians by which the axes are turned about the vertical, from +z towards +x.
+        """
         found = Surroundings.nothing(len(eyes))
         boxes = [self._box(index) for index in range(len(self._local))]
+        sine, cosine = math.sin(turn), math.cos(turn)
+        turned = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
+        eyes, transforms = eyes @ turned.T, turned @ self._transforms[:, :3]
         for instance in np.nonzero(self._opaque)[0].tolist():
-            primitive, matrix = int(self._scene.instances.primitive[instance]), self._transforms[instance]
-            box = boxes[primitive] @ matrix[:3, :3].T + matrix[:3, 3]
+            primitive, matrix = int(self._scene.instances.primitive[instance]), transforms[instance]
+            box = boxes[primitive] @ matrix[:, :3].T + matrix[:, 3]
             within = (eyes >= box.min(axis=0)) & (eyes <= box.max(axis=0))
             over = [np.nonzero(within[:, (axis + 1) % 3] & within[:, (axis + 2) % 3])[0] for axis in range(3)]
             if not any(len(indices) for indices in over):
                 continue
-            corners = self._corners(primitive) @ matrix[:3, :3].T + matrix[:3, 3]
+            corners = self._corners(primitive) @ matrix[:, :3].T + matrix[:, 3]
             ranges = [value_range(np.ascontiguousarray(corners[:, :, axis].T)) for axis in range(3)]
             for axis in range(3):
                 (low_p, high_p), (low_q, high_q) = ranges[(axis + 1) % 3], ranges[(axis + 2) % 3]
@@ -214,4 +225,18 @@ class Surfaces:
                         along ^= bool(self._mirrored[instance])
                         sided = bool(self._double_sided[instance])
                         found.add(axis, index, offsets, along, sided, float(heights[index]))
+        return found
+
+    def free_distances(self, eyes: Array, heights: Array) -> Array:
+        """Return [N, DIRECTIONS] distances from `eyes` [N, 3] to the nearest opaque surface, direction i at i/DIRECTIONS of a turn.
+
+        The turn is from +z towards +x; distances are infinite where there is none, 0 where the nearest is seen through from its back.
+        """
+        quarter = DIRECTIONS // 4
+        found = np.zeros((len(eyes), DIRECTIONS))
+        for index in range(quarter):
+            around = self.around(eyes, heights, 2.0 * math.pi * index / DIRECTIONS)
+            distance = np.where(around.back & ~around.double_sided, 0.0, around.distance)
+            for number, (axis, side) in enumerate(((2, 0), (0, 0), (2, 1), (0, 1))):
+                found[:, index + number * quarter] = distance[axis, side]
         return found
