@@ -10,9 +10,10 @@ import tyro
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
 from ntc.codec.encoding import PresetName, RecipeName
 from ntc.codec.maps import MapWeightsName
-from ntc.codec.registry import SUMMARIES, CodecName
+from ntc.codec.registry import CodecName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.source_textures import MapChoice
+from viewer.state.setting import field_text
 from viewer.state.view_state import (
     Anisotropy,
     BlockName,
@@ -23,16 +24,13 @@ from viewer.state.view_state import (
     PathChoice,
     Precision,
     ScaleName,
+    Slot,
     TexelFilter,
     ToneMap,
+    ViewState,
 )
+from viewer.training.settings import TARGET_TEXTS, TargetUnit, TrainingSettings
 
-CODEC_HELP = " ".join(
-    [
-        *(f"{name}: {summary}" for name, summary in SUMMARIES.items()),
-        "Default: block; grid for --recipe paper and with --steps, --epochs, --state or --device cuda.",
-    ]
-)
 LARGEST_SIDE = 16384
 """Pixels: the largest picture side that any option accepts."""
 
@@ -109,20 +107,38 @@ Quality = Annotated[
         is_instance=lambda value: value is None or isinstance(value, QualityGoal),
         str_from_instance=lambda value: [str(value)],
     ),
-    tyro.conf.arg(metavar="DB|Xjod", help_behavior_hint=""),
 ]
 
 
-def _unset(metavar: str) -> Any:
+def in_words(metavar: str) -> Any:
     """Return the setting of an option whose help names its default in words, in place of `(default: None)`."""
     return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
 
 
-Packs = Annotated[tuple[Path, ...], _unset("F.ntc ...")]
+def _shown(owner: type, field: str, more: str = "", metavar: str | None = None) -> Any:
+    """Return the setting of an option that sets what a field of `owner` sets in the window: its help is the field's, then `more`.
+
+    A `metavar` is for an option whose help names its default in words.
+    """
+    said = " ".join(filter(None, (field_text(owner, field), more)))
+    return (
+        tyro.conf.arg(help=said)
+        if metavar is None
+        else tyro.conf.arg(help=said, metavar=metavar, help_behavior_hint="")
+    )
+
+
+def _target(unit: TargetUnit, metavar: str, more: str = "") -> Any:
+    """Return the setting of an option that gives the target in a unit."""
+    said = " ".join(filter(None, (f"Target of codec block: {TARGET_TEXTS[unit]}.", more)))
+    return tyro.conf.arg(help=said, metavar=metavar, help_behavior_hint="")
+
+
+Packs = Annotated[tuple[Path, ...], in_words("F.ntc ...")]
 Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
 Switch = tyro.conf.FlagCreatePairsOff[bool]
-Gpu = Annotated[str | None, _unset("N|NAME|software")]
-GroupingOrImages = Annotated[str | None, _unset("NAME")]
+Gpu = Annotated[str | None, in_words("N|NAME|software")]
+GroupingOrImages = Annotated[str | None, in_words("NAME")]
 """GPU as `viewer.gl.devices.choose_device` takes it; None: the one that NTC_VIEWER_DEVICE names, else the first one."""
 
 
@@ -143,7 +159,7 @@ class Subcommand:
 class DecoderOptions:
     """Options of decoding that change speed and no picture."""
 
-    decoder_variant: Annotated[str, _unset("NAME")] = ""
+    decoder_variant: Annotated[str, in_words("NAME")] = ""
     """Layout of decoders on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared.
     No picture depends on it. Default: NTC_VIEWER_DECODER_VARIANT, else the fastest that was measured on this GPU."""
 
@@ -161,14 +177,12 @@ class ViewOptions(DecoderOptions):
     grouping: GroupingOrImages = None
     """Source of slot A at the start: `reference`, the grouping of an open pack, or bc1, bc7, astc-4x4 to astc-12x12 (extra `lab`).
     A built-in scene is encoded in a grouping that it lacks. Default: clustered, else the first pack."""
-    path: PathChoice = "deferred"
-    """Decode path of slot A. `auto` times all paths and takes the fastest."""
-    precision: PrecisionChoice = "fp32"
-    """Precision of decoder weights and arithmetic. `auto` takes the fastest whose error stays below one 8-bit step."""
-    filter: Annotated[TexelFilter | None, _unset("exact|stochastic")] = None
-    """Texture filter of slot A, except on paths cached and on-load. stochastic: one random texel, accumulated at rest.
-    Default: the last one used."""
-    script: Annotated[Path | None, _unset("FILE")] = None
+    path: Annotated[PathChoice, _shown(Slot, "path")] = "deferred"
+    precision: Annotated[PrecisionChoice, _shown(Slot, "precision")] = "fp32"
+    filter: Annotated[TexelFilter | None, _shown(Slot, "filter", "Default: the last one used.", "exact|stochastic")] = (
+        None
+    )
+    script: Annotated[Path | None, in_words("FILE")] = None
     """Script of commands to play (docs/guide/scripts.md). The window stays open afterwards."""
     exec: Lines = ()
     """Commands to play after the script's; may be repeated. Example: --exec 'camera.go market; screenshot a.png'."""
@@ -176,7 +190,7 @@ class ViewOptions(DecoderOptions):
     """Open no window: play the script, or write one picture."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")] = Path("ntc-viewer-pictures")
     """Folder for pictures, views and recorded camera paths."""
-    size: Annotated[Size | None, _unset("WIDTHxHEIGHT")] = None
+    size: Annotated[Size | None, in_words("WIDTHxHEIGHT")] = None
     """Size of the window's content in pixels. Default: the last size; 1280x720 without a window."""
     device: Gpu = None
     """GPU to draw on without a window: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`.
@@ -191,28 +205,25 @@ class RenderOptions(DecoderOptions):
     """Folder to write: color.png, texture_id.npy, decoder_id.npy, divergence.npy, stats.json."""
     scene: OptionalScene = None
     """Scene to draw, or `gallery`, the built-in spheres. Default: the built-in courtyard."""
-    variant: Annotated[str, _unset("NAME")] = ""
+    variant: Annotated[str, in_words("NAME")] = ""
     """Material variant to draw (KHR_materials_variants). Default: the materials that the scene's parts name themselves."""
-    time: Annotated[float | None, _unset("SECONDS")] = None
+    time: Annotated[float | None, in_words("SECONDS")] = None
     """Moment of the animation to draw, in seconds from its start. Default: the scene without animation."""
-    animation: Annotated[str, _unset("NAME")] = ""
+    animation: Annotated[str, in_words("NAME")] = ""
     """Animation that --time refers to. Default: the first one of the file."""
     pack: Packs = ()
     """Packs or libraries to choose from besides the packs beside the scene (NAME.*.ntc)."""
     grouping: GroupingOrImages = None
     """Source of the textures: `reference` (the originals), the grouping of a pack, or bc1, bc7, astc-4x4 to astc-12x12 (extra `lab`).
     A built-in scene is encoded in a grouping that it lacks. Default: clustered, else the first pack, else reference."""
-    path: PathChoice = "deferred"
-    """Decode path. `auto` times all paths and takes the fastest."""
-    precision: PrecisionChoice = "fp32"
-    """Precision of decoder weights and arithmetic. `auto` takes the fastest whose error stays below one 8-bit step."""
-    filter: TexelFilter = "exact"
-    """Texture filter of all paths except cached and on-load. stochastic: one random texel, the mean of 16 samples."""
+    path: Annotated[PathChoice, _shown(Slot, "path")] = "deferred"
+    precision: Annotated[PrecisionChoice, _shown(Slot, "precision")] = "fp32"
+    filter: Annotated[TexelFilter, _shown(Slot, "filter")] = "exact"
     size: Size = (1280, 720)
     """Picture size in pixels."""
-    cameras: Annotated[Path | None, _unset("FILE")] = None
+    cameras: Annotated[Path | None, in_words("FILE")] = None
     """JSON file of named cameras. Default: the scene's own."""
-    camera: Annotated[str | None, _unset("NAME")] = None
+    camera: Annotated[str | None, in_words("NAME")] = None
     """Camera to draw from. Default: the first one; without cameras, one that frames the scene."""
     eye: Vector = None
     """Position of the camera in scene units, Y up. Use it with --target. Example: --eye 0 2 5 --target 0 1 0."""
@@ -222,19 +233,13 @@ class RenderOptions(DecoderOptions):
     """Vertical field of view of --eye and --target in degrees, above 0 and below 180."""
     overlay: Literal["none", "divergence", "error"] = "none"
     """Overlay to write as overlay.png: decoders per block, or the error against the reference."""
-    opacity: float = 0.6
-    """Opacity of the divergence overlay, 0 to 1."""
-    palette: PaletteName = "green-red"
-    """Colours of the divergence overlay. viridis suits colour-blind readers."""
-    block: BlockName = Overlay.block
-    """Block of pixels in which decoders are counted, WIDTHxHEIGHT."""
-    scale: ScaleName = "picture"
-    """Upper end of the divergence colours: the largest number in the picture, or the window's number for the block shape."""
-    anisotropy: Anisotropy = 1
-    """Anisotropic filtering of images and of paths cached and on-load, in samples. 1 is trilinear, as the other paths filter."""
-    view: MaterialView = "base"
-    """Picture to draw: lit surfaces, or one of the maps (orm: occlusion, roughness, metalness)."""
-    environment: Annotated[Path | None, _unset("sky|studio|FILE")] = None
+    opacity: Annotated[float, _shown(Overlay, "opacity")] = 0.6
+    palette: Annotated[PaletteName, _shown(Overlay, "palette")] = "green-red"
+    block: Annotated[BlockName, _shown(Overlay, "block")] = Overlay.block
+    scale: Annotated[ScaleName, _shown(Overlay, "scale")] = "picture"
+    anisotropy: Annotated[Anisotropy, _shown(ViewState, "anisotropy")] = 1
+    view: Annotated[MaterialView, _shown(ViewState, "material_view")] = "base"
+    environment: Annotated[Path | None, in_words("sky|studio|FILE")] = None
     """Light from all sides of --view lit: `sky`, `studio` (soft boxes in a grey room) or an equirectangular panorama (.hdr or .exr).
     Default: `sky`, with a sun."""
     sun: Annotated[tuple[float, float], tyro.conf.arg(metavar="AZIMUTH ELEVATION")] = (
@@ -242,12 +247,11 @@ class RenderOptions(DecoderOptions):
         Lighting.sun_elevation,
     )
     """Direction of the sun for --view lit, in degrees: azimuth from north (-Z) towards east (+X), elevation above the horizon."""
-    sun_strength: Annotated[float | None, _unset("X")] = None
-    """Factor on the sun's strength for --view lit; 0 removes the sun. Default: 1 with the sky, else 0."""
-    exposure: float = Lighting.exposure
-    """Exposure of --view lit in stops; 1 is twice as bright."""
-    tone_map: ToneMap = Lighting.tone_map
-    """Tone map of --view lit: Khronos PBR Neutral, AgX, or none, which clips."""
+    sun_strength: Annotated[float | None, _shown(Lighting, "sun_strength", "Default: 1 with the sky, else 0.", "X")] = (
+        None
+    )
+    exposure: Annotated[float, _shown(Lighting, "exposure")] = Lighting.exposure
+    tone_map: Annotated[ToneMap, _shown(Lighting, "tone_map")] = Lighting.tone_map
     error_by_map: Switch = False
     """Measure the error that each decoded map alone makes in the picture: stats.json, error.MAP.png. Needs another view than base."""
     aovs: Switch = False
@@ -260,79 +264,81 @@ class RenderOptions(DecoderOptions):
 
 @dataclass(frozen=True)
 class EncodeOptions:
-    """Encode the textures of a scene or of a folder of images into a pack, or by jobs into a library (docs/guide/many-textures.md).
-
-    Example: ntc-viewer encode street.glb --bits 4 --out street.clustered.ntc
-    """
+    """Encode the textures of a scene or of a folder of images into a pack, or by jobs into a library (docs/guide/many-textures.md)."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER|LIST"), tyro.conf.Positional]
     """Textures to encode: a scene, a folder of images (sub-folders become categories), or a .txt file with one image path per line."""
-    out: Annotated[Path, _unset("F.ntc|LIBRARY")] = Path()
+    out: Annotated[Path, in_words("F.ntc|LIBRARY")] = Path()
     """Pack to write, or folder of a library to add to by jobs. Default: SCENE.GROUPING.ntc beside the scene or folder."""
-    workers: Annotated[int | None, _unset("N")] = None
+    workers: Annotated[int | None, in_words("N")] = None
     """Processes that encode by jobs, one thread each. The bytes are the same with any number.
     Default: no jobs; one per core for a library."""
-    ray: Annotated[str | None, _unset("ADDRESS|auto")] = None
+    ray: Annotated[str | None, in_words("ADDRESS|auto")] = None
     """Ray cluster that encodes by jobs (extra `ray`). auto: the cluster of this machine. Default: no cluster."""
     gpus_per_job: float = 0.0
     """Share of a GPU that each job of --ray takes. Example: with 0.25, four jobs share one GPU (with --device cuda)."""
-    report: Annotated[Path | None, _unset("DIR")] = None
+    report: Annotated[Path | None, in_words("DIR")] = None
     """Folder for the report of jobs: figures, a plot, the worst textures. Default: beside --out, its name with .report."""
-    grouping: GroupingName = "clustered"
-    """Grouping: decides which textures share a decoder (docs/reference/groupings.md)."""
-    clusters: Annotated[int | None, _unset("N")] = None
-    """Number of decoders for clustered, random and covisible. Default: 10, at most one per texture.
-    Largest number for whole materials under universal. Default: 16."""
+    grouping: Annotated[GroupingName, _shown(TrainingSettings, "strategy", "See docs/reference/groupings.md.")] = (
+        TrainingSettings.strategy
+    )
+    clusters: Annotated[
+        int | None,
+        _shown(TrainingSettings, "clusters", "Default: 10, at most one per texture; 16 under universal.", "N"),
+    ] = None
     features: FeatureName = GroupingConfig.features
     """Image features by which clustered and covisible compare textures."""
-    clip_weights: Annotated[str | None, _unset("FILE|download")] = None
+    clip_weights: Annotated[str | None, in_words("FILE|download")] = None
     """Weights for --features clip: a file, or `download` to fetch them. Default: none."""
-    labels: Annotated[Path | None, _unset("FILE.csv")] = None
+    labels: Annotated[Path | None, in_words("FILE.csv")] = None
     """CSV with the columns texture and category, for grouping category. Default: the labels of the file, else guesses from names."""
-    views: Annotated[Path | None, _unset("FILE")] = None
+    views: Annotated[Path | None, in_words("FILE")] = None
     """JSON file of cameras, for example a recorded path.
     covisible reduces divergence in these views; --size gives more bits to textures that they show larger.
     Default: the scene's cameras for covisible, none for --size."""
-    sampled_views: Annotated[int | None, _unset("N")] = None
+    sampled_views: Annotated[int | None, in_words("N")] = None
     """Number of further viewpoints that covisible samples in the scene, 0 to 1000. Default: 24 if the scene has no cameras, else 0."""
     spread_weight: float = GroupingConfig.spread_weight
     """Weight that covisible gives to similar textures in a group, against divergence."""
     largest_share: float = GroupingConfig.largest_share
     """Largest share of the textures in one group of covisible, 0 to 1."""
-    codec: Annotated[CodecName | None, tyro.conf.arg(metavar="block|grid", help=CODEC_HELP, help_behavior_hint="")] = (
-        None
-    )
-    bits: Annotated[float | None, _unset("X")] = None
-    """Target of codec block: bits per texel of mip 0, all mips and tables included. Default: 4 for whole materials, else 2."""
-    quality: Quality = None
-    """Target of codec block, in as few bits as possible: least PSNR of each texture in dB, up to 58.9; or, as in 9.5jod, the
-    least ColorVideoVDP of the scene's lit views, up to 10 (extra `perceptual`)."""
-    size: Annotated[float | None, _unset("MB")] = None
-    """Target of codec block: largest file size in MB (10^6 bytes)."""
-    preset: Annotated[PresetName | None, _unset("1bit|2bit|4bit|8bit|fast")] = None
+    codec: Annotated[
+        CodecName | None,
+        _shown(
+            TrainingSettings,
+            "codec",
+            "Default: block; grid for --recipe paper and with --steps, --epochs, --state or --device cuda.",
+            "block|grid",
+        ),
+    ] = None
+    bits: Annotated[float | None, _target("bits", "X", "Default: 4 for whole materials, else 2.")] = None
+    quality: Annotated[
+        Quality,
+        _target("dB", "DB|Xjod", "As in 9.5jod: the least ColorVideoVDP of lit views, up to 10 (extra `perceptual`)."),
+    ] = None
+    size: Annotated[float | None, _target("MB", "MB")] = None
+    preset: Annotated[PresetName | None, in_words("1bit|2bit|4bit|8bit|fast")] = None
     """Target of codec block by name.
     1bit to 8bit stand for --bits; fast decodes with at most 100 multiply-adds per texel, at about 2 bits."""
-    maps: Annotated[MapChoice | None, _unset("all|base")] = None
-    """Maps to encode. all: whole materials, the maps of each together. base: base colours.
-    Default: all for codec block, base for codec grid."""
+    maps: Annotated[
+        MapChoice | None,
+        _shown(TrainingSettings, "maps", "Default: all for codec block, base for codec grid.", "all|base"),
+    ] = None
     map_weights: MapWeightsName = "seen"
     """Weights of errors in the maps of a material. seen: by how much they change the lit picture. equal: the same for all maps."""
-    recipe: RecipeName = "best"
-    """Recipe. best: codec block, or with --codec grid the fastest training to good quality.
-    paper: codec grid, trained as in the paper."""
-    texture_size: Annotated[int | None, _unset("N")] = None
-    """Largest side of a texture in texels; larger ones are reduced first. Default: full size."""
-    steps: Annotated[int | None, _unset("N")] = None
+    recipe: Annotated[RecipeName, _shown(TrainingSettings, "recipe")] = TrainingSettings.recipe
+    texture_size: Annotated[int | None, _shown(TrainingSettings, "texture_size", "Default: full size.", "N")] = None
+    steps: Annotated[int | None, in_words("N")] = None
     """Length of training in optimisation steps. Default: the recipe's."""
-    epochs: Annotated[float | None, _unset("X")] = None
+    epochs: Annotated[float | None, in_words("X")] = None
     """Length of training in epochs: each shows every texel of every texture once. Not together with --steps. Default: the recipe's."""
-    levels: Annotated[int | None, _unset("N")] = None
+    levels: Annotated[int | None, in_words("N")] = None
     """Number of mips to encode, 1 to 16. 1: mip 0 alone, as in the paper. Default: all."""
     seed: int = 0
     """Seed of initialisation, sampling and grouping."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Device that trains. auto takes CUDA if torch has it."""
-    state: Annotated[Path | None, _unset("FILE")] = None
+    state: Annotated[Path | None, in_words("FILE")] = None
     """File that keeps the state of the training: after Ctrl-C the same command resumes. Removed at the end. Default: none."""
 
     def grouping_config(self) -> GroupingConfig:
@@ -357,8 +363,7 @@ class DecodeOptions:
     """Folder for the images."""
     backend: Literal["numpy", "torch", "gl"] = "numpy"
     """Decoder. numpy: the float64 reference. torch: float32. gl: GLSL on a GPU."""
-    precision: Precision = "fp32"
-    """Precision of the decoder weights, for --backend gl."""
+    precision: Annotated[Precision, _shown(Slot, "precision", "For --backend gl.")] = "fp32"
     level: int = 0
     """Mip to decode, from 0. A texture with fewer mips is decoded at its last one."""
     device: Gpu = None
@@ -367,21 +372,18 @@ class DecodeOptions:
 
 @dataclass(frozen=True)
 class ExportOptions:
-    """Write a scene and its pack for other programs (docs/guide/export.md).
-
-    Example: ntc-viewer export street.glb --web page
-    """
+    """Write a scene and its pack for other programs (docs/guide/export.md)."""
 
     scene: OptionalScene = None
     """Scene to export, or `gallery`, the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
     """Pack that holds the scene's textures. Default: the pack beside the scene, clustered before others."""
-    out: Annotated[Path | None, _unset("G.gltf|G.glb|DIR")] = None
+    out: Annotated[Path | None, in_words("G.gltf|G.glb|DIR")] = None
     """glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle). With --shader: a folder."""
-    web: Annotated[Path | None, _unset("DIR")] = None
+    web: Annotated[Path | None, in_words("DIR")] = None
     """Folder to write a web page into, which decodes the pack in the browser.
     With --fallback none it holds no originals to compare with."""
-    shader: Annotated[ShaderLanguage | None, _unset("glsl|hlsl|wgsl|cuda")] = None
+    shader: Annotated[ShaderLanguage | None, in_words("glsl|hlsl|wgsl|cuda")] = None
     """Language of the pack's decoder, written as source into the folder --out with its data, a C header and a C++ program."""
     image_format: Annotated[
         ImageFormat | None, tyro.conf.arg(name="as", metavar="png|ktx2|bc7|bc1|astc", help_behavior_hint="")
@@ -407,7 +409,7 @@ class LibraryOptions:
     """Folder of the library. `add` makes a new one."""
     files: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc|SCENE"), tyro.conf.Positional] = ()
     """Packs to add; scene or folder to assign; scene whose textures to extract. Default of extract: all textures."""
-    out: Annotated[Path | None, _unset("F.ntc")] = None
+    out: Annotated[Path | None, in_words("F.ntc")] = None
     """Pack that extract writes."""
     json: Switch = False
     """Let list print JSON instead of a table."""
@@ -417,9 +419,9 @@ class LibraryOptions:
 class InfoOptions:
     """Print the contents of a scene, a pack or a folder: what is drawn, and what is ignored."""
 
-    file: Annotated[Path | None, _unset("SCENE|F.ntc"), tyro.conf.Positional] = None
+    file: Annotated[Path | None, in_words("SCENE|F.ntc"), tyro.conf.Positional] = None
     """Scene, pack or library."""
-    all: Annotated[Path | None, _unset("DIR")] = None
+    all: Annotated[Path | None, in_words("DIR")] = None
     """Folder to list in place of one file: every .gltf, .glb and .ntc below it, refused ones included."""
     json: Switch = False
     """Print JSON instead of text."""
@@ -427,31 +429,28 @@ class InfoOptions:
 
 @dataclass(frozen=True)
 class CheckOptions:
-    """Check an encoded scene, pack or library against a budget: exit status 1 where a limit is passed (docs/guide/check.md).
+    """Check an encoded scene, pack or library against a budget: exit status 1 where a limit is passed (docs/guide/check.md)."""
 
-    Example: ntc-viewer check street.glb --budget street.toml --against accepted/report.json --out report
-    """
-
-    source: Annotated[Path | None, _unset("SCENE|F.ntc|LIBRARY"), tyro.conf.Positional] = None
+    source: Annotated[Path | None, in_words("SCENE|F.ntc|LIBRARY"), tyro.conf.Positional] = None
     """Scene with its pack, whose textures and lit views are measured; a pack or library alone is taken as its encoder measured it.
     Default: the built-in courtyard."""
     pack: Packs = ()
     """Pack of the scene to check. Default: the pack beside the scene, clustered before others."""
-    grouping: Annotated[str | None, _unset("NAME")] = None
+    grouping: Annotated[str | None, in_words("NAME")] = None
     """Grouping to check where the scene has several packs."""
-    budget: Annotated[Path | None, _unset("FILE.toml")] = None
+    budget: Annotated[Path | None, in_words("FILE.toml")] = None
     """Limits to keep. Default: none."""
-    against: Annotated[Path | None, _unset("REPORT.json")] = None
+    against: Annotated[Path | None, in_words("REPORT.json")] = None
     """Accepted report: what is worse than in it is found. Default: none."""
-    out: Annotated[Path | None, _unset("DIR")] = None
+    out: Annotated[Path | None, in_words("DIR")] = None
     """Folder for report.json, junit.xml, check.sarif and the page index.html. Default: the table on the terminal alone."""
-    suggest: Annotated[Path | None, _unset("FILE.toml")] = None
+    suggest: Annotated[Path | None, in_words("FILE.toml")] = None
     """Budget to write: limits that the measured values keep, with a little room."""
     views: Annotated[int, tyro.conf.arg(metavar="N")] = 2
     """Number of cameras whose lit pictures are measured, each in two lights; 0 measures textures alone."""
     close: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """Number of further views from as close as a player comes to a surface, found in the scene; none with --views 0."""
-    cameras: Annotated[Path | None, _unset("FILE")] = None
+    cameras: Annotated[Path | None, in_words("FILE")] = None
     """JSON file of named cameras. Default: the scene's own; without any, one that frames the scene."""
     size: Size = (640, 360)
     """Size of the pictures in pixels."""

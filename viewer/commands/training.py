@@ -3,12 +3,12 @@
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal
 
 from ntc.codec.config import GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
-from ntc.codec.registry import FORMER_FORMATS, MODULES, codec_named, codec_of
+from ntc.codec.registry import FORMER_FORMATS, codec_named, codec_of
 from ntc.errors import InputError
 from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, field_command, gesture, unless
@@ -25,9 +25,8 @@ from viewer.training.settings import (
     ALL,
     AUTO,
     FULL,
-    SIZES,
+    SETTINGS,
     WORST,
-    SettingName,
     TrainingSettings,
     budget_text,
     parse_budget,
@@ -43,10 +42,19 @@ _DEFAULT = TrainingSettings()
 _BUDGET = budget_text(_DEFAULT.budget)
 FORMER = "this pack has a former format; encode the scene anew"
 AS_CHOSEN = "default: as chosen in the panel Training"
-Strategy = Annotated[GroupingName, Arg("which textures share a decoder")]
-GroupCount = Annotated[str, Arg(f"number of groups, or {AUTO}")]
-Budget = Annotated[str, Arg("length of the training: 500steps, 30s or 35dB")]
-Recipe = Annotated[RecipeName, Arg("training recipe; codec block has none")]
+
+
+def _typed(name: str, more: str = "") -> Arg:
+    """Return the description of a setting of the training for a command that takes its text; `more` follows the help."""
+    arg = SETTINGS[name][1]
+    return Arg(f"{arg.help}{more}", arg.choices)
+
+
+OR_AUTO = f"; {AUTO} chooses it"
+Strategy = Annotated[GroupingName, _typed("grouping")]
+GroupCount = Annotated[str, _typed("groups", OR_AUTO)]
+Budget = Annotated[str, _typed("budget")]
+Recipe = Annotated[RecipeName, _typed("recipe")]
 Groups = Annotated[str, Arg(f"groups such as 0,3,5, or {ALL}, or {WORST}")]
 Texture = Annotated[str, Arg("name of the texture in the pack, or its number")]
 Group = Annotated[str, Arg(f"number of the group, or {NEW_GROUP}")]
@@ -104,7 +112,7 @@ def _no_base(context: Context) -> str:
     return _training_is_busy(context) or ("" if known else "there is no pack to continue from; encode the scene first")
 
 
-ENCODE_SETTINGS: tuple[SettingName, ...] = ("grouping", "groups", "size", "budget", "recipe", "codec", "target")
+ENCODE_SETTINGS = ("grouping", "groups", "size", "budget", "recipe", "codec", "target")
 """Settings that the command training.encode takes, in this order."""
 
 
@@ -117,17 +125,13 @@ ENCODE_SETTINGS: tuple[SettingName, ...] = ("grouping", "groups", "size", "budge
 )
 def encode(
     context: Context,
-    strategy: Annotated[
-        str, Arg(f"grouping: which textures share a decoder; {AS_CHOSEN}", lambda _session: get_args(GroupingName))
-    ] = "",
-    k: Annotated[str, Arg(f"number of groups, or {AUTO}")] = "",
-    size: Annotated[str, Arg(f"largest texture size, {SIZES[0]} to {SIZES[1]} texels, or {FULL}")] = "",
-    budget: Annotated[str, Arg("length of a training: 500steps, 30s or 35dB; codec block needs none")] = "",
-    recipe: Annotated[str, Arg("training recipe; codec block has none", lambda _session: get_args(RecipeName))] = "",
-    codec: Annotated[
-        str, Arg(f"{AUTO}: block for best, grid for paper and for a budget of steps", lambda _session: (AUTO, *MODULES))
-    ] = "",
-    target: Annotated[str, Arg("what to reach: 4bits (per texel), 40dB (each texture) or 2.8MB (file)")] = "",
+    strategy: Annotated[str, _typed("grouping", f"; {AS_CHOSEN}")] = "",
+    k: Annotated[str, _typed("groups", OR_AUTO)] = "",
+    size: Annotated[str, _typed("size", f"; {FULL} keeps all")] = "",
+    budget: Annotated[str, _typed("budget", "; codec block needs none")] = "",
+    recipe: Annotated[str, _typed("recipe")] = "",
+    codec: Annotated[str, _typed("codec", f" {AUTO}: block for best, grid for paper and for a budget of steps")] = "",
+    target: Annotated[str, _typed("target")] = "",
 ) -> Effect:
     settings = _runs(context).plan
     texts = zip(ENCODE_SETTINGS, (strategy, k, size, budget, recipe, codec, target), strict=True)
@@ -147,7 +151,7 @@ def encode(
 )
 def choose(
     context: Context,
-    setting: Annotated[SettingName, Arg("what to set")],
+    setting: Annotated[str, Arg(f"what to set: {', '.join(SETTINGS)}", lambda _session: tuple(SETTINGS))],
     value: Annotated[str, Arg(f"value as training.encode takes it; {AUTO} takes the default")],
 ) -> None:
     training = _runs(context)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Setting:
     help: str
     """Description of the command in one line, lower case, without a full stop."""
     about: str = ""
-    """Tooltip of the widget in sentences, with unit and range; "" takes `help`."""
+    """Text of tooltip and `--help` in sentences, with unit and range; "" takes `help`."""
     key: str = ""
     """Default key as `viewer.commands.keys` spells it; "" for none."""
     second_key: str = ""
@@ -64,3 +64,27 @@ class Arg:
     """True for a slider with a logarithmic scale."""
     offers: tuple[float, ...] = ()
     """Numbers that the widget offers in a list, instead of a slider."""
+    read: Callable[[str], Any] | None = None
+    """Function that returns the value of a typed text and raises InputError; None reads the text by the type of the value."""
+
+
+def sentence(text: str) -> str:
+    """Return `text` with a capital letter and a full stop."""
+    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}" if text else ""
+
+
+def field_args(owner: type) -> dict[str, Arg]:
+    """Return the `Arg` of each field of `owner` that has one, by the field's name."""
+    hints = get_type_hints(owner, include_extras=True).items()
+    return {name: each for name, hint in hints for each in _metadata(hint) if isinstance(each, Arg)}
+
+
+def field_text(owner: type, name: str) -> str:
+    """Return what a field of `owner` sets, in sentences: the text of its tooltip and of its option on the command line."""
+    hint = get_type_hints(owner, include_extras=True)[name]
+    found = next((each for each in _metadata(hint) if isinstance(each, Setting)), None)
+    return found.about or sentence(found.help) if found is not None else sentence(field_args(owner)[name].help)
+
+
+def _metadata(hint: Any) -> tuple[Any, ...]:
+    return get_args(hint)[1:] if get_origin(hint) is Annotated else ()

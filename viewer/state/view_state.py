@@ -141,12 +141,22 @@ class Overlay:
     ] = "none"
     opacity: Annotated[
         Share,
-        Setting("overlay.opacity", "Map opacity", "set the opacity of the map over the picture"),
+        Setting(
+            "overlay.opacity",
+            "Map opacity",
+            "set the opacity of the map over the picture",
+            "Opacity of the map over the picture, 0 to 1.",
+        ),
         Arg("0 to 1", text="opacity %.2f"),
     ] = 1.0
     palette: Annotated[
         PaletteName,
-        Setting("overlay.palette", "Palette", "choose the palette of the maps"),
+        Setting(
+            "overlay.palette",
+            "Palette",
+            "choose the palette of the maps",
+            "Colours of the map. viridis suits the colour-blind.",
+        ),
         Arg("palette", values=PALETTE_TEXTS),
     ] = "viridis"
     block: Annotated[
@@ -166,6 +176,8 @@ class Overlay:
             "overlay.scale",
             "Colour range",
             "end the colours of the divergence map at a fixed number of decoders, or at the most in the picture",
+            "Upper end of the colours. block: a fixed number of decoders for each block shape. picture: the largest number in the "
+            "picture.",
         ),
         Arg(
             "block: fixed number; picture: most decoders in this view",
@@ -238,7 +250,7 @@ DIFFERENCE_ARG: Final = Arg(
     },
 )
 PRECISION_ARG: Final = Arg(
-    "number format of the decoders; auto measures and picks the fastest one without visible error",
+    "number format of decoder weights and arithmetic; auto takes the fastest whose error stays below one 8-bit step",
     values={
         "auto": "The program measures and chooses.",
         "fp32": "32-bit numbers: exact.",
@@ -292,16 +304,23 @@ class Slot:
             "slot.path",
             "Slot decode path",
             "choose the decode path of a slot",
-            "How the latents are decoded for each frame. Paths differ in speed; their pictures are the same up to rounding.",
+            "How the latents are decoded for each frame. Paths differ in speed; their pictures are the same up to rounding. auto "
+            "measures all and takes the fastest.",
         ),
         Arg("decode path", values=PATH_TEXTS),
     ] = "deferred"
     """Decode path; `auto` takes the fastest one as measured. No effect on images."""
-    precision: Precision = "fp32"
+    precision: Annotated[Precision, PRECISION_ARG] = "fp32"
     """Number format of decoder weights and arithmetic on the GPU. No effect on images."""
     filter: Annotated[
         TexelFilter,
-        Setting("slot.filter", "Slot texel filter", "filter a slot's texels exactly, or sample one at random"),
+        Setting(
+            "slot.filter",
+            "Slot texel filter",
+            "filter a slot's texels exactly, or sample one at random",
+            "Texture filter of all paths except cached and on-load. stochastic: one random texel of the footprint; the mean of "
+            "16 samples is shown at rest.",
+        ),
         FILTER_ARG,
     ] = "exact"
     """Texel filter of the paths that decode every pixel. No effect on path `cached` and images."""
@@ -373,19 +392,33 @@ class Lighting:
         float,
         Meta(ge=0.0, le=20.0),
         Setting(
-            "light.sun-strength", "Sun strength", "set the strength of the sun: 1 is the usual one, 0 turns it off"
+            "light.sun-strength",
+            "Sun strength",
+            "set the strength of the sun: 1 is the usual one, 0 turns it off",
+            "Factor on the sun's strength; 0 removes the sun.",
         ),
         Arg("factor, 0 to 20", name="strength", ends=(0.0, 4.0), text="x %.2f"),
     ] = 1.0
     exposure: Annotated[
         float,
         Meta(ge=-10.0, le=10.0),
-        Setting("light.exposure", "Exposure", "make the lit picture brighter or darker", icon="sun"),
+        Setting(
+            "light.exposure",
+            "Exposure",
+            "make the lit picture brighter or darker",
+            "Exposure of the lit picture in stops; +1 is twice as bright.",
+            icon="sun",
+        ),
         Arg("stops: +1 is twice as bright", name="stops", ends=(-4.0, 4.0), text="%+.2f stops"),
     ] = 0.0
     tone_map: Annotated[
         ToneMap,
-        Setting("light.tone-map", "Tone map", "choose how light is mapped to the colours of the screen"),
+        Setting(
+            "light.tone-map",
+            "Tone map",
+            "choose how light is mapped to the colours of the screen",
+            "Tone map of the lit picture: Khronos PBR Neutral, AgX, or none, which clips.",
+        ),
         Arg(
             "Khronos PBR Neutral, AgX, or only clipping",
             name="curve",
@@ -452,7 +485,12 @@ class ViewState:
     ] = 1
     material_view: Annotated[
         MaterialView,
-        Setting("materials.view", "Material view", "show lit surfaces, or one of the maps"),
+        Setting(
+            "materials.view",
+            "Material view",
+            "show lit surfaces, or one of the maps",
+            "Picture of the materials: lit surfaces, or one of the maps (orm: occlusion, roughness, metalness).",
+        ),
         Arg("what is shown", name="view", values={name: f"{text.capitalize()}." for name, text in VIEWS.items()}),
     ] = "base"
     lighting: Lighting = DEFAULT_LIGHTING

@@ -1,10 +1,10 @@
 """Settings of a training in the window with their defaults, and how the user types them."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any, Final, Literal, get_args
+from typing import Annotated, Any, Final, Literal, get_args
 
 from ntc.codec.config import GroupingName
 from ntc.codec.encoding import (
@@ -20,9 +20,10 @@ from ntc.codec.encoding import (
     TimeBudget,
 )
 from ntc.codec.model import Pack
-from ntc.codec.registry import MODULES, chosen_codec, codec_named
+from ntc.codec.registry import MODULES, SUMMARIES, chosen_codec, codec_named
 from ntc.errors import InputError
 from viewer.scene.source_textures import MapChoice
+from viewer.state.setting import Arg, field_args
 
 BudgetUnit = Literal["steps", "s", "dB"]
 BUDGET_UNITS: tuple[BudgetUnit, ...] = get_args(BudgetUnit)
@@ -43,6 +44,14 @@ TARGET_RANGES: Final[Mapping[TargetUnit, tuple[float, float]]] = MappingProxyTyp
     {"bits": (0.01, 1000.0), "dB": (1.0, 58.9), "MB": (0.001, 1e6)}
 )
 """What can be asked for; what can be reached depends on the textures."""
+TARGET_TEXTS: Final[Mapping[TargetUnit, str]] = MappingProxyType(
+    {
+        "bits": "bits per texel of mip 0, all maps, mips and tables included",
+        "dB": "least PSNR of each texture in dB, up to 58.9, in as few bits as possible",
+        "MB": "largest file size in MB (10^6 bytes)",
+    }
+)
+"""Targets by their unit."""
 
 
 def parse_budget(text: str) -> Budget:
@@ -107,49 +116,6 @@ def target_text(target: Target | None, spaced: bool = False) -> str:
     return f"{value:g}{' ' if spaced else ''}{unit}"
 
 
-@dataclass(frozen=True)
-class TrainingSettings:
-    """Settings of one training. The defaults are those of `ntc-viewer encode`."""
-
-    strategy: GroupingName = "clustered"
-    clusters: int | None = None
-    """Groups; None: as many as the grouping chooses."""
-    texture_size: int | None = None
-    """Most texels of a texture along one side; smaller ones stay as they are. None: full size."""
-    recipe: RecipeName = "best"
-    budget: Budget = DEFAULT_BUDGET
-    codec: str | None = None
-    """Codec of a pack from nothing. None: recipe and budget decide."""
-    target: Target | None = None
-    """Target of a pack from nothing, in a codec that takes one. None: what the codec takes for these maps."""
-    maps: MapChoice | None = None
-    """Whole materials or base colours alone; None: what the codec takes."""
-    only: frozenset[int] | None = None
-    """Ids of the scene's textures to encode; None: all."""
-
-    @property
-    def codec_kind(self) -> str:
-        """Name of the codec: the one that is asked for, else the first that has recipe and budget."""
-        steps = self.budget.steps if isinstance(self.budget, StepBudget) else None
-        return self.codec or chosen_codec(EncodingChoices(self.recipe, steps))
-
-    @property
-    def chosen_maps(self) -> MapChoice:
-        """Maps to encode."""
-        return self.maps or codec_named(self.codec_kind).default_maps
-
-    @property
-    def choices(self) -> EncodingChoices:
-        """Choices for the codec."""
-        takes_target = codec_named(self.codec_kind).default_target is not None
-        return EncodingChoices(self.recipe, target=self.target if takes_target else None)
-
-    @property
-    def grouping_text(self) -> str:
-        """`clustered`, `clustered k=4`."""
-        return self.strategy if self.clusters is None else f"{self.strategy} k={self.clusters}"
-
-
 def read_clusters(text: str) -> int | None:
     """Return the number of groups; None for `auto`. Raises InputError."""
     if text == AUTO:
@@ -202,12 +168,6 @@ def read_texture(text: str, pack: Pack) -> int:
     return read_number(text, "texture", len(names) - 1)
 
 
-def _one_of(what: str, choices: tuple[str, ...], text: str) -> str:
-    if text not in choices:
-        raise InputError(f"{what} {text!r}: must be one of {', '.join(choices)}")
-    return text
-
-
 def _auto(text: str) -> str | None:
     return None if text == AUTO else text
 
@@ -221,27 +181,120 @@ def _read_only(text: str) -> frozenset[int] | None:
     return frozenset(map(int, parts))
 
 
-SettingName = Literal["grouping", "groups", "size", "budget", "recipe", "codec", "target", "maps", "textures"]
-_READERS: Final[Mapping[SettingName, tuple[str, Callable[[str], Any]]]] = MappingProxyType(
-    {
-        "grouping": ("strategy", lambda text: _one_of("grouping", get_args(GroupingName), text)),
-        "groups": ("clusters", read_clusters),
-        "size": ("texture_size", read_size),
-        "budget": ("budget", parse_budget),
-        "recipe": ("recipe", lambda text: _one_of("recipe", get_args(RecipeName), text)),
-        "codec": ("codec", lambda text: _auto(_one_of("codec", (AUTO, *MODULES), text))),
-        "target": ("target", parse_target),
-        "maps": ("maps", lambda text: _auto(_one_of("maps", (AUTO, *get_args(MapChoice)), text))),
-        "textures": ("only", _read_only),
-    }
+@dataclass(frozen=True)
+class TrainingSettings:
+    """Settings of one training. The defaults are those of `ntc-viewer encode`."""
+
+    strategy: Annotated[
+        GroupingName,
+        Arg("grouping: which textures share a decoder", lambda _session: get_args(GroupingName), name="grouping"),
+    ] = "clustered"
+    clusters: Annotated[
+        int | None,
+        Arg(
+            "number of groups for clustered, random and covisible; the most for whole materials under universal",
+            name="groups",
+            read=read_clusters,
+        ),
+    ] = None
+    """Groups; None: as many as the grouping chooses."""
+    texture_size: Annotated[
+        int | None,
+        Arg(
+            "largest side of a texture in texels; larger ones are reduced first",
+            name="size",
+            offers=(64, 128, 256, 512, 1024, 2048, 4096),
+            read=read_size,
+        ),
+    ] = None
+    """Most texels of a texture along one side; smaller ones stay as they are. None: full size."""
+    recipe: Annotated[
+        RecipeName,
+        Arg(
+            "recipe of codec grid. best: the fastest training to good quality; paper: as in the paper",
+            lambda _session: get_args(RecipeName),
+        ),
+    ] = "best"
+    budget: Annotated[
+        Budget,
+        Arg(
+            "length of a training: 30s, 500steps, or 35dB to reach",
+            names={"s": "seconds", "steps": "steps", "dB": "dB PSNR"},
+            read=parse_budget,
+        ),
+    ] = DEFAULT_BUDGET
+    codec: Annotated[
+        str | None,
+        Arg(
+            " ".join(f"{name}: {summary}" for name, summary in SUMMARIES.items()),
+            lambda _session: (AUTO, *MODULES),
+            read=_auto,
+        ),
+    ] = None
+    """Codec of a pack from nothing. None: recipe and budget decide."""
+    target: Annotated[
+        Target | None,
+        Arg(
+            "what to reach: 4bits (per texel), 40dB (each texture) or 2.8MB (file)",
+            names={"bits": "bits per texel", "dB": "dB at least", "MB": "MB in all"},
+            values=TARGET_TEXTS,
+            read=parse_target,
+        ),
+    ] = None
+    """Target of a pack from nothing, in a codec that takes one. None: what the codec takes for these maps."""
+    maps: Annotated[
+        MapChoice | None,
+        Arg(
+            "maps to encode. all: whole materials, the maps of each together; base: base colours",
+            lambda _session: (AUTO, *get_args(MapChoice)),
+            names={"all": "whole materials", "base": "base colours"},
+            read=_auto,
+        ),
+    ] = None
+    """Whole materials or base colours alone; None: what the codec takes."""
+    only: Annotated[
+        frozenset[int] | None,
+        Arg("textures to encode: all, or numbers such as 0,3,5", name="textures", read=_read_only),
+    ] = None
+    """Ids of the scene's textures to encode; None: all."""
+
+    @property
+    def codec_kind(self) -> str:
+        """Name of the codec: the one that is asked for, else the first that has recipe and budget."""
+        steps = self.budget.steps if isinstance(self.budget, StepBudget) else None
+        return self.codec or chosen_codec(EncodingChoices(self.recipe, steps))
+
+    @property
+    def chosen_maps(self) -> MapChoice:
+        """Maps to encode."""
+        return self.maps or codec_named(self.codec_kind).default_maps
+
+    @property
+    def choices(self) -> EncodingChoices:
+        """Choices for the codec."""
+        takes_target = codec_named(self.codec_kind).default_target is not None
+        return EncodingChoices(self.recipe, target=self.target if takes_target else None)
+
+    @property
+    def grouping_text(self) -> str:
+        """`clustered`, `clustered k=4`."""
+        return self.strategy if self.clusters is None else f"{self.strategy} k={self.clusters}"
+
+
+SETTINGS: Final[Mapping[str, tuple[str, Arg]]] = MappingProxyType(
+    {arg.name or field: (field, arg) for field, arg in field_args(TrainingSettings).items()}
 )
-"""Field of TrainingSettings and reader of the typed value, by name."""
+"""Field of TrainingSettings and its description, by the name that the user types."""
 
 
-def with_setting(settings: TrainingSettings, name: SettingName, text: str) -> TrainingSettings:
-    """Return `settings` with one value as it is typed. Raises InputError for a value that is wrong."""
-    field, read = _READERS[name]
-    changed = replace(settings, **{field: read(text)})
+def with_setting(settings: TrainingSettings, name: str, text: str) -> TrainingSettings:
+    """Return `settings` with one value as it is typed; `name` is one of SETTINGS. Raises InputError for a value that is wrong."""
+    field, arg = SETTINGS[name]
+    choices = arg.choices(None) if arg.choices is not None else ()
+    if choices and text not in choices:
+        raise InputError(f"{name} {text!r}: must be one of {', '.join(choices)}")
+    value: Any = arg.read(text) if arg.read is not None else text
+    changed = replace(settings, **{field: value})
     if name == "codec" and changed.codec is not None and not codec_named(changed.codec).trains:
         # Recipes and steps are for codecs that train.
         budget = DEFAULT_BUDGET if isinstance(changed.budget, StepBudget) else changed.budget

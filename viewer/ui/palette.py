@@ -8,9 +8,10 @@ from imgui_bundle import ImVec2, imgui
 from ntc.errors import InputError
 from viewer.commands import COMMANDS, bindings, find_command
 from viewer.commands.command import Command, Parameter
+from viewer.state.setting import sentence
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
-from viewer.ui.help.texts import choice_text, sentence
+from viewer.ui.help.texts import choice_text
 from viewer.ui.theme import icon, ink
 from viewer.ui.widgets import em, grid, place_dialog, shortened, wrapped
 

@@ -7,11 +7,7 @@ from ntc.codec.registry import SUMMARIES
 from viewer.commands import BY_ID, NEXT
 from viewer.commands.command import Command, Parameter
 from viewer.commands.keys import Bindings
-
-
-def sentence(text: str) -> str:
-    """Return `text` with a capital letter and a full stop."""
-    return f"{text[:1].upper()}{text[1:]}{'' if text.endswith(('.', '?', '!')) else '.'}" if text else ""
+from viewer.state.setting import sentence
 
 
 def command_text(command: Command, bound: Bindings, about: str = "") -> str:
@@ -137,17 +133,6 @@ CONTROLS: Final = {
     "tab Move": "Move a texture into another group.",
     "tab Regroup": "Make new groups, and train those that changed.",
     "tab Encode": "Encode the scene into a new pack.",
-    "budget": "Length of the training: a number of seconds or steps, or the PSNR in dB to reach.",
-    "budget unit": "Unit of the budget: seconds, training steps, or PSNR in dB to reach.",
-    "recipe": "Settings of the training: best has the higher quality, paper repeats the published method.",
-    "strategy": "Which textures share a decoder.",
-    "k": "Number of groups; auto chooses by the number of textures.",
-    "size": "Largest texture size in texels along the longer side, full for all texels. Larger textures are reduced before they are "
-    "encoded.",
-    "codec": "How latents become texels: block encodes within seconds, grid trains step by step.",
-    "bits": "What to reach: bits per texel of all maps of a material together, a PSNR in dB, or a file size in MB.",
-    "target unit": "Bits per texel, a PSNR in dB that each texture has at least, or a file size in MB.",
-    "maps": "Whole materials (normals, roughness and all other maps too), or base colours alone.",
     "which textures": "Textures to encode: open the list to leave some out.",
     "forecast": "What this choice gives: file size, PSNR of all textures, and the time. Parts of the largest textures were encoded to "
     "know that; the result differs a little.",

@@ -6,18 +6,17 @@ from typing import get_args
 
 from imgui_bundle import imgui
 
-from ntc.codec.config import GroupingName
 from ntc.codec.encoding import BitsTarget, RecipeName
-from ntc.codec.registry import MODULES, codec_named
+from ntc.codec.registry import codec_named
 from ntc.errors import InputError
+from viewer.commands.command import Arg, typed
 from viewer.scene.source_textures import has_source
+from viewer.state.setting import sentence
 from viewer.training.rates import chosen_textures
 from viewer.training.settings import (
     AUTO,
-    BUDGET_UNITS,
     FULL,
-    TARGET_UNITS,
-    SettingName,
+    SETTINGS,
     TrainingSettings,
     budget_text,
     target_parts,
@@ -25,14 +24,11 @@ from viewer.training.settings import (
 )
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import value_text
 from viewer.ui.widgets import beside, combo, counted, em, list_width, text_width, wrapped_disabled
 
-SIZES = (FULL, "64", "128", "256", "512", "1024", "2048", "4096")
 USUAL_BUDGETS = {"s": "30", "steps": "1000", "dB": "35"}
 USUAL_TARGETS = {"bits": "4", "dB": "40", "MB": "2"}
-UNIT_NAMES = {"s": "seconds", "steps": "steps", "dB": "dB PSNR"}
-TARGET_NAMES = {"bits": "bits per texel", "dB": "dB at least", "MB": "MB in all"}
-MAP_NAMES = {"all": "whole materials", "base": "base colours"}
 CHOICES = (2.0, 4.0, 8.0)
 """Bits per texel whose results stand beside the target."""
 LABEL_PLACE = 6.0
@@ -50,6 +46,19 @@ def labelled(text: str) -> None:
     imgui.same_line(em(LABEL_PLACE))
 
 
+def _list(label: str, current: str, choices: tuple[str, ...], arg: Arg, ui: UiFrame) -> str:
+    """Draw a list as wide as its widest text, explained by `arg`, and return the chosen text."""
+
+    def name(text: str) -> str:
+        return arg.names.get(text, text)
+
+    def about(text: str) -> str:
+        return sentence(arg.values[text]) if text in arg.values else value_text(text)
+
+    imgui.set_next_item_width(list_width(*map(name, choices)))
+    return combo(label, current, choices, ui.rects, name=name, tip=sentence(arg.help), about=about)
+
+
 class Field:
     """Text field for a value that is kept elsewhere: it holds what is typed until that is right."""
 
@@ -61,32 +70,32 @@ class Field:
         self._number = 0
         """Number in the field's id: a new field where the value changes elsewhere, as ImGui keeps the text of an active one."""
 
-    def draw(self, shown: str, ui: UiFrame) -> str | None:
+    def draw(self, shown: str, ui: UiFrame, tip: str = "") -> str | None:
         """Draw the field with the value `shown`, and return what was typed; None where nothing was."""
         if shown != self._shown and not self._is_typed:
             self._text, self._number = shown, self._number + 1
         self._shown = shown
         imgui.set_next_item_width(em(NUMBER))
         self._is_typed, self._text = imgui.input_text(f"##{self._label}{self._number}", self._text)
-        ui.rects.note(self._label)
+        ui.rects.note(self._label, tip)
         return self._text if self._is_typed else None
 
 
 class GroupingFields:
     """Fields of grouping and training, for choices that are kept elsewhere. A wrong value is not taken, and its problem is kept."""
 
-    def __init__(self, keep: Callable[[UiFrame, TrainingSettings, SettingName, str], None]) -> None:
+    def __init__(self, keep: Callable[[UiFrame, TrainingSettings, str, str], None]) -> None:
         """Make the fields. `keep` keeps the changed choices; it also takes the name and text of the setting."""
         self._keep = keep
         self._groups, self._budget = Field("k"), Field("budget")
-        self._problem: dict[SettingName, str] = {}
+        self._problem: dict[str, str] = {}
 
     @property
     def problem(self) -> str:
         """Reason of the first refused value; "" for none."""
         return next(iter(self._problem.values()), "")
 
-    def take(self, plan: TrainingSettings, ui: UiFrame, name: SettingName, text: str) -> None:
+    def take(self, plan: TrainingSettings, ui: UiFrame, name: str, text: str) -> None:
         """Take a value as it is typed, where it is right."""
         try:
             changed = with_setting(plan, name, text)
@@ -96,50 +105,55 @@ class GroupingFields:
             self._problem.pop(name, None)
             self._keep(ui, changed, name, text)
 
-    def choose(
-        self,
-        label: str,
-        current: str,
-        choices: tuple[str, ...],
-        name: SettingName,
-        plan: TrainingSettings,
-        ui: UiFrame,
-        names: Callable[[str], str] = str,
-    ) -> None:
-        """Draw the list of a setting."""
-        imgui.set_next_item_width(list_width(*map(names, choices)))
-        chosen = combo(label, current, choices, ui.rects, name=names)
+    def choose(self, name: str, current: str, plan: TrainingSettings, ui: UiFrame, label: str = "") -> None:
+        """Draw the list of a setting's choices, or of the numbers that it offers. `label` names it where `name` does not."""
+        arg = SETTINGS[name][1]
+        choices = arg.choices(None) if arg.choices is not None else (FULL, *map(typed, arg.offers))
+        chosen = _list(label or name, current, tuple(choice for choice in choices if choice != AUTO), arg, ui)
         if chosen != current:
             self.take(plan, ui, name, chosen)
+
+    def draw_measure(
+        self,
+        field: Field,
+        name: str,
+        value: str,
+        unit: str,
+        plan: TrainingSettings,
+        ui: UiFrame,
+        usual: Callable[[str], str],
+    ) -> None:
+        """Draw number and unit of a setting; `usual` gives the number for another unit."""
+        arg = SETTINGS[name][1]
+        number = field.draw(value, ui, sentence(arg.help))
+        if number is not None:
+            self.take(plan, ui, name, f"{number.strip()}{unit}")
+        imgui.same_line()
+        other = _list(f"{name} unit", unit, tuple(arg.names), arg, ui)
+        if other != unit:
+            self.take(plan, ui, name, f"{usual(other)}{other}")
 
     def draw_grouping(self, plan: TrainingSettings, ui: UiFrame) -> None:
         """Draw the grouping, and the number of groups where it can be chosen."""
         labelled("grouping")
-        self.choose("strategy", plan.strategy, get_args(GroupingName), "grouping", plan, ui)
+        self.choose("grouping", plan.strategy, plan, ui, "strategy")
         if plan.strategy in ("clustered", "random", "covisible"):
             beside(text_width("groups ") + em(NUMBER))
             imgui.text("groups")
             imgui.same_line()
-            typed = self._groups.draw(AUTO if plan.clusters is None else str(plan.clusters), ui)
-            if typed is not None:
-                self.take(plan, ui, "groups", typed.strip() or AUTO)
+            shown, tip = AUTO if plan.clusters is None else str(plan.clusters), sentence(SETTINGS["groups"][1].help)
+            count = self._groups.draw(shown, ui, tip)
+            if count is not None:
+                self.take(plan, ui, "groups", count.strip() or AUTO)
 
     def draw_training(self, plan: TrainingSettings, ui: UiFrame) -> None:
         """Draw budget and recipe of a codec that trains."""
         labelled("budget")
         text = budget_text(plan.budget)
         value = text.rstrip("stepdB")
-        unit = text[len(value) :]
-        typed = self._budget.draw(value, ui)
-        if typed is not None:
-            self.take(plan, ui, "budget", f"{typed.strip()}{unit}")
-        imgui.same_line()
-        imgui.set_next_item_width(list_width(*UNIT_NAMES.values()))
-        other = combo("budget unit", unit, BUDGET_UNITS, ui.rects, name=UNIT_NAMES.__getitem__)
-        if other != unit:
-            self.take(plan, ui, "budget", f"{USUAL_BUDGETS[other]}{other}")
+        self.draw_measure(self._budget, "budget", value, text[len(value) :], plan, ui, USUAL_BUDGETS.__getitem__)
         beside(list_width(*get_args(RecipeName)))
-        self.choose("recipe", plan.recipe, get_args(RecipeName), "recipe", plan, ui)
+        self.choose("recipe", plan.recipe, plan, ui)
 
     def draw_problem(self, ui: UiFrame) -> None:
         """Draw why a typed value is not taken."""
@@ -165,7 +179,7 @@ class EncodeForm(GroupingFields):
         self._draw_textures(plan, ui)
         if self._place == "panel":
             labelled("codec")
-            self.choose("codec", plan.codec_kind, tuple(MODULES), "codec", plan, ui)
+            self.choose("codec", plan.codec_kind, plan, ui)
             if codec.trains:
                 self.draw_training(plan, ui)
         self.draw_problem(ui)
@@ -178,21 +192,14 @@ class EncodeForm(GroupingFields):
         target = plan.target or codec_named(plan.codec_kind).target_of(maps if plan.chosen_maps == "all" else ("base",))
         assert target is not None
         value, unit = target_parts(target)
-        typed = self._target.draw(f"{value:g}", ui)
-        if typed is not None:
-            self.take(plan, ui, "target", f"{typed.strip()}{unit}")
-        imgui.same_line()
-        imgui.set_next_item_width(list_width(*TARGET_NAMES.values()))
-        other = combo("target unit", unit, TARGET_UNITS, ui.rects, name=TARGET_NAMES.__getitem__)
-        if other != unit:
-            forecast = ui.training.rates.forecast(plan, ui.session.scene)
-            known = {
-                "bits": forecast.bits if forecast is not None else None,
-                "dB": forecast.psnr_db if forecast is not None else None,
-                "MB": forecast.megabytes if forecast is not None else None,
-            }[other]
+
+        def usual(other: str) -> str:
+            found = ui.training.rates.forecast(plan, ui.session.scene)
+            known = found and {"bits": found.bits, "dB": found.psnr_db, "MB": found.megabytes}[other]
             # What the present choice gives, where that is known: the choice changes as little as possible.
-            self.take(plan, ui, "target", f"{f'{known:.3g}' if known else USUAL_TARGETS[other]}{other}")
+            return f"{known:.3g}" if known else USUAL_TARGETS[other]
+
+        self.draw_measure(self._target, "target", f"{value:g}", unit, plan, ui, usual)
         self._draw_choices(plan, ui)
 
     def _draw_choices(self, plan: TrainingSettings, ui: UiFrame) -> None:
@@ -211,9 +218,9 @@ class EncodeForm(GroupingFields):
     def _draw_textures(self, plan: TrainingSettings, ui: UiFrame) -> None:
         labelled("textures")
         size = FULL if plan.texture_size is None else str(plan.texture_size)
-        self.choose("size", size, SIZES, "size", plan, ui)
-        beside(list_width(*MAP_NAMES.values()))
-        self.choose("maps", plan.chosen_maps, tuple(MAP_NAMES), "maps", plan, ui, MAP_NAMES.__getitem__)
+        self.choose("size", size, plan, ui)
+        beside(list_width(*SETTINGS["maps"][1].names.values()))
+        self.choose("maps", plan.chosen_maps, plan, ui)
         if self._place != "panel":
             return
         scene, ids = ui.session.scene, chosen_textures(plan, ui.session.scene)

@@ -5,7 +5,7 @@ from imgui_bundle import ImVec2, imgui
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_named
 from viewer.training.run_log import mean_of_psnr
-from viewer.training.settings import AUTO, SettingName, TrainingSettings, budget_text
+from viewer.training.settings import AUTO, TrainingSettings, budget_text
 from viewer.ui.controls import command_button, control
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import EncodeForm, GroupingFields, labelled
@@ -30,7 +30,7 @@ class TrainingForms:
         self._pack: Pack | None = None
         """Pack that groups and texture belong to."""
 
-    def _keep(self, _ui: UiFrame, plan: TrainingSettings, _name: SettingName, _text: str) -> None:
+    def _keep(self, _ui: UiFrame, plan: TrainingSettings, _name: str, _text: str) -> None:
         self._plan = plan
 
     def draw(self, pack: Pack | None, name: str, ui: UiFrame) -> None:
