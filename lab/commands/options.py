@@ -11,7 +11,7 @@ from ntc.codec.config import FeatureName, GroupingConfig, GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
-from viewer.cli.options import DecoderOptions, Gpu, OptionalScene, Packs, Size, Sizes, Switch
+from viewer.cli.options import DecoderOptions, Gpu, OptionalScene, Packs, Size, Sizes, Switch, in_words
 from viewer.state.view_state import DecodePath, Precision, TexelFilter
 
 
@@ -19,39 +19,39 @@ from viewer.state.view_state import DecodePath, Precision, TexelFilter
 class BenchOptions(DecoderOptions):
     """Time every pack of a scene by every decode path, and name the path to take. `--thorough` measures more, in many minutes."""
 
-    json: Annotated[Path | None, tyro.conf.arg(metavar="F.json")] = None
+    json: Annotated[Path | None, in_words("F.json")] = None
     """Record to write. Tables (.md) and plots (.png) are written beside it, each as soon as it is done. Default: print only."""
     scene: OptionalScene = None
     """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
     """Packs to time besides those found beside the scene (NAME.*.ntc)."""
-    what: Literal["all", "worst-case", "scene"] | None = None
+    what: Annotated[Literal["all", "worst-case", "scene"] | None, in_words("all|worst-case|scene")] = None
     """Parts to time. Default: the scene; with --thorough all."""
     thorough: Switch = False
     """Time all cameras, all precisions and the worst case: all decoders in every block."""
-    size: Size | None = None
+    size: Annotated[Size | None, in_words("WIDTHxHEIGHT")] = None
     """Pixels of the scene's pictures. Default: 640x360; without a GPU 320x180, with --thorough 640x360."""
-    worst_sizes: Sizes | None = None
+    worst_sizes: Annotated[Sizes | None, in_words("WIDTHxHEIGHT ...")] = None
     """Pixels of the worst case, each size in turn. Default: 512x512, and on a GPU its doubles up to 8192x8192."""
     decoders: tuple[int, ...] = (1, 5, 10, 20)
     """Decoders that meet in every block of the worst case; each number in turn."""
     codec: RecipeName = "best"
     """Recipe of codec `grid` that the worst case decodes."""
-    hidden_width: int | None = None
+    hidden_width: Annotated[int | None, in_words("N")] = None
     """Neurons of each hidden layer of that codec. Default: the recipe's."""
     memory_mb: int = 4096
     """MiB that pictures may take. A larger one of the worst case is decoded in tiles; one of a scene is refused."""
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     """Decode paths of the scene."""
-    precisions: tuple[Precision, ...] | None = None
+    precisions: Annotated[tuple[Precision, ...] | None, in_words("fp32|fp16|... ...")] = None
     """Storage of decoder weights and arithmetic with them. Default: fp32; with --thorough all that the driver has."""
-    formats: tuple[BlockFormat, ...] = ()
+    formats: Annotated[tuple[BlockFormat, ...], in_words("FORMAT ...")] = ()
     """Formats of graphics hardware to show in the scene beside the packs, e.g. bc7 astc-8x8 (needs the extra `lab`)."""
     filters: tuple[TexelFilter, ...] = ("exact",)
     """Filters of the scene's paths: exact, stochastic (one sample is timed, the mean of 16 compared), or both; cached has its own."""
-    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    views: Annotated[Path | None, in_words("FILE")] = None
     """JSON file of cameras. Default: the scene's first camera, with --thorough all of them; without cameras the whole scene."""
-    repeats: int | None = None
+    repeats: Annotated[int | None, in_words("N")] = None
     """Timed frames of each; figures are medians. Default: 3; with --thorough 5."""
     device: Gpu = None
     """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. Default: the first."""
@@ -71,11 +71,11 @@ class ClusterStudyOptions:
     """Numbers of groups to try; one group for each texture is added."""
     features: tuple[FeatureName, ...] = ("low_level", "spectral")
     """What textures are compared by: each in turn."""
-    clip_weights: Annotated[str | None, tyro.conf.arg(metavar="FILE|download")] = None
+    clip_weights: Annotated[str | None, in_words("FILE|download")] = None
     """Weights of --features clip: a file, or "download" to fetch them."""
-    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    views: Annotated[Path | None, in_words("FILE")] = None
     """JSON file of cameras; every other one is held out. Default: the scene's own cameras."""
-    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    sampled_views: Annotated[int | None, in_words("N")] = None
     """Look from this many places sampled in the scene too. Default: 24 where there are no cameras."""
     spread_weight: float = GroupingConfig.spread_weight
     """covisible: how much it counts that textures of a group are alike, against divergence."""
@@ -97,7 +97,7 @@ class FilteringStudyOptions:
     """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
     """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
-    grouping: str | None = None
+    grouping: Annotated[str | None, in_words("NAME")] = None
     """Grouping of the pack to look at. Default: all that --pack names; without it clustered, else the first pack."""
     size: Size = (128, 96)
     """Pixels of the pictures; the truth has 16 samples in each."""
@@ -137,7 +137,7 @@ class TrainingStudyOptions:
     """glTF scene, or a folder of images."""
     out: Path
     """Folder for tables (.md, .csv), figures as JSON, plots (.png), and for the finished runs: stopped, a study goes on."""
-    clusters: int | None = None
+    clusters: Annotated[int | None, in_words("N")] = None
     """Decoders of clustered, random and covisible. Default: 10, or one for each texture where there are fewer."""
     scale: ScaleName = StudySettings.scale
     """small: minutes on two cores. paper: 350 epochs at 1024 texels, for a GPU."""
@@ -145,7 +145,7 @@ class TrainingStudyOptions:
     """Optimisation steps of each run at the small scale."""
     texels_per_texture: int = StudySettings.texels_per_texture
     """Samples of each texture in a step at the small scale."""
-    texture_size: int | None = None
+    texture_size: Annotated[int | None, in_words("N")] = None
     """Textures are reduced to at most this many texels a side. Default: 256 at the small scale, else 1024."""
     levels: int | None = StudySettings.levels
     """Latent levels. 1: mip 0 alone, as in the paper. None: all mips."""
@@ -208,20 +208,21 @@ class RateStudyOptions:
     """Texels of its blocks along one side."""
     bits: tuple[float, ...] = (0.9, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
     """Bits per texel of mip 0 of codec block, all mips and tables together."""
-    formats: tuple[BlockFormat, ...] = BLOCK_FORMATS
-    """Formats of graphics hardware, at the encoders' highest effort (need the extra `lab`)."""
+    formats: Annotated[tuple[BlockFormat, ...], in_words("FORMAT ...")] = BLOCK_FORMATS
+    """Formats of graphics hardware, such as bc7 astc-8x8, at the encoders' highest effort (extra `lab`).
+    Default: all."""
     grid_steps: int = 300
     """Steps of each of the four trainings of codec grid by recipe best, clustered; few, so that the study ends. 0: none of them."""
-    disk_formats: tuple[DiskFormat, ...] = DISK_FORMATS
+    disk_formats: Annotated[tuple[DiskFormat, ...], in_words("jpeg|xuastc|etc1s ...")] = DISK_FORMATS
     """Formats of files, with all mips (the extra `export`): bytes of whole files are compared. Default: all."""
     jpeg_xl: bool = True
     """Whether JPEG XL, a bound without random access, is measured."""
     flip_every: int = 4
     """FLIP, which takes longest, is the mean over every so many textures."""
-    workers: int | None = None
+    workers: Annotated[int | None, in_words("N")] = None
     """Measure points side by side in so many processes, in one thread each. Default: one after the other, in this process."""
-    ray: Annotated[str | None, tyro.conf.arg(metavar="ADDRESS|auto")] = None
-    """The same on this Ray cluster (extra `ray`)."""
+    ray: Annotated[str | None, in_words("ADDRESS|auto")] = None
+    """Measure them on this Ray cluster (extra `ray`). Default: no cluster."""
 
 
 @dataclass(frozen=True)
@@ -254,9 +255,9 @@ class PaperStudyOptions(TrainingStudyOptions):
 class PaperScenesOptions(PaperStudyOptions):
     """The paper's Tables 3 and 4 again: textures of a scene, rendered pictures and divergence by grouping."""
 
-    views: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
+    views: Annotated[Path | None, in_words("FILE")] = None
     """JSON file of cameras. Default: the scene's own."""
-    sampled_views: Annotated[int | None, tyro.conf.arg(metavar="N")] = None
+    sampled_views: Annotated[int | None, in_words("N")] = None
     """Let covisible look from this many places sampled in the scene too. Default: 24 where there are no cameras."""
     more_clusters: tuple[int, ...] = ()
     """Further numbers of decoders for clustered and covisible under best."""

@@ -19,7 +19,7 @@ import tyro
 import viewer
 from ntc.errors import InputError
 from ntc.library.index import is_library
-from viewer.cli.help_groups import grouped_help
+from viewer.cli.help_groups import HELP_ALL, grouped_help, help_entry
 from viewer.cli.options import SUBCOMMANDS, Subcommand
 from viewer.locations import BUILTIN_SCENES
 from viewer.scene.scene_files import PACK_SUFFIX
@@ -29,6 +29,7 @@ LAB_COMMANDS = "lab.commands"
 DESCRIPTION = (
     "See how a glTF scene looks, and what it costs, when its textures are decoded from neural latents. "
     "A SCENE without a command opens in the window. "
+    "Each command has --help with its usual options, and --help-all. "
     "Measurements over many settings: ntc-viewer study NAME (see ntc-viewer study --help). "
     "Version: ntc-viewer --version. "
     "Completion in the shell: ntc-viewer --tyro-write-completion bash|zsh|fish FILE."
@@ -98,12 +99,13 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
     lab_commands, studies = _lab_commands()
     commands = (*SUBCOMMANDS[:-1], *lab_commands, SUBCOMMANDS[-1])
     names = ("study", *(command.name for command in commands))
-    named = bool(arguments) and arguments[0] in ("-h", "--help", *COMPLETION, *names)
+    named = bool(arguments) and arguments[0] in ("-h", "--help", HELP_ALL, *COMPLETION, *names)
     if arguments and not named:
         _refuse_unknown_command(arguments[0], names)
     if arguments and arguments[0] in COMPLETION:
         _check_completion(arguments)
     words = _with_packs_merged(list(arguments) if named else ["view", *arguments])
+    everything, words = HELP_ALL in words, ["--help" if word == HELP_ALL else word for word in words]
     complaint, said = io.StringIO(), io.StringIO()
     try:
         with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(said):
@@ -116,7 +118,8 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
             options = tyro.cli(union, prog="ntc-viewer", description=DESCRIPTION, args=words)
     except SystemExit as stopped:
         if stopped.code in (0, None):
-            sys.stdout.write(grouped_help(said.getvalue(), words[0]))
+            command_words = " ".join(words[: 2 if words[0] == "study" else 1])
+            sys.stdout.write(grouped_help(said.getvalue(), command_words, everything))
             raise
         raise InputError(f"{_one_line(complaint.getvalue())} (see ntc-viewer --help)") from None
     command = next(command for command in commands if command.options is type(options))
@@ -162,8 +165,9 @@ def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:
     """Return the study that is named. Raises InputError for none and for one that does not exist."""
     name = words[1] if len(words) > 1 else ""
     if name in ("-h", "--help"):
-        summaries = (f"  {study.name:15} {(study.options.__doc__ or '').strip()}" for study in studies)
-        sys.stdout.write("\n".join(["usage: ntc-viewer study NAME ...; each has --help", *summaries]) + "\n")
+        sys.stdout.write("usage: ntc-viewer study NAME ...; each has --help\n")
+        for study in studies:
+            sys.stdout.write("\n".join(help_entry(study.name, (study.options.__doc__ or "").strip())) + "\n")
         raise SystemExit(0)
     for study in studies:
         if study.name == name:

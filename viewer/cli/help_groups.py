@@ -1,10 +1,11 @@
-"""The options of long commands in groups, as `--help` shows them: by task, with an example each."""
+"""Help of commands at 80 columns: the usual options with examples in `--help`, all options in groups in `--help-all`."""
 
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+HELP_ALL = "--help-all"
 MOST_IN_GROUP = 10
 
 
@@ -15,34 +16,46 @@ class HelpGroup:
     title: str
     options: tuple[str, ...]
     """Names without dashes, in the order in which they are shown."""
-    example: str
-    """Arguments of an example, with the command."""
+    examples: tuple[str, ...]
+    """Arguments of examples, with the command."""
 
 
-def _group(title: str, options: str, example: str) -> HelpGroup:
-    return HelpGroup(title, tuple(options.split()), example)
+def _group(title: str, options: str, *examples: str) -> HelpGroup:
+    return HelpGroup(title, tuple(options.split()), examples)
 
 
+_TRAINING = _group("training", "scale steps texels-per-texture seeds device")
 GROUPS: Mapping[str, Sequence[HelpGroup]] = {
     "view": (
-        _group("scene and packs", "pack grouping", "view street.glb --grouping clustered"),
-        _group("decoding", "path precision filter decoder-variant device", "view street.glb --path auto"),
+        _group(
+            "usual options",
+            "pack grouping path precision filter size",
+            "view street.glb --grouping clustered",
+            "view street.glb --path auto",
+        ),
         _group(
             "scripts and pictures",
-            "script exec headless out size",
-            "view --headless --exec 'compare.mode split' --out d",
+            "script exec headless out",
+            "view --headless --exec 'compare.mode wipe' --out d",
         ),
+        _group("GPU", "device decoder-variant", "view street.glb --headless --device software"),
     ),
     "render": (
-        _group("picture", "out size view aovs anisotropy require-gpu device", "render street.glb --view lit --out d"),
+        _group(
+            "usual options",
+            "out size view pack grouping camera eye target overlay",
+            "render street.glb --view lit --out d",
+            "render street.glb --eye 3 2 8 --target 0 1 0 --out d",
+            "render street.glb --overlay divergence --out d",
+        ),
         _group(
             "camera and pose",
-            "cameras camera eye target fov animation time variant",
-            "render street.glb --eye 3 2 8 --target 0 1 0 --out d",
+            "cameras fov animation time variant",
+            "render street.glb --cameras c.json --camera door --out d",
         ),
         _group(
             "decoding",
-            "pack grouping path precision filter decoder-variant",
+            "path precision filter anisotropy decoder-variant device require-gpu",
             "render street.glb --pack a.ntc --path cached --out d",
         ),
         _group(
@@ -51,21 +64,25 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
             "render street.glb --view lit --environment studio --out d",
         ),
         _group(
-            "overlay",
-            "overlay opacity palette block scale error-by-map",
-            "render street.glb --overlay divergence --out d",
+            "maps and errors",
+            "opacity palette block scale error-by-map aovs",
+            "render street.glb --view lit --aovs --out d",
         ),
     ),
     "encode": (
         _group(
-            "quality and size",
-            "out bits quality size preset maps map-weights texture-size levels",
+            "usual options",
+            "out bits quality size preset grouping maps texture-size",
+            "encode street.glb --bits 4",
             "encode street.glb --quality 38",
+            "encode street.glb --size 20",
+            "encode street.glb --preset fast",
+            "encode photos --out photos.ntc",
         ),
         _group(
             "groups",
-            "grouping clusters features clip-weights labels views sampled-views spread-weight largest-share",
-            "encode street.glb --grouping universal",
+            "clusters features clip-weights labels views sampled-views spread-weight largest-share",
+            "encode street.glb --grouping covisible --clusters 5",
         ),
         _group(
             "many textures, by jobs",
@@ -74,67 +91,116 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
         ),
         _group(
             "codec and training",
-            "codec recipe steps epochs device state seed",
+            "codec recipe steps epochs device state seed levels map-weights",
             "encode street.glb --codec grid --epochs 4",
+        ),
+    ),
+    "export": (
+        _group(
+            "options",
+            "out web shader as fallback pack",
+            "export street.glb --out street.gltf",
+            "export street.glb --as bc7 --out street.gltf",
+            "export street.glb --web page",
+            "export street.glb --shader hlsl --out decoder",
         ),
     ),
     "check": (
         _group(
-            "what is measured",
-            "pack grouping views close cameras size device",
-            "check street.glb --views 4",
-        ),
-        _group(
-            "what is accepted",
-            "budget against out suggest",
+            "usual options",
+            "budget against out suggest pack grouping",
             "check street.glb --budget street.toml --out report",
+            "check street.glb --against accepted/report.json",
         ),
+        _group("what is measured", "views close cameras size device", "check street.glb --views 4"),
     ),
     "bench": (
         _group(
-            "what is timed",
-            "pack what thorough size views repeats device json",
+            "usual options",
+            "pack paths views size thorough device json",
             "bench street.glb --json times.json",
+            "bench street.glb --paths cached forward",
         ),
         _group(
-            "decoders and paths",
-            "paths precisions filters formats decoder-variant codec hidden-width decoders",
-            "bench street.glb --paths cached forward",
+            "what is timed",
+            "what repeats precisions filters formats decoder-variant codec hidden-width decoders",
+            "bench street.glb --formats bc7 astc-8x8",
         ),
         _group("memory", "memory-mb worst-sizes", "bench street.glb --memory-mb 64"),
     ),
+    "study clusters": (
+        _group("usual options", "out pack clusters features clip-weights texture-size seed"),
+        _group("views", "views sampled-views spread-weight largest-share"),
+    ),
+    "study paper-textures": (
+        _group("usual options", "out groupings clusters blocks texture-size levels"),
+        _TRAINING,
+    ),
+    "study paper-scenes": (
+        _group("usual options", "out groupings clusters more-clusters blocks texture-size levels"),
+        _group("views", "views sampled-views size"),
+        _TRAINING,
+    ),
+    "study rate": (
+        _group("usual options", "out bits sides groupings clusters texture-size most grid-steps"),
+        _group("other formats", "formats disk-formats jpeg-xl flip-every"),
+        _group("processes", "workers ray"),
+    ),
+    "study ablation": (_group("usual options", "out codec bits clusters texture-size levels"), _TRAINING),
 }
-"""Groups by command. Shorter commands list their options in one box."""
+"""Groups by command, the usual options first. Shorter commands list their options in one box."""
 _INDENT, _WIDTH = 23, 78
 """Column where the text of an option begins, and the width of a line."""
 _OPTION = re.compile(r"^ {1,3}(?:-h, )?--([a-z-]+)")
 
 
-def _wrapped(lines: Sequence[str]) -> list[str]:
-    """Return the lines of an option with its text wrapped as one paragraph: the source's line breaks mean nothing."""
-    head, _, text = lines[0].strip().partition("  ")
+def help_entry(head: str, text: str) -> list[str]:
+    """Return the lines of an entry with its text beside it, or below it where the head is long."""
     head = f"  {head}"
-    words = " ".join([text, *lines[1:]]).split()
-    own = textwrap.wrap(" ".join(words), _WIDTH - _INDENT, break_long_words=False, break_on_hyphens=False)
+    own = textwrap.wrap(text, _WIDTH - _INDENT, break_long_words=False, break_on_hyphens=False)
     first = [f"{head:{_INDENT}}{own.pop(0)}"] if len(head) <= _INDENT - 2 and own else [head]
     return [*first, *(" " * _INDENT + line for line in own)]
 
 
-def grouped_help(text: str, command: str) -> str:
-    """Return the plain help `text` of a command with its list of options divided into its groups; as it is without groups."""
-    lines = [line.rstrip() for line in text.splitlines()]
+def _option(lines: Sequence[str]) -> list[str]:
+    """Return the lines of an option with its text wrapped as one paragraph: the source's line breaks mean nothing."""
+    head, _, text = lines[0].strip().partition("  ")
+    return help_entry(head, " ".join(" ".join([text, *lines[1:]]).split()))
+
+
+def _explained(group: HelpGroup, rule: str, entries: Mapping[str, Sequence[str]]) -> list[str]:
+    """Return the lines of a group: its title, its options with their texts, its examples."""
+    shown = ["", f" {group.title}", rule]
+    shown += [line for option in group.options for line in _option(entries[option])]
+    return [*shown, *(f"  Example: ntc-viewer {example}" for example in group.examples)]
+
+
+def grouped_help(text: str, command: str, everything: bool) -> str:
+    """Return the plain help `text` of a command, with lines of at most 80 columns and its options in the command's groups.
+
+    Without `everything` the usual options are explained, and the others named.
+    """
+    lines = [
+        part
+        for line in text.splitlines()
+        for part in (textwrap.wrap(line, _WIDTH, break_on_hyphens=False) if line[:1].strip() else [line.rstrip()])
+    ]
     if command not in GROUPS or " options" not in lines:
         return "\n".join(lines) + "\n"
-    first = lines.index(" options") + 2
+    title = lines.index(" options")
+    rule, first = lines[title + 1], title + 2
     entries: dict[str, list[str]] = {}
     name = ""
     for line in filter(None, lines[first:]):
         found = _OPTION.match(line)
         name = found[1] if found else name
         entries.setdefault(name, []).append(line)
-    shown = [*lines[:first], *_wrapped(entries.pop("help"))]
-    for group in GROUPS[command]:
-        shown += ["", f" {group.title}", lines[first - 1]]
-        shown += [line for option in group.options for line in _wrapped(entries.pop(option, [f"  --{option}"]))]
-        shown += [f"  Example: ntc-viewer {group.example}"]
-    return "\n".join([*shown, *(line for own in entries.values() for line in own)]) + "\n"
+    usual, *others = GROUPS[command]
+    shown = [*lines[: title - 1], *_explained(usual, rule, entries)]
+    if everything:
+        shown += [line for group in others for line in _explained(group, rule, entries)]
+    elif others:
+        shown += ["", f" more options: ntc-viewer {command} {HELP_ALL}", rule]
+        for group in others:
+            shown += help_entry(group.title, " ".join(f"--{option}" for option in group.options))
+    return "\n".join(shown) + "\n"
