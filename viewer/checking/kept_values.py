@@ -12,7 +12,7 @@ from ntc.io import read_file, write_bytes
 LARGEST_VALUE = 1 << 22
 """Bytes of the largest file that is read."""
 
-Value = TypeVar("Value", bound=msgspec.Struct)
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class KeptValues:
         except (OSError, msgspec.DecodeError, ValueError):
             return None
 
-    def write(self, content: str, value: msgspec.Struct) -> None:
+    def write(self, content: str, value: object) -> None:
         """Keep `value`; where the folder cannot be written, it is measured again next time."""
         try:
             write_bytes(self._path(content), msgspec.json.encode(value))

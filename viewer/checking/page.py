@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from viewer.checking.findings import Finding, failures
-from viewer.checking.mending import RateCurve
 from viewer.checking.record import MEASURES, PastRecord, Record, TextureRecord
 from viewer.scene.json_text import counted
+from viewer.training.rates import RateCurve
 
 MOST_STRIPS = 500
 """Textures with pictures: those with findings, then the worst. More would make the file too large to open at once."""
@@ -117,13 +117,9 @@ def _mending(content: PageContent, finding: Finding) -> str:
     curve = content.curves.get(texture.content) if texture is not None else None
     if curve is None or finding.measure != "psnr_db" or finding.subject.map is None:
         return ""
-    bits = curve.bits_for(finding.subject.map, finding.bound)
-    most = curve.points[-1].bits_per_texel
-    return (
-        f"; needs about {bits:.1f} bits per texel"
-        if bits is not None
-        else f"; needs more than {most:.1f} bits per texel"
-    )
+    least, most = curve.points[0].bits, curve.points[-1].bits
+    bits = max(curve.of_map(finding.subject.map).bits_at(finding.bound), least)
+    return f"; needs {f'about {bits:.1f}' if bits <= most else f'more than {most:.1f}'} bits per texel"
 
 
 def _curves(content: PageContent) -> str:
@@ -138,17 +134,13 @@ def _curves(content: PageContent) -> str:
 
 def _plot(curve: RateCurve) -> str:
     width, height = CURVE_SIZE
-    values = [own for point in curve.points for own in point.psnr_db.values() if own is not None]
-    if not values:
-        return ""
+    values = [own for point in curve.points for own in point.by_map.values()]
     low, high = min(values) - 1.0, max(values) + 1.0
-    most = curve.points[-1].bits_per_texel
+    most = curve.points[-1].bits
     lines, labels = [], list[float]()
-    for number, name in enumerate(curve.points[0].psnr_db):
-        known = [(point.bits_per_texel, own) for point in curve.points if (own := point.psnr_db.get(name)) is not None]
+    for number, name in enumerate(curve.points[0].by_map):
+        known = [(point.bits, point.by_map[name]) for point in curve.points]
         at = [(10 + x / most * (width - 70), height - 18 - (y - low) / (high - low) * (height - 30)) for x, y in known]
-        if not at:
-            continue
         color = f"hsl({number * 67 % 360} 70% 50%)"
         lines.append(f"<polyline fill=none stroke='{color}' points='{' '.join(f'{x:.1f},{y:.1f}' for x, y in at)}'/>")
         down = at[-1][1] + 4
@@ -157,8 +149,8 @@ def _plot(curve: RateCurve) -> str:
         labels.append(down)
         lines.append(f"<text x={at[-1][0] + 3:.1f} y={down:.1f} font-size=10 fill='{color}'>{_text(name)}</text>")
     axis = "".join(
-        f"<text x={10 + point.bits_per_texel / most * (width - 70):.1f} y={height - 4} font-size=10 fill=gray "
-        f"text-anchor=middle>{point.bits_per_texel:.1f}</text>"
+        f"<text x={10 + point.bits / most * (width - 70):.1f} y={height - 4} font-size=10 fill=gray "
+        f"text-anchor=middle>{point.bits:.1f}</text>"
         for point in curve.points
     )
     top = f"<text x=4 y=11 font-size=10 fill=gray>{high - 1:.0f} dB</text>"

@@ -24,7 +24,7 @@ from viewer.checking.budget import Budget, read_budget, suggested_budget
 from viewer.checking.ci_files import junit_xml, sarif_json
 from viewer.checking.findings import Finding, failures, find
 from viewer.checking.kept_values import KeptValues
-from viewer.checking.mending import MOST_CURVES, RateCurve, rate_curve
+from viewer.checking.mending import MOST_CURVES, rate_curve
 from viewer.checking.page import PageContent, page, past_of
 from viewer.checking.record import FORMAT, PackRecord, Record, read_record
 from viewer.checking.textures import MeasuredTextures, measured_textures, original_of, recorded_textures
@@ -40,6 +40,7 @@ from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.framing import frame_all
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import is_image_source
+from viewer.training.rates import RateCurve
 from viewer.viewpoints.sampling import CandidateSampler, ViewpointConfig
 
 FOUND = 1

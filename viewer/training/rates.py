@@ -22,6 +22,7 @@ from ntc.codec.registry import codec_named, codec_of
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.io import read_file, write_text
+from ntc.metrics.metrics import bits_with_mips
 from ntc.training.messages import TrainingRequest
 from ntc.worker.process import FunctionProcess
 from viewer.jobs.job import Job, JobReport
@@ -38,6 +39,8 @@ CURVE_BITS = (4.0, 8.0, 2.0, 16.0, 1.0)
 """Bits per texel of the points of a curve, the most telling one first."""
 PART_SIDE, TILE_SIDE = 384, 64
 """Sides in texels of the part of a texture that is encoded, and of its tiles, which are spread over the texture."""
+EXACT_DB = 99.0
+"""PSNR in dB that stands for no error."""
 NICENESS = 19
 LARGEST_PACE_FILE = 10_000
 LEAST_SECONDS = 1.0
@@ -51,13 +54,13 @@ class RatePoint:
     """Result of encoding a part of a texture."""
 
     bits: float
-    """Bits per texel of mip 0, tables included."""
+    """Stored bits per texel of mip 0, mips and tables included."""
     psnr_db: float
-    """PSNR of mip 0 in dB, all maps together."""
+    """PSNR of mip 0 in dB, all maps together; EXACT_DB where it is exact."""
     seconds_per_work: float
     """Seconds for a unit of work (`Codec.encoding_work`)."""
     by_map: Mapping[MapName, float]
-    """PSNR in dB by map."""
+    """PSNR in dB by map; EXACT_DB where it is exact."""
     normal_degrees: float | None = None
     """Mean angle in degrees between decoded and original normals."""
     latent_bits: float = 0.0
@@ -72,6 +75,10 @@ class RateCurve:
     """By rising bits; at least one."""
     texels: int
     """Texels of mip 0."""
+
+    def of_map(self, name: MapName) -> "RateCurve":
+        """Return the curve of one map. Raises KeyError for a map that the texture lacks."""
+        return replace(self, points=tuple(replace(p, psnr_db=p.by_map[name]) for p in self.points))
 
     def of_latents(self) -> "RateCurve":
         """Return the curve by the bits that the texture takes for itself, without tables."""
@@ -154,13 +161,16 @@ def rate_point(job: PointJob) -> RatePoint:
     seconds = time.perf_counter() - began
     (texture,) = pack.textures
     known = zip(texture.maps, texture.map_psnr_db or (texture.psnr_db,), strict=True)
+    latent_bits = 8.0 * codec.texture_bytes(texture, settings).latents / (texture.width * texture.height)
+    # The tables are those of the whole texture.
+    share = texture.width * texture.height / sum(width * height for width, height in job.whole.sizes)
     return RatePoint(
-        job.bits,
-        min(texture.psnr_db or 0.0, 99.0),
+        latent_bits + share * (bits_with_mips(pack) - latent_bits),
+        min(texture.psnr_db or 0.0, EXACT_DB),
         seconds / codec.encoding_work([[job.part.size]], settings, choices.target, ships=False),
-        {name: psnr for name, psnr in known if psnr is not None},
+        {name: min(psnr, EXACT_DB) for name, psnr in known if psnr is not None},
         texture.normal_degrees[0] if texture.normal_degrees is not None else None,
-        8.0 * codec.texture_bytes(texture, settings).latents / (texture.width * texture.height),
+        latent_bits,
     )
 
 

@@ -1,18 +1,28 @@
 """Reports of a check: JUnit XML, SARIF, the page and the record that later checks read."""
 
 import json
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
 import msgspec
+import numpy as np
 import pytest
 
+from ntc.api import encode
+from ntc.codec.encoding import BitsTarget
+from ntc.codec.maps import MapName
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
+from ntc.metrics.metrics import bits_with_mips
 from tests.unit.viewer.checking.test_budget import found, record, texture
 from viewer.checking.ci_files import junit_xml, sarif_json
-from viewer.checking.mending import RateCurve, RatePoint
+from viewer.checking.kept_values import KeptValues
+from viewer.checking.mending import rate_curve
 from viewer.checking.page import PageContent, page, past_of
 from viewer.checking.record import read_record
+from viewer.training.rates import RateCurve, RatePoint
 
 BUDGET = """
     [map.base]
@@ -52,11 +62,16 @@ def test_sarif_names_rule_level_and_reason() -> None:
     assert run["results"][-1]["suppressions"] == [{"kind": "external", "justification": "it goes"}]
 
 
+def curve_of(*points: tuple[float, Mapping[MapName, float]]) -> RateCurve:
+    """A curve of these bits and qualities in dB by map."""
+    return RateCurve(tuple(RatePoint(bits, min(by_map.values()), 1e-6, by_map) for bits, by_map in points), 1 << 10)
+
+
 def test_the_page_escapes_names_and_tells_the_bits_that_mend() -> None:
     own = record(texture("roof"), texture(HOSTILE))
-    curve = RateCurve((RatePoint(1.0, {"base": 38.0, "normal": 30.0}), RatePoint(4.0, {"base": 44.0, "normal": 36.0})))
+    curve = curve_of((1.0, {"base": 38.0, "normal": 30.0}), (4.0, {"base": 44.0, "normal": 36.0}))
     shown = page(PageContent(own, found(BUDGET, own), {"content of roof": b"picture"}, {"content of roof": curve}))
-    assert "needs about 2.5 bits per texel" in shown
+    assert "needs about 2.0 bits per texel" in shown
     assert "data:image/jpeg;base64,cGljdHVyZQ==" in shown
     assert "</script><b>" not in shown
     shown.encode("utf-8")
@@ -66,10 +81,37 @@ def test_the_page_escapes_names_and_tells_the_bits_that_mend() -> None:
     assert "All values are within the budget" in page(PageContent(later, ()))
 
 
-def test_a_curve_tells_the_bits_of_a_quality() -> None:
-    curve = RateCurve((RatePoint(1.0, {"base": 30.0}), RatePoint(3.0, {"base": 36.0}), RatePoint(8.0, {"base": None})))
-    assert [curve.bits_for("base", db) for db in (20.0, 33.0, 36.0, 50.0)] == [1.0, 2.0, 3.0, 8.0]
-    assert RateCurve(curve.points[:2]).bits_for("base", 40.0) is None
+@pytest.mark.parametrize(
+    ("points", "needed"),
+    [
+        (((1.0, 20.0), (4.0, 28.0)), "about 4.0"),
+        (((1.0, 20.0), (2.0, 27.0)), "more than 2.0"),
+        (((1.0, 40.0), (4.0, 99.0)), "about 1.0"),
+        (((1.0, 99.0), (4.0, 99.0)), "about 1.0"),
+    ],
+)
+def test_the_page_tells_the_bits_within_the_points_of_the_curve(
+    points: tuple[tuple[float, float], ...], needed: str
+) -> None:
+    own = record(texture("roof"))
+    by_map: list[tuple[float, Mapping[MapName, float]]] = [(bits, {"base": 40.0, "normal": db}) for bits, db in points]
+    curve = curve_of(*by_map)
+    finding = found(BUDGET, own)[0]
+    finding = replace(finding, subject=replace(finding.subject, map="normal"), bound=28.0)
+    content = PageContent(own, (finding,), {}, {"content of roof": curve})
+    assert f"needs {needed} bits per texel" in page(content)
+
+
+def test_the_curve_of_a_texture_is_measured_once_on_all_its_texels(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(0).integers(0, 256, (32, 48, 3), np.uint8)
+    source, kept = SourceTexture("noise", pixels, "hash"), KeptValues(tmp_path)
+    pack = encode([source], codec="block", target=BitsTarget(4.0))
+    curve = rate_curve(source, pack, kept)
+    assert curve is not None
+    assert rate_curve(source, pack, kept) == curve
+    point = curve.points[2]
+    assert point.bits == pytest.approx(bits_with_mips(pack))
+    assert point.psnr_db == point.by_map["base"] == pytest.approx(pack.textures[0].psnr_db)
 
 
 def test_two_thousand_textures_make_a_page_of_bounded_size() -> None:
