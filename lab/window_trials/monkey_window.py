@@ -1,4 +1,4 @@
-"""One window under random input: keys, clicks, drags, drops, sizes, trainings and attempts to close it, all from a seed.
+"""One window under random input: keys, clicks, drags, drops, sizes, commands and attempts to close it, all from a seed.
 
     python -m lab.window_trials.monkey_window FOLDER --scene FILE --seed 1 --seconds 60 --journal FILE
 
@@ -9,12 +9,15 @@ import argparse
 import random
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 
 from imgui_bundle import imgui  # isort: skip
 import glfw
 
+from lab.window_trials.random_calls import random_call
 from lab.window_trials.run_journal import Journal, fingerprint
+from ntc.errors import InputError
 from viewer.app.imgui_window import ImguiWindow
 from viewer.app.window_app import WindowApp, WindowContent
 from viewer.commands import bindings
@@ -35,17 +38,6 @@ FIRST_PICTURES = 3
 """Of a window: they make buffers, compile programs and upload the scene."""
 SECONDS_BETWEEN_ACTIONS = 0.05
 SIZES = ((1280, 720), (1024, 640), (900, 600), (640, 480), (360, 260))
-TRAININGS = (
-    ("training.encode", "clustered", "auto", 16, "1s"),
-    ("training.encode", "single", "auto", 32, "2s"),
-    ("training.encode", "baseline", "auto", 16, "40steps"),
-    ("training.retrain", "all", "1s"),
-    ("training.pause",),
-    ("training.resume",),
-    ("training.cancel",),
-    ("training.accept",),
-    ("training.discard",),
-)
 CAMERA_KEYS = tuple(parse_chord(key) for key in "WASDQE123")
 
 
@@ -68,7 +60,7 @@ class MonkeyWindow(WindowApp):
             self._drag: 10,
             self._turn_the_wheel: 5,
             self._type: 4,
-            self._train: 6,
+            self._run_a_command: 30,
             self._drop: 3,
             self._resize: 2,
             self._close_the_window: 1,
@@ -185,8 +177,12 @@ class MonkeyWindow(WindowApp):
     def _type(self) -> None:
         imgui.get_io().add_input_characters_utf8(self._random.choice(("a", "12", "zz.ntc", "0.5", "/tmp", "ä€", "-1")))
 
-    def _train(self) -> None:
-        self.run(*self._random.choice(TRAININGS))
+    def _run_a_command(self) -> None:
+        command, texts = random_call(self.context, self._files, self._random)
+        self._journal.write("command", line=" ".join([command.id, *texts]))
+        # What cannot be parsed is typed nowhere but in a script.
+        with suppress(InputError):
+            self.run(command.id, *command.parse(texts))
 
     def _drop(self) -> None:
         path = self._random.choice(self._files)

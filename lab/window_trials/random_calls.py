@@ -1,0 +1,57 @@
+"""Random calls of every command of the window, from the registry of commands: what is refused now is left out."""
+
+import random
+from collections.abc import Sequence
+from pathlib import Path
+
+from viewer.commands import COMMANDS
+from viewer.commands.command import Command, Context, Parameter
+
+LEFT_OUT = frozenset({"window.close", "file.quit"})
+"""Commands that end the window: a trial ends it in its own way."""
+TEXTS = {
+    "texture": ("0", "1", "worst"),
+    "group": ("0", "1", "new"),
+    "groups": ("all", "worst", "0", "0,1"),
+    "k": ("auto", "1", "2"),
+    "size": ("16", "32", "full"),
+    "budget": ("1s", "2s", "40steps"),
+    "target": ("2bits", "30dB", "0.01MB"),
+    "value": ("auto", "1", "16", "2bits", "1s", "best", "clustered"),
+}
+"""Texts of parameters that are neither numbers nor choices, by name; any other gets a word."""
+WORDS = ("a", "roof", "0", "")
+NUMBERS = (-10.0, 10.0)
+"""Range of numbers that have none."""
+GIVEN_SHARE = 0.6
+"""Probability that an optional parameter is given."""
+
+
+def random_call(context: Context, files: Sequence[Path], source: random.Random) -> tuple[Command, tuple[str, ...]]:
+    """Return a command that can run now, with texts of its parameters. `files` are those that are opened."""
+    possible = [command for command in COMMANDS if command.id not in LEFT_OUT and not command.why_not(context)]
+    command = source.choice(possible)
+    texts: list[str] = []
+    for parameter in command.parameters:
+        if parameter.default_text is not None and source.random() > GIVEN_SHARE:
+            break
+        text = _text(parameter, context, files, source)
+        if text is None:
+            break
+        texts.append(text)
+    return command, tuple(texts)
+
+
+def _text(parameter: Parameter, context: Context, files: Sequence[Path], source: random.Random) -> str | None:
+    """Return a random value as it is typed; None for the default."""
+    if parameter.is_choice:
+        options = [text for text in parameter.options(context.session) if not parameter.refusal(context.session, text)]
+        return source.choice(options) if options else parameter.default_text or ""
+    if parameter.type in (int, float):
+        low, high = parameter.arg.ends or (parameter.arg.minimum, parameter.arg.maximum)
+        number = source.uniform(*(NUMBERS if low is None or high is None else (low, high)))
+        return str(round(number)) if parameter.type is int else f"{number:.3f}"
+    if parameter.type is Path:
+        # A file that is written has its default name.
+        return None if parameter.default_text else source.choice([*map(str, files), "sky", "studio"])
+    return source.choice(TEXTS.get(parameter.name, WORDS))
