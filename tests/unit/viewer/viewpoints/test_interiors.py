@@ -19,7 +19,8 @@ BLOCK = Material("block", 0, WHITE)
 def box(low: tuple[float, float, float], high: tuple[float, float, float], material: int) -> Part:
     """An upright box between two corners."""
     middle, half = (np.array(low) + high) / 2.0, (np.array(high) - low) / 2.0
-    return cube(material, placed(*middle.tolist(), (float(half[0]), float(half[1]), float(half[2]))))
+    x, y, z = middle.tolist()
+    return cube(material, placed(x, y, z, (float(half[0]), float(half[1]), float(half[2]))))
 
 
 def interior(unit: float = 1.0) -> Scene:

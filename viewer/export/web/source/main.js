@@ -55,13 +55,11 @@ async function start() {
   const materials = new Materials(page, surfaces);
   const stage = new Stage(renderer, canvas, page, () => view?.moved());
   const identity = new Identity(renderer, decoder.screen, VIRIDIS);
-  await Promise.all([decoder.prepare(), materials.prepare()]);
-  await stage.load(materials);
-  await surfaces.begin([...new Set(page.materials.flatMap((_, number) => Object.values(materials.planes(number))))]);
+  await Promise.all([decoder.prepare(), materials.prepare().then(() => stage.load(materials))]);
   view = new View(renderer, stage, materials, surfaces, identity);
   const fit = () => {
     const [width, height] = [window.innerWidth, window.innerHeight];
-    renderer.setPixelRatio(Math.min(window.devicePixelRatio, 2));
+    view.ratio = Math.min(window.devicePixelRatio, 2);
     renderer.setSize(width, height, false);
     stage.resize(width, height);
     view.moved();

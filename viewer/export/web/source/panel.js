@@ -178,6 +178,7 @@ export class Panel {
     this.heat.setAttribute("aria-pressed", heat);
     this.handle.hidden = split === null;
     byId("sides").hidden = split === null;
+    byId("sides").lastElementChild.textContent = this.surfaces.hasOriginals ? "Original" : "Original: loading";
     byId("scale").hidden = !heat;
     if (split !== null) {
       document.documentElement.style.setProperty("--split", `${split * 100}%`);

@@ -4,7 +4,6 @@ import { Originals } from "./originals.js";
 
 const COARSE_SIDE = 32; // texels of the first picture of a texture
 const MIDDLE = 2; // mips between what is wanted and the picture before it: a sixteenth of the work
-const FEW = 24; // textures that are decoded before it is known which are in sight
 const AHEAD = 24; // entries of the queue whose files are asked for
 const WRAPPING = [THREE.RepeatWrapping, THREE.MirroredRepeatWrapping, THREE.ClampToEdgeWrapping];
 const CHANNEL = { base: 0, surface: 1, emission: 2 };
@@ -50,7 +49,8 @@ export class Surfaces {
   }
 
   texture(entry, original) {
-    const target = original ? entry.original : entry.target;
+    // Until an original is there, what is decoded: the picture is whole from the first on.
+    const target = (original && entry.original) || entry.target;
     return target ? target.texture : this.placeholders[entry.plane];
   }
 
@@ -63,12 +63,6 @@ export class Surfaces {
   finest(entry) {
     const limit = this.renderer.capabilities.maxTextureSize;
     return entry.mips.findIndex(([width, height]) => Math.max(width, height) <= limit);
-  }
-
-  /** Something of each of `entries`, so that the first frame is a picture, where they are few. */
-  async begin(entries) {
-    if (entries.length > FEW) return;
-    for (const entry of entries) await this.decodeTo(entry, this.coarse(entry));
   }
 
   /** `seen`: entry -> finest mip that the view reads. Everything else may go. */
@@ -86,7 +80,8 @@ export class Surfaces {
     this.plan();
   }
 
-  /** All that is missing, the most needed first: something of everything, all a quarter as fine, originals, then what is wanted. */
+  /** All that is missing, the most needed first: something of all colours, then of all else, all a quarter as fine, originals, then what
+   * is wanted. */
   plan() {
     const seen = [...this.entries.values()].filter((entry) => entry.seen === this.clock);
     const coarse = [], middle = [], originals = [], fine = [];
@@ -99,11 +94,11 @@ export class Surfaces {
       const has = this.page.textures[entry.texture].originals[entry.plane];
       if (this.compares && has && entry.originalState === "none") originals.push({ entry, original: true });
     }
-    // The planes of a texture one after the other, as long as its latents are on the GPU; of what is finer base colours first: they are
-    // what is seen most.
+    // The planes of a texture one after the other, as long as its latents are on the GPU; first and last base colours before the others:
+    // they are what is seen most.
     const byTexture = (a, b) => a.entry.texture - b.entry.texture;
     const order = (a, b) => CHANNEL[a.entry.plane] - CHANNEL[b.entry.plane] || byTexture(a, b);
-    this.queue = [...coarse.sort(byTexture), ...middle.sort(byTexture), ...originals.sort(order), ...fine.sort(order)];
+    this.queue = [...coarse.sort(order), ...middle.sort(byTexture), ...originals.sort(order), ...fine.sort(order)];
     if (!this.isRunning) this.began = this.decoder.drawn;
     this.ends = this.decoder.drawn + this.queue.reduce((sum, own) => sum + (own.original ? 0 : this.texels(own.entry, own.level)), 0);
     if (!this.isRunning) this.run();
@@ -118,12 +113,20 @@ export class Surfaces {
     return this.ends > this.began ? Math.min(1, (this.decoder.drawn - this.began) / (this.ends - this.began)) : 1;
   }
 
-  /** Whether something of everything in sight is there. */
+  /** Whether something of every colour in sight is there: of the first plane that the view shows. */
   get hasFirstPicture() {
-    return [...this.entries.values()].every((entry) => entry.seen !== this.clock || entry.target);
+    const seen = [...this.entries.values()].filter((entry) => entry.seen === this.clock);
+    const first = Math.min(...seen.map((entry) => CHANNEL[entry.plane]));
+    return seen.every((entry) => CHANNEL[entry.plane] > first || entry.target);
   }
 
-  /** 0: something is not there at all, 1: all is coarse, 2: all is a quarter as fine as is wanted, 3: all is there. */
+  /** Whether all originals that are compared are there. */
+  get hasOriginals() {
+    const isThere = (entry) => entry.original || !this.page.textures[entry.texture].originals[entry.plane];
+    return [...this.entries.values()].every((entry) => entry.seen !== this.clock || isThere(entry));
+  }
+
+  /** 0: a colour is not there at all, 1: all is coarse, 2: all is a quarter as fine as is wanted, 3: all is there. */
   get stage() {
     if (this.clock === 0 || !this.hasFirstPicture) return 0;
     if (this.pending === 0) return 3;

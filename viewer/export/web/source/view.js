@@ -3,6 +3,7 @@ import * as THREE from "three";
 import { gpuDone } from "./gpu.js";
 
 const REST_MS = 160; // without a movement: then what is finer is asked for, and figures are taken
+const SLOW_MS = 100; // a frame that takes longer is drawn with half the pixels a side until all is there
 
 export class View {
   constructor(renderer, stage, materials, surfaces, identity) {
@@ -15,6 +16,9 @@ export class View {
     this.looked = -1; // version whose needs are known
     this.settled = -1; // version whose figures are known
     this.drawn = 0;
+    this.ratio = 1; // pixels of the canvas per CSS pixel, at rest
+    this.isSlow = true; // whether frames of all pixels take more than SLOW_MS, as far as is known
+    this.took = Infinity; // milliseconds of the last frame
     this.step = 0; // stage of the surfaces, when the last frame was drawn
     this.shown = 0; // the same, of the last frame that the GPU has finished
   }
@@ -28,8 +32,10 @@ export class View {
   /** The picture is out of date, because the camera or a setting changed. */
   moved() {
     ++this.version;
-    this.invalidate();
     clearTimeout(this.timer);
+    // Nothing is drawn before it is known what is in sight: on a slow device a picture without textures takes seconds.
+    if (this.looked < 0) return void this.rest();
+    this.invalidate();
     this.timer = setTimeout(() => this.rest(), REST_MS);
   }
 
@@ -43,10 +49,16 @@ export class View {
     this.isDirty = false;
     const start = (this.drawn = performance.now());
     const step = (this.step = this.surfaces.stage);
+    const isWhole = this.isComplete || this.state.heat || !this.isSlow;
+    const ratio = isWhole ? this.ratio : this.ratio / 2;
+    const isFirst = this.looked >= 0 && this.shown === 0; // shaders are compiled: its time says nothing
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
     this.draw();
     gpuDone(this.renderer, start).then((time) => {
       this.shown = step;
-      this.figures.frame.push(time);
+      this.took = time;
+      if (!isFirst) this.isSlow = time * (isWhole ? 1 : 4) > SLOW_MS;
+      if (isWhole) this.figures.frame.push(time);
       if (this.figures.frame.length > 15) this.figures.frame.shift();
       this.tell();
     });
@@ -82,6 +94,11 @@ export class View {
       renderer.setScissorTest(false);
     }
     if (heat && this.figures.divergence) this.identity.show();
+  }
+
+  /** Width and height in pixels of the canvas at rest. */
+  get size() {
+    return this.stage.size.map((side) => Math.floor(side * this.ratio));
   }
 
   pixels() {
@@ -133,8 +150,7 @@ export class View {
 
   async diverge() {
     if (!this.state.heat) return;
-    const pixels = this.renderer.getDrawingBufferSize(new THREE.Vector2());
-    this.figures.divergence = await this.identity.diverge(this.stage.scene, this.stage.camera, this.stage.meshes, pixels.x, pixels.y);
+    this.figures.divergence = await this.identity.diverge(this.stage.scene, this.stage.camera, this.stage.meshes, ...this.size);
     this.identity.overlay.uniforms.most.value = Math.max(4, this.figures.divergence.most);
     this.tell();
     this.invalidate();
@@ -143,8 +159,7 @@ export class View {
   async need() {
     const version = this.version;
     if (this.looked === version) return;
-    const pixels = this.renderer.getDrawingBufferSize(new THREE.Vector2());
-    const found = await this.identity.footprints(this.stage.scene, this.stage.camera, this.stage.meshes, pixels.x, pixels.y);
+    const found = await this.identity.footprints(this.stage.scene, this.stage.camera, this.stage.meshes, ...this.size);
     const seen = new Map();
     const planes = this.shownPlanes();
     for (const [number, size] of found) {
@@ -167,9 +182,9 @@ export class View {
   /** A texture came: the picture is out of date. Not drawn for each one of many: drawing would take the time from decoding. */
   refreshed() {
     const isWhole = this.surfaces.pending === 0;
-    const last = this.figures.frame.at(-1) ?? 0;
     const isNext = this.surfaces.stage > this.step;
-    if (isWhole || isNext || (this.step > 0 && performance.now() - this.drawn > Math.max(200, 8 * last))) this.invalidate();
+    if (this.surfaces.stage === 0) return this.tell();
+    if (isWhole || isNext || (this.step > 0 && performance.now() - this.drawn > Math.max(200, 8 * this.took))) this.invalidate();
     if (this.looked === this.version && this.surfaces.pending === 0) this.settle();
     this.tell();
   }
