@@ -17,7 +17,6 @@ from ntc.codec.encoding import (
     EncodingOptions,
     EncodingTask,
     Sizes,
-    Target,
     TextureSet,
 )
 from ntc.codec.gpu import GpuTables
@@ -268,11 +267,11 @@ class Codec(ABC):
         return self.options_for(choices)
 
     def encoding_work(
-        self, groups: Sequence[Sizes], settings: CodecSettings, target: Target | None, ships: bool
+        self, groups: Sequence[Sizes], settings: CodecSettings, options: EncodingOptions, ships: bool
     ) -> float:
-        """Return how much work it is to encode groups of textures of these sizes to `target`: in proportion to the time, in a unit of
-        the codec's own. `ships`: their decoder is the one that ships with the program."""
-        del target, ships
+        """Return how much work it is to encode groups of textures of these sizes on this machine: in proportion to the time, in a unit
+        of the codec's own. `ships`: their decoder is the one that ships with the program."""
+        del options, ships
         return float(sum(width * height for sizes in groups for width, height in sizes) * settings.output_channels)
 
     def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:

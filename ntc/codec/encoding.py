@@ -250,6 +250,10 @@ class Figures:
     """Unit of `step`: steps, or textures with the work on them."""
     freezing_scale: float = 1.0
     """Scale of the decoder's updates: 1 free, 0 frozen."""
+    work_done: float | None = None
+    """Work that is done, in proportion to time, in a unit of the codec's own; None: `share` says it."""
+    work_planned: float = 1.0
+    """All work that is planned now, in the unit of `work_done`."""
     seconds_left: float | None = None
     """Time left in seconds, where the codec knows better than by the share of the work done."""
 

@@ -61,8 +61,20 @@ def encode_textures(
     Raises InputError for a device that is missing, for textures or groups that do not fit and for a state of another
     training, TrainingFailedError when numbers overflow again and again, TrainingCancelledError when `cancelled` says so.
     """
+    request = TrainingRequest(tuple(textures), grouping, codec, options)
+    return encode_request(request, progress, cancelled, state, rescue)
+
+
+def encode_request(
+    request: TrainingRequest,
+    progress: ProgressListener | None = None,
+    cancelled: CancelQuestion | None = None,
+    state: Path | None = None,
+    rescue: Path | None = None,
+) -> Pack:
+    """Return the pack of a request that starts from nothing; all else as in `encode_textures`."""
     host = _CallingHost(progress, cancelled)
-    trainer = Trainer(checked_request(TrainingRequest(tuple(textures), grouping, codec, options)), host, state)
+    trainer = Trainer(checked_request(request), host, state)
     try:
         ended = trainer.run()
     except TrainingCancelledError:
@@ -78,9 +90,21 @@ def encode_textures(
     if state is not None:
         with suppress(OSError):
             state.unlink(missing_ok=True)
-    encoded = tuple(host.textures[index] for index in range(len(textures)))
-    decoders = tuple(host.decoders[group] for group in range(grouping.group_count))
-    return Pack(trainer.settings, grouping, encoded, decoders, ended.record)
+    encoded = tuple(host.textures[index] for index in range(len(request.textures)))
+    decoders = tuple(host.decoders[group] for group in range(request.grouping.group_count))
+    return Pack(trainer.settings, request.grouping, encoded, decoders, ended.record)
+
+
+def chosen_request(
+    textures: Sequence[SourceTexture], grouping: Grouping, codec: Codec, choices: EncodingChoices
+) -> TrainingRequest:
+    """Return the request for a pack with the settings and options that the codec derives from `choices`.
+
+    Raises InputError for a target out of reach.
+    """
+    header = file_header_bytes(textures, grouping)
+    settings = codec.settings_for(texture_set(textures, grouping.stored_decoders, choices.levels, header), choices)
+    return TrainingRequest(tuple(textures), grouping, settings, codec.options_for(choices))
 
 
 def encode_chosen(
@@ -96,7 +120,5 @@ def encode_chosen(
 
     Raises InputError for a target out of reach too.
     """
-    header = file_header_bytes(textures, grouping)
-    settings = codec.settings_for(texture_set(textures, grouping.stored_decoders, choices.levels, header), choices)
-    options = codec.options_for(choices)
-    return encode_textures(textures, grouping, settings, options, progress, cancelled, choices.state, rescue)
+    request = chosen_request(textures, grouping, codec, choices)
+    return encode_request(request, progress, cancelled, choices.state, rescue)

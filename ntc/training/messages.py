@@ -131,6 +131,8 @@ class TrainingRequest:
     """Groups of `grouping` to train. None: those whose textures do not form a group of `start`, or all without it. Others
     must be groups of `start`."""
     seconds_between_snapshots: float = 2.0
+    expected_seconds: float | None = None
+    """Forecast of the time that the whole training takes in seconds; None without one."""
 
 
 def checked_request(request: TrainingRequest) -> TrainingRequest:
@@ -173,9 +175,8 @@ EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingProgress(Figures):
-    """One report of a training under way."""
+    """One report of a training under way. Its `seconds_left` is None while nothing is known of it."""
 
-    seconds_left: float
     elapsed_seconds: float
     """Time of training in seconds, without pauses."""
     note: str = ""

@@ -44,6 +44,7 @@ from ntc.training.messages import (
     TrainingRequest,
     unchanged_groups,
 )
+from ntc.training.time_left import TimeLeft
 
 SECONDS_BETWEEN_REPORTS = 0.25
 SECONDS_BETWEEN_SAVES = 60.0
@@ -89,7 +90,7 @@ class Trainer:
         """Groups of which a snapshot is due."""
         self._shown: tuple[int, ...] = ()
         """Groups of which a snapshot was taken."""
-        self._share_before = 0.0
+        self._time_left = TimeLeft(host.seconds(), request.expected_seconds)
         self._began = self._last_save = host.seconds()
         self._next_snapshot = self._began
 
@@ -147,7 +148,9 @@ class Trainer:
         the codec's work raises."""
         self._began = self._last_save = self._last_report = self._host.seconds()
         self._next_snapshot = self._began + self._request.seconds_between_snapshots
-        self._share_before = self._encoder.figures().share
+        before = self._encoder.figures()
+        done = before.share if before.work_done is None else before.work_done
+        self._time_left = TimeLeft(self._began, self._request.expected_seconds, done)
         with closing(self._encoder.pieces()) as pieces:
             while True:
                 if self._state_path is not None:
@@ -175,13 +178,15 @@ class Trainer:
             if not note and not is_last and now - self._last_report < SECONDS_BETWEEN_REPORTS:
                 return
             self._last_report = now
-            self._host.progress(self._progress(self._encoder.figures(), max(now - self._began, 1e-6), note))
+            self._host.progress(self._progress(self._encoder.figures(), now, note))
 
-    def _progress(self, figures: Figures, elapsed: float, note: str) -> TrainingProgress:
-        left = figures.seconds_left
-        if left is None:
-            done = figures.share - self._share_before
-            left = elapsed * (1.0 - figures.share) / done if done > 0.0 else elapsed
+    def _progress(self, figures: Figures, now: float, note: str) -> TrainingProgress:
+        if figures.work_done is None:
+            self._time_left.advance(now, figures.share)
+        else:
+            self._time_left.advance(now, figures.work_done, figures.work_planned)
+        left = self._time_left.left(now) if figures.seconds_left is None else figures.seconds_left
+        elapsed = max(now - self._began, 1e-6)
         return TrainingProgress(**{**vars(figures), "seconds_left": left}, elapsed_seconds=elapsed, note=note)
 
     def _take_snapshots(self, piece: Piece) -> None:

@@ -9,8 +9,8 @@ import moderngl
 
 from ntc.errors import InputError
 from ntc.io import numbered_path, write_bytes
+from ntc.training.time_left import TimeLeft
 from viewer.app.exporting import Exporting
-from viewer.app.work_under_way import seconds_left
 from viewer.capture.film import Film, read_pixels
 from viewer.commands import run
 from viewer.commands.command import Context
@@ -61,7 +61,7 @@ class Opening:
         """Job that reads files for the first of `_waiting`."""
         self._is_shown = False
         """True where a frame has shown what is waiting."""
-        self._began = 0.0
+        self._time_left = TimeLeft(0.0)
 
     def add(self, effect: Slow) -> None:
         """Add an effect to the queue."""
@@ -82,7 +82,7 @@ class Opening:
         while self._is_shown and self._waiting:
             effect, job = self._waiting[0], self._job
             if job is None and not isinstance(effect, RunCommand):
-                self._job, self._began = self._read(effect).start("opening"), time.monotonic()
+                self._job, self._time_left = self._read(effect).start("opening"), TimeLeft(time.monotonic())
                 return
             if job is not None and not job.done:
                 return
@@ -133,8 +133,9 @@ class Opening:
         """Present and waiting work, for the status bar."""
         found = [Work(_title(effect)) for effect in self._waiting]
         if self._job is not None:
-            share = self._job.report.share
-            found[0] = Work(found[0].title, share or None, seconds_left(share, self._began), "file.cancel-opening")
+            share, now = self._job.report.share, time.monotonic()
+            self._time_left.advance(now, share)
+            found[0] = Work(found[0].title, share or None, self._time_left.left(now), "file.cancel-opening")
         return tuple(found)
 
 

@@ -4,6 +4,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 
 from ntc.metrics.block_compression import BlockFormat
+from ntc.training.time_left import TimeLeft
 from viewer.render.pass_scheduler import ToCome
 from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
@@ -12,22 +13,13 @@ from viewer.ui.facts import Work
 from viewer.ui.panels.training import STATES
 from viewer.ui.widgets import duration
 
-LEAST_SHARE, LEAST_SECONDS = 0.03, 1.0
-"""Least share of the work and least seconds before the time left is estimated."""
-
-
-def seconds_left(share: float, began: float) -> float | None:
-    """Return the seconds left of work with `share` done since `began` (monotonic seconds); None while unknown."""
-    seconds = time.monotonic() - began
-    return seconds * (1.0 - share) / share if share >= LEAST_SHARE and seconds >= LEAST_SECONDS else None
-
 
 class WorkUnderWay:
-    """Work in the background, with the time at which each piece was seen first."""
+    """Work in the background, with the time left of each piece since it was seen first."""
 
     def __init__(self) -> None:
-        self._began: dict[str, float] = {}
-        """Monotonic seconds of the first sight, by title."""
+        self._left: dict[str, TimeLeft] = {}
+        """By title."""
 
     def read(
         self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, to_come: Sequence[ToCome]
@@ -47,9 +39,10 @@ class WorkUnderWay:
     def _formats(self, encoding: Mapping[BlockFormat, float]) -> Iterator[Work]:
         now = time.monotonic()
         titles = {f"encoding {name}": share for name, share in encoding.items()}
-        self._began = {title: self._began.get(title, now) for title in titles}
+        self._left = {title: self._left.get(title) or TimeLeft(now) for title in titles}
         for title, share in titles.items():
-            yield Work(title, share, seconds_left(share, self._began[title]), "slot.leave-format")
+            self._left[title].advance(now, share)
+            yield Work(title, share, self._left[title].left(now), "slot.leave-format")
 
 
 def training_work(training: LiveTraining) -> Iterator[Work]:

@@ -2,14 +2,11 @@
 
 import datetime
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import msgspec
-from rich.console import Console
-from rich.progress import Progress
 
 import viewer
 from ntc.codec.model import Pack
@@ -30,7 +27,8 @@ from viewer.checking.record import FORMAT, PackRecord, Record, read_record
 from viewer.checking.textures import MeasuredTextures, measured_textures, original_of, recorded_textures
 from viewer.checking.views import MeasuredViews, ViewsToMeasure, kept_views, measured_views, scene_content
 from viewer.cli.options import CheckOptions
-from viewer.cli.sources import ShownProgress, choose_source, open_scene, packs_for
+from viewer.cli.progress import TerminalProgress
+from viewer.cli.sources import choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context
 from viewer.locations import checks_cache
 from viewer.scene.cameras_file import read_cameras, with_cameras_beside
@@ -61,16 +59,6 @@ class _Checked:
     scene: Scene | None = None
     pack: Pack | None = None
     match: PackMatch | None = None
-
-
-@contextmanager
-def _progress(title: str) -> Iterator[ShownProgress | None]:
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        yield None
-        return
-    with Progress(console=console, transient=True) as bar:
-        yield ShownProgress(bar, title)
 
 
 def check(options: CheckOptions) -> int:
@@ -107,7 +95,7 @@ def _measured(options: CheckOptions, kept: KeptValues) -> _Checked:
         raise InputError(f"{scene.name}: has no pack to check; encode it first: ntc-viewer encode SCENE --out F.ntc")
     pack = packs[source]
     match = match_scene(pack, scene)
-    with _progress("measuring textures") as report:
+    with TerminalProgress("measuring textures") as report:
         textures = measured_textures(scene, pack, match, kept, report)
     views = _views(
         options, ViewsToMeasure(scene, source, pack, _cameras(options, scene), options.size, ""), textures, kept
@@ -150,7 +138,7 @@ def _views(options: CheckOptions, views: ViewsToMeasure, textures: MeasuredTextu
     if known is not None:
         return known
     context = create_headless_context(options.device)
-    with context.reset.watched(), _progress("measuring lit views") as report:
+    with context.reset.watched(), TerminalProgress("measuring lit views") as report:
         return measured_views(context, views, kept, report)
 
 

@@ -16,7 +16,6 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.codec.codec import Codec
 from ntc.codec.config import GroupingName
@@ -36,9 +35,10 @@ from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import write_pack
 from ntc.threads import usable_cores
 from ntc.torch_device import peak_memory_bytes
-from ntc.training.encode import encode_chosen
+from ntc.training.encode import chosen_request, encode_request
 from ntc.training.messages import TrainingProgress
 from viewer.cli.options import EncodeOptions
+from viewer.cli.progress import TerminalProgress, time_left_text
 from viewer.cli.sources import load_with_progress
 from viewer.encoding.report import report_lines, write_report
 from viewer.encoding.whole_run import Asked, RunProgress, RunResult, encode_to_library
@@ -50,6 +50,7 @@ from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX, scene_file
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
+from viewer.training.pace import Pace
 
 KEPT_SUFFIX = ".jobs"
 """Suffix of the library that keeps finished jobs beside a pack until the pack is finished."""
@@ -116,7 +117,7 @@ def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
         highlight=False,
     )
     try:
-        with _ProgressReport(console) as report, deferred_interrupt() as interrupted:
+        with _EncodingProgress() as report, deferred_interrupt() as interrupted:
             result = encode_to_library(asked, refs, executor, folder, report.of_jobs, interrupted)
     finally:
         executor.close()
@@ -261,8 +262,6 @@ def deferred_interrupt() -> Iterator[Callable[[], bool]]:
 
 BUILTIN_BITS = 2.8
 """Target of the packs of the built-in scene, in bits per texel of mip 0 (assets/build/packs.sh)."""
-LINES_PER_PHASE = 20
-"""Progress lines of each phase where standard error is no terminal."""
 
 
 def _check(options: EncodeOptions) -> None:
@@ -362,58 +361,31 @@ def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], .
     return tuple(np.where(view < len(source.textures), view, -1) for view in views.all_then_release())
 
 
-class _ProgressReport:
-    """Progress with the time left: a live bar on a terminal, else about twenty lines for each phase."""
+class _EncodingProgress(TerminalProgress):
+    """Progress of an encoding."""
 
-    def __init__(self, console: Console) -> None:
-        self._console, self._last = console, ("", -1)
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TextColumn("{task.fields[status]}"),
-        )
-        self._bar = Progress(*columns, console=console, transient=True)
-        self._task = self._bar.add_task("encoding", total=1.0, status="")
-
-    def __enter__(self) -> "_ProgressReport":
-        if self._console.is_terminal:
-            self._bar.start()
-        return self
-
-    def __exit__(self, *_exception: object) -> None:
-        self._bar.stop()
+    def __init__(self) -> None:
+        super().__init__("encoding", lines=True)
 
     def of_training(self, progress: TrainingProgress) -> None:
         """Show the progress of an encoding in this process."""
         quality = f"  PSNR {progress.mean_psnr_db:.2f} dB" if progress.psnr_db else ""
-        rate = f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s  {progress.seconds_left:.0f} s left"
+        rate = f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s{time_left_text(progress.seconds_left)}"
         if progress.note:
-            self._print(progress.note)
-        if self._console.is_terminal or not progress.note:
-            self._show("", progress.share, f"{progress.work} {progress.step}/{progress.steps}{quality}  {rate}")
+            self.print(progress.note)
+        if self.console.is_terminal or not progress.note:
+            self.show(progress.share, f"{progress.work} {progress.step}/{progress.steps}{quality}  {rate}")
 
     def of_jobs(self, progress: RunProgress) -> None:
         """Show the progress over all jobs."""
         if progress.note:
-            self._print(f"tried again: {progress.note}")
+            self.print(f"tried again: {progress.note}")
             return
         speed = progress.texels_per_second
         rate = f"{speed / 1e6:.2f} Mtexel/s" if progress.phase == "encoding" else f"{speed:.1f} images/s"
         failed = f", {progress.failures} failed" if progress.failures else ""
-        status = f"{progress.done}/{progress.of} textures{failed}  {rate}  {progress.seconds_left:.0f} s left"
-        self._show(progress.phase, progress.share, status)
-
-    def _show(self, phase: str, share: float, status: str) -> None:
-        step = (phase, int(share * LINES_PER_PHASE))
-        if self._console.is_terminal:
-            self._bar.update(self._task, description=phase or "encoding", completed=share, status=status)
-        elif phase != self._last[0] or step > self._last:
-            self._last = step
-            self._print(f"{phase} {share:4.0%}  {status}" if phase else f"{share:4.0%}  {status}")
-
-    def _print(self, line: str) -> None:
-        self._console.print(line, highlight=False, markup=False)
+        status = f"{progress.done}/{progress.of} textures{failed}  {rate}{time_left_text(progress.seconds_left)}"
+        self.show(progress.share, status, progress.phase)
 
 
 def encode(options: EncodeOptions) -> int:
@@ -493,16 +465,21 @@ def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float
     console.print(f"{counted(len(textures), 'texture')}, {decoders} ({grouping.name}), {how}", highlight=False)
     # Written where a training diverges to NaN.
     rescued_state = options.out.with_name(f"{options.out.name}.state")
-    with _ProgressReport(console) as report:
+    pace = Pace()
+    request = chosen_request(textures, grouping, codec, choices)
+    request = replace(request, expected_seconds=pace.expected_seconds(request))
+    with _EncodingProgress() as report:
         began = time.monotonic()
         with deferred_interrupt() as interrupted:
             try:
-                pack = encode_chosen(textures, grouping, codec, choices, report.of_training, interrupted, rescued_state)
+                pack = encode_request(request, report.of_training, interrupted, choices.state, rescued_state)
             except TrainingCancelledError:
                 # What a shell expects of Ctrl-C.
                 raise KeyboardInterrupt from None
             stopped = interrupted() and not codec.trains
     seconds = time.monotonic() - began
+    if not stopped:
+        pace.note_run(request, seconds)
     write_or_rescue(options.out, pack)
     if stopped:
         console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)

@@ -1,20 +1,17 @@
 """`ntc-viewer export`: a scene and its pack for other programs."""
 
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-
-from rich.console import Console
-from rich.progress import Progress
 
 from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.errors import InputError
 from ntc.io import write_text
 from ntc.pack.file import read_pack
 from viewer.cli.options import ExportOptions
-from viewer.cli.sources import ShownProgress, load_with_progress
+from viewer.cli.progress import TerminalProgress
+from viewer.cli.sources import load_with_progress
 from viewer.cli.table import Column, Table
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.export.gltf.export import ExportedScene, export_gltf
@@ -92,14 +89,6 @@ def export(options: ExportOptions) -> int:
     return 0
 
 
-@contextmanager
-def _progress(title: str) -> Iterator[ShownProgress]:
-    """Yield a bar with the time that is left, where there is a terminal."""
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        yield ShownProgress(bar, title)
-
-
 def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> list[str]:
     """Write the decoder, and return what to tell. Raises InputError."""
     try:
@@ -114,7 +103,7 @@ def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> 
 def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fallback) -> list[str]:
     """Write the page, and return what to tell. Raises InputError."""
     scene, pack = load_with_progress(scene_path), read_pack(pack_path)
-    with _progress("textures") as report:
+    with TerminalProgress("textures") as report:
         page = export_page(scene, pack, folder, "none" if fallback == "none" else "lossless", report)
     parts = f"pack {page.pack_bytes / 1e6:.2f} MB, originals {page.original_bytes / 1e6:.2f} MB"
     return [
@@ -133,7 +122,7 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
         raise InputError(
             f"{losses}: is no file, and what images lose is written there; remove it, or name another --out"
         )
-    with _progress("images") as report:
+    with TerminalProgress("images") as report:
         compressor = _compressor() if image_format in ("bc7", "bc1") else None
         exported = export_textures(scene, pack, out, image_format, report, compressor)
     rows = [asdict(loss) for loss in exported.losses]

@@ -7,9 +7,6 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-from rich.console import Console
-from rich.progress import Progress, TextColumn
-
 from ntc.codec.config import Precision, PrecisionChoice
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
@@ -19,6 +16,7 @@ from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures, compress_texture
 from ntc.pack.match import require_match
 from viewer.cli.options import RenderOptions
+from viewer.cli.progress import TerminalProgress
 from viewer.locations import blocks_cache, builtin_scene_path, named_scene
 from viewer.render.resources.decoding_shaders import EVERYWHERE
 from viewer.scene.cameras_file import find_camera, read_cameras
@@ -57,25 +55,10 @@ def open_scene(path: Path | None, variant: str = "", pose: Pose | None = None) -
     return scene
 
 
-class ShownProgress:
-    """Shows on a terminal how far long work is."""
-
-    def __init__(self, bar: Progress, title: str) -> None:
-        self._bar, self._task = bar, bar.add_task(title, total=None)
-
-    def progress(self, done: int, of: int) -> None:
-        """Show that `done` of `of` steps are done."""
-        self._bar.update(self._task, completed=done, total=of)
-
-
 def load_with_progress(path: Path, variant: str = "", pose: Pose | None = None) -> Scene:
     """Load a scene; a terminal shows how many images are read, and the time left. Raises InputError."""
-    console = Console(stderr=True)
-    if not console.is_terminal:
-        return load_scene(path, variant, pose)
-    columns = (*Progress.get_default_columns(), TextColumn("{task.completed} of {task.total} images"))
-    with Progress(*columns, console=console, transient=True) as bar:
-        return load_scene(path, variant, pose, ShownProgress(bar, f"opening {path.name}"))
+    with TerminalProgress(f"opening {path.name}", "images") as report:
+        return load_scene(path, variant, pose, report)
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
@@ -127,15 +110,13 @@ def compress_scene(scene: Scene, block_format: BlockFormat) -> CompressedTexture
     """
     requests = compression_requests(scene, block_format, blocks_cache())
     pictures = [request for own in requests for request in own]
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
-        task = bar.add_task(f"encoding {block_format}", total=len(pictures))
+    with TerminalProgress(f"encoding {block_format}", "images") as report:
         pool = ThreadPoolExecutor(os.cpu_count() or 1)
         try:
             found = []
             for texture in pool.map(compress_texture, pictures):
                 found.append(texture)
-                bar.advance(task)
+                report.progress(len(found), len(pictures))
         finally:
             # After an error, and Ctrl-C, nothing more is begun.
             pool.shutdown(cancel_futures=True)

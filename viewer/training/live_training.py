@@ -95,7 +95,7 @@ class LiveTraining:
             self.active.expected_seconds = forecast.seconds
         self.log.undecided = None
         self.curves = self.active.curves
-        worker, ahead = self._worker, self._ahead
+        worker, ahead, pace = self._worker, self._ahead, self.rates.pace
 
         def begin(report: JobReport) -> TrainingRequest:
             # No other code uses the worker until this job is done.
@@ -103,7 +103,7 @@ class LiveTraining:
             worker.warm_up()
             request = request or prepare(job, scene, pack, report)
             report.check()
-            return worker.start(request)
+            return worker.start(replace(request, expected_seconds=pace.expected_seconds(request)))
 
         self._preparation = Job(begin).start("prepare training")
 
@@ -364,7 +364,7 @@ class LiveTraining:
             self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
         if run.request is not None and run.progress is not None:
-            self.rates.note_run(run.request, run.progress.elapsed_seconds)
+            self.rates.pace.note_run(run.request, run.progress.elapsed_seconds)
         worse = sum(outcome.kept_old for outcome in finished.outcomes)
         groups = counted(len(finished.outcomes), "group")
         kept = f"; {worse} of {groups} left unchanged: training gave no better result" if worse else ""

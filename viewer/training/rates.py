@@ -3,11 +3,9 @@
 A part of the texture is encoded, in a process of its own, at a few bitrates. How long that takes tells how fast this machine is.
 """
 
-import json
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,19 +16,17 @@ from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeT
 from ntc.codec.maps import MAP_CHANNELS, MapName, joint_maps
 from ntc.codec.model import Grouping
 from ntc.codec.quality import mse_of_psnr, psnr_of_mse
-from ntc.codec.registry import codec_named, codec_of
+from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.io import read_file, write_text
 from ntc.metrics.metrics import bits_with_mips
-from ntc.training.messages import TrainingRequest
 from ntc.worker.process import FunctionProcess
 from viewer.jobs.job import Job, JobReport
-from viewer.locations import pace_file
 from viewer.scene.images import reduced_size
 from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import MapChoice, has_source, source_maps, source_texture
+from viewer.training.pace import Pace
 from viewer.training.settings import TrainingSettings
 
 RATE_CODEC = "block"
@@ -42,9 +38,6 @@ PART_SIDE, TILE_SIDE = 384, 64
 EXACT_DB = 99.0
 """PSNR in dB that stands for no error."""
 NICENESS = 19
-LARGEST_PACE_FILE = 10_000
-LEAST_SECONDS = 1.0
-"""Shorter encodings tell little about speed."""
 MOST_SAMPLED = 4
 """Textures that a forecast measures, the largest first."""
 
@@ -156,8 +149,9 @@ def rate_point(job: PointJob) -> RatePoint:
 
     codec, choices = codec_named(RATE_CODEC), EncodingChoices(target=BitsTarget(job.bits))
     settings = codec.settings_for(job.whole, choices)
+    options = codec.live_options_for(choices)
     began = time.perf_counter()
-    pack = encode_textures([job.part], Grouping("baseline", (0,)), settings, codec.live_options_for(choices))
+    pack = encode_textures([job.part], Grouping("baseline", (0,)), settings, options)
     seconds = time.perf_counter() - began
     (texture,) = pack.textures
     known = zip(texture.maps, texture.map_psnr_db or (texture.psnr_db,), strict=True)
@@ -167,7 +161,7 @@ def rate_point(job: PointJob) -> RatePoint:
     return RatePoint(
         latent_bits + share * (bits_with_mips(pack) - latent_bits),
         min(texture.psnr_db or 0.0, EXACT_DB),
-        seconds / codec.encoding_work([[job.part.size]], settings, choices.target, ships=False),
+        seconds / codec.encoding_work([[job.part.size]], settings, options, ships=False),
         {name: min(psnr, EXACT_DB) for name, psnr in known if psnr is not None},
         texture.normal_degrees[0] if texture.normal_degrees is not None else None,
         latent_bits,
@@ -186,32 +180,6 @@ def part_of(texture: SourceTexture, side: int = PART_SIDE, tile: int = TILE_SIDE
     )
     parts = [[texture.pixels[y : y + tile, x : x + tile] for x in columns] for y in rows]
     return replace(texture, pixels=np.concatenate([np.concatenate(row, axis=1) for row in parts]))
-
-
-class Pace:
-    """Speed of this machine, remembered in the user's data folder."""
-
-    def __init__(self) -> None:
-        self._known: dict[str, float] | None = None
-
-    def _read(self) -> dict[str, float]:
-        if self._known is None:
-            self._known = {}
-            with suppress(OSError, ValueError, InputError, TypeError):
-                found = json.loads(read_file(pace_file(), LARGEST_PACE_FILE))
-                self._known = {str(name): float(value) for name, value in found.items() if 0.0 < float(value) < 1e3}
-        return self._known
-
-    def seconds_per_work(self, codec: str) -> float | None:
-        """Return the seconds for a unit of work of a codec; None before it was measured."""
-        return self._read().get(codec)
-
-    def note(self, codec: str, seconds_per_work: float) -> None:
-        """Remember a measurement."""
-        self._read()[codec] = seconds_per_work
-        with suppress(OSError, InputError):
-            pace_file().parent.mkdir(parents=True, exist_ok=True)
-            write_text(pace_file(), json.dumps(self._read()) + "\n")
 
 
 @dataclass(frozen=True)
@@ -343,7 +311,7 @@ class Rates:
             self._points = len(found.points)
             self._curves[key] = found
             self.version += 1
-            self.pace.note(RATE_CODEC, min(point.seconds_per_work for point in found.points))
+            self.pace.note_part(RATE_CODEC, min(point.seconds_per_work for point in found.points))
         if job.done:
             if job.problem and key not in self._curves:
                 self._problems[key] = job.problem
@@ -373,7 +341,7 @@ class Rates:
 
     def forecast(self, settings: TrainingSettings, scene: Scene) -> Forecast | None:
         """Return what an encoding of `scene` would give, as far as it is known; None where it has no textures."""
-        known = (scene, self.version, self.pace.seconds_per_work(RATE_CODEC))
+        known = (scene, self.version, self.pace.seconds_per_work(codec_named(RATE_CODEC)))
         if known != self._forecast_for:
             self._forecasts, self._forecast_for = {}, known
         if settings not in self._forecasts:
@@ -396,22 +364,12 @@ class Rates:
         curves = {index: curve for index in ids if (curve := self.curve(index, maps)) is not None}
         if target is not None:
             found = _with_target(found, target, curves, dict(zip(ids, texels, strict=True)))
-        pace = self.pace.seconds_per_work(codec.settings_type.kind)
-        if pace is not None and not codec.trains:
+        pace = self.pace.seconds_per_work(codec)
+        if pace is not None:
             own = [source_maps(scene.textures[index], maps) for index in ids]
-            work = _work(settings, list(zip(sizes, own, strict=True)), target)
+            work = _work(settings, list(zip(sizes, own, strict=True)))
             found = replace(found, seconds=None if work is None else pace * work)
         return found
-
-    def note_run(self, request: TrainingRequest, seconds: float) -> None:
-        """Learn the speed of this machine from an encoding that has ended."""
-        codec, grouping = codec_of(request.codec), request.grouping
-        if codec.trains or request.start is not None:
-            return
-        groups = [[request.textures[index].size for index in grouping.members(n)] for n in range(grouping.group_count)]
-        work = codec.encoding_work(groups, request.codec, None, not grouping.stored_decoders)
-        if seconds >= LEAST_SECONDS and work > 0.0:
-            self.pace.note(request.codec.kind, seconds / work)
 
     def close(self) -> None:
         """End the process."""
@@ -429,11 +387,9 @@ def group_count(settings: TrainingSettings, textures: int) -> int:
     return min(textures, settings.clusters or max(1, round(math.sqrt(textures))))
 
 
-def _work(
-    settings: TrainingSettings, textures: Sequence[tuple[tuple[int, int], tuple[MapName, ...]]], target: Target | None
-) -> float | None:
+def _work(settings: TrainingSettings, textures: Sequence[tuple[tuple[int, int], tuple[MapName, ...]]]) -> float | None:
     """Return the work of an encoding of textures of these sizes and maps before its groups are known: about as many textures are in
-    each. None where `target` is out of reach."""
+    each. None where the target is out of reach."""
     codec, count = codec_named(settings.codec_kind), group_count(settings, len(textures))
     sizes = [size for size, _ in textures]
     maps, channels = joint_maps((own, sum(MAP_CHANNELS[name] for name in own)) for _, own in textures)
@@ -442,7 +398,8 @@ def _work(
         config = codec.settings_for(TextureSet(sizes, 0 if ships else count, channels, maps=maps), settings.choices)
     except InputError:
         return None
-    return codec.encoding_work([sizes[first::count] for first in range(count)], config, target, ships)
+    groups = [sizes[first::count] for first in range(count)]
+    return codec.encoding_work(groups, config, codec.live_options_for(settings.choices), ships)
 
 
 def _with_target(

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_of_mse
-from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, ended_pack
 from viewer.scene.model import Scene
@@ -173,8 +172,6 @@ class RunLog:
 
 State = Literal["idle", "preparing", "training", "pausing", "paused", "cancelling"]
 MOST_NOTES = 20
-LEAST_SHARE = 0.15
-"""Share of the work from which on its own progress tells the time left best."""
 
 
 @dataclass
@@ -190,7 +187,7 @@ class ActiveRun:
     """Monotonic seconds."""
     state: State = "preparing"
     expected_seconds: float | None = None
-    """Forecast of the whole time in seconds, made when it began; None without one."""
+    """Forecast of the time of the encoding in seconds, made when the run began; None without one."""
     request: TrainingRequest | None = None
     """None while it is prepared."""
     pack: Pack | None = None
@@ -239,13 +236,10 @@ class ActiveRun:
     @property
     def seconds_left(self) -> float | None:
         """Time left in seconds; None while it is unknown. It runs on between two reports of the worker."""
-        progress, now = self.progress, time.monotonic()
-        if progress is None or (progress.share < LEAST_SHARE and self.expected_seconds is not None):
-            elapsed = now - self.began if progress is None else progress.elapsed_seconds + now - self.progress_at
-            return None if self.expected_seconds is None else max(self.expected_seconds - elapsed, 0.0)
-        # A codec that trains knows its budget before it has done anything.
-        is_known = progress.share > 0.0 or (self.request is not None and codec_of(self.request.codec).trains)
-        return max(progress.seconds_left - (now - self.progress_at), 0.0) if is_known else None
+        if self.progress is None:
+            return self.expected_seconds
+        left = self.progress.seconds_left
+        return None if left is None else max(left - (time.monotonic() - self.progress_at), 0.0)
 
     @property
     def is_showable(self) -> bool:

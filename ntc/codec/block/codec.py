@@ -29,7 +29,6 @@ from ntc.codec.encoding import (
     QualityTarget,
     Sizes,
     SizeTarget,
-    Target,
     TextureSet,
 )
 from ntc.codec.gpu import GpuTables
@@ -37,6 +36,7 @@ from ntc.codec.maps import BASE_ALONE, MapName, is_material
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
+from ntc.threads import most_threads
 
 PREVIEW_SIDE: Final = 128
 """Texels along one side of the textures that the window shows first."""
@@ -190,9 +190,10 @@ class BlockCodec(Codec):
         return BlockOptions(choices.seed, threads=1)
 
     def encoding_work(
-        self, groups: Sequence[Sizes], settings: CodecSettings, target: Target | None, ships: bool
+        self, groups: Sequence[Sizes], settings: CodecSettings, options: EncodingOptions, ships: bool
     ) -> float:
-        return encoding_work(groups, cast(BlockConfig, settings), isinstance(target, QualityTarget), ships)
+        own = cast(BlockOptions, options)
+        return encoding_work(groups, cast(BlockConfig, settings), own, ships, own.threads or most_threads())
 
     def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:
         return _range_of_bits(cast(BlockConfig, settings), size)

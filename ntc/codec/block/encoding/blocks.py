@@ -51,13 +51,17 @@ def blocks_of(image: NDArray[Number], side: int, wrap: tuple[WrapMode, WrapMode]
     return np.ascontiguousarray(parts.reshape(rows * columns, side * side, channels))
 
 
+def reduction(size: tuple[int, int], side: int) -> int:
+    """Texels of a texture of `size` for each one along a side of the texture that `reduced` returns."""
+    return max(1, min(-(-max(size) // side), *size))
+
+
 def reduced(source: SourceTexture, side: int) -> SourceTexture:
     """`source` with at most about `side` texels along its longer side: means of stored values, for a picture that is soon replaced."""
-    height, width, channels = source.pixels.shape
-    factor = min(-(-max(width, height) // side), width, height)
+    channels, factor = source.channels, reduction(source.size, side)
     if factor <= 1:
         return source
-    rows, columns = height // factor, width // factor
+    columns, rows = (length // factor for length in source.size)
     cut = source.pixels[: rows * factor, : columns * factor]
     sums = cut.reshape(rows, factor, columns, factor, channels).sum((1, 3), np.uint32)
     return replace(source, pixels=np.asarray((sums + factor * factor // 2) // (factor * factor), np.uint8))

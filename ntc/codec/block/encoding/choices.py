@@ -12,6 +12,7 @@ from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture
 from ntc.codec.block.encoding.edges import EdgeKind, costs_without_edges, derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import side_costs
 from ntc.codec.block.encoding.quantizer import compiled, expected_errors
+from ntc.codec.block.encoding.rate import JUDGED_BLOCKS
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder
 
@@ -19,8 +20,6 @@ CANDIDATES = 2
 """Modes that are searched for each block: with more of them, pictures were not nearer."""
 ROUNDS_TO_CHOOSE = 2
 """Rounds in which edge parts are fitted, to choose modes: codes take more of them."""
-JUDGED_BLOCKS = 1024
-"""Of a texture, by which kinds of edge parts are judged."""
 LEAST_GAIN = 0.005
 """Share of the error that a kind of edge parts must take away."""
 

@@ -14,7 +14,7 @@ from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, p
 from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import keep_coverage, mask_words, side_costs
 from ntc.codec.block.encoding.own_codes import equal_words, own_words
-from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK
+from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK, judging_work
 from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
 from ntc.codec.block.encoding.tables import fit_decoder
@@ -81,6 +81,7 @@ def texture_choices(
     with one_thread():
         tables = Tables.of(decoder, config)
         kinds = paying_kinds(texture, tables, decoder, config)
+        worked(judging_work(len(texture.texels)))
         known = 0 if first is None else len(first.errors)
         starts = range(known, len(texture.texels), BLOCKS_AT_ONCE)
 

@@ -14,7 +14,7 @@ from ntc.codec.block.encoding.encoder import encode_texture, texture_choices
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful, loses_much
-from ntc.codec.block.encoding.rate import MEASURE_WORK, SAMPLING_WORK, block_count, fitting_work
+from ntc.codec.block.encoding.rate import MEASURE_WORK, REDONE_WORK, SAMPLING_WORK, block_count, fitting_work
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
@@ -55,7 +55,7 @@ def fitted_group(
     members = grouping.members(group)
     samples = sample_textures([textures[index] for index in members], config, seed, threads=threads, kept=kept)
     blocks = sum(sample.block_count for sample in samples)
-    sampling = SAMPLING_WORK * blocks / fitting_work(blocks)
+    sampling = SAMPLING_WORK * blocks / fitting_work(blocks, grouping.name == UNIVERSAL)
     worked(sampling)
     decoder = _decoder(samples, grouping, config, seed, lambda share: worked((1.0 - sampling) * share))
     curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
@@ -113,6 +113,26 @@ def encoding_record(seed: int) -> dict[str, Any]:
     }
 
 
+class Redone:
+    """Work of encoding a texture again with fewer mips per code."""
+
+    def __init__(self, planned: float = 0.0, expect: Callable[[float], None] = lambda _: None) -> None:
+        """`planned`: the work that is planned for it already. `expect` is told of more work, or of less."""
+        self.left, self._expect = planned, expect
+
+    def plan(self, work: float) -> None:
+        """Set the work, once it is known."""
+        if work != self.left:
+            self._expect(work - self.left)
+        self.left = work
+
+    def take(self, work: float) -> float:
+        """Return how much of `work` counts as work that was done. The last bit of what is left is taken at the end."""
+        taken = min(work, self.left)
+        self.left -= taken
+        return taken
+
+
 def encode_member(
     source: SourceTexture,
     words: float,
@@ -122,33 +142,39 @@ def encode_member(
     threads: int = 1,
     prepared: PreparedTexture | None = None,
     has_own_codes: bool = True,
+    redone: "Redone | None" = None,
 ) -> BlockTexture:
     """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the work
     that was done since it was called last, in blocks. `threads` work on it and change no byte.
 
     Where `has_own_codes`, a texture whose derived mips are below mip 0 has fewer mips per code, in as many bytes, if that is better.
+    `redone` counts that work.
     """
+    redone = redone or Redone()
     decoder, group = fitted.decoder, fitted.group
     prepared = prepared or prepare_texture(source, config)
     choices = texture_choices(prepared, decoder, config, worked, threads)
     found = encode_texture(source, decoder, config, words, group, worked, threads, prepared, choices=choices)
     measured = _measured(found, source, fitted, config, threads)
-    worked(MEASURE_WORK * block_count([source.size], config))
-    if not has_own_codes or not is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
-        return measured
-    quality = MipQuality.of(found, prepared, decoder, config)
-    code_mips = quality.fewer_mips(config)
+    blocks = block_count([source.size], config)
+    code_mips = None
+    if has_own_codes and is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
+        quality = MipQuality.of(found, prepared, decoder, config)
+        code_mips = quality.fewer_mips(config)
+    redone.plan(0.0 if code_mips is None else REDONE_WORK * blocks)
+    worked(MEASURE_WORK * blocks)
     if code_mips is None:
         return measured
 
-    def not_counted(_work: float) -> None:
-        worked(0.0)
+    def worked_again(work: float) -> None:
+        worked(redone.take(work))
 
     again = prepare_texture(source, config, code_mips)
     # Blocks of mip 0 come first, and suit the same modes as long as mip 1 is derived from them.
     same = choices.of_first(texture_levels(found, config)[0].cells) if again.axes.has_derived else None
-    chosen = texture_choices(again, decoder, config, not_counted, threads, same)
-    other = encode_texture(source, decoder, config, words, group, not_counted, threads, again, code_mips, chosen)
+    chosen = texture_choices(again, decoder, config, worked_again, threads, same)
+    other = encode_texture(source, decoder, config, words, group, worked_again, threads, again, code_mips, chosen)
+    worked(redone.take(redone.left))
     if not MipQuality.of(other, again, decoder, config).is_better(quality):
         return measured
     other = _measured(other, source, fitted, config, threads)

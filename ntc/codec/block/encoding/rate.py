@@ -13,8 +13,9 @@ from ntc.codec.block.config import (
     LARGEST_SET_WORDS,
     LARGEST_WORDS,
     BlockConfig,
+    BlockOptions,
 )
-from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS
+from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS, reduction
 from ntc.codec.block.universal import BANDS, FINE_BLOCKS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
 from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
 from ntc.codec.latents import latent_cell_count, latent_levels
@@ -71,25 +72,85 @@ def block_count(sizes: Sizes, config: BlockConfig) -> int:
     return sum(latent_cell_count(*size, config) for size in sizes)
 
 
-FIT_WORK, SAMPLING_WORK = 1.625, 0.625
+FIT_WORK, SAMPLING_WORK = 1.8, 0.1
 """Time to fit tables to a sampled block, and to make a block ready for sampling, as multiples of the time to encode one."""
-CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.375, 0.25, 0.375
+FIT_BLOCKS = 1000
+"""Sampled blocks that take as much time as everything that does not depend on their number."""
+GAINS_WORK = 0.05
+"""Time to fit the gains of tables that ship to a sampled block, likewise."""
+CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.4, 0.33, 0.27
 """Shares of the time to encode a block: rate curves and sizes, codes, and the measure of the quality."""
+JUDGED_BLOCKS, JUDGING_WORK = 1024, 2.0
+"""Most blocks of a texture by which kinds of edge parts are judged, and the time for one, as a multiple of the time to encode one."""
+REDONE_WORK = 1.25
+"""Time to encode a texture again with fewer mips per code, as a multiple of the time to encode its blocks once."""
+REDONE_SHARE = 0.25
+"""Share of textures that are encoded so, about: between 0 and 1 by scene, known only once tables are fitted."""
+CORRECTIONS_WORK = 1.2
+"""Time to encode textures again until they have a quality, as a multiple of the time to encode them once."""
+PREVIEW_TIMES = 48
+"""Texels of a group, as a multiple of those of its preview, from which on it has one."""
+CHANNEL_COEFFICIENTS = 26.0
+"""Coefficients that take as much time as a channel."""
+THREAD_GAIN = 0.8
+"""What each thread besides the first adds to the speed of encoding."""
 
 
-def fitting_work(blocks: float) -> float:
-    """Time to fit a group of so many blocks, in units of the time to encode a block."""
-    return FIT_WORK * min(SAMPLED_BLOCKS, blocks) + SAMPLING_WORK * blocks
+def fitting_work(blocks: float, ships: bool) -> float:
+    """Time to fit a group of so many blocks, in units of the time to encode a block. `ships`: gains alone are fitted."""
+    return (GAINS_WORK if ships else FIT_WORK) * (FIT_BLOCKS + min(SAMPLED_BLOCKS, blocks)) + SAMPLING_WORK * blocks
 
 
-def encoding_work(groups: Sequence[Sizes], config: BlockConfig, to_quality: bool, ships: bool) -> float:
-    """Time to encode groups of textures of these sizes, in units of the time to encode a block of one channel.
+def judging_work(blocks: float) -> float:
+    """Time to find the kinds of edge parts of a texture of so many blocks, in units of the time to encode a block."""
+    return JUDGING_WORK * min(JUDGED_BLOCKS, blocks)
 
-    `to_quality`: tables are fitted twice, and some textures are encoded again. `ships`: no tables are fitted.
+
+def texture_work(size: tuple[int, int], config: BlockConfig) -> float:
+    """Time to encode a texture of `size`, in units of the time to encode a block."""
+    blocks = block_count([size], config)
+    return blocks + judging_work(blocks)
+
+
+def thread_speed(threads: int) -> float:
+    """Speed of so many threads, as a multiple of that of one."""
+    return 1.0 + THREAD_GAIN * (threads - 1)
+
+
+def _previews(groups: Sequence[Sizes], side: int) -> list[Sizes]:
+    """Sizes of the reduced textures of the groups that have a preview."""
+    found: list[Sizes] = []
+    for sizes in groups:
+        factors = [reduction(size, side) for size in sizes]
+        small = [(width // each, height // each) for (width, height), each in zip(sizes, factors, strict=True)]
+        if has_preview(sizes, small):
+            found.append(small)
+    return found
+
+
+def has_preview(sizes: Sizes, small: Sizes) -> bool:
+    """Return whether a group of textures of these sizes is shown first as textures of `small` sizes."""
+    texels, few = (sum(width * height for width, height in each) for each in (sizes, small))
+    return texels >= PREVIEW_TIMES * few
+
+
+def encoding_work(
+    groups: Sequence[Sizes], config: BlockConfig, options: BlockOptions, ships: bool, threads: int
+) -> float:
+    """Time to encode groups of textures of these sizes by so many threads, in units of the time in which one thread encodes a block,
+    per channel and per CHANNEL_COEFFICIENTS coefficients.
+
+    Where a quality is asked for, tables are fitted twice, and some textures are encoded again. `ships`: no tables are fitted.
     """
-    blocks = [block_count(sizes, config) for sizes in groups]
-    fits = 0.0 if ships else sum(map(fitting_work, blocks))
-    return (2.0 if to_quality else 1.0) * config.output_channels * (fits + sum(blocks))
+    to_quality = options.quality_db is not None
+    if options.preview_side is not None and not to_quality:
+        groups = [*groups, *_previews(groups, options.preview_side)]
+    fits = sum(fitting_work(block_count(sizes, config), ships) for sizes in groups)
+    textures = sum(texture_work(size, config) for sizes in groups for size in sizes)
+    at_once = 1 if options.groups_apart and not to_quality else min(threads, len(groups))
+    work = (2.0 if to_quality else 1.0) * fits / thread_speed(at_once)
+    work += (1.0 + (CORRECTIONS_WORK if to_quality else REDONE_SHARE * REDONE_WORK)) * textures / thread_speed(threads)
+    return (config.output_channels + config.coefficients / CHANNEL_COEFFICIENTS) * work
 
 
 def words_of_bits(bits: float, size: tuple[int, int], config: BlockConfig) -> float:

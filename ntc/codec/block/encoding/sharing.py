@@ -7,6 +7,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.quality import psnr_of_mse
+
 Array = NDArray[np.float32]
 BISECTIONS = 40
 BALANCE = 1.0
@@ -14,6 +16,8 @@ BALANCE = 1.0
 BALANCE_ROUNDS = 6
 SIZING_BLOCKS = 4000
 """Blocks that sizes of codes are chosen for, about."""
+ROUNDING_ERROR = 1.0 / 12.0
+"""Mean square error of rounding to 8 bits, in steps squared, which rate curves leave out."""
 LEAST_ERROR = (0.25 / 255.0) ** 2
 """Mean squared error below which a texture is as good as exact: it asks for no more words."""
 
@@ -47,6 +51,12 @@ class RateCurve:
         sizes = sizes_at_price(self.errors, self.block_words, price)
         words = np.array(self.block_words, np.float64)[sizes].mean()
         return float(words), float(np.take_along_axis(self.errors, sizes[:, None], axis=1).mean())
+
+    def psnr_at(self, words: float) -> float:
+        """Return the PSNR in dB that is expected of `words` words a block, rounding to 8 bits counted."""
+        sizes = sizes_within(self.errors, self.block_words, words)
+        error = float(np.take_along_axis(self.errors, sizes[:, None], axis=1).mean())
+        return psnr_of_mse(255.0**2 * error + ROUNDING_ERROR)
 
 
 def sizes_at_price(errors: Array, block_words: Sequence[int], price: float) -> NDArray[np.int64]:

@@ -12,9 +12,26 @@ import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.blocks import PreparedTexture, reduced
-from ntc.codec.block.encoding.groups import FittedGroup, encode_member, encoding_record, fitted_group, shared_words
+from ntc.codec.block.encoding.groups import (
+    FittedGroup,
+    Redone,
+    encode_member,
+    encoding_record,
+    fitted_group,
+    shared_words,
+)
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
-from ntc.codec.block.encoding.rate import block_count, fitting_work
+from ntc.codec.block.encoding.own_codes import is_doubtful
+from ntc.codec.block.encoding.progress import WorkCount
+from ntc.codec.block.encoding.rate import (
+    CORRECTIONS_WORK,
+    REDONE_WORK,
+    block_count,
+    fitting_work,
+    has_preview,
+    texture_work,
+    thread_speed,
+)
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
@@ -26,8 +43,6 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads, mapped, most_threads
 
-PREVIEW_TIMES = 48
-"""Texels of a group, as a multiple of those of its preview, from which on it has one."""
 FEW_TEXTURES = 8
 """Up to so many are encoded one after the other, each by all threads."""
 MOST_KEPT = 1 << 28
@@ -48,11 +63,12 @@ class BlockEncoder(Encoder):
         self._fitted: dict[int, FittedGroup] = {}
         self._found: dict[int, BlockTexture] = {}
         self._work, self._step, self._steps = "", 0, 0
-        self._work_done: list[float] = []
-        self._all_work = 1.0
-        """In units of the time to encode a block, fitting included."""
+        self._count = WorkCount()
+        """In units of the time to encode a block, by as many threads as encode textures."""
         self._threads_each = 1
         """Threads that encode one texture."""
+        self._redone: dict[int, float] = {}
+        """Work of textures that will probably be encoded again."""
         self._kept: dict[SourceTexture, PreparedTexture] = {}
         """Textures in blocks that wait to be encoded."""
         self._ended: set[int] = set()
@@ -68,7 +84,9 @@ class BlockEncoder(Encoder):
             yield from self._correct(self._options.quality_db)
             return
         members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
-        self._expect(members, fits=0 if self._given is not None else 1)
+        self._count.expect(self._textures_work(members))
+        if self._given is None:
+            self._count.expect(sum(map(self._fitting_work, self._task.groups)))
         if self._options.preview_side is not None:
             yield from self._preview(self._options.preview_side)
         with self._threads_for(len(members)) as paced:
@@ -77,6 +95,7 @@ class BlockEncoder(Encoder):
                 self._work, self._step, self._steps = "encoding texture", len(self._found), len(members)
                 encode = partial(self._encoded, fitted)
                 parts = list(zip(fitted.members, words, strict=True))
+                self._expect_redone(fitted, words)
                 sizes = self._pixels(fitted.members)
                 for index, found in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
                     yield self._done(index, found)
@@ -90,7 +109,7 @@ class BlockEncoder(Encoder):
         """Encode the textures of `words` anew, with so many words a block, under the decoders that the task starts from."""
         assert self._task.start is not None
         start = block_parts(self._task.start)
-        self._expect(tuple(words), fits=0)
+        self._count.expect(self._textures_work(tuple(words)))
         self._threads_for(1)
         self._work, self._steps = "encoding texture", len(words)
         for group in self._task.groups:
@@ -108,20 +127,18 @@ class BlockEncoder(Encoder):
         """Encode reduced textures of the groups that have PREVIEW_TIMES as many texels, under tables of their own."""
         task = self._task
         small = tuple(reduced(texture, side) for texture in task.textures)
-        few = {
-            group: sum(small[i].size[0] * small[i].size[1] for i in task.grouping.members(group))
-            for group in task.groups
-        }
-        groups = tuple(group for group in task.groups if self._texels_of(group) >= PREVIEW_TIMES * few[group])
+
+        def is_previewed(group: int) -> bool:
+            members = task.grouping.members(group)
+            return has_preview([task.textures[i].size for i in members], [small[i].size for i in members])
+
+        groups = tuple(filter(is_previewed, task.groups))
         if not groups:
             return
         options = replace(self._options, preview_side=None)
         encoder = BlockEncoder(replace(task, textures=small, groups=groups, options=options))
-        blocks = [block_count([small[i].size for i in task.grouping.members(group)], self._config) for group in groups]
-        # Its work is counted with all other.
-        fits = task.grouping.name != UNIVERSAL
-        self._all_work += sum(count + (fitting_work(count) if fits else 0.0) for count in blocks)
-        encoder._work_done = self._work_done
+        # Its work, which it expects itself, is counted with all other.
+        encoder._count = self._count
         self._work, self._step, self._steps = "coarse picture of group", 0, len(groups)
         for piece in encoder.pieces():
             for found in encoder.encoded(piece.ended):
@@ -133,9 +150,13 @@ class BlockEncoder(Encoder):
                 self._step += 1
                 yield Piece(groups=(found.group,), is_first=True)
 
+    @property
+    def _most_threads(self) -> int:
+        return self._options.threads or most_threads()
+
     def _threads_for(self, textures: int) -> PacedThreads:
         """Threads that encode so many textures: a texture each, or all one texture where textures are few."""
-        most = most_threads() if self._options.threads is None else self._options.threads
+        most = self._most_threads
         self._threads_each = most if textures <= FEW_TEXTURES else 1
         return PacedThreads(1 if self._threads_each > 1 else most)
 
@@ -152,8 +173,7 @@ class BlockEncoder(Encoder):
             yield own, shared_words([own], self._config, self._sharing)[0]
 
     def _fit(self, config: BlockConfig, groups: Sequence[int]) -> list[FittedGroup]:
-        task = self._task
-        most = most_threads() if self._options.threads is None else self._options.threads
+        task, most = self._task, self._most_threads
         self._work, self._step, self._steps = "fitting group", 0, len(groups)
 
         def fit(group: int) -> FittedGroup:
@@ -190,27 +210,37 @@ class BlockEncoder(Encoder):
             self._threads_each,
             prepared,
             has_own_codes=self._options.own_codes,
+            redone=Redone(self._redone.pop(index, 0.0), self._count.expect),
         )
 
     def _worked(self, work: float) -> None:
         """In the thread of a texture. Appending to a list is atomic."""
-        self._work_done.append(work)
+        self._count.add(work)
         self._task.interruption()
 
-    def _blocks_of(self, members: Sequence[int]) -> int:
-        return block_count([self._task.textures[index].size for index in members], self._config)
+    def _textures_work(self, members: Sequence[int]) -> float:
+        """Work of encoding textures once."""
+        return sum(texture_work(self._task.textures[index].size, self._config) for index in members)
 
     def _fitting_work(self, group: int) -> float:
-        """What fitting a group counts as."""
-        if self._task.grouping.name == UNIVERSAL:
-            return 0.0
-        return fitting_work(self._blocks_of(self._task.grouping.members(group)))
+        """Work of fitting a group once: fewer threads do it than encode textures."""
+        task, most = self._task, self._most_threads
+        at_once = 1 if self._options.groups_apart else min(most, len(task.groups))
+        blocks = block_count([task.textures[index].size for index in task.grouping.members(group)], self._config)
+        return fitting_work(blocks, task.grouping.name == UNIVERSAL) * thread_speed(most) / thread_speed(at_once)
 
-    def _expect(self, members: Sequence[int], fits: int) -> None:
-        """Count work from now on: these textures to encode, and each group's tables to fit so many times."""
-        self._work_done.clear()
-        fitting = sum(map(self._fitting_work, self._task.groups)) if fits else 0.0
-        self._all_work = max(1.0, self._blocks_of(members) + fits * fitting)
+    def _expect_redone(self, fitted: FittedGroup, words: Sequence[float]) -> None:
+        """Expect the work of those members that will probably be encoded again with fewer mips per code."""
+        for index, curve, own in zip(fitted.members, fitted.curves, words, strict=True):
+            source = self._task.textures[index]
+            prepared = self._kept.get(source)
+            if (
+                self._options.own_codes
+                and prepared is not None
+                and is_doubtful(curve.psnr_at(own), prepared.derived_errors)
+            ):
+                self._redone[index] = REDONE_WORK * block_count([source.size], self._config)
+                self._count.expect(self._redone[index])
 
     def _done(self, index: int, found: BlockTexture) -> Piece:
         """The piece of a texture that is finished."""
@@ -227,10 +257,13 @@ class BlockEncoder(Encoder):
         """Encode each texture in the words that it seems to need; then correct those that miss the target. What is encoded stays where
         the correction is interrupted."""
         task = self._task
-        self._expect(range(len(task.textures)), fits=2)
+        fitting = sum(map(self._fitting_work, task.groups))
+        every = range(len(task.textures))
+        to_correct = CORRECTIONS_WORK * self._textures_work(every)
+        self._count.expect(2.0 * fitting + self._textures_work(every) + to_correct)
         self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
         self._config = self.settings = config_for_quality(task, target_db, self._options.seed)
-        self._work_done.append(sum(map(self._fitting_work, task.groups)))
+        self._count.add(fitting)
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         paced_threads = self._threads_for(len(task.textures))
@@ -248,7 +281,7 @@ class BlockEncoder(Encoder):
             for work in ("encoding texture", "correcting texture"):
                 due = [index for index in members if index not in tries or not members[index].suits(tries[index])]
                 if tries:
-                    self._expect(due, fits=0)
+                    self._count.expect(CORRECTIONS_WORK * self._textures_work(due) - to_correct)
                 self._work, self._step, self._steps = work, 0, len(due)
                 try:
                     for index, found in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):
@@ -257,6 +290,7 @@ class BlockEncoder(Encoder):
                 except TrainingCancelledError:
                     if len(tries) < len(members):
                         raise
+        self._count.expect(self._count.done - self._count.planned)
         self.settings = with_mean_words(self._config, fitted, [each.texture for each in tries.values()])
         yield Piece(ended=tuple(task.groups))
 
@@ -271,7 +305,9 @@ class BlockEncoder(Encoder):
             by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
         sizes = [self._task.textures[index].size for index in found]
         return Figures(
-            share=min(1.0, round(sum(self._work_done) / self._all_work, 9)),
+            share=self._count.share,
+            work_done=self._count.done,
+            work_planned=self._count.planned,
             step=self._step,
             steps=self._steps,
             texels=sum(width * height for width, height in sizes),

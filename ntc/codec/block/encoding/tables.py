@@ -21,6 +21,8 @@ from ntc.codec.block.model import BlockDecoder, scale_values, stored_scales
 
 MODE_ROUNDS = 6
 """Alternations between choosing a mode for each block and fitting the modes to their blocks."""
+BASIS_WORK, CLASSES_WORK, MODES_WORK = 0.14, 0.2, 0.55
+"""Shares of the time to fit tables: basis and coefficients, first classes, and MODE_ROUNDS; edge parts take the rest."""
 CLASS_ROUNDS = 12
 """Rounds of the clustering that the first modes come from."""
 MODE_FEATURES = 64
@@ -71,6 +73,7 @@ def _modes(
     leading = torch.argsort(squares.mean(0), descending=True, stable=True)[:MODE_FEATURES]
     energies = torch.log(squares[:, leading] + 1e-4).numpy()
     scales = _fitted_scales(squares, first_classes(energies, modes, random), modes)
+    worked(CLASSES_WORK)
     middle = len(config.block_words) // 2
     for _ in range(MODE_ROUNDS):
         depths = torch.from_numpy(replace(decoder, scales=scales).depths(config)[middle].astype(np.int64))
@@ -78,7 +81,7 @@ def _modes(
         expected = expected_errors(coefficients, depths[None], values)[:, 0]
         chosen = best_modes(coefficients, expected, depths, values).numpy()
         scales = _fitted_scales(squares, chosen, modes)
-        worked(1.0 / MODE_ROUNDS)
+        worked(MODES_WORK / MODE_ROUNDS)
     return scales
 
 
@@ -93,6 +96,7 @@ def fit_decoder(
         basis = fitted_basis(rests, config)
         blocks = np.concatenate([sample.blocks for sample in rests])
         coefficients = projected(torch.from_numpy(blocks), basis.projections(config))
+        worked(BASIS_WORK)
         share = float(mixed.mean())
         with_parts = round(config.modes * min(max(share, LEAST_MASK_SHARE), LARGEST_MASK_SHARE)) if mixed.any() else 0
         scales = np.zeros((config.modes, config.coefficients), np.uint8)
@@ -107,7 +111,9 @@ def fit_decoder(
                 part = replace(decoder, scales=scales[modes], edges=edges[modes])
                 of_blocks = coefficients if own.all() else coefficients[torch.from_numpy(own)]
                 scales[modes] = _modes(of_blocks, part, config, random, partial(_part_done, worked, float(own.mean())))
-        return with_edge_modes(decoder, samples, config)
+        decoder = with_edge_modes(decoder, samples, config)
+        worked(1.0 - BASIS_WORK - CLASSES_WORK - MODES_WORK)
+        return decoder
 
 
 def _part_done(worked: Callable[[float], None], part: float, share: float) -> None:

@@ -10,7 +10,7 @@ from ntc.codec.block.config import LARGEST_SET_WORDS, LARGEST_SIZES, LARGEST_WOR
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, fitted_groups
 from ntc.codec.block.encoding.rate import FEWEST_COEFFICIENTS, config_for_words, largest_words
-from ntc.codec.block.encoding.sharing import RateCurve, best_block_words, price_at_error
+from ntc.codec.block.encoding.sharing import ROUNDING_ERROR, RateCurve, best_block_words, price_at_error
 from ntc.codec.block.encoding.tables import coefficient_energies, rate_curve
 from ntc.codec.block.model import BlockTexture
 from ntc.codec.checks import check_textures
@@ -26,8 +26,6 @@ SLOPES = (0.4, 2.5)
 """dB that come for each dB that the rate curve is asked for, at least and at most."""
 EXACT_DB = 99.0
 """Stands for the PSNR of a texture that is exact."""
-ROUNDING_ERROR = 1.0 / 12.0
-"""Mean square error of rounding to 8 bits, in steps squared, which rate curves leave out."""
 LEAST_ERROR = 1e-3
 """Mean square error in 8-bit steps squared: rate curves are not asked for less."""
 SIZE_LADDER = ((1, 2, 3, 4), (5, 6, 8, 10), (12, 14, LARGEST_WORDS))

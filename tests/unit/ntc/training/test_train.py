@@ -267,7 +267,7 @@ def test_progress_ends_with_the_last_step(per_group: int | None) -> None:
     assert reports[-1].seconds_left == 0.0
     assert [report.step for report in reports] == sorted(report.step for report in reports)
     for report in reports:
-        values = (report.mean_psnr_db, report.ktexels_per_second, report.seconds_left, *report.losses.values())
+        values = (report.mean_psnr_db, report.ktexels_per_second, report.seconds_left or 0.0, *report.losses.values())
         assert np.isfinite(values).all()
         assert report.freezing_scale == 1.0
 

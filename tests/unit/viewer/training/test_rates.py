@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ntc.codec.config import GroupingName
-from ntc.codec.encoding import BitsTarget, QualityTarget, SizeTarget, StepBudget, Target, texture_set
+from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, StepBudget, Target, texture_set
 from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -106,7 +106,7 @@ def test_a_forecast_says_what_a_target_gives(scene: Scene, tmp_path: Path, monke
     assert first is not None
     assert (first.maps, first.psnr_db, first.seconds) == (2, None, None)
     rates._curves[0, "all"] = CURVE
-    rates.pace.note("block", 1e-5)
+    rates.pace.note_part("block", 1e-5)
     at_bits = rates.forecast(replace(settings, target=BitsTarget(4.0)), scene)
     at_quality = rates.forecast(replace(settings, target=QualityTarget(38.0)), scene)
     assert at_bits is not None
@@ -117,7 +117,7 @@ def test_a_forecast_says_what_a_target_gives(scene: Scene, tmp_path: Path, monke
     assert at_bits.seconds is not None
     assert 0.0 < at_bits.seconds < (at_quality.seconds or 0.0)
     # Another window of this machine knows the speed.
-    assert json.loads((tmp_path / "pace.json").read_text()) == {"block": 1e-5}
+    assert json.loads((tmp_path / "pace.json").read_text()) == {"block": {"part": 1e-5, "run": None, "correction": 1.0}}
     again = Rates().forecast(replace(settings, target=BitsTarget(4.0)), scene)
     assert again is not None
     assert again.seconds == at_bits.seconds
@@ -125,13 +125,15 @@ def test_a_forecast_says_what_a_target_gives(scene: Scene, tmp_path: Path, monke
 
 @pytest.mark.parametrize("strategy", ["single", "baseline", "universal"])
 @pytest.mark.parametrize("maps", ["base", "all"])
-def test_an_encoding_takes_the_work_that_was_forecast(strategy: GroupingName, maps: MapChoice) -> None:
+def test_an_encoding_takes_the_work_that_was_forecast(
+    strategy: GroupingName, maps: MapChoice, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = load_scene(builtin_scene_path())
     # The last texture alone has an emissive map, before the occlusion that the others have.
     few = (*scene.textures[:2], scene.textures[-1])
     scene = replace(scene, textures=few)
     settings, rates = TrainingSettings(strategy=strategy, maps=maps), Rates()
-    rates.pace.seconds_per_work = lambda _codec: 1.0  # type: ignore[method-assign]
+    monkeypatch.setattr(rates.pace, "seconds_per_work", lambda _codec: 1.0)
     forecast = rates.forecast(settings, scene)
     sources = source_textures(scene, None, maps)
     count = len(few) if strategy == "baseline" else 1
@@ -139,12 +141,14 @@ def test_an_encoding_takes_the_work_that_was_forecast(strategy: GroupingName, ma
     config = codec.settings_for(texture_set(sources, 0 if ships else count), settings.choices)
     groups = [[source.size for source in sources[first::count]] for first in range(count)]
     assert forecast is not None
-    assert forecast.seconds == pytest.approx(codec.encoding_work(groups, config, None, ships))
+    assert forecast.seconds == pytest.approx(
+        codec.encoding_work(groups, config, codec.live_options_for(settings.choices), ships)
+    )
 
 
-def test_no_time_is_forecast_for_a_target_out_of_reach(scene: Scene) -> None:
+def test_no_time_is_forecast_for_a_target_out_of_reach(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     rates = Rates()
-    rates.pace.seconds_per_work = lambda _codec: 1.0  # type: ignore[method-assign]
+    monkeypatch.setattr(rates.pace, "seconds_per_work", lambda _codec: 1.0)
     forecast = rates.forecast(TrainingSettings(target=BitsTarget(900.0)), scene)
     assert forecast is not None
     assert forecast.seconds is None
@@ -173,7 +177,7 @@ def test_curves_are_measured_beside_the_frames(scene: Scene, tmp_path: Path, mon
         curve = rates.curve(0)
         assert curve is not None
         assert len(curve.points) > 1
-        assert rates.pace.seconds_per_work("block")
+        assert rates.pace.seconds_per_work(codec_named("block"))
         assert longest < 0.5
     finally:
         rates.close()
@@ -181,4 +185,5 @@ def test_curves_are_measured_beside_the_frames(scene: Scene, tmp_path: Path, mon
 
 def test_encoding_work_counts_texels_where_a_codec_does_not_say() -> None:
     grid = codec_named("grid")
-    assert grid.encoding_work([[(4, 4)], [(8, 8)]], grid.settings_type(), None, ships=False) == 80 * 3
+    options = grid.options_for(EncodingChoices())
+    assert grid.encoding_work([[(4, 4)], [(8, 8)]], grid.settings_type(), options, ships=False) == 80 * 3

@@ -1,0 +1,146 @@
+"""Times that an encoding is forecast to take, and times left that are shown on the way, against the truth.
+
+The scene is prepared and its rates are measured as behind the offer of a window, then it is encoded by the same process. Each call
+adds a row to the record. With one folder in NTC_VIEWER_DATA_DIR, a row knows the speed that rows before it have learned.
+
+    python -m lab.benchmarks.time_left courtyard --json lab/benchmarks/results/time_left.json
+"""
+
+import argparse
+import json
+import multiprocessing
+import os
+import sys
+import tempfile
+import time
+from bisect import bisect_left
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from lab.runner import run, write_record
+from ntc.errors import InputError
+from viewer.locations import CACHE_FOLDER_VARIABLE, DATA_FOLDER_VARIABLE, named_scene
+from viewer.scene.load import load_scene
+from viewer.scene.model import Scene
+from viewer.training.live_training import LiveTraining
+from viewer.training.preparation import EncodeScene
+from viewer.training.settings import with_setting
+
+SECONDS_BETWEEN_LOOKS = 0.05
+MOMENTS = (0.15, 0.25, 0.5, 0.75, 0.9)
+"""Shares of the time of an encoding at which the time left is read."""
+
+
+def _busy() -> None:
+    while True:
+        pass
+
+
+class OtherLoad:
+    """Processes that each keep a core busy."""
+
+    def __init__(self, count: int) -> None:
+        self._count = count
+        self._processes: list[multiprocessing.Process] = []
+
+    def begin(self) -> None:
+        """Start them. No effect where they run."""
+        if not self._processes:
+            self._processes = [multiprocessing.Process(target=_busy, daemon=True) for _ in range(self._count)]
+            for process in self._processes:
+                process.start()
+
+    def end(self) -> None:
+        """End them."""
+        for process in self._processes:
+            process.kill()
+
+
+@contextmanager
+def other_load(count: int) -> Iterator[OtherLoad]:
+    """Yield other load, which ends with the block."""
+    load = OtherLoad(count)
+    try:
+        yield load
+    finally:
+        load.end()
+
+
+def encoded(scene: Scene, options: argparse.Namespace, load: OtherLoad) -> dict[str, Any]:
+    """Encode `scene` once; returns the row."""
+    training = LiveTraining(lambda _event: None)
+    for text in options.set:
+        name, value = text.split("=", 1)
+        training.plan = with_setting(training.plan, name, value)
+    if options.load_from == 0.0:
+        load.begin()
+    training.enter(scene)
+    training.prepare_ahead(scene)
+    began = time.monotonic()
+    while training.rates.is_busy or time.monotonic() - began < options.looking:
+        training.tick(scene, frozenset())
+        time.sleep(SECONDS_BETWEEN_LOOKS)
+    forecast = training.rates.forecast(training.plan, scene)
+    assert forecast is not None
+    training.start(EncodeScene(training.plan), scene, None)
+    active, accepted = training.active, time.monotonic()
+    assert active is not None
+    said: list[tuple[float, float | None, float]] = []
+    while training.active is not None:
+        training.tick(scene, frozenset())
+        now, progress = time.monotonic() - accepted, active.progress
+        share = 0.0 if progress is None else progress.share
+        said.append((now, active.seconds_left, share))
+        if options.load_from <= share:
+            load.begin()
+        time.sleep(SECONDS_BETWEEN_LOOKS)
+    took = time.monotonic() - accepted
+    encoding = 0.0 if active.progress is None else active.progress.elapsed_seconds
+    outcome = training.log.runs[-1].outcome
+    training.close()
+    if outcome != "done":
+        raise InputError(f"{scene.name}: the encoding ended as {outcome}")
+    row: dict[str, Any] = {
+        "scene": options.title or scene.name,
+        "what": forecast.line().split(" -> ")[0],
+        "load": options.load,
+        "load_from": options.load_from,
+        "offered_seconds": forecast.seconds,
+        "seconds": took,
+        "encoding_seconds": encoding,
+    }
+    for moment in MOMENTS:
+        now, left, share = said[bisect_left([at for at, _, _ in said], moment * took)]
+        row |= {f"said_{moment:.0%}": left, f"left_{moment:.0%}": took - now, f"share_{moment:.0%}": share}
+    errors = [left / (took - now) for now, left, _ in said if left is not None and 0.15 <= now / took <= 0.9]
+    return row | {"least_ratio": min(errors, default=None), "most_ratio": max(errors, default=None)}
+
+
+def main() -> None:
+    """Encode, print the row and add it to the record."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene", type=Path)
+    parser.add_argument("--title", help="name of the row; default: that of the scene")
+    parser.add_argument(
+        "--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings as training.set takes them"
+    )
+    parser.add_argument("--looking", type=float, default=3.0, help="seconds before accepting, at least")
+    parser.add_argument("--load", type=int, default=0, help="other processes that each keep a core busy")
+    parser.add_argument("--load-from", type=float, default=0.0, help="share of the encoding at which they begin")
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder, other_load(options.load) as load:
+        for variable in (CACHE_FOLDER_VARIABLE, DATA_FOLDER_VARIABLE):
+            os.environ.setdefault(variable, folder)
+        row = encoded(load_scene(named_scene(options.scene)), options, load)
+    sys.stdout.write(json.dumps(row, indent=2) + "\n")
+    if options.json is not None:
+        before = json.loads(options.json.read_text())["rows"] if options.json.exists() else []
+        rows = [*(each for each in before if each["scene"] != row["scene"]), row]
+        write_record(options.json, {"cores": os.cpu_count(), "rows": rows})
+
+
+if __name__ == "__main__":
+    run(main)

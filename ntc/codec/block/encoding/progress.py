@@ -1,0 +1,34 @@
+"""Count of the work of an encoding, some of which is known only when other work is done."""
+
+
+class WorkCount:
+    """Work that is done, and all that is planned now. Its share never falls. `add` may be called from any thread."""
+
+    def __init__(self) -> None:
+        self.planned = 0.0
+        self._parts: list[float] = []
+        self._base = (0.0, 0.0)
+        """(share, work done) when the plan changed last."""
+
+    @property
+    def done(self) -> float:
+        """Work that is done."""
+        return sum(self._parts)
+
+    def add(self, work: float) -> None:
+        """Count work that was done. Appending to a list is atomic."""
+        self._parts.append(work)
+
+    def expect(self, work: float) -> None:
+        """Plan more work, or less where it is negative: what is left of the share is spread over the work that is left."""
+        self._base = (self.share, self.done)
+        self.planned += work
+
+    @property
+    def share(self) -> float:
+        """Progress from 0 to 1."""
+        share, done = self._base
+        left = self.planned - done
+        if left <= 0.0:
+            return 1.0 if self.planned > 0.0 else 0.0
+        return min(1.0, round(share + (1.0 - share) * (self.done - done) / left, 9))
