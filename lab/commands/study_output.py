@@ -12,6 +12,7 @@ from lab.studies.runs import Run, RunResult, finished_run
 from lab.studies.settings import StudySettings
 from ntc.codec.textures import SourceTexture
 from viewer.cli.table import Table
+from viewer.scene.json_text import counted
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ def describe(source: Path, textures: Sequence[SourceTexture], settings: StudySet
         "350 epochs" if settings.scale == "paper" else f"{settings.steps} steps of {settings.texels_per_texture} texels"
     )
     mips = "mip 0 alone" if settings.levels == 1 else "all mips"
-    seeds = f"{len(settings.seeds)} seed{'s' if len(settings.seeds) > 1 else ''}"
+    seeds = counted(len(settings.seeds), "seed")
     return f"{source.stem}: {len(textures)} textures of at most {side} texels, {what}, {length}, {mips}, {seeds}"
 
 

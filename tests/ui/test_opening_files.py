@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from imgui_bundle import imgui
+from PIL import Image
 
 from lab.bench.random_pack import random_pack
 from ntc.errors import InputError
@@ -78,6 +79,34 @@ def dialog(app: DrivenApp) -> None:
     imgui.get_io().add_key_event(imgui.Key.mod_ctrl, False)
     app.settle()
     assert app.session.window.file_dialog
+
+
+@pytest.mark.parametrize("what", ["a scene", "images"])
+def test_the_dialog_opens_a_folder(app: DrivenApp, tmp_path: Path, what: str) -> None:
+    folder = tmp_path / "own"
+    folder.mkdir()
+    expected = write_scene(folder, seed=11) if what == "a scene" else folder
+    if what == "images":
+        Image.fromarray(np.arange(192, dtype=np.uint8).reshape(8, 8, 3)).save(folder / "tile.png")
+    dialog(app)
+    app.type(f"{folder}/")
+    app.press(imgui.Key.enter)
+    assert app.session.window.file_dialog
+    app.click("Open folder")
+    app.settle()
+    assert not app.session.window.file_dialog
+    assert app.session.scene.path == expected
+    assert len(app.session.scene.textures) == (2 if what == "a scene" else 1)
+
+
+def test_a_folder_with_nothing_to_open_is_a_line_in_the_dialog(app: DrivenApp, tmp_path: Path) -> None:
+    dialog(app)
+    app.type(f"{tmp_path}/")
+    app.press(imgui.Key.enter)
+    app.click("Open folder")
+    app.settle()
+    assert app.session.window.file_dialog
+    assert "holds no scene" in app.session.window.toasts[-1].text
 
 
 def test_a_path_can_be_typed_and_completed(app: DrivenApp, tmp_path: Path) -> None:

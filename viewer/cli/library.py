@@ -124,7 +124,7 @@ def _extract(options: LibraryOptions) -> list[str]:
     if not packs:
         raise InputError(f"{options.folder}: holds no texture of {options.files[0]}; encode the scene first")
     write_pack(options.out, packs[0])
-    return [f"wrote {options.out} ({len(packs[0].textures)} of {len(wanted)} textures)"]
+    return [f"wrote {options.out} ({len(packs[0].textures)} of {counted(len(wanted), 'texture')})"]
 
 
 def library(options: LibraryOptions) -> int:

@@ -8,7 +8,7 @@ from ntc.errors import InputError
 from viewer.commands.command import Arg, command, field_command, gesture, next_command, setter, unless
 from viewer.commands.effects import Effect, WriteText
 from viewer.scene.cameras_file import cameras_json, read_cameras
-from viewer.scene.json_text import printable
+from viewer.scene.json_text import counted, printable
 from viewer.scene.model import Camera
 from viewer.state.event_handlers import notify
 from viewer.state.framing import frame_shown
@@ -114,7 +114,7 @@ def record(session: Session) -> Effect | None:
         return None
     path, file = navigation.recording, session.dated_file("-path", ".json")
     navigation.last_path, navigation.recording = path, None
-    message = f"wrote {len(path)} cameras to {file}; use it with encode --grouping covisible --views"
+    message = f"wrote {counted(len(path), 'camera')} to {file}; use it with encode --grouping covisible --views"
     return WriteText(file, cameras_json(path), message)
 
 

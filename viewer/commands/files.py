@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from ntc.errors import InputError
 from ntc.io import numbered_path, read_file
@@ -22,6 +22,8 @@ from viewer.commands.effects import (
 )
 from viewer.commands.leaving import asks_about_runs
 from viewer.commands.materials import use_environment
+from viewer.export import EXPORT_NAMES, EXPORTS, ExportKind
+from viewer.export.images import missing_ktx2
 from viewer.locations import is_builtin
 from viewer.scene.scene_files import PACK_SUFFIX, PANORAMA_SUFFIXES
 from viewer.state.event_handlers import notify
@@ -64,23 +66,6 @@ def open_now(session: Session, file: Path) -> None:
     session.window.file_dialog = False
 
 
-ExportKind = Literal["gltf", "gltf-ktx2", "gltf-bc7", "page", "glsl", "hlsl", "wgsl", "cuda"]
-_EXPORTS: dict[ExportKind, tuple[str, tuple[str, ...]]] = {
-    "gltf": ("--out", ()),
-    "gltf-ktx2": ("--out", ("--as", "ktx2")),
-    "gltf-bc7": ("--out", ("--as", "bc7")),
-    "page": ("--web", ()),
-    **{language: ("--out", ("--shader", language)) for language in ("glsl", "hlsl", "wgsl", "cuda")},
-}
-"""Option that takes the file or folder, and further options of `ntc-viewer export`, by kind."""
-_IMAGES = {"gltf": "glTF with the pack", "gltf-ktx2": "glTF with KTX2 images", "gltf-bc7": "glTF with BC7 images"}
-_NAMES = {
-    **_IMAGES,
-    "page": "web page",
-    **{name: f"decoder in {name.upper()}" for name in ("glsl", "hlsl", "wgsl", "cuda")},
-}
-
-
 def _exported_pack(session: Session) -> tuple[str, Path]:
     """Return the pack that is exported: slot A's, else slot B's. Raises InputError for none that is in a file."""
     name = base_pack_name(session.view, session.packs)
@@ -114,7 +99,14 @@ ExportFolder = Annotated[Path, Arg("folder to write into; default: a new one bes
 )
 def export(
     session: Session,
-    kind: Annotated[ExportKind, Arg("what to write: glTF with pack or images, a page, or a language", names=_NAMES)],
+    kind: Annotated[
+        ExportKind,
+        Arg(
+            "what to write: glTF with pack or images, a page, or a language",
+            names=EXPORT_NAMES,
+            refuses=lambda _session, kind: missing_ktx2() if kind == "gltf-ktx2" else "",
+        ),
+    ],
     folder: ExportFolder = Path(),
 ) -> Effect:
     scene = session.scene.path
@@ -124,7 +116,7 @@ def export(
         parent = session.pictures_folder if is_builtin(scene) else scene.parent
         folder = numbered_path(parent / f"{session.scene.title}-{kind}")
     folder = folder.absolute()
-    option, more = _EXPORTS[kind]
+    option, more = EXPORTS[kind]
     out = folder / f"{scene.stem}.gltf" if kind.startswith("gltf") else folder
     if kind.startswith("gltf"):
         folder.mkdir(parents=True, exist_ok=True)

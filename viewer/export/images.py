@@ -4,6 +4,7 @@ import io
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from importlib.util import find_spec
 from typing import Final, Literal
 
 import numpy as np
@@ -107,13 +108,16 @@ def _png(mips: Sequence[Pixels], srgb: bool) -> StoredImage:
     return StoredImage(buffer.getvalue(), mips[0])
 
 
+def missing_ktx2() -> str:
+    """Return the line that installs the encoder of KTX2; "" where it is installed."""
+    return "" if find_spec("alktx2") is not None else "alktx2 is not installed: pip install 'ntc-viewer[export]'"
+
+
 def _basis(mips: Sequence[Pixels], srgb: bool) -> StoredImage:
-    try:
-        import alktx2
-    except ImportError as error:
-        raise InputError(
-            f"--as ktx2: Basis Universal is encoded by alktx2 ({error}); pip install 'ntc-viewer[export]'"
-        ) from error
+    if missing := missing_ktx2():
+        raise InputError(f"--as ktx2: {missing}")
+    import alktx2
+
     with_alpha = mips[0].shape[2] == 4
     levels = [(_rgba(mip).tobytes(), mip.shape[1], mip.shape[0]) for mip in mips]
     data = bytes(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from matplotlib.figure import Figure
 
-from ntc.metrics.block_compression import BlockFormat
+from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, missing_packages
 from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.inspect.measured_figures import SIDES
 from viewer.state.session import SlotMeasurement
@@ -63,6 +63,14 @@ def cost_bars(
 
 def _mega(count: int | None) -> float | None:
     return None if count is None else count / 1e6
+
+
+def absent_formats() -> tuple[str, ...]:
+    """Return a line for the block formats whose encoder is not installed, with the command that installs it; empty where all are."""
+    lines: dict[str, list[str]] = {}
+    for name in BLOCK_FORMATS:
+        lines.setdefault(missing_packages(name), []).append(name)
+    return tuple(f"{', '.join(names)}: {missing}" for missing, names in lines.items() if missing)
 
 
 def costs_png(bars: Mapping[str, Sequence[CostBar]]) -> bytes:

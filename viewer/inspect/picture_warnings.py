@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
 from viewer.inspect.memory_table import size_pairs, smaller_note
+from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.state.view_state import Slot
 
@@ -50,12 +51,12 @@ def scene_warnings(scene: Scene) -> tuple[PictureWarning, ...]:
 def pack_warnings(side: str, scene: Scene, pack: Pack, match: PackMatch) -> tuple[PictureWarning, ...]:
     """Return warnings about differences between the scene and the pack of slot `A` or `B`."""
     found = []
-    total = len(match.texture_index)
+    total = counted(len(match.texture_index), "texture")
     if match.changed:
-        text = f"{side}: the pack is of another version of this scene ({len(match.changed)} of {total} textures differ)"
+        text = f"{side}: the pack is of another version of this scene ({len(match.changed)} of {total} differ)"
         found.append(PictureWarning(text, "Different textures are shown as originals. Encode the scene again."))
     elif match.absent:
-        text = f"{side}: {len(match.absent)} of {total} textures are not in the pack"
+        text = f"{side}: not in the pack: {len(match.absent)} of {total}"
         found.append(PictureWarning(text, "These textures are shown as originals."))
     if smaller := smaller_note(size_pairs(scene, pack, match)):
         remedy = "Part of the blur comes from the smaller textures, not from the codec. Encode at full size for a fair comparison."

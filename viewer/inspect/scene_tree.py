@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from viewer.scene.json_text import counted
 from viewer.scene.model import Material, Scene
 
 
@@ -94,9 +95,7 @@ class SceneTree:
         instance = int(self._by_node[int(self._first[place]) + number])
         primitive = self._scene.primitives[int(self._scene.instances.primitive[instance])]
         material = self._scene.materials[primitive.material]
-        label = (
-            f"{primitive.name or 'primitive'}, {primitive.index_count // 3:,} triangles, {material.name or 'material'}"
-        )
+        label = f"{primitive.name or 'primitive'}, {counted(primitive.index_count // 3, 'triangle')}, {material.name or 'material'}"
         return TreeRow(label, node, instance, material.texture_id)
 
 

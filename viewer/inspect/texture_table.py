@@ -73,7 +73,7 @@ class TextureRow:
     psnr_db: float | None
     """PSNR of mip 0 in dB, as the encoder measured it."""
     bits_per_texel: float | None
-    """Bits of the latents with all mips, per texel of mip 0 of the original."""
+    """Bits of the latents with all mips, per texel of mip 0 as it was encoded."""
     file_bytes: int | None = None
     """Bytes of the latents in the file; of a block format, bytes of its blocks."""
     map_psnr_db: Mapping[MapName, float] = field(default_factory=dict)
@@ -121,9 +121,10 @@ def texture_rows(
         width, height = texture.size
         index = match.texture_index[number] if match is not None else -1
         encoded = pack.textures[index] if pack is not None and index >= 0 else None
-        stored = None
+        stored = bits = None
         if encoded is not None and pack is not None:
             stored = codec_of(pack.config).texture_bytes(encoded, pack.config).latents
+            bits = 8.0 * stored / (encoded.width * encoded.height)
         psnr = encoded.psnr_db if encoded is not None else None
         rows.append(
             TextureRow(
@@ -134,7 +135,7 @@ def texture_rows(
                 category=texture.category or (encoded.category if encoded is not None else None) or "",
                 group=encoded.group if encoded is not None else -1,
                 psnr_db=psnr if psnr is None or not math.isnan(psnr) else None,
-                bits_per_texel=None if stored is None else 8.0 * stored / (width * height),
+                bits_per_texel=bits,
                 file_bytes=stored,
                 map_psnr_db=_by_map(encoded) if encoded is not None else {},
                 normal_degrees=encoded.normal_degrees[0] if encoded is not None and encoded.normal_degrees else None,

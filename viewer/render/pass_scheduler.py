@@ -9,6 +9,7 @@ from typing import Literal, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 from viewer.gl.timer import PassTimer
+from viewer.scene.json_text import counted
 
 Inputs_contra = TypeVar("Inputs_contra", contravariant=True)
 Target_contra = TypeVar("Target_contra", contravariant=True)
@@ -43,8 +44,8 @@ class ToCome:
     @property
     def line(self) -> str:
         """Line for people, such as "3 of 41 textures are being read"."""
-        part = "textures" if self.part == "loads" else self.part
-        number = f"{self.left:,} of {self.total:,} {part}" if self.total else f"{self.left:,} {part}"
+        noun = "texture" if self.part == "loads" else self.part.removesuffix("s")
+        number = f"{self.left:,} of {counted(self.total, noun)}" if self.total else counted(self.left, noun)
         return SENTENCES[self.part].format(f"{number} {'is' if self.left == 1 else 'are'}")
 
 

@@ -5,6 +5,7 @@ from dataclasses import asdict
 from typing import Any
 
 from ntc.codec.maps import BASE_ALONE, PLANES
+from viewer.scene.json_text import counted
 from viewer.scene.model import LoadReport, Material, Scene
 
 ONE = {"meshes": "mesh", "triangles drawn": "triangle drawn", "vertices": "vertex"}
@@ -60,7 +61,7 @@ def _texture_line(index: int, scene: Scene) -> str:
     texture = scene.textures[index]
     width, height = texture.size
     users = sum(any(material.plane_texture(plane) == index for plane in PLANES) for material in scene.materials)
-    extras = [f"{users} material{'s' if users != 1 else ''}"]
+    extras = [counted(users, "material")]
     if texture.maps != BASE_ALONE:
         extras.append(" + ".join(texture.maps))
     if texture.has_alpha:

@@ -15,6 +15,7 @@ from ntc.training.messages import TrainingRequest, moved_texture, unchanged_grou
 from ntc.worker.client import TrainingWorker
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.images import reduced_size
+from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures, without_alpha
 from viewer.training.grouping_process import GroupingProcess
@@ -187,7 +188,7 @@ def _grouping_config(settings: TrainingSettings) -> GroupingConfig:
 def _check_clusters(settings: TrainingSettings, textures: tuple[SourceTexture, ...]) -> None:
     if settings.clusters is not None and settings.clusters > len(textures):
         raise InputError(
-            f"k {settings.clusters}: there are only {len(textures)} textures; choose at most as many groups"
+            f"k {settings.clusters}: the scene has {counted(len(textures), 'texture')}; choose at most as many groups"
         )
 
 

@@ -6,10 +6,11 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui
 
 from viewer.commands import bindings
+from viewer.commands.keys import HOLD_KEY
 from viewer.inspect.picture_warnings import PictureWarning, picture_warnings
 from viewer.render.compositor import largest_error
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
-from viewer.state.session import Toast
+from viewer.state.session import Session, Toast
 from viewer.state.view_state import BLOCKS, PaletteName, Slot, ViewState, is_image_source
 from viewer.ui.facts import FrameFacts, UiFrame
 from viewer.ui.theme import ERROR_ICON, WARNING_ICON, with_icon
@@ -171,14 +172,23 @@ def _draw_low_line(area: Area, text: str) -> Area:
     return Area(at.x, at.y, at.x + extent.x, at.y + extent.y)
 
 
+HINTS = {"help.palette": "commands", "help.keys": "help", "compare.measure": "measure", "file.screenshot": "screenshot"}
+"""What keys do, in a word, by their command; those that are needed first come first."""
+
+
+def hint_lines(session: Session) -> tuple[str, ...]:
+    """Return lines of hints, each shorter than the one before."""
+    keys = bindings(session.settings.keys)
+    parts = [f"{key.split(', ')[0]} {word}" for command, word in HINTS.items() if (key := keys.text(command))]
+    more = (f"{session.settings.camera_mode} camera", f"{keys.text('compare.next')} mode", f"{HOLD_KEY} other slot")
+    return ("   ".join((*parts, *more)), *("  ".join(parts[:end]) for end in range(len(parts), 0, -1)))
+
+
 def draw_hints(ui: UiFrame, area: Area) -> None:
-    """Draw one line of hints at the lower edge of `area`, as many as fit."""
-    keys = ("Ctrl+P commands", "F1 help", "Tab mode", "Space other slot", "M measure", "F12 screenshot")
-    parts = [f"{ui.session.settings.camera_mode} camera", *keys]
-    while parts and imgui.calc_text_size("   ".join(parts)).x > area.width - grid(6):
-        parts.pop()
-    if parts:
-        _draw_low_line(area, "   ".join(parts))
+    """Draw the longest line of hints that fits at the lower edge of `area`."""
+    room = area.width - grid(6)
+    if fitting := [line for line in hint_lines(ui.session) if imgui.calc_text_size(line).x <= room]:
+        _draw_low_line(area, fitting[0])
 
 
 def draw_way_back(ui: UiFrame, area: Area) -> None:

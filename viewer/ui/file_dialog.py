@@ -282,6 +282,10 @@ class FileDialog:
         pressed = imgui.button("Open")
         ui.rects.note("Open file")
         imgui.same_line()
+        if imgui.button("Open folder"):
+            self._open(self._folder, ui)
+        ui.rects.note("Open folder", "Open the listed folder: its one scene, or its images on panels and spheres.")
+        imgui.same_line()
         if imgui.button("Cancel"):
             ui.emit("window.close-layer", "window.file_dialog")
         ui.rects.note("Cancel opening")

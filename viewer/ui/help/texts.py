@@ -70,7 +70,6 @@ CONTROLS: Final = {
     "Errors": "Textures or decoders by the difference between A and B, worst first.",
     "Histogram": "Number of pixels by the difference between A and B.",
     # Compare
-    "slot decodes": "Decode all maps of the slot, or only one and keep the others original: you see what the error of that map does.",
     "slot encoding": "The textures are being encoded in this format. The slot shows it when all are done.",
     "divider": "A is left of the divider or above it. Drag the divider; a double-click centres it.",
     "figures state": "Which picture the figures below belong to, or why there are none.",
@@ -217,7 +216,7 @@ CONTROLS: Final = {
     "column size": "Width x height of the original, in texels. Click to sort.",
     "column category": "Category of the texture, as its name suggests. Click to sort.",
     "column group": "Number of the group: textures of one group share a decoder. Click to sort.",
-    "column bits": "Bits of latents, all mips, for each texel of the original. Click to sort.",
+    "column bits": "Bits of latents, all mips, per texel of mip 0 as encoded, without tables of decoders. Click to sort.",
     "column kB": "Latents of this texture in the file, in kilobytes. Click to sort.",
     "column normals": "Mean angle in degrees between decoded and original normals: lower is better. Click to sort.",
     **{

@@ -3,7 +3,7 @@
 from imgui_bundle import ImVec2, imgui
 
 from ntc.metrics.divergence import cut_percent
-from viewer.inspect.costs import cost_bars
+from viewer.inspect.costs import absent_formats, cost_bars
 from viewer.inspect.measured_figures import figure_rows
 from viewer.state.pack_files import source_label
 from viewer.state.view_state import Side, Slot, is_image_source
@@ -19,6 +19,7 @@ from viewer.ui.widgets import (
     list_width,
     named_cells,
     text_width,
+    wrapped_disabled,
 )
 
 FIGURES_IN_A_ROW = 3
@@ -181,6 +182,8 @@ def _figures(ui: UiFrame) -> None:
         imgui.text_disabled(kind)
         for bar in bars:
             imgui.progress_bar(bar.share, ImVec2(-1, 0), f"{bar.source}  {bar.value:.2f}")
+    for line in absent_formats():
+        wrapped_disabled(line)
     imgui.end_group()
     ui.rects.note("costs")
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from string import ascii_letters
 from typing import get_args
 
 from imgui_bundle import imgui
@@ -19,7 +20,7 @@ from viewer.training.settings import (
     SETTINGS,
     TrainingSettings,
     budget_text,
-    target_parts,
+    target_text,
     with_setting,
 )
 from viewer.ui.controls import command_button
@@ -114,17 +115,11 @@ class GroupingFields:
             self.take(plan, ui, name, chosen)
 
     def draw_measure(
-        self,
-        field: Field,
-        name: str,
-        value: str,
-        unit: str,
-        plan: TrainingSettings,
-        ui: UiFrame,
-        usual: Callable[[str], str],
+        self, field: Field, name: str, text: str, plan: TrainingSettings, ui: UiFrame, usual: Callable[[str], str]
     ) -> None:
-        """Draw number and unit of a setting; `usual` gives the number for another unit."""
-        arg = SETTINGS[name][1]
+        """Draw number and unit of a setting that is typed as `text`; `usual` gives the number for another unit."""
+        arg, value = SETTINGS[name][1], text.rstrip(ascii_letters)
+        unit = text.removeprefix(value)
         number = field.draw(value, ui, sentence(arg.help))
         if number is not None:
             self.take(plan, ui, name, f"{number.strip()}{unit}")
@@ -149,9 +144,7 @@ class GroupingFields:
     def draw_training(self, plan: TrainingSettings, ui: UiFrame) -> None:
         """Draw budget and recipe of a codec that trains."""
         labelled("budget")
-        text = budget_text(plan.budget)
-        value = text.rstrip("stepdB")
-        self.draw_measure(self._budget, "budget", value, text[len(value) :], plan, ui, USUAL_BUDGETS.__getitem__)
+        self.draw_measure(self._budget, "budget", budget_text(plan.budget), plan, ui, USUAL_BUDGETS.__getitem__)
         beside(list_width(*get_args(RecipeName)))
         self.choose("recipe", plan.recipe, plan, ui)
 
@@ -191,7 +184,6 @@ class EncodeForm(GroupingFields):
         maps = max((textures[i].maps for i in chosen_textures(plan, ui.session.scene)), key=len, default=("base",))
         target = plan.target or codec_named(plan.codec_kind).target_of(maps if plan.chosen_maps == "all" else ("base",))
         assert target is not None
-        value, unit = target_parts(target)
 
         def usual(other: str) -> str:
             found = ui.training.rates.forecast(plan, ui.session.scene)
@@ -199,7 +191,7 @@ class EncodeForm(GroupingFields):
             # What the present choice gives, where that is known: the choice changes as little as possible.
             return f"{known:.3g}" if known else USUAL_TARGETS[other]
 
-        self.draw_measure(self._target, "target", f"{value:g}", unit, plan, ui, usual)
+        self.draw_measure(self._target, "target", target_text(target), plan, ui, usual)
         self._draw_choices(plan, ui)
 
     def _draw_choices(self, plan: TrainingSettings, ui: UiFrame) -> None:

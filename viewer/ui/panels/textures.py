@@ -13,7 +13,7 @@ from viewer.inspect.texture_table import (
     texture_rows,
     with_error_shares,
 )
-from viewer.state.view_state import is_image_source
+from viewer.state.pack_files import pack_figures
 from viewer.ui.controls import select_texture
 from viewer.ui.facts import UiFrame
 from viewer.ui.panels.rate_view import RateView
@@ -61,6 +61,8 @@ class TexturesPanel:
         self._filter = ""
         self._width = 0.0
         """Width of the table."""
+        self._note = ""
+        """Bits per texel of all that slot A stores, as Measure and terminal count them."""
         self._key: object = None
         self._order: object = None
         self._all: tuple[TextureRow, ...] = ()
@@ -94,8 +96,7 @@ class TexturesPanel:
             self._update(ui, source)
             self._body(ui)
             imgui.end_table()
-        pack = f"A: {source}" + (", without groups" if is_image_source(source) else "")
-        imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, {pack}")
+        imgui.text_disabled(f"{len(self._rows):,} of {len(self._all):,}, A: {source}{self._note}")
         if selected is not None and selected < len(self._all):
             self._rate.draw(self._all[selected], ui)
 
@@ -136,6 +137,8 @@ class TexturesPanel:
             self._all = compressed_rows(scene, blocks) if blocks else texture_rows(scene, pack, match, sizes)
             if compared is not None:
                 self._all = with_error_shares(self._all, compared.textures)
+            bits = blocks.bits_per_texel if blocks else pack_figures(pack).bits if pack is not None else None
+            self._note = "" if bits is None else f", {bits:.2f} bits per texel{'' if blocks else ' with tables'}"
             self._key = key
         by = sort_order()
         order = (self._filter, by)
