@@ -107,6 +107,7 @@ def encoded(scene: Scene, options: argparse.Namespace, load: OtherLoad) -> dict[
         "what": forecast.line().split(" -> ")[0],
         "load": options.load,
         "load_from": options.load_from,
+        "load_average": os.getloadavg()[0],
         "offered_seconds": forecast.seconds,
         "seconds": took,
         "encoding_seconds": encoding,

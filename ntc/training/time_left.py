@@ -6,6 +6,8 @@ FORECAST_SHARE = 0.02
 """Share of the work that the forecast counts as, beside the work whose time was measured."""
 MEMORY = 0.1
 """Share of the work after which a measured speed counts 1/e as much: other programs begin and end."""
+START_SHARE = 0.05
+"""Share of the work over which measured speed comes to count: a start takes time of its own."""
 LEAST_SHARE = 0.03
 """Share of the work from which on the time left is known without a forecast."""
 
@@ -38,8 +40,9 @@ class TimeLeft:
         if step <= 0.0:
             return
         kept = math.exp(-step / MEMORY)
-        self._seconds = self._seconds * kept + now - self._changed
-        self._shares = self._shares * kept + step
+        counts = 1.0 - math.exp(-(done - self._first) / planned / START_SHARE)
+        self._seconds = self._seconds * kept + counts * (now - self._changed)
+        self._shares = self._shares * kept + counts * step
         self._done, self._changed = done, now
 
     def left(self, now: float) -> float | None:

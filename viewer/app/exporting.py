@@ -8,10 +8,10 @@ from collections.abc import Iterator
 from ntc.errors import InputError
 from viewer.commands.effects import Export
 from viewer.jobs.job import Job, JobReport
+from viewer.scene.json_text import duration
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.ui.facts import Work
-from viewer.ui.widgets import duration
 
 CANCEL = "file.cancel-export"
 SECONDS_BETWEEN_CHECKS = 0.05

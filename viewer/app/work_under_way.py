@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from ntc.metrics.block_compression import BlockFormat
 from ntc.training.time_left import TimeLeft
 from viewer.render.pass_scheduler import ToCome
+from viewer.scene.json_text import duration
 from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
 from viewer.ui.facts import Work
 from viewer.ui.panels.training import STATES
-from viewer.ui.widgets import duration
 
 
 class WorkUnderWay:

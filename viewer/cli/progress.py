@@ -7,6 +7,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from ntc.training.time_left import TimeLeft
+from viewer.scene.json_text import duration
 
 LINES_PER_PHASE = 20
 """Lines of each phase where standard error is no terminal."""
@@ -14,7 +15,7 @@ LINES_PER_PHASE = 20
 
 def time_left_text(seconds: float | None) -> str:
     """Return `  12 s left`; "" while that is unknown."""
-    return "" if seconds is None else f"  {seconds:.0f} s left"
+    return "" if seconds is None else f"  {duration(seconds)} left"
 
 
 class TerminalProgress:

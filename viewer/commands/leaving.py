@@ -8,6 +8,7 @@ from ntc.errors import InputError
 from viewer.commands.command import Context, command, gesture
 from viewer.commands.effects import CancelOpening, CloseWindow, Effect, OpenScene, RunCommand
 from viewer.locations import is_builtin
+from viewer.scene.json_text import duration
 from viewer.state.session import CANCEL, Choice, Question, Session
 from viewer.training.live_training import Decision, LiveTraining
 from viewer.training.preparation import job_title
@@ -54,7 +55,7 @@ def _undecided(training: LiveTraining) -> tuple[str, ...]:
         lines.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
     if training.active is not None:
         left = training.active.seconds_left
-        time_left = "" if left is None else f", about {max(left, 1.0):.0f} s left"
+        time_left = "" if left is None else f", about {duration(max(left, 1.0))} left"
         picture = "" if training.active.pack_so_far() is not None else ", no pack to save yet"
         lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way{time_left}{picture}")
     return tuple(lines)

@@ -23,7 +23,7 @@ from ntc.metrics.metrics import bits_with_mips
 from ntc.worker.process import FunctionProcess
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.images import reduced_size
-from viewer.scene.json_text import counted
+from viewer.scene.json_text import counted, duration
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import MapChoice, has_source, source_maps, source_texture
 from viewer.training.pace import Pace
@@ -205,16 +205,12 @@ class Forecast:
             f"about {self.megabytes:.0f} MB" if self.megabytes is not None and self.megabytes >= 10 else "",
             f"{self.bits:.1f} bits per texel" if self.bits is not None else "",
             f"about {self.psnr_db:.0f} dB" if self.psnr_db is not None else "",
-            f"about {_duration(self.seconds)} on this machine" if self.seconds is not None else "",
+            f"about {duration(max(1.0, float(f'{self.seconds:.2g}')))} on this machine"
+            if self.seconds is not None
+            else "",
         ]
         known = ", ".join(part for part in parts if part)
         return f"{what} -> {known}" if known else what
-
-
-def _duration(seconds: float) -> str:
-    if seconds < 90.0:
-        return f"{max(1.0, float(f'{seconds:.2g}')):.0f} s"
-    return f"{seconds / 60.0:.0f} min" if seconds < 5400.0 else f"{seconds / 3600.0:.1f} h"
 
 
 def chosen_textures(settings: TrainingSettings, scene: Scene) -> tuple[int, ...]:

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, imgui
 
+from viewer.scene.json_text import duration
 from viewer.state.message_log import MessageLog
 from viewer.ui.facts import UiFrame, Work
 from viewer.ui.theme import ERROR_ICON, with_icon
-from viewer.ui.widgets import duration, grid, shortened, side_bar
+from viewer.ui.widgets import grid, shortened, side_bar
 
 SHARE_WIDTH, SHARE_HEIGHT = 22.0, 1.5
 """Size of the progress bar in units of the grid."""

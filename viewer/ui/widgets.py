@@ -339,13 +339,6 @@ def two_lines(text: str, width: float) -> str:
     return text if first == text else f"{first}\n{shortened(text[len(first) :], width)}"
 
 
-def duration(seconds: float) -> str:
-    """Return a time as text: `45 s`, `3 min`, `2.5 h`."""
-    if seconds < 99.5:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
-
-
 def named_cells(items: WidgetRects, name: str, *texts: str) -> None:
     """Draw a figure's name and its texts in the next columns of a table's row, all with the tooltip of the name."""
     imgui.table_next_column()

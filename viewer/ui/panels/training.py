@@ -9,6 +9,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from ntc.codec.registry import codec_named
+from viewer.scene.json_text import duration
 from viewer.state.framing import emptiest_corner
 from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
@@ -20,7 +21,7 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import EncodeForm
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
-from viewer.ui.widgets import CARD_FLAGS, Area, cells, combo, counted, duration, em, grid, headings, shortened
+from viewer.ui.widgets import CARD_FLAGS, Area, cells, combo, counted, em, grid, headings, shortened
 
 ACTIONS = (("open", "Open"), ("keep", "Keep"), ("discard", "Discard"))
 

@@ -61,6 +61,15 @@ def test_the_time_left_is_right_within_a_third(name: str, seconds: float, wrong:
         assert 2.0 / 3.0 <= ratio <= 4.0 / 3.0, (at, ratio)
 
 
+def test_a_slow_start_is_not_taken_for_the_speed_of_the_whole() -> None:
+    # Of 42 seconds, the first 2 % of the work take 4.
+    found = [(2.0, 0.01), (4.0, 0.02), *((4.0 + 0.38 * number, 0.02 + 0.0098 * number) for number in range(1, 101))]
+    for at, ratio in errors(found, 38.0, 0.05):
+        assert ratio <= 2.0, (at, ratio)
+    for at, ratio in errors(found, 38.0):
+        assert 2.0 / 3.0 <= ratio <= 4.0 / 3.0, (at, ratio)
+
+
 @pytest.mark.parametrize("name", RUNS)
 @pytest.mark.parametrize("times", [0.5, 2.0])
 def test_it_follows_other_load_that_begins_or_ends_half_way(name: str, times: float) -> None:
