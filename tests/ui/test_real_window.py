@@ -106,6 +106,13 @@ def test_a_script_plays_in_the_window_and_closes_it(display: str, scene_path: Pa
     assert all(times)
 
 
+def test_where_the_chosen_tab_is_closed_the_first_one_is_on_top(display: str, scene_path: Path, tmp_path: Path) -> None:
+    for lines in ('window.panel Errors; wait settled; expect label "errors by decoder"', 'expect label "sun height"'):
+        script = f"wait settled; wait frames 10; {lines}; window.close"
+        result = run_window(display, tmp_path, "-m", "viewer", "view", str(scene_path), "--exec", script)
+        assert result.returncode == 0, result.stderr
+
+
 def test_a_mistake_in_a_panel_ends_with_its_traceback(display: str, scene_path: Path, tmp_path: Path) -> None:
     command = ("-m", "tests.ui.lost_windows", "fail_in_a_panel", str(scene_path), str(tmp_path / "out"), "0")
     result = run_window(display, tmp_path, *command, cwd=ROOT)

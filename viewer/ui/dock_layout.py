@@ -115,9 +115,12 @@ class DockLayout:
     def bring_to_front(self, titles: Iterable[str]) -> None:
         """Bring the next waiting panel to the front; call it after drawing the panels."""
         if not self._saw_tabs:
-            # ImGui raises what is drawn last, whatever tab was chosen when the layout was saved.
-            self._saw_tabs = True
-            self.bring_all([title for title in titles if _is_chosen(title)])
+            # ImGui raises what is drawn last, whatever tab was chosen when the layout was saved; that one may be closed now.
+            self._saw_tabs, front = True, dict[int, str]()
+            for title in titles:
+                if (node := _node(title)) is not None and (_is_chosen(title) or node.id_ not in front):
+                    front[node.id_] = title
+            self.bring_all(list(front.values()))
         self._pause = max(0, self._pause - 1)
         if self._front and self._pause == 0:
             # One per frame: a tab bar selects the tab of the focused window.
