@@ -307,7 +307,9 @@ class Rates:
             self._points = len(found.points)
             self._curves[key] = found
             self.version += 1
-            self.pace.note_part(RATE_CODEC, min(point.seconds_per_work for point in found.points))
+            if len(found.points) > 1:
+                # The first one has things done for the first time.
+                self.pace.note_part(RATE_CODEC, min(point.seconds_per_work for point in found.points))
         if job.done:
             if job.problem and key not in self._curves:
                 self._problems[key] = job.problem

@@ -69,11 +69,11 @@ def _decoder(
     seed: int,
     worked: Callable[[float], None],
 ) -> BlockDecoder:
-    if config.tables is not None:
-        return fitted_gains(samples, config)
-    if grouping.name == UNIVERSAL:
-        return universal_decoder(config.output_channels)
-    return fit_decoder(samples, config, seed, worked)
+    if config.tables is None and grouping.name != UNIVERSAL:
+        return fit_decoder(samples, config, seed, worked)
+    decoder = universal_decoder(config.output_channels) if config.tables is None else fitted_gains(samples, config)
+    worked(1.0)
+    return decoder
 
 
 def fitted_groups(
