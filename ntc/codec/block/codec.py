@@ -8,6 +8,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec import block_storage
 from ntc.codec.block import tensors as files
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.rate import bits_of_words, encoding_work, settings_for_target, words_of_bits
@@ -71,19 +72,20 @@ class BlockCodec(Codec):
 
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
         del width, height
-        return files.texture_shapes(cast(BlockConfig, settings))
+        config = cast(BlockConfig, settings)
+        return block_storage.texture_shapes(config, (config.mips, config.output_channels))
 
     def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
         return files.decoder_shapes(cast(BlockConfig, settings))
 
     def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        return files.texture_tensors(cast(BlockTexture, texture), cast(BlockConfig, settings))
+        return block_storage.texture_tensors(cast(BlockTexture, texture), cast(BlockConfig, settings))
 
     def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
         return files.decoder_tensors(cast(BlockDecoder, decoder), cast(BlockConfig, settings))
 
     def read_texture(self, tensors: Tensors, known: Mapping[str, Any], settings: CodecSettings) -> EncodedTexture:
-        return files.read_texture(tensors, known, cast(BlockConfig, settings))
+        return block_storage.read_texture(tensors, known, cast(BlockConfig, settings), BlockTexture)
 
     def read_decoder(self, tensors: Tensors, settings: CodecSettings) -> Decoder:
         return files.read_decoder(tensors, cast(BlockConfig, settings))

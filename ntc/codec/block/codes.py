@@ -5,9 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import COLOUR_BITS, LARGEST_DEPTH, LARGEST_EDGE_BITS, BlockConfig
+from ntc.codec.block.config import COLOUR_BITS, LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.storage import BlockCodes
+from ntc.codec.block_storage import BlockCodes
+from ntc.codec.block_trellis import LARGEST_DEPTH
 
 
 class EdgePart(NamedTuple):

@@ -7,16 +7,12 @@ from ntc.codec.encoding import EncodingOptions
 from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps, plane_channels
 from ntc.codec.model import CodecSettings
 
-LARGEST_DEPTH = 7
-"""Bits of a coefficient at most."""
 LARGEST_WORDS, LARGEST_SET_WORDS = 16, 32
 """Words of a block's code at most; of codecs for material sets, which have more to say."""
 LARGEST_MODES, LARGEST_SET_MODES = 64, 128
 """Modes at most, likewise."""
 LARGEST_SIZES = 4
 """Sizes of codes at most: two bits name one."""
-DIRECTORY_RUN = 16
-"""Blocks whose size classes one word of a level's directory holds."""
 FORMAT: Literal[2] = 2
 """Of the codes that this folder reads and writes; `ntc.codec.block_1` reads those of format 1."""
 FEWEST_MODES = 8
@@ -25,10 +21,6 @@ LARGEST_EDGE_BITS = 3
 """Index bits of a texel in an edge part at most."""
 COLOUR_BITS = 8
 """Bits of a channel of an edge part's colour."""
-SCALE_STEPS_PER_OCTAVE = 16
-"""Stored scales are powers of two in steps of 1/16 octave."""
-SCALE_ORIGIN = 192
-"""A stored scale of 192 is 1."""
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockConfig
-from ntc.codec.block.trellis import share_out_bits
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block_trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, share_out_bits
 from ntc.codec.mips import srgb_channels
 from ntc.codec.model import Decoder, EncodedTexture, Pack
 from ntc.errors import InputError
@@ -68,7 +68,7 @@ class BlockTexture(EncodedTexture):
     """One texture under a group's tables: value = mean + axes @ (what the block decodes to)."""
 
     words: NDArray[np.uint32]
-    """[words] uint32: directories and codes of all levels (`ntc.codec.block.storage`)."""
+    """[words] uint32: directories and codes of all levels (`ntc.codec.block_storage`)."""
     mean: NDArray[np.float32]
     """[mips of a code, channels] float32, in the texture's colour space."""
     axes: NDArray[np.float32]
@@ -113,11 +113,6 @@ def averaged_rows(rows: NDArray[np.floating], config: BlockConfig, mip: int) -> 
     side, count = config.code_sides[mip], 1 << mip
     averaged = rows.reshape(len(rows), side, count, side, count).mean(axis=(2, 4), dtype=np.float64)
     return np.asarray(averaged.reshape(len(rows), side * side))
-
-
-def scale_values(stored: NDArray[np.integer]) -> NDArray[np.float64]:
-    """Scales as numbers: 2^((stored - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE), float64 of the shape of `stored`."""
-    return np.exp2((stored.astype(np.float64) - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE)
 
 
 def stored_scales(values: NDArray[np.float64]) -> NDArray[np.uint8]:

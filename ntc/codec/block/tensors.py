@@ -7,36 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
-from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block.storage import level_rows
+from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.universal import scaled_decoder, set_tables, universal_decoder
 from ntc.codec.codec import Tensors, TensorShape
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.latents import texture_levels
-from ntc.codec.maps import BASE_ALONE, plane_channels
+from ntc.codec.maps import BASE_ALONE
 from ntc.errors import InputError
 
-WORD = np.dtype("<u4")
-LARGEST_NUMBER = 16.0
-"""Size at most of means and axes: an encoder's are below 2, and no code decodes beyond fp32."""
 LARGEST_BASIS_SCALE = 192
 """Of a decoder: rows of an encoder have a length of 1."""
 DECODER_PARTS = ("basis", "channels", "basis_scale", "scales", "edges")
-
-
-def _axes_shape(config: BlockConfig) -> tuple[int, ...]:
-    """Of a texture's axes in a file: one matrix, or of material sets the matrices of all planes, one after the other."""
-    channels = config.output_channels
-    return (channels, channels) if config.maps == BASE_ALONE else (config.axis_numbers,)
-
-
-def texture_shapes(config: BlockConfig) -> dict[str, TensorShape]:
-    """Type and shape of the tensors of a texture: words of codes, mean and axes."""
-    return {
-        "latents.{}": ("U8", (None, WORD.itemsize)),
-        "latents.{}.mean": ("F32", (config.mips, config.output_channels)),
-        "latents.{}.axes": ("F32", _axes_shape(config)),
-    }
 
 
 def decoder_shapes(config: BlockConfig) -> dict[str, TensorShape]:
@@ -54,52 +34,6 @@ def _table_shapes(config: BlockConfig) -> dict[str, TensorShape]:
         "decoder.{}.scales": ("U8", (config.modes, config.coefficients)),
         "decoder.{}.edges": ("U8", (config.modes, len(config.planes))),
     }
-
-
-def _plane_blocks(config: BlockConfig) -> list[tuple[NDArray[np.intp], ...]]:
-    """By plane: what picks its part out of a matrix of channels."""
-    planes = plane_channels(config.maps, config.output_channels).values()
-    return [np.ix_(list(channels.values()), list(channels.values())) for channels in planes]
-
-
-def _axes_matrix(parts: NDArray[np.float32], config: BlockConfig) -> NDArray[np.float32]:
-    """[channels, channels] float32: `BlockTexture.axes` of its `parts` as files hold them."""
-    axes, first = np.zeros((config.output_channels, config.output_channels), np.float32), 0
-    for own in _plane_blocks(config):
-        count = own[0].size
-        axes[own] = parts[first : first + count * count].reshape(count, count)
-        first += count * count
-    return axes
-
-
-def texture_tensors(texture: BlockTexture, config: BlockConfig) -> dict[str, NDArray[Any]]:
-    """The tensors of a texture, contiguous. Of the axes, for each plane the rows of its part."""
-    axes = np.concatenate([texture.axes[own].reshape(-1) for own in _plane_blocks(config)])
-    words = np.ascontiguousarray(texture.words, WORD)
-    return {
-        "latents.{}": words.view(np.uint8).reshape(-1, WORD.itemsize),
-        "latents.{}.mean": np.ascontiguousarray(texture.mean),
-        "latents.{}.axes": axes.reshape(_axes_shape(config)),
-    }
-
-
-def read_texture(tensors: Tensors, known: Mapping[str, Any], config: BlockConfig) -> BlockTexture:
-    """The texture of these tensors. Raises ValueError for directories, means or axes that no encoder writes; all codes are valid."""
-    parts = tensors["latents.{}.axes"].reshape(-1)
-    _check_numbers(tensors["latents.{}.mean"], "latents.{}.mean")
-    _check_numbers(parts, "latents.{}.axes")
-    words = np.ascontiguousarray(tensors["latents.{}"]).view(WORD).reshape(-1)
-    texture = BlockTexture(
-        **known,
-        words=words.astype(np.uint32, copy=False),
-        mean=tensors["latents.{}.mean"],
-        axes=_axes_matrix(parts, config),
-    )
-    try:
-        level_rows(texture.words, texture_levels(texture, config), config)
-    except ValueError as error:
-        raise ValueError(f"latents.{{}}.{error}") from error
-    return texture
 
 
 def decoder_tensors(decoder: BlockDecoder, config: BlockConfig) -> dict[str, NDArray[Any]]:
@@ -140,11 +74,6 @@ def _check_decoder(decoder: BlockDecoder, config: BlockConfig) -> None:
         raise ValueError(f"decoder.{{}}.edges: an edge part has {decoder.edges.max()} bits a texel")
     if int(decoder.basis_scale.max(initial=0)) > LARGEST_BASIS_SCALE:
         raise ValueError(f"decoder.{{}}.basis_scale: a scale is beyond {LARGEST_BASIS_SCALE}")
-
-
-def _check_numbers(array: NDArray[Any], name: str) -> None:
-    if float(np.abs(array).max(initial=0.0)) > LARGEST_NUMBER:
-        raise ValueError(f"{name}: a number is beyond {LARGEST_NUMBER:g}")
 
 
 def shipped_decoder(decoders: int, parameters: Mapping[str, Any], config: BlockConfig) -> BlockDecoder:

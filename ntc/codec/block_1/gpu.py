@@ -15,10 +15,11 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block_1.config import DIRECTORY_RUN, LARGEST_DEPTH, LARGEST_SIZES, BlockConfig
-from ntc.codec.block_1.model import BlockDecoder, BlockTexture, scale_values
-from ntc.codec.block_1.storage import level_rows
-from ntc.codec.block_1.trellis import branch_tables, level_table
+from ntc.codec.block_1.config import LARGEST_SIZES, BlockConfig
+from ntc.codec.block_1.model import BlockDecoder, BlockTexture
+from ntc.codec.block_1.trellis import level_table
+from ntc.codec.block_storage import DIRECTORY_RUN, level_rows
+from ntc.codec.block_trellis import LARGEST_DEPTH, branch_tables, scale_values
 from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, by_plane
 from ntc.codec.latents import texture_levels
 from ntc.codec.maps import PLANES, Plane, plane_channels

@@ -7,8 +7,8 @@ from typing import cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block_1.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockConfig
-from ntc.codec.block_1.trellis import share_out_bits
+from ntc.codec.block_1.config import BlockConfig
+from ntc.codec.block_trellis import share_out_bits
 from ntc.codec.model import Decoder, EncodedTexture, Pack
 from ntc.errors import InputError
 
@@ -44,7 +44,7 @@ class BlockTexture(EncodedTexture):
     """One texture under a group's tables: value = mean + axes @ (what the block decodes to)."""
 
     words: NDArray[np.uint32]
-    """[words] uint32: directories and codes of all levels (`ntc.codec.block_1.storage`)."""
+    """[words] uint32: directories and codes of all levels (`ntc.codec.block_storage`)."""
     mean: NDArray[np.float32]
     """[channels] float32, in the texture's colour space, 0 to 1."""
     axes: NDArray[np.float32]
@@ -76,8 +76,3 @@ def _depths(scales: bytes, modes: int, bits_of_sizes: tuple[int, ...]) -> NDArra
     found = np.array([[share_out_bits(row, bits) for row in rows] for bits in bits_of_sizes], np.uint8)
     found.setflags(write=False)
     return found
-
-
-def scale_values(stored: NDArray[np.uint8]) -> NDArray[np.float64]:
-    """Scales as numbers: 2^((stored - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE), float64 of the shape of `stored`."""
-    return np.exp2((stored.astype(np.float64) - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE)

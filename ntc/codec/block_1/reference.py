@@ -5,9 +5,10 @@ from numpy.typing import NDArray
 
 from ntc.codec.block_1.codes import unpacked_codes
 from ntc.codec.block_1.config import BlockConfig
-from ntc.codec.block_1.model import BlockDecoder, BlockTexture, scale_values
-from ntc.codec.block_1.storage import BlockCodes, level_codes, level_rows
-from ntc.codec.block_1.trellis import branch_tables, level_table
+from ntc.codec.block_1.model import BlockDecoder, BlockTexture
+from ntc.codec.block_1.trellis import level_table
+from ntc.codec.block_storage import BlockCodes, level_codes, level_rows
+from ntc.codec.block_trellis import branch_tables, scale_values
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.sampling import bilinear, clamped_lod, trilinear

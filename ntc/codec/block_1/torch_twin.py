@@ -10,10 +10,11 @@ from torch import Tensor
 
 from ntc.codec.block_1.codes import bit_offsets
 from ntc.codec.block_1.config import BlockConfig
-from ntc.codec.block_1.model import BlockDecoder, BlockTexture, block_parts, scale_values
+from ntc.codec.block_1.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block_1.reference import image_of
-from ntc.codec.block_1.storage import level_codes, level_rows
-from ntc.codec.block_1.trellis import branch_tables, level_table
+from ntc.codec.block_1.trellis import level_table
+from ntc.codec.block_storage import level_codes, level_rows
+from ntc.codec.block_trellis import branch_tables, scale_values
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack

@@ -14,7 +14,8 @@ from ntc.codec.block.encoding.edges import costs_without_edges, derived_costs, f
 from ntc.codec.block.encoding.masks import side_costs
 from ntc.codec.block.encoding.quantizer import expected_errors
 from ntc.codec.block.encoding.transform import Tables
-from ntc.codec.block.model import BlockDecoder, scale_values, stored_scales
+from ntc.codec.block.model import BlockDecoder, stored_scales
+from ntc.codec.block_trellis import scale_values
 
 COMPARED_BLOCKS = 2000
 """Of a group's sample, about."""

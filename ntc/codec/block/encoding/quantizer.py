@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import torch
 
-from ntc.codec.block.config import LARGEST_DEPTH
-from ntc.codec.block.trellis import BRANCHES, STATES, level_table
+from ntc.codec.block.trellis import level_table
+from ntc.codec.block_trellis import BRANCHES, LARGEST_DEPTH, STATES
 
 compiled: Any
 try:

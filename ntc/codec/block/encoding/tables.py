@@ -17,7 +17,8 @@ from ntc.codec.block.encoding.masks import mixed_blocks
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
 from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
-from ntc.codec.block.model import BlockDecoder, scale_values, stored_scales
+from ntc.codec.block.model import BlockDecoder, stored_scales
+from ntc.codec.block_trellis import scale_values
 
 MODE_ROUNDS = 6
 """Alternations between choosing a mode for each block and fitting the modes to their blocks."""

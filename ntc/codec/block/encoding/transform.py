@@ -10,9 +10,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from ntc.codec.block.config import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, BlockConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Sample
-from ntc.codec.block.model import BlockDecoder, averaged_rows, scale_values
+from ntc.codec.block.model import BlockDecoder, averaged_rows
+from ntc.codec.block_trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, scale_values
 
 LARGEST_NUMBER = 127.0
 """Of a row of the basis."""

@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from ntc.codec.block import reference
 from ntc.codec.block.codes import bit_places, bits_before_branches, packed_codes, start_states, unpacked_codes
-from ntc.codec.block.config import LARGEST_DEPTH, BlockConfig
+from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import blocks_of
 from ntc.codec.block.encoding.encoder import encode_group
 from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.search import coded, coded_by_torch
-from ntc.codec.block.model import BlockDecoder, BlockTexture, scale_values, stored_scales
+from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
 from ntc.codec.block.reference import image_of
-from ntc.codec.block.storage import BlockCodes
-from ntc.codec.block.trellis import BRANCHES, indices_of, level_table, share_out_bits
+from ntc.codec.block.trellis import indices_of, level_table
+from ntc.codec.block_storage import BlockCodes
+from ntc.codec.block_trellis import BRANCHES, LARGEST_DEPTH, scale_values, share_out_bits
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
