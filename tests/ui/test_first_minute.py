@@ -126,6 +126,42 @@ def test_letters_that_are_typed_do_not_fly(app: DrivenApp) -> None:
     assert app.session.view.camera == before
 
 
+def test_keys_of_commands_do_not_fly(app: DrivenApp) -> None:
+    app.run("camera.mode", "fly")
+    app.settle()
+    app.key(imgui.Key.mod_ctrl, True)
+    assert hold(app, imgui.Key.q, 5) == 0.0
+    app.key(imgui.Key.mod_ctrl, False)
+
+
+@pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
+def test_the_offer_lies_beside_warnings_and_the_card(app: DrivenApp, tmp_path: Path, size: tuple[int, int]) -> None:
+    app.resize(size)
+    builder = GltfBuilder()
+    uvs = square((0, 0, 0), (1, 0, 0), (0, 1, 0))[:, :2]
+    pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 3)).astype(np.uint8)
+    images = (builder.image(png(pixels), name="there"), builder.add("images", uri="absent.png"))
+    drawn = [
+        builder.triangle(
+            builder.material(image), POSITION=square((2.0 * number, 0, 0), (1, 0, 0), (0, 1, 0)), TEXCOORD_0=uvs
+        )
+        for number, image in enumerate(images)
+    ]
+    app.drop(builder.drawn(*drawn).write(tmp_path / "part.glb"))
+    app.run("help.first-steps")
+    searched(app)
+    app.settle()
+    if size[0] < 1280:
+        assert "Encode it now" not in app.widgets.labels(), "one after the other"
+        app.click("Got it")
+    names = ["##offer", "##first steps"][: 2 if "Got it" in app.widgets.labels() else 1]
+    boxes = [imgui.internal.find_window_by_name(name).rect() for name in names]
+    offer, *cards = [(box.min.x, box.min.y, box.max.x, box.max.y) for box in boxes]
+    assert "Encode it now" in app.widgets.labels()
+    for other in (app.widgets.rectangle("warning 1"), *cards):
+        assert other[2] <= offer[0] or other[0] >= offer[2] or other[3] <= offer[1] or other[1] >= offer[3]
+
+
 def square(corner: tuple[float, float, float], right: tuple[float, ...], up: tuple[float, ...]) -> np.ndarray:
     """[6, 3] float32: two triangles, seen from the side to which right x up points."""
     a, u, v = (np.array(vector, np.float32) for vector in (corner, right, up))

@@ -307,6 +307,8 @@ class EncodeOffer:
             return
         # A width of its own: rows do not move while their texts change.
         width = min(em(OFFER_WIDTH), max(area.width - em(2.0), em(12.0)))
+        if ui.session.window.show_first_steps and area.width < 2.0 * width:
+            return  # No room beside the card of first steps: one after the other.
         key = (ui.session.scene, area.width, area.height)
         if self._placed_for != key and not ui.session.seeks_first_view:
             # Warnings lie above on the left. Once it lies somewhere it stays: the camera may move.
@@ -316,10 +318,11 @@ class EncodeOffer:
             corners = OFFER_CORNERS[: 2 if ui.session.window.show_first_steps else 3]
             self._corner = emptiest_corner(ui.session.scene, ui.session.view.camera, size, box, corners)
         right, bottom = self._corner
-        place = ImVec2(
-            area.right - grid(3) if right else area.left + grid(3),
-            area.bottom - grid(10) if bottom else area.top + grid(10),
-        )
+        # In a narrow picture below the warnings, which reach the other side.
+        warnings = [ui.rects.rectangle(label) for label in ui.rects.labels() if label.startswith("warning ")]
+        lows = [low + grid(2) for _, _, end, low in warnings if end > area.right - width - grid(3)]
+        x = area.right - grid(3) if right else area.left + grid(3)
+        place = ImVec2(x, area.bottom - grid(10) if bottom else max([area.top + grid(10), *lows]))
         imgui.set_next_window_pos(place, imgui.Cond_.always, ImVec2(right, bottom))
         imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, 1e4))
         imgui.set_next_window_bg_alpha(0.88)
