@@ -122,16 +122,6 @@ class StoredRows(NamedTuple):
     rows: int
 
 
-class PixelInstructions(NamedTuple):
-    """Vector instructions that path `deferred` takes for a pixel on AMD Navi32, all planes together, by the texel filter.
-
-    An estimate from compiled shaders; nothing was run.
-    """
-
-    exact: float
-    stochastic: float
-
-
 class GpuTables(ABC):
     """Data that shaders read of packs with one codec's settings, stored in one precision.
 
@@ -190,10 +180,13 @@ class GpuTables(ABC):
         data = b"".join([self.shared_data(), *decoders, *map(self.adapter_data, textures)])
         return data or bytes(self.block_bytes)
 
-    def pixel_instructions(self, pack: Pack) -> PixelInstructions | None:
-        """Return the estimated instructions for a pixel of `pack`; None where nobody has counted them."""
+    def coefficients(self, pack: Pack) -> float:
+        """Return the coefficients of a code of `pack`, all planes together, as a mean: what the time of decoding depends on.
+
+        0 for codecs without coefficients.
+        """
         del pack
-        return None
+        return 0.0
 
     @property
     def texture_record(self) -> np.dtype:

@@ -411,12 +411,18 @@ def rows(
     distinct = list(dict.fromkeys(own.program.texts for own in programs))
     first = [next(own.program for own in programs if own.program.texts == texts) for texts in distinct]
     told = dict(zip(distinct, compiled(find_compiler(gpu), first), strict=True))
+    coefficients = BlockTables(codes.config).plane_coefficients(codes.pack)
+    work = {
+        "planes": len(coefficients),
+        "base coefficients": round(coefficients[0], 2),
+        "coefficients": round(sum(coefficients), 2),
+    }
     totals: dict[tuple[str, float], dict[Plane, float]] = {}
     for own in programs:
         totals.setdefault((own.path, own.lod), {})[own.plane] = counted(own, told[own.program.texts], codes)
     for (path, lod), planes in totals.items():
         total = sum(planes.values())
-        row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod}
+        row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod, **work}
         row |= {"base": round(planes["base"]), "all planes": round(total)}
         is_frame = gpu == "navi32" and not path.startswith("cached")
         for size, pixels in PIXELS.items():

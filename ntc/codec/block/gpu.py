@@ -28,7 +28,7 @@ from ntc.codec.block.reference import texture_codes
 from ntc.codec.block.trellis import DEEP_CURVE, DEEP_DEPTH, LEVEL_STEPS, SHALLOW_CURVE
 from ntc.codec.block_storage import DIRECTORY_RUN, level_rows
 from ntc.codec.block_trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, branch_tables
-from ntc.codec.gpu import GpuTables, PixelInstructions, StoredRows, TextureFields, by_plane
+from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, by_plane
 from ntc.codec.latents import texture_levels
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.mips import srgb_channels
@@ -41,9 +41,6 @@ MOST_COMPONENTS = 4
 """Components of a plane at most."""
 MOST_TOGETHER = 256
 """Coefficients at most of a code that a work group decodes: an order has a byte for each place."""
-INSTRUCTIONS = PixelInstructions(1453.0, 791.0), PixelInstructions(24.2, 15.8)
-"""For a plane of a pixel, and for each coefficient of a code: a fit to counts of seven planes of four packs, which are up to 8 % off
-(lab.benchmarks.shaders.block_counts, at lod 0.5)."""
 MOST_COUNTED = 16
 """Textures of a pack whose coefficients are counted."""
 MOST_CODES = 4096
@@ -262,17 +259,15 @@ class BlockTables(GpuTables):
     def latent_words(self, texture: EncodedTexture, rows: slice) -> Words:
         return np.ascontiguousarray(cast(BlockTexture, texture).words[rows, None], "<u4")
 
-    def pixel_instructions(self, pack: Pack) -> PixelInstructions:
+    def coefficients(self, pack: Pack) -> float:
+        return sum(self.plane_coefficients(pack))
+
+    def plane_coefficients(self, pack: Pack) -> tuple[float, ...]:
+        """Return the coefficients with bits of a code of `pack` by plane, as means over some of its textures."""
         textures = cast("tuple[BlockTexture, ...]", pack.textures)[:: -(-len(pack.textures) // MOST_COUNTED) or 1]
         # [textures, planes]
-        means = np.array(
-            [self._mean_coefficients(own, cast(BlockDecoder, pack.decoders[own.group])) for own in textures]
-        )
-        coefficients = float(means.mean(axis=0).sum()) if len(textures) else 0.0
-        exact, stochastic = (
-            len(self._config.planes) * plane + coefficients * each for plane, each in zip(*INSTRUCTIONS, strict=True)
-        )
-        return PixelInstructions(exact, stochastic)
+        means = [self._mean_coefficients(own, cast(BlockDecoder, pack.decoders[own.group])) for own in textures]
+        return tuple(np.mean(means, axis=0).tolist()) if means else (0.0,) * len(self._config.planes)
 
     def _mean_coefficients(self, texture: BlockTexture, decoder: BlockDecoder) -> list[float]:
         """Return the coefficients with bits of a code of `texture` by plane, as a mean."""

@@ -7,10 +7,9 @@ from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from viewer.inspect.frame_times import axis_top, beyond_text, frame_ticks
-from viewer.inspect.gpu_estimate import ESTIMATED_GPU, estimated_ms
+from viewer.inspect.gpu_estimate import estimate_lines
 from viewer.render.frames import FrameHistory
 from viewer.state.compare_layout import shown_slots
-from viewer.state.session import Session
 from viewer.ui.controls import copy_button
 from viewer.ui.facts import FrameFacts, UiFrame
 
@@ -84,18 +83,8 @@ def timings_text(facts: FrameFacts, estimates: Sequence[str] = ()) -> str:
     return "\n".join([*lines, *count_lines(facts), *estimates])
 
 
-def estimate_lines(session: Session) -> list[str]:
-    """Return estimated times on a GPU for the shown packs, one a line."""
-    lines = []
-    for slot in dict.fromkeys(shown_slots(session.view)):
-        pack = session.packs.get(slot.source)
-        times = estimated_ms(pack, slot.filter) if pack is not None else {}
-        if times:
-            sizes = ", ".join(f"{milliseconds:.1f} ms at {size}" for size, milliseconds in times.items())
-            lines.append(f"{slot.source}, filter {slot.filter}: {sizes}")
-    if lines:
-        lines.insert(0, f"Estimated, not measured: path deferred on {ESTIMATED_GPU}, from counted instructions")
-    return lines
+def _estimates(ui: UiFrame) -> list[str]:
+    return estimate_lines(ui.session.packs, shown_slots(ui.session.view), ui.facts.paths, ui.facts.tiles)
 
 
 def count_lines(facts: FrameFacts) -> list[str]:
@@ -126,7 +115,7 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     imgui.text_wrapped(ui.facts.renderer)
     imgui.text_disabled(f"medians by {ui.facts.timer}")
     imgui.same_line()
-    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts, estimate_lines(ui.session)))
+    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts, _estimates(ui)))
     if ui.facts.history is not None:
         plot.draw(ui.facts.history, ui)
     if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):
@@ -146,7 +135,7 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     imgui.separator()
     for line in count_lines(ui.facts):
         imgui.text_wrapped(line)
-    estimates = estimate_lines(ui.session)
+    estimates = _estimates(ui)
     if estimates:
         imgui.separator()
     for line in estimates:
