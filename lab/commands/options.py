@@ -54,7 +54,6 @@ class BenchOptions(DecoderOptions):
     repeats: Annotated[int | None, in_words("N")] = None
     """Timed frames of each; figures are medians. Default: 3; with --thorough 5."""
     device: Gpu = None
-    """The GPU, by its number or part of its name (ntc-viewer doctor lists them), or `software`. Default: the first."""
 
 
 @dataclass(frozen=True)

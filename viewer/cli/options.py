@@ -137,9 +137,16 @@ def _target(unit: TargetUnit, metavar: str, more: str = "") -> Any:
 Packs = Annotated[tuple[Path, ...], in_words("F.ntc ...")]
 Lines = Annotated[tuple[str, ...], tyro.conf.arg(metavar="'LINE; LINE'"), tyro.conf.UseAppendAction]
 Switch = tyro.conf.FlagCreatePairsOff[bool]
-Gpu = Annotated[str | None, in_words("N|NAME|software")]
-GroupingOrImages = Annotated[str | None, in_words("NAME")]
+Gpu = Annotated[
+    str | None,
+    tyro.conf.arg(
+        metavar="N|NAME|software",
+        help="GPU: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`. Default: the first.",
+        help_behavior_hint="",
+    ),
+]
 """GPU as `viewer.gl.devices.choose_device` takes it; None: the one that NTC_VIEWER_DEVICE names, else the first one."""
+GroupingOrImages = Annotated[str | None, in_words("NAME")]
 
 
 @dataclass(frozen=True)
@@ -192,7 +199,7 @@ class ViewOptions(DecoderOptions):
     """Folder for pictures, views and recorded camera paths."""
     size: Annotated[Size | None, in_words("WIDTHxHEIGHT")] = None
     """Size of the window's content in pixels. Default: the last size; 1280x720 without a window."""
-    device: Gpu = None
+    device: Annotated[str | None, in_words("N|NAME|software")] = None
     """GPU to draw on without a window: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`.
     Default: the first."""
 
@@ -259,7 +266,6 @@ class RenderOptions(DecoderOptions):
     require_gpu: Switch = False
     """Fail if the renderer is a software rasteriser."""
     device: Gpu = None
-    """GPU to draw on: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`. Default: the first."""
 
 
 @dataclass(frozen=True)
@@ -367,7 +373,6 @@ class DecodeOptions:
     level: int = 0
     """Mip to decode, from 0. A texture with fewer mips is decoded at its last one."""
     device: Gpu = None
-    """GPU of --backend gl: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`. Default: the first."""
 
 
 @dataclass(frozen=True)
@@ -455,7 +460,6 @@ class CheckOptions:
     size: Size = (640, 360)
     """Size of the pictures in pixels."""
     device: Gpu = None
-    """GPU to draw on: its number or part of its name, as `ntc-viewer doctor` lists them, or `software`. Default: the first."""
 
 
 @dataclass(frozen=True)
@@ -465,7 +469,6 @@ class DoctorOptions:
     json: Switch = False
     """Print JSON instead of text."""
     device: Gpu = None
-    """GPU to describe: its number or part of its name, or `software`. Default: the first."""
 
 
 SUBCOMMANDS = (
