@@ -19,8 +19,8 @@ from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tool
 WARNING = (0.38, 0.26, 0.02, 0.92)
 WARNING_WIDTH = 26.0
 """Largest width of a warning, in font sizes."""
-WARNINGS_TOP = 3.0
-"""Distance of the first warning from the upper edge, in font sizes."""
+WARNINGS_TOP = 3.5
+"""Distance of the first warning from the upper edge, in font sizes: below names of two lines."""
 ERROR = (0.55, 0.08, 0.06, 0.92)
 MESSAGE = (0.10, 0.14, 0.18, 0.92)
 

@@ -87,7 +87,10 @@ class FirstView:
             self._views += drawer.views(self._waiting[:1])
             self._waiting = self._waiting[1:]
         else:
-            self._emit(FirstViewFound(scene, self._best(scene, drawer)))
+            best = self._best(scene, drawer)
+            if best is None:
+                self._emit(Notification(f"no other view shows more of {scene.name} than all of it"))
+            self._emit(FirstViewFound(scene, best))
 
     def _job(self, scene: Scene) -> Job[tuple[bool, list[Candidate]]]:
         return self._background.submit(("first view", id(scene)), lambda _report: _places(scene))
