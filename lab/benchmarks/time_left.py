@@ -4,6 +4,8 @@ The scene is prepared and its rates are measured as behind the offer of a window
 adds a row to the record. With one folder in NTC_VIEWER_DATA_DIR, a row knows the speed that rows before it have learned.
 
     python -m lab.benchmarks.time_left courtyard --json lab/benchmarks/results/time_left.json
+
+With --processor-time, one thread of this process encodes, and its processor time is the clock: as on a machine without other load.
 """
 
 import argparse
@@ -14,19 +16,26 @@ import sys
 import tempfile
 import time
 from bisect import bisect_left
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from lab.runner import run, write_record
+from lab.runner import machine, run, write_record
+from ntc.codec.block.config import BlockOptions
 from ntc.errors import InputError
+from ntc.training.messages import GroupSnapshot, TrainingProgress, checked_request
+from ntc.training.trainer import Trainer
+from viewer.jobs.job import JobReport
 from viewer.locations import CACHE_FOLDER_VARIABLE, DATA_FOLDER_VARIABLE, named_scene
+from viewer.scene.json_text import counted
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.training.live_training import LiveTraining
-from viewer.training.preparation import EncodeScene
-from viewer.training.settings import with_setting
+from viewer.training.pace import Pace
+from viewer.training.preparation import EncodeScene, prepare
+from viewer.training.settings import TrainingSettings, with_setting
 
 SECONDS_BETWEEN_LOOKS = 0.05
 MOMENTS = (0.15, 0.25, 0.5, 0.75, 0.9)
@@ -71,9 +80,7 @@ def other_load(count: int) -> Iterator[OtherLoad]:
 def encoded(scene: Scene, options: argparse.Namespace, load: OtherLoad) -> dict[str, Any]:
     """Encode `scene` once; returns the row."""
     training = LiveTraining(lambda _event: None)
-    for text in options.set:
-        name, value = text.split("=", 1)
-        training.plan = with_setting(training.plan, name, value)
+    training.plan = plan_of(options)
     if options.load_from == 0.0:
         load.begin()
     training.enter(scene)
@@ -102,21 +109,86 @@ def encoded(scene: Scene, options: argparse.Namespace, load: OtherLoad) -> dict[
     training.close()
     if outcome != "done":
         raise InputError(f"{scene.name}: the encoding ended as {outcome}")
+    return row_of(scene, options, forecast.line().split(" -> ")[0], forecast.seconds, took, said) | {
+        "encoding_seconds": encoding
+    }
+
+
+class _ProcessorTimeHost:
+    """Host of a training whose clock is the processor time of this process."""
+
+    def __init__(self) -> None:
+        self.said: list[tuple[float, float | None, float]] = []
+        """(seconds, seconds left, share of the work) of each report."""
+
+    def interruption(self) -> None:
+        """Let work continue."""
+
+    def seconds(self) -> float:
+        """Return the processor time of this process in seconds."""
+        return time.process_time()
+
+    def progress(self, progress: TrainingProgress) -> None:
+        """Take a report."""
+        self.said.append((progress.elapsed_seconds, progress.seconds_left, progress.share))
+
+    def wants_snapshot(self, group: int) -> bool:
+        """Return whether a snapshot is wanted: never."""
+        del group
+        return False
+
+    def snapshot(self, snapshot: GroupSnapshot) -> None:
+        """Drop a final snapshot."""
+
+
+def encoded_by_processor_time(scene: Scene, options: argparse.Namespace) -> dict[str, Any]:
+    """Encode `scene` once in this thread; returns the row."""
+    request = prepare(EncodeScene(plan_of(options)), scene, None, JobReport())
+    assert isinstance(request.training, BlockOptions)
+    pace, request = Pace(), replace(request, training=replace(request.training, threads=1))
+    request = replace(request, expected_seconds=pace.expected_seconds(request))
+    host = _ProcessorTimeHost()
+    trainer = Trainer(checked_request(request), host)
+    began = host.seconds()
+    trainer.run()
+    took = host.seconds() - began
+    pace.note_run(request, took)
+    return row_of(scene, options, counted(len(request.textures), "texture"), request.expected_seconds, took, host.said)
+
+
+def row_of(
+    scene: Scene,
+    options: argparse.Namespace,
+    what: str,
+    offered: float | None,
+    took: float,
+    said: Sequence[tuple[float, float | None, float]],
+) -> dict[str, Any]:
+    """Return the row of an encoding that took so many seconds; `said` has (second, seconds left, share of the work), ascending."""
     row: dict[str, Any] = {
         "scene": options.title or scene.name,
-        "what": forecast.line().split(" -> ")[0],
+        "clock": "processor" if options.processor_time else "wall",
+        "what": what,
         "load": options.load,
         "load_from": options.load_from,
         "load_average": os.getloadavg()[0],
-        "offered_seconds": forecast.seconds,
+        "offered_seconds": offered,
         "seconds": took,
-        "encoding_seconds": encoding,
     }
     for moment in MOMENTS:
         now, left, share = said[bisect_left([at for at, _, _ in said], moment * took)]
         row |= {f"said_{moment:.0%}": left, f"left_{moment:.0%}": took - now, f"share_{moment:.0%}": share}
     errors = [left / (took - now) for now, left, _ in said if left is not None and 0.15 <= now / took <= 0.9]
     return row | {"least_ratio": min(errors, default=None), "most_ratio": max(errors, default=None)}
+
+
+def plan_of(options: argparse.Namespace) -> TrainingSettings:
+    """Return the settings that the options name."""
+    plan = TrainingSettings()
+    for text in options.set:
+        name, value = text.split("=", 1)
+        plan = with_setting(plan, name, value)
+    return plan
 
 
 def main() -> None:
@@ -130,17 +202,21 @@ def main() -> None:
     parser.add_argument("--looking", type=float, default=3.0, help="seconds before accepting, at least")
     parser.add_argument("--load", type=int, default=0, help="other processes that each keep a core busy")
     parser.add_argument("--load-from", type=float, default=0.0, help="share of the encoding at which they begin")
+    parser.add_argument(
+        "--processor-time", action="store_true", help="encode by one thread, timed by its processor time"
+    )
     parser.add_argument("--json", type=Path)
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder, other_load(options.load) as load:
         for variable in (CACHE_FOLDER_VARIABLE, DATA_FOLDER_VARIABLE):
             os.environ.setdefault(variable, folder)
-        row = encoded(load_scene(named_scene(options.scene)), options, load)
+        scene = load_scene(named_scene(options.scene))
+        row = encoded_by_processor_time(scene, options) if options.processor_time else encoded(scene, options, load)
     sys.stdout.write(json.dumps(row, indent=2) + "\n")
     if options.json is not None:
         before = json.loads(options.json.read_text())["rows"] if options.json.exists() else []
-        rows = [*(each for each in before if each["scene"] != row["scene"]), row]
-        write_record(options.json, {"cores": os.cpu_count(), "rows": rows})
+        rows = [*(each for each in before if (each["scene"], each["clock"]) != (row["scene"], row["clock"])), row]
+        write_record(options.json, {**machine(), "rows": rows})
 
 
 if __name__ == "__main__":

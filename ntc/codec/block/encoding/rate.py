@@ -92,8 +92,8 @@ PREVIEW_TIMES = 48
 """Texels of a group, as a multiple of those of its preview, from which on it has one."""
 CHANNEL_COEFFICIENTS = 26.0
 """Coefficients that take as much time as a channel."""
-THREAD_GAIN = 0.8
-"""What each thread besides the first adds to the speed of encoding."""
+THREAD_GAIN = 0.2
+"""What each thread besides the first adds to the speed of encoding, on two cores that other programs use too."""
 
 
 def fitting_work(blocks: float, ships: bool) -> float:
