@@ -353,6 +353,28 @@ def block_counts() -> str:
     )
 
 
+def compiling() -> str:
+    """Processor time of compiling the programs of the first picture."""
+    rows = [
+        {"scene": found["scene"], **row}
+        for found in (record(f"first_picture_{name}_llvmpipe") for name in ("courtyard", "ship"))
+        for row in found["rows"]
+    ]
+    return table(
+        rows,
+        "scene",
+        "path",
+        "decode ms=decoding, ms=0",
+        "visibility=visibility, ms=0",
+        "latents=latents, ms=0",
+        "reference=originals, ms=0",
+        "shade=shading, ms=0",
+        "shadow=shadow, ms=0",
+        "composite=composite, ms=0",
+        "all ms=all, ms=0",
+    )
+
+
 def coarse_mips() -> str:
     """Coefficients of a code that its coarse mips need, by pack."""
     return table(
@@ -556,6 +578,7 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     "shaders": shader_statistics,
     "block-counts": block_counts,
     "coarse-mips": coarse_mips,
+    "compiling": compiling,
     "window-training": window_training,
     "first-pictures": first_pictures,
     "jobs": encoding_by_jobs,
