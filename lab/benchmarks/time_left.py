@@ -42,9 +42,10 @@ MOMENTS = (0.15, 0.25, 0.5, 0.75, 0.9)
 """Shares of the time of an encoding at which the time left is read."""
 
 
-def _busy() -> None:
-    while True:
-        pass
+def _busy(parent: int) -> None:
+    """Keep a core busy while the process `parent` lives."""
+    while os.getppid() == parent:
+        sum(range(10_000))
 
 
 class OtherLoad:
@@ -57,7 +58,9 @@ class OtherLoad:
     def begin(self) -> None:
         """Start them. No effect where they run."""
         if not self._processes:
-            self._processes = [multiprocessing.Process(target=_busy, daemon=True) for _ in range(self._count)]
+            self._processes = [
+                multiprocessing.Process(target=_busy, args=(os.getpid(),), daemon=True) for _ in range(self._count)
+            ]
             for process in self._processes:
                 process.start()
 
@@ -86,7 +89,7 @@ def encoded(scene: Scene, options: argparse.Namespace, load: OtherLoad) -> dict[
     training.enter(scene)
     training.prepare_ahead(scene)
     began = time.monotonic()
-    while training.rates.is_busy or time.monotonic() - began < options.looking:
+    while training.rates.is_busy and time.monotonic() - began < options.looking:
         training.tick(scene, frozenset())
         time.sleep(SECONDS_BETWEEN_LOOKS)
     forecast = training.rates.forecast(training.plan, scene)
@@ -199,7 +202,7 @@ def main() -> None:
     parser.add_argument(
         "--set", nargs="*", default=[], metavar="NAME=VALUE", help="settings as training.set takes them"
     )
-    parser.add_argument("--looking", type=float, default=3.0, help="seconds before accepting, at least")
+    parser.add_argument("--looking", type=float, default=15.0, help="seconds before accepting, at most")
     parser.add_argument("--load", type=int, default=0, help="other processes that each keep a core busy")
     parser.add_argument("--load-from", type=float, default=0.0, help="share of the encoding at which they begin")
     parser.add_argument(

@@ -45,6 +45,8 @@ from ntc.threads import PacedThreads, mapped, most_threads
 
 FEW_TEXTURES = 8
 """Up to so many are encoded one after the other, each by all threads."""
+FORECAST_DB = 3.0
+"""dB of PSNR that textures may have above what their rate curves promise."""
 MOST_KEPT = 1 << 28
 """Values of all textures of a task up to which they stay in blocks from when tables are fitted until they are encoded."""
 HIGHEST_PSNR_DB = 120.0
@@ -234,11 +236,9 @@ class BlockEncoder(Encoder):
         for index, curve, own in zip(fitted.members, fitted.curves, words, strict=True):
             source = self._task.textures[index]
             prepared = self._kept.get(source)
-            if (
-                self._options.own_codes
-                and prepared is not None
-                and is_doubtful(curve.psnr_at(own), prepared.derived_errors)
-            ):
+            if not self._options.own_codes or prepared is None:
+                continue
+            if is_doubtful(curve.psnr_at(own) + FORECAST_DB, prepared.derived_errors):
                 self._redone[index] = REDONE_WORK * block_count([source.size], self._config)
                 self._count.expect(self._redone[index])
 
