@@ -16,7 +16,7 @@ from lab.benchmarks.shaders.decoding_programs import CODECS
 from lab.documentation.report_tables import Row, record, table
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.registry import codec_of
-from viewer.inspect.gpu_estimate import ESTIMATED_GPU, INSTRUCTIONS_FILE, PIXELS, milliseconds_of
+from viewer.inspect.gpu_estimate import ESTIMATED_GPU, INSTRUCTIONS_FILE, PAGE_TEXELS, PIXELS, milliseconds_of
 
 GPU: Final = "navi32"
 LOD: Final = 0.5
@@ -31,6 +31,8 @@ BLOCK_ROWS: Final[Mapping[str, tuple[str, int, float]]] = {
     "cached": ("cached, a texel of a tile", 1, 0.0),
 }
 """Path, `together` and lod of the rows that each path is estimated from. By `forward` and `binned` each pixel decodes for itself."""
+MOTIONS: Final = ("cached_motion_courtyard_llvmpipe", "cached_motion_bistro_1080p_llvmpipe")
+"""Records of moving cameras whose packs have codec `block`."""
 TERMS: Final = ("once", "plane", "coefficient")
 
 
@@ -107,17 +109,64 @@ def _times(instructions: float | None) -> str:
     return ", ".join(f"{milliseconds_of(instructions * pixels):.1f}" for pixels in PIXELS.values())
 
 
-def estimates(*paths: str) -> str:
-    """Estimated ms at each size by path: codec `block` with whole materials, and codec `grid` with base colours."""
+def estimates(*paths: str, moving: bool = False) -> str:
+    """Estimated ms at each size by path: codec `block` with whole materials, and codec `grid` with base colours.
+
+    `moving`: the most that tiles of a frame take while a camera moves, too.
+    """
     grid = grid_instructions()[_shapes()[COUNTED_GRID]]
     rows = []
     for path in paths:
         (block,) = (row["all planes"] for row in _block_rows(path) if row["pack"] == COUNTED_PACK)
         own = grid.get("deferred, shared" if path == "deferred" else path)
         rows.append({"path": f"`{path}`", "block": _times(block), "grid": _times(own["fp32"] if own else None)})
+    if moving:
+        motion = record(MOTIONS[0])
+        most = max(row["most tiles"] for row in motion["rows"]) * _tile_ms(motion)
+        text = f"{most:.2f}" if most >= 0.01 else "under 0.01"
+        rows.append({"path": "`cached`, moving camera", "block": f"{text}, -", "grid": "-"})
     sizes = ", ".join(PIXELS)
     heading = f"**estimated** ms, {ESTIMATED_GPU}, {sizes}"
     return table(rows, f"path={heading}", "block=`block`, materials", "grid=`grid`, colours")
+
+
+def _tile_ms(motion: Row) -> float:
+    """Estimated ms of a tile of the pack of a record of `lab.benchmarks.cached_motion`, by today's counts."""
+    fit, _ = block_fit("cached")
+    terms = (1.0, motion["planes"], motion["coefficients"])
+    own = sum(value * fit[name] for name, value in zip(TERMS, terms, strict=True))
+    return milliseconds_of(own * PAGE_TEXELS) / float(motion["planes"])
+
+
+def tiles_of_motions() -> str:
+    """Tiles that frames of a moving camera decode, and their estimated times."""
+    rows = []
+    for name in MOTIONS:
+        motion = record(name)
+        tile_us = 1e3 * _tile_ms(motion)
+        rows += [
+            {
+                **{key: row[key] for key in ("camera", "motion")},
+                "scene": f"{motion['scene']}, {motion['size'][0]}x{motion['size'][1]}",
+                "tiles": float(row["tiles a frame"]),
+                "most": float(row["most tiles"]),
+                "texels": float(row["tiles a frame"] * PAGE_TEXELS),
+                "us": row["tiles a frame"] * tile_us,
+                "most us": row["most tiles"] * tile_us,
+            }
+            for row in motion["rows"]
+        ]
+    return table(
+        rows,
+        "scene",
+        "camera",
+        "motion",
+        "tiles=tiles per frame=0",
+        "most=at most=0",
+        "texels=texels per frame=0",
+        "us=**estimated** µs=1",
+        "most us=at most, µs=1",
+    )
 
 
 def fit_table() -> str:
@@ -138,7 +187,8 @@ def fit_table() -> str:
 
 ESTIMATE_PARTS: Final[Mapping[str, Callable[[], str]]] = {
     "estimate-fits": fit_table,
+    "tiles-of-motions": tiles_of_motions,
     "estimates": partial(estimates, *(path for path in BLOCK_ROWS if path != "cached")),
-    "estimates-in-short": partial(estimates, "deferred", "deferred, stochastic", "forward"),
+    "estimates-in-short": partial(estimates, "deferred", "deferred, stochastic", moving=True),
 }
 """Tables by the name in the marks of a page."""
