@@ -3,6 +3,7 @@
 #define SLOT_BITS 5
 #define SLOTS (1 << SLOT_BITS)
 #define USUAL_FOURS 112
+#define SQUARES_AT_ONCE 1
 #include "ntc/block_together.glsl"
 
 #if FILTER_STOCHASTIC
@@ -168,7 +169,7 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             int row = own / max(side / 2, 1);
             int texel = 2 * row * side + 2 * (own - row * (side / 2));
             vec4 values[4];
-            decode_four(own_slot, slot_texture[own_slot], mip, 2 * square, texel, ivec2(1, side), values);
+            decode_texels(own_slot, slot_texture[own_slot], mip, 2 * square, texel, ivec3(1, side, 0), values);
             for (int one = 0; one < 4; ++one) texel_values[one * MOST_SQUARES + place] = values[one];
         }
         barrier();

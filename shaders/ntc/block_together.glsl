@@ -1,5 +1,6 @@
 // Codec `block` for work groups: each code that the group's invocations read is decoded once, for all of them, in shared memory.
 // For work groups of TOGETHER invocations, which hold SLOTS codes at once, and USUAL_FOURS times four coefficients, if no code has more.
+// Each invocation decodes SQUARES_AT_ONCE times four texels at once.
 // Further ones wait for the next round. Every invocation of the group must call what has a barrier.
 const int TOGETHER = 64;
 
@@ -26,27 +27,31 @@ uint code_number(LevelRecord level, ivec2 block) {
     return uint(level.first_cell + block.y * level.width + block.x);
 }
 
-// Without the place of the decoder.
+// Without the place of the decoder, and without the colour space.
 Code slot_content(int slot, int mip) {
     Code code;
     ivec4 place = slot_place[slot];
     code.first_word = place.x;
     code.last_word = place.y;
     code.mip = mip;
-    code.srgb = float(textures[slot_texture[slot]].srgb != 0);
+    code.srgb = 0.0;
     code.head = slot_head[slot];
     return code;
 }
 
-// Finds the code of a slot whose texture, level and number are known.
-void find_slot(int slot) {
-    LevelRecord level = levels[slot_level[slot]];
-    Code code = numbered_code(textures[slot_texture[slot]], level, int(slot_code[slot]) - level.first_cell);
+// Notes a code in a slot.
+void fill_slot(int slot, Code code) {
     int rows = int(code.head.w >> 2) + 4 * code.tables + SQUARES_WORD;
     int list = code.tables + int(code.head.x);
     slot_place[slot] = ivec4(code.first_word, code.last_word, list, rows);
     slot_head[slot] = code.head;
     slot_ends[slot] = table_word(4 * (list + int(code.head.y)));
+}
+
+// Finds the code of a slot whose texture, level and number are known.
+void find_slot(int slot) {
+    LevelRecord level = levels[slot_level[slot]];
+    fill_slot(slot, numbered_code(textures[slot_texture[slot]], level, int(slot_code[slot]) - level.first_cell));
 }
 
 int slot_fours(int slot) {
@@ -59,10 +64,9 @@ void begin_round(int lane) {
     if (lane == 0) room_asked = room_taken = waiting = 0u;
 }
 
-// Finds the code of a slot, and room for it and for `squares` of at most `most_squares`; gives the first of these, or -1 where it has
-// to wait for another round. Both are shared out at once, so that slots that fit lie before all others.
-int take_room(int slot, int squares, int most_squares) {
-    find_slot(slot);
+// Finds room for the code of a slot, and for `squares` of at most `most_squares`; gives the first of these, or -1 where it has to wait
+// for another round. Both are shared out at once, so that slots that fit lie before all others.
+int share_room(int slot, int squares, int most_squares) {
     int fours = slot_fours(slot);
     uint own = uint(fours) | uint(squares) << 16;
     uint first = atomicAdd(room_asked, own);
@@ -76,6 +80,12 @@ int take_room(int slot, int squares, int most_squares) {
     atomicMax(room_taken, end);
     for (int four = 0; four < fours; ++four) four_slots[slot_first[slot] + four] = uint(slot);
     return int(first >> 16);
+}
+
+// Finds the code of a slot, and room as `share_room` does.
+int take_room(int slot, int squares, int most_squares) {
+    find_slot(slot);
+    return share_room(slot, squares, most_squares);
 }
 
 // Writes the coefficients of all slots that fit to shared memory: four of a list in each invocation, to their places by component.
@@ -97,9 +107,9 @@ void decode_coefficients(int lane) {
         uint bit = 0u;
         for (int one = 0; one < 4; ++one) {
             uint entry = entries[one];
-            float value = coefficient_of(entry, branches >> uint(one), others >> bit);
+            float value = coefficient_of(entry, branches >> uint(one), others >> (bit & 31u));
             // The other bits of four coefficients lie one after the other, at most 24.
-            bit = (bit + ((entry >> 10) & 7u) - 1u) & 31u;
+            bit += ((entry >> 10) & 7u) - 1u;
             int place = 4 * first + int((places >> uint(8 * one)) & 255u);
             coefficients[place] = uvec2(floatBitsToUint(value), rows + int((entry >> 15) & 255u) * ROW_WORDS);
         }
@@ -126,56 +136,61 @@ int mip_of_square(int square) {
     return mip;
 }
 
-// Where the words of a texel's square begin, of what work groups read of a row.
-int square_word(int mip, ivec2 texel) {
-    return 2 * (mip_square(mip) + (texel.y >> 1) * ((BLOCK_SIDE >> mip) / 2) + (texel.x >> 1));
-}
-
-// Where the word of a texel and of that below lies, which mips of four texels a side and more have column by column.
-int column_word(int mip, ivec2 texel) {
-    int first = COLUMNS_WORD + (mip == 0 ? 0 : BLOCK_SIDE * BLOCK_SIDE / 2);
-    return first + texel.x * ((BLOCK_SIDE >> mip) / 2) + (texel.y >> 1);
+// Where the words of the first column of a mip of four texels a side or more begin, of what work groups read of a row; those of its
+// first row lie STRIP_WORDS further.
+int strips_word(int mip) {
+    return STRIPS_WORD + (mip == 0 ? 0 : 2 * STRIP_WORDS);
 }
 
 vec4 four_halves(int word) {
     return vec4(unpackHalf2x16(table_word(word)), unpackHalf2x16(table_word(word + 1)));
 }
 
-// Values, not limited, at four texels of a slot's code, whose words begin at `word` of what work groups read of a row. Texel number
-// `texel` of the code is the first; bit by bit their numbers add `steps`.
-void decode_four(int slot, int texture_id, int mip, int word, int texel, ivec2 steps, out vec4 values[4]) {
-    Code code = slot_content(slot, mip);
-    vec4 mean = textures[texture_id].mean[CODE_MIPS * PLANE_PLACE + mip];
-    for (int one = 0; one < 4; ++one) values[one] = mean;
-    uint width = code.head.w & 3u;
-    if (width != 0u) {
-        int side = BLOCK_SIDE >> mip;
-        for (int one = 0; one < 4 * network_blocks; ++one) {
-            int place = min(texel + (one & 1) * steps.x + (one >> 1) * steps.y, side * side - 1);
-            Sum sum = with_base(code, place, vec4(1.0, 0.0, 0.0, 0.0), vec4(0.0));
-            values[one] = untransformed_value(textures[texture_id], sum);
+// Components of a code that are left to show: bits at the same places as in the ends of their coefficients.
+struct Components {
+    uint left;
+    int four;    // where the next one begins in shared memory
+};
+
+// Adds what the next component shows to values at texels whose words begin at `word` of what work groups read of a row.
+void add_component(int slot, int texture_id, int mip, int word, inout Components components, inout vec4 values[4 * SQUARES_AT_ONCE]) {
+    int bit = findLSB(components.left);
+    int end = slot_first[slot] + (int(slot_ends[slot] >> uint(bit)) & 127);
+    vec4 sums[SQUARES_AT_ONCE];
+    for (int part = 0; part < SQUARES_AT_ONCE; ++part) sums[part] = vec4(0.0);
+    for (int four = components.four; four < end; ++four) {
+        for (int one = 0; one < 4; ++one) {
+            uvec2 own = coefficients[4 * four + one];
+            for (int part = 0; part < SQUARES_AT_ONCE; ++part)
+                sums[part] += uintBitsToFloat(own.x) * four_halves(int(own.y) + word + 2 * part);
         }
     }
-    uint ends = slot_ends[slot];
-    int four = slot_first[slot];
-    int first = four;
-    for (uint left = ends & 0x80808080u; left != 0u; left &= left - 1u) {
-        int bit = findLSB(left) - 7;
-        int end = first + int((ends >> uint(bit)) & 127u);
-        vec4 sum = vec4(0.0);
-        for (; four < end; ++four) {
-            for (int one = 0; one < 4; ++one) {
-                uvec2 own = coefficients[4 * four + one];
-                sum += uintBitsToFloat(own.x) * four_halves(int(own.y) + word);
-            }
-        }
 #if BLOCK_SIDE >> (CODE_MIPS - 1) == 1
-        if (BLOCK_SIDE >> mip == 1) sum.x += sum.y;
+    if (BLOCK_SIDE >> mip == 1) sums[0].x += sums[0].y;
 #endif
-        vec4 axis = textures[texture_id].axes[4 * PLANE_PLACE + (bit >> 3)];
-        values[0] += axis * sum.x;
-        values[1] += axis * sum.y;
-        values[2] += axis * sum.z;
-        values[3] += axis * sum.w;
+    vec4 axis = textures[texture_id].axes[4 * PLANE_PLACE + (bit >> 3)];
+    for (int one = 0; one < 4 * SQUARES_AT_ONCE; ++one) values[one] += axis * sums[one >> 2][one & 3];
+    components = Components(components.left & (components.left - 1u), end);
+}
+
+// Values, not limited, at 4 * SQUARES_AT_ONCE texels of a slot's code, whose words begin at `word` of what work groups read of a row.
+// Texel number `texel` of the code is the first; bit by bit their numbers add `steps`.
+void decode_texels(int slot, int texture_id, int mip, int word, int texel, ivec3 steps, out vec4 values[4 * SQUARES_AT_ONCE]) {
+    vec4 mean = textures[texture_id].mean[CODE_MIPS * PLANE_PLACE + mip];
+    for (int one = 0; one < 4 * SQUARES_AT_ONCE; ++one) values[one] = mean;
+    Components components = Components((slot_ends[slot] >> 7) & 0x01010101u, slot_first[slot]);
+    // At least one is marked. Apart from the others: then values begin with it.
+    add_component(slot, texture_id, mip, word, components, values);
+    while (components.left != 0u) add_component(slot, texture_id, mip, word, components, values);
+    Code code = slot_content(slot, mip);
+    uint width = code.head.w & 3u;
+    if (width != 0u) {
+        code.srgb = float(textures[texture_id].srgb != 0);
+        int side = BLOCK_SIDE >> mip;
+        for (int one = 0; one < 4 * SQUARES_AT_ONCE * network_blocks; ++one) {
+            int place = min(texel + (one & 1) * steps.x + (one >> 1 & 1) * steps.y + (one >> 2) * steps.z, side * side - 1);
+            Sum sum = with_base(code, place, vec4(1.0, 0.0, 0.0, 0.0), vec4(0.0));
+            values[one] += untransformed_value(textures[texture_id], sum) - mean;
+        }
     }
 }

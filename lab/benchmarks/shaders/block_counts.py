@@ -200,12 +200,14 @@ def alone_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
 
 
 def _in_rounds(fours: Array, lanes: int) -> NDArray[np.float64]:
-    """Rounds of a work group over texels with `fours` [texels, 4], components and fours in them, as means over its subgroups."""
+    """Rounds of a work group over texels with `fours` [texels, 4]: rounds, fours of first components, further components, and fours
+    in them, as means over its subgroups."""
     present = np.argsort(fours == 0, axis=1, kind="stable")
     fours = np.take_along_axis(fours, present, axis=1)
     padded = np.pad(fours, ((0, -len(fours) % TOGETHER), (0, 0)), constant_values=NOTHING)
     subgroups = padded.reshape(-1, lanes, 4).max(axis=1)
-    counts = (subgroups[:, 0] >= 0).sum(), (subgroups > 0).sum(), np.maximum(subgroups, 0).sum()
+    first, others = np.maximum(subgroups[:, 0], 0), np.maximum(subgroups[:, 1:], 0)
+    counts = (subgroups[:, 0] >= 0).sum(), first.sum(), (others > 0).sum(), others.sum()
     return np.array(counts) * (lanes / TOGETHER)
 
 
@@ -226,15 +228,23 @@ def together_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float
 class Tile:
     """A tile of mip 0 of one plane of a texture."""
 
-    inside: Array
-    """[blocks] kinds of codes inside its border, row by row."""
     page: Array
-    """[rows, columns] kinds of codes, those along the border with them."""
+    """[rows, columns] kinds of codes, those of the border on the right and below with them."""
     lists: Array
     fours: Array
     """[kinds, 4] fours by component; of `lists` [kinds] in the order of the list."""
     edges: Array
     """[kinds] bits of the edge part."""
+
+    @property
+    def squares(self) -> int:
+        """Squares of 2x2 texels of a code."""
+        return (TILE_SIDE // (len(self.page) - 1)) ** 2 // 4
+
+    @property
+    def strips(self) -> int:
+        """Squares of a code along the border."""
+        return TILE_SIDE // (len(self.page) - 1) // 2
 
 
 def random_tile(codes: PackCodes, plane: int, random: np.random.Generator) -> Tile:
@@ -243,34 +253,25 @@ def random_tile(codes: PackCodes, plane: int, random: np.random.Generator) -> Ti
     level, across = codes.levels(texture)[0], TILE_SIDE // codes.config.block_side
     corner = [random.integers(0, size // TILE_SIDE) * across for size in (texture.width, texture.height)]
     kinds = codes.kinds(texture, 0).reshape(level.height, level.width)
-    rows, columns = (np.arange(-1, across + 1) + corner[axis] for axis in (1, 0))
+    rows, columns = (np.arange(across + 1) + corner[axis] for axis in (1, 0))
     page = kinds[np.ix_(rows % level.height, columns % level.width)]
     lists, fours, edges = (own[texture.group, :, plane] for own in codes.work)
-    return Tile(page[1:-1, 1:-1].reshape(-1), page, lists, fours, edges)
+    return Tile(page, lists, fours, edges)
 
 
-def _border_squares(page: Array) -> Array:
-    """Kinds of codes along the border of `page`: of squares of 2x2 texels beside the codes inside, and of each corner's texel."""
-    across = page.shape[0] - 2
-    sides = np.pad(np.full(across, TILE_SIDE // across // 2), 1, constant_values=1)
-    lines = (page[0], page[-1], page[1:-1, 0], page[1:-1, -1])
-    return np.concatenate([np.repeat(line, sides if len(line) > across else sides[1:-1]) for line in lines])
-
-
-def _border_parts(page: Array) -> Array:
-    """Kinds of codes of the parts of the border that work groups decode: columns of four texels and corners, then squares of rows."""
-    across = page.shape[0] - 2
-    columns = np.concatenate(
-        [np.repeat(page[1:-1, [0, -1]], TILE_SIDE // across // 4, axis=0), page[[0, -1]][:, [0, -1]]]
-    )
-    rows = np.repeat(page[[0, -1], 1:-1], TILE_SIDE // across // 2, axis=1)
-    return np.concatenate([columns.reshape(-1), rows.reshape(-1)])
+def _units(page: Array, inside: int, border: int) -> Array:
+    """[codes] how often each code of a page is decoded: inside, along the border, and once in the corner."""
+    units = np.full(page.shape, inside)
+    units[-1] = units[:, -1] = border
+    units[-1, -1] = 1
+    return units.reshape(-1)
 
 
 def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
     """Vector instructions a texel where invocations decode a square of texels each, and read all coefficients for it."""
-    inside = np.repeat(tile.page[1:-1, 1:-1].reshape(-1), TILE_SIDE**2 // tile.inside.size // 4)
-    squares = np.concatenate([inside, _border_squares(tile.page)])
+    units = _units(tile.page, tile.squares, tile.strips)
+    kinds, inside = tile.page.reshape(-1), units == tile.squares
+    squares = np.concatenate([np.repeat(kinds[own], units[own]) for own in (inside, ~inside)])
     longest = np.pad(tile.lists[squares], (0, -len(squares) % lanes)).reshape(-1, lanes).max(axis=1)
     # First the loops for mips that are not there.
     each = [code.weighted([1.0, 0.0, 0.0, 0.0, most, 4.0]) for most in longest]
@@ -288,25 +289,23 @@ def _code_rounds(fours: Array) -> list[NDArray[np.bool_]]:
 
 
 def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
-    """Vector instructions a texel where a work group decodes a tile: codes inside and those of the border, TILE_SLOTS at once."""
-    border = np.ones(tile.page.shape, bool)
-    border[1:-1, 1:-1] = False
-    numbers = np.arange(tile.page.size).reshape(tile.page.shape)
+    """Vector instructions a texel where a work group decodes a tile, TILE_SLOTS codes at once."""
     fours = tile.fours[tile.page.reshape(-1)]
-    codes = np.concatenate([numbers[~border], numbers[border]])
-    units = np.repeat(numbers[~border], TILE_SIDE**2 // tile.inside.size // 4), _border_parts(numbers)
-    trips = np.zeros(10)
-    for first in range(0, len(codes), TILE_SLOTS):
-        own = codes[first : first + TILE_SLOTS]
+    lengths, units = fours.sum(axis=1), _units(tile.page, tile.squares // 2, 1)
+    # Subgroups that find codes, of those of the work group.
+    share = 1.0 if lanes == TOGETHER else TILE_SLOTS / TOGETHER
+    trips = np.zeros(9)
+    for first in range(0, len(fours), TILE_SLOTS):
+        own = np.arange(first, min(first + TILE_SLOTS, len(fours)))
         trips[0] += 1
-        for fits in _code_rounds(fours[own].sum(axis=1)):
-            asked = fours[own].sum(axis=1) * fits
-            finding = asked.max() * (1.0 if lanes == TOGETHER else 0.5)
-            trips[1:4] += 1, finding, _in_rounds(np.zeros((int(asked.sum()), 4), np.int64), lanes)[0]
-            for place, all_units in zip((4, 7), units, strict=True):
-                read = all_units[np.isin(all_units, own)]
-                held = np.where(np.isin(read, own[fits])[:, None], fours[read], 0)
-                trips[place : place + 3] += _in_rounds(held, lanes)
+        for fits in _code_rounds(lengths[own]):
+            held = own[fits]
+            # The longest first.
+            held = held[np.argsort(-np.minimum(lengths[held], LENGTHS - 1), kind="stable")]
+            finding, writing = share * lengths[held].max(), share * units[held].max()
+            decoding = _in_rounds(np.zeros((int(lengths[held].sum()), 4), np.int64), lanes)[0]
+            trips[1:5] += 1, finding, decoding, writing
+            trips[5:9] += _in_rounds(np.repeat(fours[held], units[held], axis=0), lanes)
     return code.weighted(trips.tolist()) * TOGETHER / PAGE_TEXELS
 
 
@@ -333,6 +332,8 @@ TILE_SLOTS: Final = shader_number(TILE_SHADER, "SLOTS")
 """Codes that a work group holds of a tile."""
 TILE_FOURS: Final = shader_number(TILE_SHADER, "USUAL_FOURS")
 """Fours of their coefficients."""
+LENGTHS: Final = shader_number(TILE_SHADER, "LENGTHS")
+"""Numbers of fours that it tells apart to order codes."""
 PROBES: Final = 1.5
 """Places of the hash table that a subgroup looks at for a code, estimated."""
 PAGE_TEXELS: Final = PAGE_SIDE * PAGE_SIDE

@@ -6,13 +6,13 @@
 - lists: a word for each coefficient that has bits, four to a block: from the lowest bit, the bit of a code at which its other bits
   begin (10 bits), its depth (3), component (2), row of the plane (8), and scale in steps of 1/16 octave (9). After each list, its
   order by component, in which work groups keep it: a word with a byte for each component, where its coefficients end, counted in
-  fours, and the highest bit set where it has any; then a word for each four of the list with the places of its coefficients, and with
-  those of empty ones that fill up fours. The first block of all lists is empty;
+  fours, and the highest bit set where it has any (of the first one always, where no component has); then a word for each four of the
+  list with the places of its coefficients, and with those of empty ones that fill up fours. The first block of all lists is empty;
 - rows: words for each row of the basis. Of mip 0 of a code a word for each texel: signed bytes of the texel, its neighbours on the
   right, below, and on the right below. Of each coarser mip two words for each texel: the same as signed halves of a word, of sums
   over texels. Then, from a whole block on, what work groups read: two words for each square of 2x2 texels of every mip: its texels,
   averaged in coarser mips, as floats of 16 bits, which hold them exactly. Of a mip of one texel that is the sum of the first two.
-  Then the texels of mips of four texels a side and more once again, column by column, two in a word.
+  Then, of each mip of four texels a side and more, the texels of the first column, and those of the first row, two in a word.
 """
 
 from collections.abc import Mapping
@@ -39,6 +39,8 @@ AT_ONCE = 4
 """Coefficients that shaders read at once."""
 MOST_COMPONENTS = 4
 """Components of a plane at most."""
+STRIP_WORDS = 4
+"""Words of a column or row of texels that work groups decode at once."""
 MOST_TOGETHER = 256
 """Coefficients at most of a code that a work group decodes: an order has a byte for each place."""
 MOST_COUNTED = 16
@@ -91,7 +93,9 @@ def _lists(entries: NDArray[np.int64], is_used: NDArray[np.bool_], components: N
     is_free[AT_ONCE * words_before[mode] + ordered] = False
     places[is_left] = np.nonzero(is_free)[0] - begins[is_left]
     shifts, order = 8 * np.arange(AT_ONCE), AT_ONCE * (first + blocks)
-    found[order] = ((ends | (counts > 0) << 7) << shifts).sum(axis=1)
+    is_read = counts > 0
+    is_read[:, 0] |= ~is_read.any(axis=1)
+    found[order] = ((ends | is_read << 7) << shifts).sum(axis=1)
     within = np.arange(len(places) // AT_ONCE) - np.repeat(words_before, ends[:, -1])
     found[np.repeat(order + 1, ends[:, -1]) + within] = (places.reshape(-1, AT_ONCE) << shifts).sum(axis=1)
     return found.astype(np.uint32).reshape(-1, AT_ONCE), first.astype(np.uint32), blocks.astype(np.uint32)
@@ -144,23 +148,25 @@ class BlockTables(GpuTables):
 
     @property
     def _row_words(self) -> tuple[int, ...]:
-        """Words of a row by mip of a code, padded to whole blocks; of squares of all mips; of columns, padded likewise."""
+        """Words of a row by mip of a code, padded to whole blocks; of squares of all mips; of strips, padded likewise."""
         sides = self._config.code_sides
         mips = [side * side * (1 if mip == 0 else 2) for mip, side in enumerate(sides)]
         mips[-1] += -sum(mips) % AT_ONCE
         squares = 2 * sum(_squares(side) for side in sides)
-        columns = sum(side * side // 2 for side in sides if side >= AT_ONCE)
-        return (*mips, squares, columns + -(squares + columns) % AT_ONCE)
+        strips = sum(2 * STRIP_WORDS for side in sides if side >= AT_ONCE)
+        return (*mips, squares, strips + -(squares + strips) % AT_ONCE)
 
     def _rows(self, decoder: BlockDecoder) -> Words:
         """[coefficients, words of a row]."""
-        config, parts, squares, columns = self._config, list[Words](), list[Words](), list[Words]()
+        config, parts, squares, strips = self._config, list[Words](), list[Words](), list[Words]()
         for mip, side in enumerate(config.code_sides):
             count = 1 << mip
             sums = decoder.basis.astype(np.int64).reshape(-1, side, count, side, count).sum(axis=(2, 4))
             squares.append(_square_words(sums / count**2))
             if side >= AT_ONCE:
-                columns.append(_half_words((sums / count**2).transpose(0, 2, 1)))
+                both = np.zeros((len(sums), 2, 2 * STRIP_WORDS))
+                both[..., :side] = np.stack([sums[:, :, 0], sums[:, 0]], axis=1) / count**2
+                strips.append(_half_words(both))
             padded = np.pad(sums, ((0, 0), (0, 1), (0, 1)))
             right, down = padded[:, :side, 1:], padded[:, 1:, :side]
             four = [sums, right, down, padded[:, 1:, 1:]]
@@ -173,7 +179,7 @@ class BlockTables(GpuTables):
         each = (
             *parts,
             np.concatenate(squares, axis=1),
-            np.concatenate([*columns, np.zeros((len(decoder.basis), 0))], axis=1),
+            np.concatenate([*strips, np.zeros((len(decoder.basis), 0))], axis=1),
         )
         filled = [
             np.pad(own, ((0, 0), (0, count - own.shape[1]))) for own, count in zip(each, self._row_words, strict=True)
@@ -304,7 +310,8 @@ class BlockTables(GpuTables):
             "ROW_WORDS": AT_ONCE * self.row_blocks,
             **{f"MIP_{mip}_WORDS": sum(self._row_words[:mip]) for mip in range(config.mips)},
             "SQUARES_WORD": sum(self._row_words[:-2]),
-            "COLUMNS_WORD": self._row_words[-2],
+            "STRIPS_WORD": self._row_words[-2],
+            "STRIP_WORDS": STRIP_WORDS,
             "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
             "STEPS_ORIGIN": STEPS_ORIGIN,
             "STEPS_PER_OCTAVE": f"{SCALE_STEPS_PER_OCTAVE}.0",

@@ -24,7 +24,7 @@ layout(binding = UNIT_ATLAS) uniform sampler2DArray source;
 vec4 source_texel(ivec2 texel) {
     ivec2 tile = texel / TILE_SIDE;
     int page = tiles.x + tile.y * tiles.y + tile.x;
-    ivec2 corner = ivec2(page % PAGES_ACROSS, (page / PAGES_ACROSS) % PAGES_ACROSS) * PAGE_SIDE + TILE_BORDER;
+    ivec2 corner = ivec2(page % PAGES_ACROSS, (page / PAGES_ACROSS) % PAGES_ACROSS) * PAGE_SIDE;
     return texelFetch(source, ivec3(corner + texel - tile * TILE_SIDE, page / (PAGES_ACROSS * PAGES_ACROSS)), 0);
 }
 #else

@@ -14,5 +14,5 @@ flat out int number;
 void main() {
     number = first_tile + gl_InstanceID;
     vec2 at = vec2(page_corner(tiles[number].page) + ivec2(gl_VertexID & 1, gl_VertexID >> 1) * PAGE_SIDE);
-    gl_Position = vec4(at / float(PAGES_ACROSS * PAGE_SIDE) * 2.0 - 1.0, 0.0, 1.0);
+    gl_Position = vec4(at / float(ATLAS_SIDE) * 2.0 - 1.0, 0.0, 1.0);
 }

@@ -5,9 +5,10 @@ layout(local_size_x = BIN_GROUP) in;
 #include "ntc/decode.glsl"
 #include "passes/decode_cached/page.glsl"
 #include "passes/decode_cached/squares.glsl"
-// Most tiles have no more codes and coefficients.
-#define SLOTS 48
+// Most tiles of mips of eight texels in each code have no more codes and coefficients.
+#define SLOTS 32
 #define USUAL_FOURS 320
+#define SQUARES_AT_ONCE 2
 #include "ntc/block_together.glsl"
 
 layout(std430, binding = BINDING_REQUESTS) readonly buffer Tiles {
@@ -20,47 +21,34 @@ layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
-// A part of the border: columns come first, each with its corners, then rows.
-struct Part {
-    bool is_read;
-    bool is_column;
-    bool is_corner;
-    ivec2 run;       // a column and a place along it, or a place along a row and the row
-    ivec2 texel;     // that it begins with
-};
+// An invocation decodes a unit at once, eight texels of a code: four by two inside the tile, a strip along its border.
+const int MOST_UNITS = TILE_SIDE * TILE_SIDE / 8 + TILE_SIDE / 4 + 1;
+// How far the second, third and fifth texel of a unit lie from the first: STEP_BITS for each number.
+const int STEP_BITS = 3;
+const uint WIDE_STEPS = 1u | 1u << (3 * STEP_BITS) | 2u << (4 * STEP_BITS);
+const uint ROW_STEPS = 1u | 2u << (2 * STEP_BITS) | 4u << (4 * STEP_BITS);
+const uint COLUMN_STEPS = ROW_STEPS << STEP_BITS;
+// Codes are ordered by the fours of their coefficients, most first: invocations side by side wait for the longest. From LENGTHS - 1 on
+// they count as equal.
+const int LENGTHS = 16;
 
-// How many columns or rows the border has.
-int borders_of(Axis axis) {
-    return holds_edge(axis) ? 3 : 2;
+// First texel of a slot on its layer, and the end of its texels, 16 bits for each number; steps; the word of the first unit.
+shared uvec4 slot_part[SLOTS];
+shared uint units[MOST_UNITS];                   // the slot, and above 8 bits which word of the slot's the unit begins with
+shared uint units_before[2 * LENGTHS - 1];       // units of codes that are longer; of no use from LENGTHS on
+shared uint units_of_length[LENGTHS];
+
+uint packed_place(ivec2 place) {
+    return uint(place.x | place.y << 16);
 }
 
-// Parts of the border in runs of 2^`shifts` texels along rows and columns: those of columns, and those of rows.
-ivec2 part_counts(Axis across, Axis down, ivec2 shifts) {
-    int borders = borders_of(down);
-    return ivec2(borders_of(across) * ((TILE_SIDE >> shifts.y) + borders), borders * (TILE_SIDE >> shifts.x));
+ivec2 place_of(uint bits) {
+    return ivec2(bits & 65535u, bits >> 16);
 }
 
-Part part_at(Axis across, Axis down, ivec2 shifts, int number) {
-    int runs = TILE_SIDE >> shifts.y;
-    int columns = part_counts(across, down, shifts).x;
-    Part part;
-    part.is_column = number < columns;
-    part.run = in_rows(part.is_column ? number : number - columns, part.is_column ? borders_of(across) : TILE_SIDE >> shifts.x);
-    part.is_corner = part.is_column && part.run.y >= runs;
-    int row = part.is_corner ? part.run.y - runs : part.run.y;
-    part.texel.x = part.is_column ? border_texel(across, part.run.x) : across.first + (part.run.x << shifts.x);
-    part.texel.y = part.is_column && !part.is_corner ? down.first + (row << shifts.y) : border_texel(down, row);
-    ivec2 size = ivec2(across.size, down.size);
-    part.is_read = all(lessThanEqual(part.texel, size));
-    // Where a run goes on along the border, it begins inside the texture.
-    if (!part.is_corner) part.is_read = part.is_read && (part.is_column ? part.texel.y < size.y : part.texel.x < size.x);
-    return part;
-}
-
-void store(TileRecord tile, ivec2 corner, ivec2 texel, vec4 value) {
-    ivec3 at = ivec3(corner + texel, tile.page / (PAGES_ACROSS * PAGES_ACROSS));
-    // The image limits values, which are finite, to [0, 1].
-    imageStore(atlas, at, stored_texel(tile, value));
+ivec2 step_of(uint steps, int number) {
+    const uint mask = (1u << STEP_BITS) - 1u;
+    return ivec2(steps >> uint(2 * number * STEP_BITS) & mask, steps >> uint((2 * number + 1) * STEP_BITS) & mask);
 }
 
 void main() {
@@ -69,90 +57,83 @@ void main() {
     int level_number = textures[tile.texture_id].first_level + tile.level;
     LevelRecord level = levels[level_number];
     ivec2 first = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE;
-    ivec2 corner = page_corner(tile.page) + TILE_BORDER - first;
-    Axis across = axis_of(first.x, level.texel_width, tile.wrap_u);
-    Axis down = axis_of(first.y, level.texel_height, tile.wrap_v);
-    ivec2 size = ivec2(across.size, down.size);
+    ivec2 corner = page_corner(tile.page) - first;
+    int layer = tile.page / (PAGES_ACROSS * PAGES_ACROSS);
+    Axis across = Axis(first.x, level.texel_width);
+    Axis down = Axis(first.y, level.texel_height);
     int mip = code_mip(level);
     int shift = block_shift(level);
     int side = 1 << shift;
-    // Squares of a code.
-    int squares_shift = max(2 * shift - 2, 0);
-    int inside = (TILE_SIDE >> shift) * (TILE_SIDE >> shift);
-    ivec2 border_codes = part_counts(across, down, ivec2(shift));
-    int codes = inside + border_codes.x + border_codes.y;
+    int across_codes = run_count(shift);
+    int codes = across_codes * across_codes;
     if (lane == 0) tile_entries[tile.entry] = uint(tile.page + 1);
     for (int begin = 0; begin < codes; begin += SLOTS) {
         bool waits = false;
+        int own_units = 0;
         int number = begin + lane;
         if (lane < SLOTS && number < codes) {
-            ivec2 texel = first + ivec2((number << shift) & (TILE_SIDE - 1), (number >> (TILE_SHIFT - shift)) << shift);
-            waits = all(lessThan(texel, size));
-            if (number >= inside) {
-                Part part = part_at(across, down, ivec2(shift), number - inside);
-                texel = part.texel;
-                waits = part.is_read;
+            ivec2 run = in_rows(number, across_codes);
+            Part part = part_at(across, down, shift, run);
+            waits = is_kept(part, part.texel);
+            bool in_row = is_border(shift, run.y);
+            bool in_column = is_border(shift, run.x) && !in_row;
+            own_units = in_row || in_column ? 1 : 1 << max(2 * shift - 3, 0);
+            uint steps = WIDE_STEPS;
+            int word = 2 * mip_square(mip);
+            // Mips of fewer texels have no strips: of a square those at its begin are kept.
+            if (shift > 1 && (in_row || in_column)) {
+                steps = in_row ? ROW_STEPS : COLUMN_STEPS;
+                word = strips_word(mip) + (in_row ? STRIP_WORDS : 0);
             }
-            slot_texture[lane] = tile.texture_id;
-            slot_level[lane] = level_number;
-            slot_code[lane] = code_number(level, ivec2(texel_read(across, texel.x), texel_read(down, texel.y)) >> shift);
+            slot_part[lane] = uvec4(packed_place(corner + part.texel), packed_place(corner + part.end), steps, word);
+            ivec2 block = part.read >> shift;
+            if (waits) fill_slot(lane, code_of(textures[tile.texture_id], level, block));
         }
         uint again = 1u;
         // Each round decodes one code at least.
         for (int round = 0; round < SLOTS && again != 0u; ++round) {
             begin_round(lane);
+            if (lane < LENGTHS) units_before[lane] = units_of_length[lane] = 0u;
             barrier();
-            if (waits && take_room(lane, 0, 0) >= 0) waits = false;
+            int length = 0;
+            uint first_unit = 0u;
+            bool fits = waits && share_room(lane, own_units, MOST_UNITS) >= 0;
+            if (fits) {
+                length = LENGTHS - 1 - min(slot_fours(lane), LENGTHS - 1);
+                first_unit = atomicAdd(units_of_length[length], uint(own_units));
+                for (int shorter = 1; shorter < LENGTHS; ++shorter) atomicAdd(units_before[length + shorter], uint(own_units));
+            }
             barrier();
             decode_coefficients(lane);
-            barrier();
-            int squares = min(inside - begin, SLOTS) << squares_shift;
-            for (int number = lane; number < squares; number += TOGETHER) {
-                int slot = number >> squares_shift;
-                int own = number & ((1 << squares_shift) - 1);
-                int code = begin + slot;
-                ivec2 block = ivec2((code << shift) & (TILE_SIDE - 1), (code >> (TILE_SHIFT - shift)) << shift);
-                ivec2 within = ivec2((own << 1) & (side - 1), own >> max(shift - 1, 0) << 1);
-                ivec2 texel = first + block + within;
-                ivec2 limit = min(size, first + block + side);
-                if (texel.x >= limit.x || texel.y >= limit.y || slot_fits[slot] == 0) continue;
-                vec4 values[4];
-                decode_four(slot, tile.texture_id, mip, 2 * (mip_square(mip) + own), (within.y << shift) + within.x, ivec2(1, side), values);
-                for (int one = 0; one < 4; ++one) {
-                    ivec2 place = texel + ivec2(one & 1, one >> 1);
-                    if (place.x < limit.x && place.y < limit.y) store(tile, corner, place, values[one]);
-                }
+            if (fits) {
+                waits = false;
+                first_unit += units_before[length];
+                for (int own = 0; own < own_units; ++own) units[first_unit + uint(own)] = uint(lane | own << (8 + 2));
             }
-            // Along the border, a square or four texels of a column.
-            int run_shift = square_shift(shift);
-            bool has_columns = shift > 1;
-            ivec2 part_shifts = ivec2(run_shift, has_columns ? 2 : run_shift);
-            ivec2 parts = part_counts(across, down, part_shifts);
-            int around = begin + SLOTS > inside ? parts.x + parts.y : 0;
-            for (int number = lane; number < around; number += TOGETHER) {
-                Part part = part_at(across, down, part_shifts, number);
-                int row = part.is_corner ? part.run.y - (TILE_SIDE >> part_shifts.y) + (TILE_SIDE >> shift)
-                                         : part.run.y >> (shift - part_shifts.y);
-                int slot = inside - begin + (part.is_column ? row * borders_of(across) + part.run.x
-                    : part_counts(across, down, ivec2(shift)).x + (part.run.y << (TILE_SHIFT - shift)) + (part.run.x >> (shift - part_shifts.x)));
-                if (!part.is_read || slot < 0 || slot >= SLOTS || slot_fits[slot] == 0) continue;
-                ivec2 within = ivec2(texel_read(across, part.texel.x), texel_read(down, part.texel.y)) & (side - 1);
-                bool is_strip = part.is_column && has_columns;
-                // Of its texels, the one that the part begins with, and whether the others along each axis belong to it.
-                ivec2 own = is_strip ? ivec2(0, within.y & 3) : within & run_shift;
-                bvec2 more = bvec2(!part.is_column, part.is_column && !part.is_corner);
-                ivec2 begins = within - own;
-                int word = is_strip ? column_word(mip, begins) : square_word(mip, begins);
-                vec4 values[4];
-                ivec2 steps = is_strip ? ivec2(side, 2 * side) : ivec2(1, side);
-                decode_four(slot, tile.texture_id, mip, word, (begins.y << shift) + begins.x, steps, values);
-                for (int one = 0; one < (shift > 0 ? 4 : 1); ++one) {
-                    ivec2 place = is_strip ? ivec2(0, one) : ivec2(one & 1, one >> 1);
-                    ivec2 texel = part.texel + place - own;
-                    bvec2 is_own = equal(place, own);
-                    bvec2 is_other = lessThan(texel, size);
-                    if ((is_own.x || more.x && is_other.x) && (is_own.y || more.y && is_other.y))
-                        store(tile, corner, texel, values[one]);
+            barrier();
+            int count = int(room_taken >> 16);
+            for (int number = lane; number < count; number += TOGETHER) {
+                int slot = int(units[number] & 255u);
+                int own = int(units[number] >> 8);
+                uvec4 part = slot_part[slot];
+                // A word holds two texels, of four by two texels two of each row.
+                ivec2 within = ivec2(own & (side - 1), own >> shift << 1);
+                ivec2 second = step_of(part.z, 0);
+                ivec2 third = step_of(part.z, 1);
+                ivec2 fifth = step_of(part.z, 2);
+                ivec3 steps = ivec3((second.y << shift) + second.x, (third.y << shift) + third.x, (fifth.y << shift) + fifth.x);
+                vec4 values[4 * SQUARES_AT_ONCE];
+                decode_texels(slot, tile.texture_id, mip, int(part.w) + own, (within.y << shift) + within.x, steps, values);
+                // Apart from the others: to change all texels while they are stored takes more registers than some GPUs have.
+                if (is_changed(tile))
+                    for (int one = 0; one < 4 * SQUARES_AT_ONCE; ++one) values[one] = stored_texel(tile, values[one]);
+                ivec2 texel = place_of(part.x) + within;
+                ivec2 end = place_of(part.y);
+                for (int one = 0; one < 4 * SQUARES_AT_ONCE; ++one) {
+                    ivec2 place = texel + (one & 1) * second + (one >> 1 & 1) * third + (one >> 2) * fifth;
+                    float alpha = PLANE == PLANE_BASE ? 1.0 : values[one].a;
+                    // The image limits values, which are finite, to [0, 1].
+                    if (all(lessThan(place, end))) imageStore(atlas, ivec3(place, layer), vec4(values[one].rgb, alpha));
                 }
             }
             barrier();

@@ -1,4 +1,4 @@
-// The texels of a tile: those on its page, one of border included.
+// The texels of a tile: those on its page, with its border on the right and below.
 #include "common/color.glsl"
 #include "ntc/records.glsl"
 #include "ntc/position.glsl"
@@ -9,30 +9,26 @@ ivec2 place_on_page(int number) {
     return ivec2(number % PAGE_SIDE, number / PAGE_SIDE);
 }
 
-// `texel` of a side of `size` by the wrap mode; it may lie outside.
-int wrapped_texel(int texel, int size, int mode) {
-    if (mode == WRAP_CLAMP) return clamp(texel, 0, size - 1);
-    int period = mode == WRAP_MIRROR ? 2 * size : size;
-    // Never negative, for which % is undefined: the border is one texel wide.
-    int inside = (texel + period) % period;
-    return inside < size ? inside : period - 1 - inside;
-}
-
-ivec2 texel_of(TileRecord tile, ivec2 place, ivec2 size) {
-    ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place - TILE_BORDER;
-    return ivec2(wrapped_texel(texel.x, size.x, tile.wrap_u), wrapped_texel(texel.y, size.y, tile.wrap_v));
+// The texel of a side of `size` that is kept at `texel`. What lies beyond the last one is read under `repeat` alone: it is the first one.
+int kept_texel(int texel, int size) {
+    return texel < size ? texel : 0;
 }
 
 // Centre of the texel at `place` on a tile's page, where it is decoded, in units of 2^-32.
 uvec2 decoded_at(TileRecord tile, ivec2 place) {
     LevelRecord level = levels[textures[tile.texture_id].first_level + tile.level];
     ivec2 size = ivec2(level.texel_width, level.texel_height);
-    ivec2 texel = texel_of(tile, place, size);
-    return uvec2(texel_centre(texel.x, size.x), texel_centre(texel.y, size.y));
+    ivec2 texel = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE + place;
+    return uvec2(texel_centre(kept_texel(texel.x, size.x), size.x), texel_centre(kept_texel(texel.y, size.y), size.y));
 }
 
 ivec2 page_corner(int page) {
     return ivec2(page % PAGES_ACROSS, (page / PAGES_ACROSS) % PAGES_ACROSS) * PAGE_SIDE;
+}
+
+// Whether the atlas holds other colours than those that are decoded.
+bool is_changed(TileRecord tile) {
+    return PLANE == PLANE_BASE && (textures[tile.texture_id].channels < 3 || textures[tile.texture_id].srgb == 0);
 }
 
 // Content of the atlas for a decoded value.

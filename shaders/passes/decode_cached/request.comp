@@ -41,11 +41,11 @@ void main() {
     bool complete = true;
     for (int number = 0; number < probes.count; ++number) {
         vec2 uv = wrapped_place(wanted, probe_offset(probes, number));
-        complete = request_tile(tile_place(first, wanted.texture_id, filtered.lower, uv).entry) && complete;
+        complete = request_tile(tile_place(first, wanted, filtered.lower, uv).entry) && complete;
         if (filtered.share > 0.0)
-            complete = request_tile(tile_place(first, wanted.texture_id, filtered.upper, uv).entry) && complete;
+            complete = request_tile(tile_place(first, wanted, filtered.upper, uv).entry) && complete;
     }
     int coarse = single_tile_level(wanted.texture_id);
     if (!complete && coarse > filtered.lower)
-        request_tile(tile_place(first, wanted.texture_id, coarse, wrapped_place(wanted, vec2(0.0))).entry);
+        request_tile(tile_place(first, wanted, coarse, wrapped_place(wanted, vec2(0.0))).entry);
 }

@@ -15,13 +15,13 @@ int wanted_tile(ivec2 pixel, int number) {
     if (number == 0) {
         int coarse = single_tile_level(wanted.texture_id);
         if (coarse <= filtered.lower) return -1;
-        return tile_place(first, wanted.texture_id, coarse, wrapped_place(wanted, vec2(0.0))).entry;
+        return tile_place(first, wanted, coarse, wrapped_place(wanted, vec2(0.0))).entry;
     }
     int probe = (number - 1) / 2;
     bool second = (number & 1) == 0;
     if (probe >= probes.count || (second && filtered.share <= 0.0)) return -1;
     vec2 uv = wrapped_place(wanted, probe_offset(probes, probe));
-    return tile_place(first, wanted.texture_id, second ? filtered.upper : filtered.lower, uv).entry;
+    return tile_place(first, wanted, second ? filtered.upper : filtered.lower, uv).entry;
 }
 
 void main() {

@@ -10,15 +10,16 @@ const vec4 MISSING_TEXEL = PLANE == PLANE_BASE ? vec4(0.2) : (PLANE == PLANE_SUR
 
 vec4 sample_page(uint page, vec2 at) {
     uvec2 corner = uvec2(page % uint(PAGES_ACROSS), (page / uint(PAGES_ACROSS)) % uint(PAGES_ACROSS)) * uint(PAGE_SIDE);
-    vec2 uv = (vec2(corner) + at) / float(PAGES_ACROSS * PAGE_SIDE);
+    // Exact: no filter reads a texel of another page.
+    vec2 uv = (vec2(corner) + at) / float(ATLAS_SIDE);
     return textureLod(atlas, vec3(uv, float(page / uint(PAGES_ACROSS * PAGES_ACROSS))), 0.0);
 }
 
 // A sample of `level`, or of the next coarser level whose tile is resident.
-vec4 sample_level(int first, int texture_id, int level, vec2 uv) {
-    int last = textures[texture_id].levels - 1;
+vec4 sample_level(int first, WantedTexel wanted, int level, vec2 uv) {
+    int last = textures[wanted.texture_id].levels - 1;
     for (int found = level; found <= last; ++found) {
-        TilePlace place = tile_place(first, texture_id, found, uv);
+        TilePlace place = tile_place(first, wanted, found, uv);
         uint entry = tile_entries[place.entry];
         if (is_resident(entry)) return sample_page(entry - 1u, place.at);
     }
@@ -36,9 +37,9 @@ void main() {
         vec4 sum = vec4(0.0);
         for (int number = 0; number < probes.count; ++number) {
             vec2 uv = wrapped_place(wanted, probe_offset(probes, number));
-            vec4 sampled = sample_level(first, wanted.texture_id, filtered.lower, uv);
+            vec4 sampled = sample_level(first, wanted, filtered.lower, uv);
             if (filtered.share > 0.0)
-                sampled = mix(sampled, sample_level(first, wanted.texture_id, filtered.upper, uv), filtered.share);
+                sampled = mix(sampled, sample_level(first, wanted, filtered.upper, uv), filtered.share);
             sum += sampled;
         }
         texel = sum / float(probes.count);

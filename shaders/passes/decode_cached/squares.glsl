@@ -1,99 +1,50 @@
-// Squares of 2x2 texels that cover a tile and its border: each within one block of the texture.
-// A tile along one axis, in texels of its mip. What is read there comes in runs: of blocks or of squares of texels inside, then one for
-// each texel of the border, then one for the texel right beyond the texture's edge, where the edge cuts a run.
+// Runs of texels along both axes that cover a tile and its border: each within one block of the texture.
+// A tile along one axis, in texels of its mip. What is read there comes in runs of 2^`shift` texels, then one of the border alone.
 struct Axis {
-    int first;       // texel, the border not counted
-    int size;        // of the mip
-    ivec2 beside;    // texels that are read before the first one of the mip, and beyond the last one
+    int first;    // texel
+    int size;     // of the mip
 };
 
-Axis axis_of(int first, int size, int wrap) {
-    return Axis(first, size, ivec2(from_first(-1, size, wrap), to_last(size, size, wrap)));
+int run_count(int shift) {
+    return (TILE_SIDE >> shift) + 1;
 }
 
-// Whether the texel right beyond the texture's edge lies within the tile, but not at its begin.
-bool holds_edge(Axis axis) {
-    return axis.size > axis.first && axis.size < axis.first + TILE_SIDE;
+bool is_border(int shift, int run) {
+    return run == TILE_SIDE >> shift;
 }
 
-// Texel `number` outside: of the border on both sides, then the one right beyond the texture's edge.
-int border_texel(Axis axis, int number) {
-    return number == 0 ? axis.first - 1 : (number == 1 ? axis.first + TILE_SIDE : axis.size);
-}
-
-int run_count(Axis axis, int shift) {
-    bool cuts_run = holds_edge(axis) && (axis.size & ((1 << shift) - 1)) != 0;
-    return (TILE_SIDE >> shift) + 2 + int(cuts_run);
-}
-
-// First texel of a run of 2^`shift` texels.
+// First texel of a run; the border may be the one right beyond the last of the mip.
 int run_texel(Axis axis, int shift, int run) {
-    int outside = run - (TILE_SIDE >> shift);
-    return outside < 0 ? axis.first + (run << shift) : border_texel(axis, outside);
+    return is_border(shift, run) ? min(axis.first + TILE_SIDE, axis.size) : axis.first + (run << shift);
 }
 
-// The texel of the texture that is read at `texel`, at most one beyond its edges.
-int texel_read(Axis axis, int texel) {
-    return texel < 0 ? axis.beside.x : (texel == axis.size ? axis.beside.y : texel);
+// End of the texels of a run that are kept, which begins at `texel`.
+int run_end(Axis axis, int shift, int run, int texel) {
+    return is_border(shift, run) ? texel + 1 : min(texel + (1 << shift), axis.size);
+}
+
+// Texels within a run along each axis.
+struct Part {
+    ivec2 texel;    // that it begins with
+    ivec2 end;      // of those that are kept; not behind `texel` where there are none
+    ivec2 read;     // the texel of the texture that is kept at `texel`: the left and top one of the part
+};
+
+Part part_at(Axis across, Axis down, int shift, ivec2 run) {
+    Part part;
+    part.texel = ivec2(run_texel(across, shift, run.x), run_texel(down, shift, run.y));
+    part.end.x = run_end(across, shift, run.x, part.texel.x);
+    part.end.y = run_end(down, shift, run.y, part.texel.y);
+    part.read = ivec2(kept_texel(part.texel.x, across.size), kept_texel(part.texel.y, down.size));
+    return part;
+}
+
+bool is_kept(Part part, ivec2 texel) {
+    return all(lessThan(texel, part.end));
 }
 
 // `number` of rows of `across` by column and row. Both are small: a division of whole numbers takes long.
 ivec2 in_rows(int number, int across) {
     int row = int((float(number) + 0.5) / float(across));
     return ivec2(number - row * across, row);
-}
-
-// Run along both axes of square `number`: first those inside, in groups of four by four, which lie in few blocks, then columns, then rows.
-ivec2 run_at(Axis across, Axis down, int shift, int number) {
-    int runs = TILE_SIDE >> shift;
-    int outside = number - runs * runs;
-    if (outside < 0) {
-        ivec2 group = ivec2((number >> 4) & (runs / 4 - 1), (number >> 2) / runs);
-        return 4 * group + ivec2(number & 3, (number >> 2) & 3);
-    }
-    int more = run_count(across, shift) - runs;
-    int beside = more * run_count(down, shift);
-    ivec2 run = in_rows(outside < beside ? outside : outside - beside, outside < beside ? more : runs);
-    return run + (outside < beside ? ivec2(runs, 0) : ivec2(0, runs));
-}
-
-// Squares of one texel where the mip of a code has no more.
-int square_shift(int shift) {
-    return min(shift, 1);
-}
-
-// Whether a run of texels that begins inside goes on with a second one.
-bool has_second(Axis axis, int shift, int run, int texel) {
-    return shift > 0 && run < TILE_SIDE >> shift && texel + 1 < axis.size;
-}
-
-// A square of 2^`shift` texels and what is stored of it.
-struct Square {
-    bool is_read;
-    ivec2 run;
-    ivec2 texel;     // that it begins with; along a border the only one
-    ivec2 first;     // of its texels in the texture, the one on the left and top
-    ivec2 within;    // of `texel` in the square
-    bvec2 more;      // along each axis: whether the texel after `texel` belongs to it, too
-};
-
-Square square_at(Axis across, Axis down, int shift, int number) {
-    Square square;
-    square.run = run_at(across, down, shift, number);
-    square.texel = ivec2(run_texel(across, shift, square.run.x), run_texel(down, shift, square.run.y));
-    square.is_read = square.texel.x <= across.size && square.texel.y <= down.size;
-    ivec2 read = ivec2(texel_read(across, square.texel.x), texel_read(down, square.texel.y));
-    square.within = read & shift;
-    square.first = read - square.within;
-    square.more.x = has_second(across, shift, square.run.x, square.texel.x);
-    square.more.y = has_second(down, shift, square.run.y, square.texel.y);
-    return square;
-}
-
-// Whether texel `number` of a square is stored: 0 the first, then those on its right, below, and on its right below. Then `texel` is its
-// place.
-bool is_stored(Square square, int number, out ivec2 texel) {
-    ivec2 place = ivec2(number & 1, number >> 1);
-    texel = square.texel - square.within + place;
-    return (square.more.x || place.x == square.within.x) && (square.more.y || place.y == square.within.y);
 }

@@ -78,17 +78,25 @@ vec2 wrapped_place(WantedTexel wanted, vec2 offset) {
     return vec2(wrap_coordinate(uv.x, wanted.wrap.x), wrap_coordinate(uv.y, wanted.wrap.y));
 }
 
-// `first` is the material's first TileLevelRecord, `uv` is wrapped.
-TilePlace tile_place(int first, int texture_id, int level, vec2 uv) {
-    LevelRecord record = levels[textures[texture_id].first_level + level];
+// A place along a side of `size` texels, which lies on the texture, where a filter reads what it reads at `place`, and no texel before
+// the first one. Only under `repeat` does it read one beyond the last, which is the first one then.
+float filtered_place(float place, float size, int wrap) {
+    return wrap == WRAP_REPEAT ? (place < 0.5 ? place + size : place) : clamp(place, 0.5, size - 0.5);
+}
+
+// The tile that holds the first of the four texels that a filter reads. `first` is the material's first TileLevelRecord, `uv` is wrapped.
+TilePlace tile_place(int first, WantedTexel wanted, int level, vec2 uv) {
+    LevelRecord record = levels[textures[wanted.texture_id].first_level + level];
     ivec2 size = ivec2(record.texel_width, record.texel_height);
-    vec2 texel = uv * vec2(size);
-    ivec2 tile = clamp(ivec2(floor(texel)), ivec2(0), size - 1) / TILE_SIDE;
-    TileLevelRecord tiles = tile_levels[first + level];
-    return TilePlace(
-        tiles.first_entry + tile.y * tiles.across + tile.x,
-        texel - vec2(tile * TILE_SIDE) + float(TILE_BORDER)
+    vec2 texels = uv * vec2(size);
+    vec2 place = vec2(
+        filtered_place(texels.x, float(size.x), wanted.wrap.x),
+        filtered_place(texels.y, float(size.y), wanted.wrap.y)
     );
+    // A sum may be rounded up to the texel beyond the last.
+    ivec2 tile = min(ivec2(place - 0.5), size - 1) / TILE_SIDE;
+    TileLevelRecord tiles = tile_levels[first + level];
+    return TilePlace(tiles.first_entry + tile.y * tiles.across + tile.x, place - vec2(tile * TILE_SIDE));
 }
 
 bool is_resident(uint entry) {

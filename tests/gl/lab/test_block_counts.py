@@ -80,8 +80,9 @@ def test_a_group_reads_each_square_and_each_code_once(codes: PackCodes) -> None:
 
 def test_a_tile_has_a_border_of_codes(codes: PackCodes) -> None:
     tile = random_tile(codes, 0, np.random.default_rng(0))
-    assert tile.page.shape == (6, 6)
-    assert tile.inside.size == 16
+    # On the right and below.
+    assert tile.page.shape == (5, 5)
+    assert (tile.squares, tile.strips) == (16, 4)
     # The order of a list has the same coefficients, and at most four words that are not full.
     assert (tile.fours.sum(axis=1) >= tile.lists - 1).all()
     assert (tile.fours.sum(axis=1) <= tile.lists + 4).all()

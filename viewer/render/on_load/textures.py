@@ -17,8 +17,7 @@ from viewer.render.pass_scheduler import Progress, Step, ToCome
 from viewer.render.passes.compress import BlockCompressor, total_errors
 from viewer.render.resources.image_places import ImageArrayPlan
 from viewer.render.resources.layout import (
-    PAGE_SIDE,
-    PAGES_ACROSS,
+    ATLAS_SIDE,
     TILE_RECORD,
     TILE_SIDE,
     StorageBinding,
@@ -164,7 +163,7 @@ class LoadedTextures:
         self._coarse: set[LoadedKey] = set()
         with context.memory.transaction():
             memory = context.memory
-            self._atlas = TileAtlas(context, PAGES_ACROSS * PAGE_SIDE, srgb=False)
+            self._atlas = TileAtlas(context, ATLAS_SIDE, srgb=False)
             self._tiles = memory.buffer(WHAT, reserve=TILE_RECORD.itemsize * BATCH_TILES)
             self._entries = memory.buffer(WHAT, reserve=4 * BATCH_TILES)
             self._blocks = memory.buffer(WHAT, reserve=16)

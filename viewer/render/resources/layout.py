@@ -112,13 +112,14 @@ SCAN_GROUP = 256
 """Number of invocations in the one work group of the scan over bins."""
 TILE_SIDE = 32
 """Side in texels of a tile of a decoded mip."""
-TILE_BORDER = 1
-"""Width in texels of the border that is kept around a tile, so that the hardware can filter at its edges."""
-PAGE_SIDE = TILE_SIDE + 2 * TILE_BORDER
-"""Side in texels of a page of the tile atlas: a tile and its border."""
-PAGE_SQUARES = (TILE_SIDE // 2 + 2) ** 2
+PAGE_SIDE = TILE_SIDE + 1
+"""Side in texels of a page of the tile atlas: a tile, and a border on its right and below, so that the hardware can filter from each
+of its texels on."""
+PAGE_SQUARES = (TILE_SIDE // 2 + 1) ** 2
 """Number of squares of 2x2 texels that cover a tile and its border, inside which they lie."""
-PAGES_ACROSS = 30
+ATLAS_SIDE = 1024
+"""Side in texels of a layer of the tile atlas: a power of two, so that coordinates of texels are exact in fp32."""
+PAGES_ACROSS = ATLAS_SIDE // PAGE_SIDE
 """Number of pages along a side of a layer of the tile atlas."""
 TILE_REQUESTED = 0xFFFFFFFF
 """Table entry of a missing tile that has been requested. 0: missing; other values: the tile's page + 1."""
@@ -238,8 +239,8 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
         f"#define GROUPS_ACROSS {groups_across}",
         f"#define TILE_SIDE {TILE_SIDE}",
         f"#define TILE_SHIFT {TILE_SIDE.bit_length() - 1}",
-        f"#define TILE_BORDER {TILE_BORDER}",
         f"#define PAGE_SIDE {PAGE_SIDE}",
+        f"#define ATLAS_SIDE {ATLAS_SIDE}",
         f"#define PAGES_ACROSS {PAGES_ACROSS}",
         f"#define TILE_REQUESTED {TILE_REQUESTED}u",
         f"#define PALETTE_STEPS {PALETTE_STEPS}",

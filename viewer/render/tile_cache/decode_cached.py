@@ -13,11 +13,11 @@ from viewer.gl.read_back import ReadBack
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import (
+    ATLAS_SIDE,
     GROUP_SIDE,
     LATE_TILE_REQUESTS,
     MAX_TILE_REQUESTS,
     PAGE_SIDE,
-    PAGES_ACROSS,
     TEXEL_GROUP,
     TILE_LEVEL_RECORD,
     TILE_RECORD,
@@ -56,7 +56,7 @@ class DecodeCachedPass:
         self._programs, self._reading, self._defines = programs, reading, reading.defines()
         self._compile()
         self._pool = PagePool(max(1, min(budget.config.budget_bytes // PAGE_BYTES, table.entries)))
-        self._atlas = TileAtlas(context, PAGES_ACROSS * PAGE_SIDE, srgb=reading.plane != "surface")
+        self._atlas = TileAtlas(context, ATLAS_SIDE, srgb=reading.plane != "surface")
         self._out_of_memory = False
         self._coarse: NDArray[np.int64] = np.zeros(0, np.int64)
         """Entries that were decoded from coarser latents than they need, for want of room."""
