@@ -13,6 +13,7 @@ from tests.ui.conftest import run_window, write_scene
 from viewer.scene.model import Camera
 from viewer.state.framing import frame_all
 from viewer.state.settings import SETTINGS_FILE, ViewerSettings, parse_settings
+from viewer.ui.widgets import Area
 
 TILES = 8
 """Along each wall of the court."""
@@ -137,17 +138,7 @@ def test_keys_of_commands_do_not_fly(app: DrivenApp) -> None:
 @pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
 def test_the_offer_lies_beside_warnings_and_the_card(app: DrivenApp, tmp_path: Path, size: tuple[int, int]) -> None:
     app.resize(size)
-    builder = GltfBuilder()
-    uvs = square((0, 0, 0), (1, 0, 0), (0, 1, 0))[:, :2]
-    pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 3)).astype(np.uint8)
-    images = (builder.image(png(pixels), name="there"), builder.add("images", uri="absent.png"))
-    drawn = [
-        builder.triangle(
-            builder.material(image), POSITION=square((2.0 * number, 0, 0), (1, 0, 0), (0, 1, 0)), TEXCOORD_0=uvs
-        )
-        for number, image in enumerate(images)
-    ]
-    app.drop(builder.drawn(*drawn).write(tmp_path / "part.glb"))
+    app.drop(half_a_scene(tmp_path))
     app.run("help.first-steps")
     searched(app)
     app.settle()
@@ -162,10 +153,43 @@ def test_the_offer_lies_beside_warnings_and_the_card(app: DrivenApp, tmp_path: P
         assert other[2] <= offer[0] or other[0] >= offer[2] or other[3] <= offer[1] or other[1] >= offer[3]
 
 
+def test_messages_lie_above_an_offer_in_a_lower_corner(
+    app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    areas: list[Area] = []
+    monkeypatch.setattr("viewer.ui.user_interface.draw_toasts", lambda _toasts, area: areas.append(area))
+    app.resize((1280, 720))
+    monkeypatch.setattr("viewer.ui.panels.training.OFFER_CORNERS", ((1, 1),))
+    app.drop(half_a_scene(tmp_path))
+    searched(app)
+    app.settle()
+    offer = imgui.internal.find_window_by_name("##offer").rect()
+    assert "Encode it now" in app.widgets.labels()
+    assert areas[-1].bottom <= offer.min.y
+    app.click("Not now")
+    app.settle()
+    assert areas[-1].bottom > offer.min.y
+
+
 def square(corner: tuple[float, float, float], right: tuple[float, ...], up: tuple[float, ...]) -> np.ndarray:
     """[6, 3] float32: two triangles, seen from the side to which right x up points."""
     a, u, v = (np.array(vector, np.float32) for vector in (corner, right, up))
     return np.array([a, a + u, a + u + v, a, a + u + v, a + v], np.float32)
+
+
+def half_a_scene(folder: Path) -> Path:
+    """Two squares, of which one's image is missing."""
+    builder = GltfBuilder()
+    uvs = square((0, 0, 0), (1, 0, 0), (0, 1, 0))[:, :2]
+    pixels = np.random.default_rng(0).integers(0, 256, (8, 8, 3)).astype(np.uint8)
+    images = (builder.image(png(pixels), name="there"), builder.add("images", uri="absent.png"))
+    drawn = [
+        builder.triangle(
+            builder.material(image), POSITION=square((2.0 * number, 0, 0), (1, 0, 0), (0, 1, 0)), TEXCOORD_0=uvs
+        )
+        for number, image in enumerate(images)
+    ]
+    return builder.drawn(*drawn).write(folder / "part.glb")
 
 
 def courtyard(folder: Path) -> Path:

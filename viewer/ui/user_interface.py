@@ -133,9 +133,10 @@ class UserInterface:
             self._raise_panel(shown)
             if not session.window.show_help:
                 draw_hints(ui, area)
-            self._offer.draw(ui, area)
+            above_offer = self._offer.draw(ui, area)
             self._flat.draw(ui)
         else:
+            above_offer = area
             draw_way_back(ui, area)
         beside_card = self._first_run_card.draw(ui, area)
         draw_map_legend(ui, beside_card)
@@ -150,7 +151,8 @@ class UserInterface:
         if escape and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
             imgui.internal.close_popup_to_level(0, True)
         self._question.draw(ui, size)
-        draw_toasts(session.window.toasts, beside_card)
+        low = min(beside_card.bottom, above_offer.bottom)
+        draw_toasts(session.window.toasts, Area(beside_card.left, beside_card.top, beside_card.right, low))
         self._input.handle(session, area, ui.emit, keys=not list_is_open)
         self._input.flight.draw(area, ui.rects)
         ui.rects.tooltips.end()

@@ -49,10 +49,11 @@ class Sheet:
             self._text = ""
             imgui.set_next_window_focus()
         opened, stays = imgui.begin(self._title, True, DIALOG_FLAGS)
+        # The title: a tooltip over the rows would hide them.
+        ui.rects.note(self._label)
         if opened:
             self._search(opening, ui)
             self._table(self._rows(ui.session))
-            ui.rects.note(self._label)
         imgui.end()
         # The field owns the key in the frame in which it ends the typing.
         if not stays or (self._typing and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):

@@ -292,8 +292,8 @@ class EncodeOffer:
         self._corner = OFFER_CORNERS[0]
         self._form = EncodeForm("offer")
 
-    def draw(self, ui: UiFrame, area: Area) -> None:
-        """Draw the offer in a corner of `area`, where it applies."""
+    def draw(self, ui: UiFrame, area: Area) -> Area:
+        """Draw the offer in a corner of `area`, where it applies, and return the part of `area` above one in a lower corner."""
         if ui.training.state != "idle":
             self._answered_for = ui.session.scene
         if (
@@ -302,13 +302,13 @@ class EncodeOffer:
             or ui.session.scene is self._answered_for
             or not ui.session.scene.textures
         ):
-            return
+            return area
         if {ui.session.view.slot_a.source, ui.session.view.slot_b.source} != {REFERENCE}:
-            return
+            return area
         # A width of its own: rows do not move while their texts change.
         width = min(em(OFFER_WIDTH), max(area.width - em(2.0), em(12.0)))
         if ui.session.window.show_first_steps and area.width < 2.0 * width:
-            return  # No room beside the card of first steps: one after the other.
+            return area  # No room beside the card of first steps: one after the other.
         key = (ui.session.scene, area.width, area.height)
         if self._placed_for != key and not ui.session.seeks_first_view:
             # Warnings lie above on the left. Once it lies somewhere it stays: the camera may move.
@@ -338,4 +338,6 @@ class EncodeOffer:
             if imgui.button("Not now"):
                 self._answered_for = ui.session.scene
             ui.rects.note("Not now")
+        top = imgui.get_window_pos().y
         imgui.end()
+        return Area(area.left, area.top, area.right, top) if bottom else area
