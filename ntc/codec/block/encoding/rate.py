@@ -74,7 +74,7 @@ def block_count(sizes: Sizes, config: BlockConfig) -> int:
 
 FIT_WORK, SAMPLING_WORK = 1.8, 0.1
 """Time to fit tables to a sampled block, and to make a block ready for sampling, as multiples of the time to encode one."""
-FIT_BLOCKS = 1000
+FIT_BLOCKS = 2000
 """Sampled blocks that take as much time as everything that does not depend on their number."""
 GAINS_WORK = 0.05
 """Time to fit the gains of tables that ship to a sampled block, likewise."""

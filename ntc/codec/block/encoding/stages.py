@@ -227,7 +227,8 @@ class BlockEncoder(Encoder):
     def _fitting_work(self, group: int) -> float:
         """Work of fitting a group once: fewer threads do it than encode textures."""
         task, most = self._task, self._most_threads
-        at_once = 1 if self._options.groups_apart else min(most, len(task.groups))
+        one_by_one = self._options.groups_apart and self._options.quality_db is None
+        at_once = 1 if one_by_one else min(most, len(task.groups))
         blocks = block_count([task.textures[index].size for index in task.grouping.members(group)], self._config)
         return fitting_work(blocks, task.grouping.name == UNIVERSAL) * thread_speed(most) / thread_speed(at_once)
 
