@@ -10,7 +10,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from PIL import Image
+from PIL import Image, ImageSequence
 
 from lab.window_trials.virtual_display import remembering_in, virtual_display
 from viewer.locations import assets_folder
@@ -20,6 +20,10 @@ LARGEST = 300_000
 """Bytes of a picture at most."""
 COLORS = (256, 192, 128, 96, 64, 48, 32)
 """Numbers of colours of a picture: the first with which it is small enough."""
+LARGEST_FILM = 1_200_000
+"""Bytes of a film at most."""
+QUALITIES = (70, 60, 50, 40, 30)
+"""Qualities of a film that is larger: the first with which it is small enough."""
 RARE = 0.3
 """Share of the colours for what covers few pixels, such as a legend."""
 
@@ -35,6 +39,20 @@ def reduced(picture: Path) -> bytes:
         data = file.getvalue()
         if len(data) < LARGEST:
             break
+    return data
+
+
+def reduced_film(film: Path) -> bytes:
+    """The film as it is, or of the first of QUALITIES with which it is no larger than LARGEST_FILM."""
+    data, qualities = film.read_bytes(), iter(QUALITIES)
+    while len(data) > LARGEST_FILM and (quality := next(qualities, None)) is not None:
+        frames, times = [], []
+        for frame in ImageSequence.Iterator(Image.open(film)):
+            frames.append(frame.convert("RGB"))
+            times.append(frame.info["duration"])
+        file = io.BytesIO()
+        frames[0].save(file, "WEBP", save_all=True, append_images=frames[1:], duration=times, quality=quality, method=4)
+        data = file.getvalue()
     return data
 
 
@@ -61,7 +79,7 @@ def main() -> None:
             made = play(IMAGES / f"{script}.script", Path(name), display)
             for picture in sorted(made.rglob("*.*")):
                 out = IMAGES / picture.relative_to(made)
-                out.write_bytes(reduced(picture) if picture.suffix == ".png" else picture.read_bytes())
+                out.write_bytes(reduced(picture) if picture.suffix == ".png" else reduced_film(picture))
                 sys.stdout.write(f"{out.name}: {out.stat().st_size:,} bytes\n")
 
 
