@@ -35,7 +35,8 @@ class DecoderVariant:
     chunk: int = 4
     """Weights that are fetched before they are multiplied, so that a pixel's sums stay in registers meanwhile."""
     together: int = 1
-    """Codec `block`. 1: a work group decodes each code that its pixels read once, for all. 0: each pixel decodes for itself."""
+    """Codec `block`. 1: a work group decodes each code that its pixels read once, for all, and path `deferred` all planes in one pass.
+    0: each pixel decodes for itself, plane by plane."""
 
     def __post_init__(self) -> None:
         for name, largest in LARGEST.items():
@@ -250,7 +251,7 @@ class GpuTables(ABC):
             f"#define DECODES_QUADS {int(self.decodes_quads)}",
             f"#define DECODES_TOGETHER {int(bool(self.together_shader) and variant.together)}",
             f"#define CELL_WORDS {self.row_words}",
-            *by_plane(self.settings, lambda place, _: [f"#define PLANE_PLACE {place}"]),
+            *defines_by_plane(self.settings, lambda place, _: {"PLANE_PLACE": str(place)}),
             *self.defines(),
             glsl_struct("TextureRecord", self.texture_record),
             "",
@@ -311,6 +312,32 @@ def decoding_layout_glsl() -> str:
         glsl_struct("LevelRecord", LEVEL_RECORD),
     ]
     return "\n".join(lines) + "\n"
+
+
+def defines_by_plane(
+    settings: CodecSettings, values: Callable[[int, Mapping[int, int]], Mapping[str, str]]
+) -> list[str]:
+    """Return defines that differ from plane to plane, as `by_plane`: `values` returns expressions by name, with parameters if any.
+
+    With ANY_PLANE 1, PLANE is a variable, and the defines choose by it.
+    """
+    found = {
+        CODED_PLANES.index(plane): values(place, channels)
+        for place, (plane, channels) in enumerate(plane_channels(settings.maps, settings.output_channels).items())
+    }
+    chosen = dict(next(reversed(found.values())))
+    for number, own in list(reversed(found.items()))[1:]:
+        chosen = {
+            name: value if value == own[name] else f"(PLANE == {number} ? {own[name]} : {value})"
+            for name, value in chosen.items()
+        }
+    return [
+        "#if ANY_PLANE",
+        *(f"#define {name} {value}" for name, value in chosen.items()),
+        "#else",
+        *by_plane(settings, lambda place, channels: [f"#define {n} {v}" for n, v in values(place, channels).items()]),
+        "#endif",
+    ]
 
 
 def by_plane(settings: CodecSettings, lines: Callable[[int, Mapping[int, int]], list[str]]) -> list[str]:

@@ -10,14 +10,12 @@
 // uv of a plane's maps, and the footprint there.
 vec3 place_on_plane(PlaneRecord plane, Surface surface) {
     vec3 place = vec3(surface.uv, surface.footprint);
-#if PLANE != PLANE_BASE
+    if (PLANE == PLANE_BASE) return place;
 #if SECOND_UVS
     if (plane.second_uvs != 0) place = surface.second_uv;
 #endif
     float area = abs(plane.uv_u.x * plane.uv_v.y - plane.uv_u.y * plane.uv_v.x);
-    place = vec3(plane_uv(plane, place.xy), place.z * sqrt(area));
-#endif
-    return place;
+    return vec3(plane_uv(plane, place.xy), place.z * sqrt(area));
 }
 
 // Squares that stand for an image that could not be read: MISSING_SQUARES along each side of it, of one colour where a pixel holds many.
@@ -39,11 +37,10 @@ vec3 base_factor(Surface surface) {
 // Content of the plane's target for a texel in linear light. `components` has a bit for each component that the texel tells; the others
 // are neutral.
 vec4 plane_content(Surface surface, int components, vec4 texel) {
-#if PLANE == PLANE_BASE
-    vec3 factor = base_factor(surface);
-    return vec4(components == 0 ? factor : factor * texel.rgb, surface.material >= 0 ? 1.0 : 0.0);
-#else
+    if (PLANE == PLANE_BASE) {
+        vec3 factor = base_factor(surface);
+        return vec4(components == 0 ? factor : factor * texel.rgb, surface.material >= 0 ? 1.0 : 0.0);
+    }
     vec4 neutral = PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(1.0);
     return mix(neutral, texel, notEqual(ivec4(components) & ivec4(1, 2, 4, 8), ivec4(0)));
-#endif
 }

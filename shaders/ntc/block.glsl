@@ -240,10 +240,9 @@ Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
         sum.mean_weights = vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) * weight;
         return sum;
     }
-#if EDGE_MEANS
     // How far the mean of a coarse mip is above that of mip 0 keeps a mask's coverage.
-    sum.mean_weights = (vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) - vec4(1.0, 0.0, 0.0, 0.0)) * weight;
-#endif
+    if (EDGE_MEANS == 1)
+        sum.mean_weights = (vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) - vec4(1.0, 0.0, 0.0, 0.0)) * weight;
     int at = int(code.head.z >> 16);
     vec4 one = EDGE_COLOUR(code, at);
     at += COLOUR_BITS * EDGE_CHANNELS;
@@ -365,7 +364,7 @@ Sum block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
 
 // The texture's value for a sum over parts, without what the transform shows.
 vec4 untransformed_value(TextureRecord record, Sum sum) {
-    const int mean = CODE_MIPS * PLANE_PLACE;
+    int mean = CODE_MIPS * PLANE_PLACE;
     vec4 value = sum.edges + record.mean[mean] * sum.mean_weights.x;
 #if CODE_MIPS > 1
     value += record.mean[mean + 1] * sum.mean_weights.y;
@@ -378,7 +377,7 @@ vec4 untransformed_value(TextureRecord record, Sum sum) {
 
 // The texture's value for a sum over parts; it may lie outside [0, 1].
 vec4 unlimited_value(TextureRecord record, Sum sum) {
-    const int first = 4 * PLANE_PLACE;
+    int first = 4 * PLANE_PLACE;
     vec4 value = untransformed_value(record, sum);
     value += record.axes[first] * sum.transform.x + record.axes[first + 1] * sum.transform.y;
     return value + record.axes[first + 2] * sum.transform.z + record.axes[first + 3] * sum.transform.w;

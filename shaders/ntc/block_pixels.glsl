@@ -2,7 +2,9 @@
 // Where shared memory does not hold all, further rounds decode the rest.
 #define SLOT_BITS 5
 #define SLOTS (1 << SLOT_BITS)
-#define USUAL_FOURS 112
+#define PLANE_FOURS 112
+#define PLANES_FOURS 128
+#define USUAL_FOURS (ANY_PLANE == 1 ? PLANES_FOURS : PLANE_FOURS)
 #define SQUARES_AT_ONCE 1
 #include "ntc/block_together.glsl"
 
@@ -19,11 +21,63 @@ const int MOST_SQUARES = 96;
 const int TEXEL_BITS = 7;
 const int SQUARE_BITS = TEXEL_BITS - 2;
 const int SQUARE_MASK = (1 << SQUARE_BITS) - 1;
+const int SLOT_MASK = SLOTS - 1;
+const int TAP_FOUND = 1 << (SLOT_BITS + TEXEL_BITS);
 
-shared int tap_places[TAPS * TOGETHER];   // of each invocation's taps: slot and texel; -1: none
 shared uint slot_squares[SLOTS];          // a bit for each square that is read
-shared int slot_square[SLOTS];            // of its squares among those in shared memory; -1: it is not decoded in this round
-shared vec4 texel_values[4 * MOST_SQUARES];    // by texel of a square; before, of its first texel: its slot and number
+shared int slot_square[SLOTS];            // of its first square among those in shared memory; negative: not decoded in this round, `~` it
+shared vec4 texel_values[4 * MOST_SQUARES];    // by texel of a square
+
+// Whether shared memory holds the codes of all pixels: another plane that reads the same texels is decoded without finding them again.
+#if ANY_PLANE
+bool codes_held = false;
+#else
+const bool codes_held = false;
+#endif
+int taps_held = 0;    // a bit for each tap of this invocation whose code is held
+
+// The slot and the texel of each invocation's taps with TAP_FOUND, or 0; slot and number of each square in shared memory.
+#if ANY_PLANE
+const int TAP_BITS = 16;
+shared int tap_places[CORNERS * TOGETHER];    // TAP_BITS for each mip, so that squares have room beside them
+shared uint square_codes[MOST_SQUARES];
+
+void keep_tap(int lane, int mip, int corner, int place) {
+    int at = corner * TOGETHER + lane;
+    tap_places[at] = mip == 0 ? place : tap_places[at] | place << TAP_BITS;
+}
+
+int kept_tap(int lane, int mip, int corner) {
+    return tap_places[corner * TOGETHER + lane] >> (TAP_BITS * mip);
+}
+
+void keep_square(int place, int square) {
+    square_codes[place] = uint(square);
+}
+
+int kept_square(int place) {
+    return int(square_codes[place]);
+}
+#else
+// Squares lie where the value of their first texel comes.
+shared int tap_places[TAPS * TOGETHER];
+
+void keep_tap(int lane, int mip, int corner, int place) {
+    tap_places[(CORNERS * mip + corner) * TOGETHER + lane] = place;
+}
+
+int kept_tap(int lane, int mip, int corner) {
+    return tap_places[(CORNERS * mip + corner) * TOGETHER + lane];
+}
+
+void keep_square(int place, int square) {
+    texel_values[place].x = uintBitsToFloat(uint(square));
+}
+
+int kept_square(int place) {
+    return int(floatBitsToUint(texel_values[place].x));
+}
+#endif
 
 // The slot of a code; -1 where there is none left.
 int claimed_slot(uint number) {
@@ -84,25 +138,29 @@ ivec2 texel_numbers(ivec2 texel, int shift) {
 }
 
 // The value of texture `texture_id` at `at` and `lod`, limited to [0, 1], for each invocation of the group. Where `wanted` is false
-// nothing is decoded, and the result is undefined.
+// nothing is decoded, and the result is undefined. With `codes_held` the arguments must be those of the call before, but for `wanted`,
+// which may be false.
 vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod, ivec2 wrap) {
     TextureRecord record = textures[texture_id];
     vec4 sum = vec4(0.0);
-    int left = wanted ? (1 << TAPS) - 1 : 0;
+    int left = wanted ? (codes_held ? taps_held : (1 << TAPS) - 1) : 0;
     uint again = 1u;
     // Each round decodes one code at least.
     for (int round = 0; round < TAPS * TOGETHER && again != 0u; ++round) {
-        if (lane < SLOTS) {
+        bool finds = !codes_held;
+        uint squares_taken = finds ? 0u : room_taken & 0xFFFF0000u;
+        begin_round(lane);
+        if (lane == 0) room_asked = room_taken = squares_taken;
+        if (finds && lane < SLOTS) {
             slot_code[lane] = NO_CODE;
             slot_squares[lane] = 0u;
         }
-        begin_round(lane);
         barrier();
         // Squares are listed for decoding: where a pixel reads one texel, by the first one that reads a square, else by the code's slot.
         bool lists = false;
         uint before = NO_CODE;
         int slot = -1;
-        for (int mip = 0; mip < MIPS_READ * network_blocks; ++mip) {
+        for (int mip = 0; mip < (finds ? MIPS_READ * network_blocks : 0); ++mip) {
             MipTexels own = texels_of(mip, record, at, lod, wrap);
             LevelRecord level = levels[own.level];
             int shift = block_shift(level);
@@ -118,7 +176,7 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             for (int corner = 0; corner < CORNERS * network_blocks; ++corner) {
                 int tap = CORNERS * mip + corner;
                 bvec2 is_second = bvec2((corner & 1) != 0, (corner & 2) != 0);
-                int place = -1;
+                int place = 0;
                 if ((left & (1 << tap)) != 0) {
                     uint code = uint((is_second.x ? second.x : first.x) + (is_second.y ? second.y : first.y));
                     if (code != before) {
@@ -133,35 +191,39 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
                         int number = (is_second.x ? other.x : texel.x) + (is_second.y ? other.y : texel.y);
                         uint bit = 1u << uint(number >> 2);
                         lists = (atomicOr(slot_squares[slot], bit) & bit) == 0u;
-                        place = slot << TEXEL_BITS | number;
+                        place = TAP_FOUND | slot << TEXEL_BITS | number;
                     }
                 }
-                tap_places[tap * TOGETHER + lane] = place;
+                keep_tap(lane, mip, corner, place);
             }
         }
+        if (finds) taps_held = left;
         barrier();
         if (lane < SLOTS) {
             uint left_squares = slot_squares[lane];
-            int place = left_squares != 0u ? take_room(lane, bitCount(left_squares), MOST_SQUARES) : -1;
-            slot_square[lane] = place;
-            for (; TAPS > 1 && place >= 0 && left_squares != 0u; left_squares &= left_squares - 1u) {
-                texel_values[place].x = uintBitsToFloat(uint(lane << SQUARE_BITS | findLSB(left_squares)));
+            int place = left_squares != 0u ? take_room(lane, finds ? bitCount(left_squares) : 0, MOST_SQUARES) : -1;
+            int held = max(slot_square[lane], ~slot_square[lane]);
+            slot_square[lane] = finds ? place : (place < 0 ? ~held : held);
+            for (; TAPS > 1 && finds && place >= 0 && left_squares != 0u; left_squares &= left_squares - 1u) {
+                keep_square(place, lane << SQUARE_BITS | findLSB(left_squares));
                 ++place;
             }
         }
         barrier();
         if (TAPS == 1 && lists) {
-            int texel = tap_places[lane] >> 2;
+            int texel = (kept_tap(lane, 0, 0) & (TAP_FOUND - 1)) >> 2;
             int own_slot = texel >> SQUARE_BITS;
-            if (slot_square[own_slot] >= 0)
-                texel_values[square_place(own_slot, texel & SQUARE_MASK)].x = uintBitsToFloat(uint(texel));
+            if (slot_square[own_slot] >= 0) keep_square(square_place(own_slot, texel & SQUARE_MASK), texel);
         }
         decode_coefficients(lane);
         barrier();
         int squares = int(room_taken >> 16);
         for (int place = lane; place < squares; place += TOGETHER) {
-            int found = int(floatBitsToUint(texel_values[place].x));
+            int found = kept_square(place);
             int own_slot = found >> SQUARE_BITS;
+#if ANY_PLANE
+            if (slot_square[own_slot] < 0) continue;
+#endif
             int square = found & SQUARE_MASK;
             int mip = mip_of_square(square);
             int side = BLOCK_SIDE >> mip;
@@ -177,9 +239,9 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
             MipTexels own = texels_of(mip, record, at, lod, wrap);
             for (int corner = 0; corner < CORNERS * network_blocks; ++corner) {
                 int tap = CORNERS * mip + corner;
-                int place = tap_places[tap * TOGETHER + lane];
-                int own_slot = max(place >> TEXEL_BITS, 0);
-                if (place >= 0 && slot_square[own_slot] >= 0) {
+                int place = kept_tap(lane, mip, corner);
+                int own_slot = (place >> TEXEL_BITS) & SLOT_MASK;
+                if ((place & TAP_FOUND) != 0 && slot_square[own_slot] >= 0) {
                     int square = square_place(own_slot, (place >> 2) & SQUARE_MASK);
                     sum += corner_weight(own, corner) * texel_values[(place & 3) * MOST_SQUARES + square];
                     left &= ~(1 << tap);
@@ -189,6 +251,9 @@ vec4 decode_together(int lane, bool wanted, int texture_id, uvec2 at, float lod,
         if (left != 0) atomicOr(waiting, 1u);
         barrier();
         again = waiting;
+#if ANY_PLANE
+        codes_held = round == 0 && again == 0u;
+#endif
         barrier();
     }
     return limit_output(sum);

@@ -45,7 +45,8 @@ void decode_pixels() {
         vec4 own = decoded[0];
         for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
         Surface surface = read_surface(pixel);
-        imageStore(target, pixel, shown_plane(surface, wanted_texel(surface), limit_output(own)));
+        WantedTexel wanted = wanted_texel(surface);
+        imageStore(target, pixel, shown_plane(surface, wanted.texture_id, wanted.components, limit_output(own)));
     }
 }
 #else

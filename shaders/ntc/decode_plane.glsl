@@ -50,7 +50,7 @@ vec4 decoded_plane(Surface surface, ivec2 pixel) {
         Lookup lookup = lookup_of(record, wanted.uv, wanted.lod, wanted.wrap, pixel);
         decoded = decode_at(record, lookup.at, lookup.lod, wanted.wrap, true);
     }
-    return shown_plane(surface, wanted, decoded);
+    return shown_plane(surface, wanted.texture_id, wanted.components, decoded);
 }
 
 #if DECODES_TOGETHER && PIXELS_TOGETHER
@@ -65,6 +65,6 @@ vec4 decoded_plane_together(Surface surface, ivec2 pixel, bool inside) {
     if (decodes) lookup = lookup_of(textures[texture_id], wanted.uv, wanted.lod, wanted.wrap, pixel);
     int lane = int(gl_LocalInvocationIndex);
     vec4 decoded = decode_together(lane, decodes, texture_id, lookup.at, lookup.lod, wanted.wrap);
-    return shown_plane(surface, wanted, wanted.texture_id >= 0 ? decoded : vec4(0.0));
+    return shown_plane(surface, wanted.texture_id, wanted.components, wanted.texture_id >= 0 ? decoded : vec4(0.0));
 }
 #endif

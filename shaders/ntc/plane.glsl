@@ -29,10 +29,8 @@ void apply_sampler(inout vec2 uv, inout float lod, int flags, ivec2 size, int la
 int decoded_texture(Surface surface) {
     if (surface.material < 0) return -1;
     int texture_id = materials[surface.material].planes[PLANE].texture_id;
-#if PLANE == PLANE_BASE
     // A base colour is what the visibility buffer names.
-    if (texture_id >= 0) texture_id = surface.texture_id;
-#endif
+    if (PLANE == PLANE_BASE && texture_id >= 0) texture_id = surface.texture_id;
     return texture_id >= 0 && textures[texture_id].decoder >= 0 ? texture_id : -1;
 }
 
@@ -40,6 +38,16 @@ int decoded_texture(Surface surface) {
 int surface_decoder(Surface surface) {
     int texture_id = decoded_texture(surface);
     return texture_id >= 0 ? textures[texture_id].decoder : -1;
+}
+
+// The first plane that is read from the same texture at the same texels as this one.
+int first_alike(Surface surface) {
+    return (materials[max(surface.material, 0)].alike >> (2 * PLANE)) & 3;
+}
+
+// A bit for each component of this plane that a material reads of a texture.
+int wanted_components(PlaneRecord plane, int texture_id) {
+    return plane.components & (textures[texture_id].components >> (4 * PLANE));
 }
 
 WantedTexel wanted_texel(Surface surface) {
@@ -53,7 +61,7 @@ WantedTexel wanted_texel(Surface surface) {
     wanted.wrap = ivec2(plane.wrap_u, plane.wrap_v);
     wanted.components = 0;
     if (wanted.texture_id >= 0) {
-        wanted.components = plane.components & (textures[wanted.texture_id].components >> (4 * PLANE));
+        wanted.components = wanted_components(plane, wanted.texture_id);
         LevelRecord finest = levels[textures[wanted.texture_id].first_level];
         ivec2 size = ivec2(finest.texel_width, finest.texel_height);
         wanted.lod = footprint_lod(place.z, float(size.x));
@@ -64,17 +72,13 @@ WantedTexel wanted_texel(Surface surface) {
 
 // A decoded texel in linear light.
 vec4 linear_texel(int texture_id, vec4 decoded) {
-#if PLANE == PLANE_BASE
-    vec3 rgb = textures[texture_id].channels < 3 ? decoded.rrr : decoded.rgb;
-    return vec4(textures[texture_id].srgb != 0 ? srgb_to_linear(rgb) : rgb, 1.0);
-#elif PLANE == PLANE_EMISSION
-    return vec4(srgb_to_linear(decoded.rgb), decoded.a);
-#else
-    return decoded;
-#endif
+    bool is_base = PLANE == PLANE_BASE;
+    vec3 rgb = is_base && textures[texture_id].channels < 3 ? decoded.rrr : decoded.rgb;
+    if (PLANE == PLANE_EMISSION || (is_base && textures[texture_id].srgb != 0)) rgb = srgb_to_linear(rgb);
+    return vec4(rgb, is_base ? 1.0 : decoded.a);
 }
 
 // Content of the plane's target where `decoded` was decoded.
-vec4 shown_plane(Surface surface, WantedTexel wanted, vec4 decoded) {
-    return plane_content(surface, wanted.components, linear_texel(max(wanted.texture_id, 0), decoded));
+vec4 shown_plane(Surface surface, int texture_id, int components, vec4 decoded) {
+    return plane_content(surface, components, linear_texel(max(texture_id, 0), decoded));
 }

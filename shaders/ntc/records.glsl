@@ -4,6 +4,10 @@
 #ifndef PLANE
 #define PLANE PLANE_BASE
 #endif
+// 1: PLANE is a variable.
+#ifndef ANY_PLANE
+#define ANY_PLANE 0
+#endif
 #include "generated/codec.glsl"
 
 layout(std430, binding = BINDING_TEXTURES) readonly buffer Textures {

@@ -88,5 +88,8 @@ def declarations(text: str) -> tuple[Declaration, ...]:
             number = parts and _NUMBER.search(parts[1])
             kind = parts and _kind(parts[2])
             if parts and number and kind:
-                found.append(Declaration(kind, _value(number[1], defines), parts[2]))
+                # An array takes a number for each element.
+                count = re.search(r"\[(\d+)\];", parts[2]) if kind in ("image", "sampler") else None
+                first = _value(number[1], defines)
+                found += [Declaration(kind, first + own, parts[2]) for own in range(int(count[1]) if count else 1)]
     return tuple(found)

@@ -59,7 +59,7 @@ class _Measurement:
     """Name of the pass; None where only `note` wants the time."""
     milliseconds: float
     stamps: tuple[int, int] | None = None
-    owner: Hashable | None = None
+    owners: tuple[Hashable, ...] = ()
     note: Callable[[float], None] | None = None
 
 
@@ -90,7 +90,7 @@ class PassTimer:
         self._owned: dict[Hashable, float] = {}
         self._whole: str | None = None
         """Name that the passes which run now are counted as."""
-        self._owner: Hashable | None = None
+        self._owners: tuple[Hashable, ...] = ()
 
     @property
     def kind(self) -> TimerKind:
@@ -180,13 +180,13 @@ class PassTimer:
             self._whole = None
 
     @contextmanager
-    def owned_by(self, owner: Hashable) -> Iterator[None]:
-        """Add the times of the passes of the block to `owner`, too (`take_owned`)."""
-        before, self._owner = self._owner, owner
+    def owned_by(self, *owners: Hashable) -> Iterator[None]:
+        """Add the times of the passes of the block to `owners`, too, in equal shares (`take_owned`)."""
+        before, self._owners = self._owners, owners
         try:
             yield
         finally:
-            self._owner = before
+            self._owners = before
 
     @contextmanager
     def waiting(self) -> Iterator[None]:
@@ -200,15 +200,19 @@ class PassTimer:
     def _add(self, name: str | None, note: Callable[[float], None] | None, milliseconds: float) -> None:
         if name is not None:
             self._frame.measurements.append(_Measurement(self._whole or name, milliseconds))
-            if self._owner is not None and self._whole is None:
-                self._owned[self._owner] = self._owned.get(self._owner, 0.0) + milliseconds
+            if self._whole is None:
+                self._share(self._owners, milliseconds)
         if note is not None:
             note(milliseconds)
 
     def _add_late(self, name: str | None, note: Callable[[float], None] | None, stamps: tuple[int, int]) -> None:
         shown = None if name is None or not self.is_wanted else self._whole or name
-        owner = self._owner if shown is not None and self._whole is None else None
-        self._frame.measurements.append(_Measurement(shown, 0.0, stamps, owner, note))
+        owners = self._owners if shown is not None and self._whole is None else ()
+        self._frame.measurements.append(_Measurement(shown, 0.0, stamps, owners, note))
+
+    def _share(self, owners: tuple[Hashable, ...], milliseconds: float) -> None:
+        for owner in owners:
+            self._owned[owner] = self._owned.get(owner, 0.0) + milliseconds / len(owners)
 
     def take(self) -> dict[str, float]:
         """End the frame, and return times in ms by pass, in order of their first measurement.
@@ -260,6 +264,5 @@ class PassTimer:
                     own.note(elapsed)
             if own.name is not None:
                 times[own.name] = times.get(own.name, 0.0) + elapsed
-            if own.owner is not None:
-                self._owned[own.owner] = self._owned.get(own.owner, 0.0) + elapsed
+            self._share(own.owners, elapsed)
         return times

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import reduce
+from functools import partial, reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,7 @@ from viewer.render.passes.decode import (
     DecodeDeferredPass,
     DecodeForwardPass,
     DecodePass,
+    DecodePlanesPass,
     DecodeSampledPass,
 )
 from viewer.render.passes.reference import ReferencePass
@@ -100,8 +101,8 @@ def on_load_refusal(context: GraphicsContext) -> str:
     return f"needs compute shaders and BC7 (OpenGL 4.3); this driver has {version}. Use cached: it is filtered alike"
 
 
-Decoder = DecodePass | DecodeSampledPass | CachedPath | OnLoadPath
-"""Types of passes that draw a plane of a pack."""
+PixelDecoder = DecodePass | DecodeSampledPass
+"""Types of passes that decode every pixel."""
 
 
 class GpuPack:
@@ -127,7 +128,7 @@ class GpuPack:
         self._precision = precision
         self._ranges: DecoderRanges | None = None
         self._latents: dict[Plane, VisibleLatentsPass] = {}
-        self._passes: dict[tuple[PathChoice, TexelFilter, Plane], DecodePass | DecodeSampledPass] = {}
+        self._passes: dict[tuple[PathChoice, TexelFilter, Plane | None], PixelDecoder] = {}
         """Passes of the paths that decode every pixel."""
         self._caches: dict[Plane, CachedPath] = {}
         self._loaded: dict[Plane, OnLoadPath] = {}
@@ -135,10 +136,10 @@ class GpuPack:
         """Version that waits until the update under way is done."""
         self._update: PackUpdate | None = None
 
-    def reading(self, plane: Plane = "base") -> PlaneReading:
-        """Return how passes read the scene's surfaces for a plane of their maps."""
+    def reading(self, plane: Plane = "base", has_several: bool = False) -> PlaneReading:
+        """Return how passes read the scene's surfaces for a plane of their maps, or for several."""
         buffers = self.context.scene_buffers
-        return PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs)
+        return PlaneReading(plane, buffers.has_colors, buffers.has_second_uvs, has_several)
 
     @property
     def tiles(self) -> TileCounts | None:
@@ -163,27 +164,34 @@ class GpuPack:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision, self._variant)
         return self._ranges
 
-    def decoder(self, name: PathChoice, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> Decoder:
-        """Return the pass that draws a plane of the pack by a path (not `auto`) with a filter of that path; made when first asked for.
+    def cached(self, plane: Plane) -> CachedPath:
+        """Return path `cached` of a plane; made when first asked for. Raises GpuMemoryError, ShaderError."""
+        if plane not in self._caches:
+            context = self.context
+            self._caches[plane] = CachedPath(self.tile_cache(plane), context.scheduler.timer, context.tile_budget)
+        return self._caches[plane]
 
-        Raises GpuMemoryError, ShaderError.
+    def on_load(self, plane: Plane) -> OnLoadPath:
+        """Return path `on-load` of a plane; made when first asked for. Raises GpuMemoryError, ShaderError, InputError."""
+        if plane not in self._loaded:
+            self._loaded[plane] = self._on_load(plane)
+        return self._loaded[plane]
+
+    def decoder(self, name: PathChoice, texel_filter: TexelFilter, plane: Plane | None) -> PixelDecoder:
+        """Return the pass that draws a plane of the pack by a path that decodes every pixel; made when first asked for.
+
+        None: all planes, where the path `decodes_planes`. Raises GpuMemoryError, ShaderError.
         """
-        if name == "cached":
-            if plane not in self._caches:
-                context = self.context
-                self._caches[plane] = CachedPath(self.tile_cache(plane), context.scheduler.timer, context.tile_budget)
-            return self._caches[plane]
-        if name == "on-load":
-            if plane not in self._loaded:
-                self._loaded[plane] = self._on_load(plane)
-            return self._loaded[plane]
         key = (name, texel_filter, plane)
         if key not in self._passes:
-            made = DECODE_PASSES[name](self, texel_filter, plane)
-            graphics = self.context.graphics
-            is_exact = texel_filter == "exact"
-            self._passes[key] = made if is_exact else DecodeSampledPass(made, AccumulatePass(graphics, self.programs))
+            made = planes_pass(self, texel_filter) if plane is None else DECODE_PASSES[name](self, texel_filter, plane)
+            accumulate = partial(AccumulatePass, self.context.graphics, self.programs)
+            self._passes[key] = made if texel_filter == "exact" else DecodeSampledPass(made, accumulate)
         return self._passes[key]
+
+    def decodes_planes(self, name: PathChoice) -> bool:
+        """Return whether a path has one pass for all planes."""
+        return name == "deferred" and self.buffers.decodes_together
 
     def tile_cache(self, plane: Plane = "base") -> DecodeCachedPass:
         """Make a tile cache of path `cached` for a plane, which the caller releases. Raises GpuMemoryError, ShaderError."""
@@ -338,6 +346,13 @@ def deferred_pass(
     return DecodeDeferredPass(
         pack.context.graphics, pack.programs, pack.buffers, ranges, pack.reading(plane), shared, texel_filter
     )
+
+
+def planes_pass(pack: GpuPack, texel_filter: TexelFilter = "exact") -> DecodePass:
+    """Return the pass of path `deferred` for all planes, of a pack whose codes are decoded by work groups."""
+    plane_pass, graphics = partial(deferred_pass, pack, texel_filter), pack.context.graphics
+    reading = pack.reading(has_several=True)
+    return DecodePlanesPass(graphics, pack.programs, pack.buffers, reading, plane_pass, texel_filter)
 
 
 def binned_pass(pack: GpuPack, texel_filter: TexelFilter = "exact", plane: Plane = "base") -> DecodePass:

@@ -1,11 +1,11 @@
 """The scheduler of a frame: it runs the passes that have something to do, times them, and counts what it skipped."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from itertools import count
-from typing import Literal, Protocol, TypeVar
+from typing import Generic, Literal, Protocol, TypeVar
 from weakref import WeakKeyDictionary
 
 from viewer.gl.timer import PassTimer
@@ -112,6 +112,28 @@ class ProgressivePass(Protocol[Inputs_contra, Target_contra]):
 
 
 @dataclass(frozen=True)
+class Wanted(Generic[Inputs, Target]):
+    """One of the targets that a JointPass draws."""
+
+    inputs: Inputs
+    target: Target
+    reads: Sequence[Output]
+    owner: Hashable
+    """Owner of its share of the time (`PassTimer.owned_by`)."""
+
+
+class JointPass(Protocol[Inputs_contra, Target_contra]):
+    """Pass that draws several targets at once, each of which becomes complete over several frames."""
+
+    @property
+    def name(self) -> str:
+        """Name of its time in `FrameResult.timings_ms`."""
+
+    def advance_all(self, wanted: Sequence[tuple[Inputs_contra, Target_contra, Step]], /) -> Sequence[Progress]:
+        """Do a frame's share of the work for each of these targets."""
+
+
+@dataclass(frozen=True)
 class _Record:
     """Inputs and versions from which the content of a target was made."""
 
@@ -186,14 +208,25 @@ class PassScheduler:
         before = self._take(inputs, target, reads)
         if isinstance(before, Output):
             return before
-        versions = _versions_of(reads)
-        is_same = before is not None and before.inputs == inputs
-        is_stale = before is not None and before.reads != versions
+        step = self._step(before, inputs, reads)
         with (timing or self.timer.measure)(render_pass.name):
-            done = render_pass.advance(inputs, target, Step(self.whole, is_same, is_stale))
-        stays = before is not None and is_same and not done.has_changed
-        version = before.version if before is not None and stays else next(self._versions)
-        return self._note(target, _Record(inputs, versions, version, done.to_come), reads)
+            done = render_pass.advance(inputs, target, step)
+        return self._note_progress(before, target, inputs, reads, done)
+
+    def advance_all(
+        self, render_pass: JointPass[Inputs, Target], wanted: Sequence[Wanted[Inputs, Target]]
+    ) -> list[Output]:
+        """As `advance`, for several targets of one pass: those that have something to do are drawn at once, and share its time."""
+        found = [self._take(own.inputs, own.target, own.reads) for own in wanted]
+        outputs = {own.owner: taken for own, taken in zip(wanted, found, strict=True) if isinstance(taken, Output)}
+        stale = [(own, before) for own, before in zip(wanted, found, strict=True) if not isinstance(before, Output)]
+        if stale:
+            parts = [(own.inputs, own.target, self._step(before, own.inputs, own.reads)) for own, before in stale]
+            with self.timer.owned_by(*(own.owner for own, _ in stale)), self.timer.measure(render_pass.name):
+                done = render_pass.advance_all(parts)
+            for (own, before), progress in zip(stale, done, strict=True):
+                outputs[own.owner] = self._note_progress(before, own.target, own.inputs, own.reads, progress)
+        return [outputs[own.owner] for own in wanted]
 
     def _take(self, inputs: object, target: object, reads: Sequence[Output]) -> Output | _Record | None:
         """Return the output where nothing is to be done; else the record of `target`, which is forgotten until the pass has run."""
@@ -205,6 +238,17 @@ class PassScheduler:
         self.invalidate(target)
         self.ran += 1
         return record
+
+    def _step(self, before: _Record | None, inputs: object, reads: Sequence[Output]) -> Step:
+        is_same = before is not None and before.inputs == inputs
+        return Step(self.whole, is_same, before is not None and before.reads != _versions_of(reads))
+
+    def _note_progress(
+        self, before: _Record | None, target: object, inputs: object, reads: Sequence[Output], done: Progress
+    ) -> Output:
+        stays = before is not None and before.inputs == inputs and not done.has_changed
+        version = before.version if before is not None and stays else next(self._versions)
+        return self._note(target, _Record(inputs, _versions_of(reads), version, done.to_come), reads)
 
     def _note(self, target: object, record: _Record, reads: Sequence[Output]) -> Output:
         self._records[target] = record

@@ -1,16 +1,15 @@
 """Draws the pictures of slots: planes of maps, as images or by a decode path, what a view makes of them, and means of samples."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from ntc.codec.maps import PLANE_OF_MAP, MapName, Plane
 from viewer.gl.allocation import GpuMemoryError
-from viewer.render.gpu_packs import GpuPack, GpuPacks, OnLoadPath, naming_memory_errors
+from viewer.render.gpu_packs import GpuPack, GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
-from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
+from viewer.render.pass_scheduler import Output, Progress, Step, ToCome, Wanted
 from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
-from viewer.render.passes.decode import DecodePass
 from viewer.render.passes.shade import ShadeInputs, ShadePass
 from viewer.render.passes.visible_latents import VisibleLatents
 from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, PlaneKey, ShownMaterials
@@ -18,7 +17,6 @@ from viewer.render.render_context import RenderContext
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.render.tile_cache.cached_path import CachedPath
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, Slot, is_image_source
 
@@ -70,9 +68,9 @@ class SlotDrawer:
         """
         targets.drawn.pop(slot, None)
         keys = self.keys(slot, targets)
-        outputs = {plane: self.draw_plane(key, targets) for plane, key in keys.items()}
+        outputs = self._draw_planes(keys.values(), targets)
         if targets.materials.view == "base":
-            target, output = targets.planes[keys["base"]], outputs["base"]
+            target, output = targets.planes[keys["base"]], outputs[keys["base"]]
         else:
             target, output = self._shaded(slot, targets, keys, list(outputs.values()))
         picture = targets.drawn[slot] = Picture(target, output, self.source_version(slot))
@@ -101,13 +99,27 @@ class SlotDrawer:
 
     def draw_plane(self, key: PlaneKey, targets: PictureTargets) -> Output:
         """Draw one plane of the last view as far as this frame takes it. Raises GpuMemoryError that names the pack, ShaderError."""
-        slot = key.slot
-        if key not in targets.planes:
-            targets.planes[key] = ColorTarget(self._context, targets.visibility.size, is_image_source(slot.source))
-        # Names the pack itself.
-        pack = None if is_image_source(slot.source) else self._packs.on_gpu(slot)
-        with naming_memory_errors(_described(slot.source)):
-            return self._draw_images(key, targets) if pack is None else self._decode(key, pack, targets)
+        return self._draw_planes((key,), targets)[key]
+
+    def _draw_planes(self, keys: Collection[PlaneKey], targets: PictureTargets) -> dict[PlaneKey, Output]:
+        outputs: dict[PlaneKey, Output] = {}
+        for slot in dict.fromkeys(key.slot for key in keys):
+            own = [key for key in keys if key.slot == slot]
+            is_image = is_image_source(slot.source)
+            # Names the pack itself.
+            pack = None if is_image else self._packs.on_gpu(slot)
+            for key in own:
+                if key not in targets.planes:
+                    targets.planes[key] = ColorTarget(self._context, targets.visibility.size, is_image)
+            with naming_memory_errors(_described(slot.source)):
+                if pack is None:
+                    outputs |= {key: self._draw_images(key, targets) for key in own}
+                elif pack.decodes_planes(slot.path):
+                    outputs |= self._decode_pixels(own, pack, targets)
+                else:
+                    for key in own:
+                        outputs |= self._decode(key, pack, targets)
+        return outputs
 
     def _draw_images(self, key: PlaneKey, targets: PictureTargets) -> Output:
         images, inputs = self._images.of(key.slot.source, key.plane), targets.inputs_of(key)
@@ -116,25 +128,36 @@ class SlotDrawer:
         with self._scheduler.timer.owned_by(key):
             return self._scheduler.run(images, inputs, targets.planes[key], (uploaded,))
 
-    def _decode(self, key: PlaneKey, pack: GpuPack, targets: PictureTargets) -> Output:
-        slot, scheduler, target, inputs = key.slot, self._scheduler, targets.planes[key], targets.inputs_of(key)
-        version, decode = Output(pack.version), pack.decoder(slot.path, slot.filter, key.plane)
-        self.prepared.add(slot)
-        if isinstance(decode, CachedPath):
+    def _decode(self, key: PlaneKey, pack: GpuPack, targets: PictureTargets) -> dict[PlaneKey, Output]:
+        scheduler, target, inputs = self._scheduler, targets.planes[key], targets.inputs_of(key)
+        version = Output(pack.version)
+        if key.slot.path == "cached":
+            cached = pack.cached(key.plane)
+            self.prepared.add(key.slot)
             with scheduler.timer.owned_by(key):
-                return scheduler.advance(decode, inputs, target, (version,))
-        if isinstance(decode, OnLoadPath):
-            textures = decode.textures
+                return {key: scheduler.advance(cached, inputs, target, (version,))}
+        if key.slot.path == "on-load":
+            path = pack.on_load(key.plane)
+            self.prepared.add(key.slot)
+            textures = path.textures
             loaded = scheduler.advance(textures, inputs.visible_materials, textures, (version,))
             with scheduler.timer.owned_by(key):
-                return scheduler.run(decode.drawing, inputs, target, (loaded,))
-        latents = pack.latents(key.plane)
-        needed = targets.latents.setdefault(latents, VisibleLatents())
-        read = (version, scheduler.advance(latents, inputs, needed, (version,)))
-        with scheduler.timer.owned_by(key):
-            if isinstance(decode, DecodePass):
-                return scheduler.run(decode, inputs, target, read)
-            return scheduler.advance(decode, inputs, target, read)
+                return {key: scheduler.run(path.drawing, inputs, target, (loaded,))}
+        return self._decode_pixels((key,), pack, targets)
+
+    def _decode_pixels(
+        self, keys: Sequence[PlaneKey], pack: GpuPack, targets: PictureTargets
+    ) -> dict[PlaneKey, Output]:
+        """Decode one plane, or planes of one slot that one pass decodes, by a path that decodes every pixel."""
+        slot, version, wanted = keys[0].slot, Output(pack.version), []
+        decode = pack.decoder(slot.path, slot.filter, None if pack.decodes_planes(slot.path) else keys[0].plane)
+        self.prepared.add(slot)
+        for key in keys:
+            inputs, latents = targets.inputs_of(key), pack.latents(key.plane)
+            needed = targets.latents.setdefault(latents, VisibleLatents())
+            read = (version, self._scheduler.advance(latents, inputs, needed, (version,)))
+            wanted.append(Wanted(inputs, targets.planes[key], read, key))
+        return dict(zip(keys, self._scheduler.advance_all(decode, wanted), strict=True))
 
     def prepare(self, slot: Slot, targets: PictureTargets, drawer: SceneDrawer) -> bool:
         """Compile what `slot` needs, by drawing a few pixels of the last view with it; return False if that was done before."""
@@ -144,9 +167,8 @@ class SlotDrawer:
         few = PictureTargets(VisibilityTarget(self._context, PREPARED_SIZE, targets.visibility.content))
         try:
             few.show(drawer.redraw(few.visibility), targets.materials)
-            for key in self.keys(slot, targets).values():
-                if not is_image_source(key.slot.source):
-                    self.draw_plane(key, few)
+            keys = self.keys(slot, targets).values()
+            self._draw_planes([key for key in keys if not is_image_source(key.slot.source)], few)
         finally:
             self._scheduler.forget()
             few.release()

@@ -30,7 +30,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import texture_codes
 from ntc.codec.gpu import GPU
 from ntc.codec.latents import LatentLevel, texture_levels
-from ntc.codec.maps import Plane, plane_channels
+from ntc.codec.maps import PLANES, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
@@ -115,14 +115,19 @@ class PixelGroup:
     """[squares, 4] fours by component of the code of each square of texels that is read, those of a code one after the other."""
     coefficients: int
     """Coefficients of all codes that are read."""
-    work_rounds: int
-    """Rounds in which shared memory holds all codes, squares and coefficients."""
+    codes: int
+    """Codes that are read."""
     most_fours: int
     """Fours of the largest of them."""
     most_squares: int
     """Squares that are read of one of them, at most."""
     edge_share: float
     """Share of the codes that have an edge part."""
+
+    def work_rounds(self, fours: int) -> int:
+        """Return the rounds in which shared memory holds all codes, squares and coefficients, of these `fours` at once."""
+        room = (self.codes, SLOTS), (len(self.fours), MOST_SQUARES), (self.coefficients, 4 * fours)
+        return max(-(-asked // most) for asked, most in room)
 
 
 def _axis(place: NDArray[np.float64], size: int) -> tuple[Array, Array]:
@@ -175,12 +180,11 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
         np.stack([own_levels, used[:, 1]], axis=-1), axis=0, return_index=True, return_counts=True
     )
     coefficients = 4 * int(fours[kinds[first]].sum())
-    room = (len(first), SLOTS), (len(used), MOST_SQUARES), (coefficients, 4 * PIXEL_FOURS)
     return PixelGroup(
         steps,
         fours[kinds],
         coefficients,
-        max(-(-asked // most) for asked, most in room),
+        len(first),
         int(fours[kinds].sum(axis=1).max()),
         int(squares.max()),
         float((edges[kinds[first]] > 0).mean()),
@@ -213,15 +217,33 @@ def _in_rounds(fours: Array, lanes: int) -> NDArray[np.float64]:
 
 def together_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
     """How often each loop runs where a work group decodes the codes of its pixels together."""
+    return trips_of_rounds(group, lanes, is_single, group.work_rounds(PLANE_FOURS))
+
+
+def trips_of_rounds(group: PixelGroup, lanes: int, is_single: bool, again: int, is_found: bool = False) -> list[float]:
+    """As `together_trips`, in `again` rounds; `is_found`: the group has found its codes before."""
     mips, taps = (1, 1) if is_single else (2, 8)
-    again = group.work_rounds
     # A lane finds a code; half of the lanes do. Most places in the hash table are free at once.
     finding = group.most_fours * (1.0 if lanes == TOGETHER else 0.5)
     coefficients = -(-group.coefficients // (4 * TOGETHER))
     # Where a pixel reads one texel, it lists its square itself.
     listing = [] if is_single else [group.most_squares]
-    before = np.array([1, mips, taps, PROBES * taps, finding, *listing]) * again
-    return [*before.tolist(), coefficients, *_in_rounds(group.fours, lanes), mips * again, taps * again]
+    found = np.array([mips, taps, PROBES * taps]) * (again - is_found)
+    listed = np.array(listing) * (again - is_found)
+    decoding = [coefficients, *_in_rounds(group.fours, lanes), mips * again, taps * again]
+    return [again, *found.tolist(), finding * again, *listed.tolist(), *decoding]
+
+
+def joint_trips(groups: Sequence[PixelGroup], lanes: int, is_single: bool) -> list[float]:
+    """How often each loop runs where a work group decodes planes one after the other, each of `groups`, which read the same texels."""
+    total, is_found = np.zeros(0), False
+    for group in groups:
+        rounds = group.work_rounds(PLANES_FOURS)
+        own = np.array(trips_of_rounds(group, lanes, is_single, rounds, is_found))
+        total = total + own if len(total) else own
+        # Where shared memory did not hold all, what it holds is not what the next plane needs.
+        is_found = rounds == 1
+    return [1.0, float(len(groups)), *total.tolist()]
 
 
 @dataclass(frozen=True)
@@ -326,8 +348,10 @@ SLOTS: Final = 1 << shader_number(PIXEL_SHADER, "SLOT_BITS")
 """Codes that a work group holds at once."""
 MOST_SQUARES: Final = shader_number(PIXEL_SHADER, "MOST_SQUARES")
 """Squares of texels likewise."""
-PIXEL_FOURS: Final = shader_number(PIXEL_SHADER, "USUAL_FOURS")
+PLANE_FOURS: Final = shader_number(PIXEL_SHADER, "PLANE_FOURS")
 """Coefficients likewise, in fours, if no code has more."""
+PLANES_FOURS: Final = shader_number(PIXEL_SHADER, "PLANES_FOURS")
+"""The same where a pass decodes several planes."""
 TILE_SLOTS: Final = shader_number(TILE_SHADER, "SLOTS")
 """Codes that a work group holds of a tile."""
 TILE_FOURS: Final = shader_number(TILE_SHADER, "USUAL_FOURS")
@@ -350,64 +374,87 @@ def instructions(code: MachineCode, trips: Sequence[Sequence[float]]) -> float:
 
 @dataclass(frozen=True)
 class CountedProgram:
-    """A program of one plane, and what it is for."""
+    """A program, and what it is for."""
 
     path: str
-    plane: Plane
+    plane: Plane | None
+    """Plane that it decodes; None: all that views show."""
     lod: float
     together: int
     """As in DecoderVariant."""
     program: AssembledProgram
 
 
+def pack_planes(codes: PackCodes) -> list[Plane]:
+    """Planes that a pack has."""
+    return list(plane_channels(codes.config.maps, codes.config.output_channels))
+
+
+def shown_planes(codes: PackCodes) -> list[Plane]:
+    """Planes of a pack that views show."""
+    return [plane for plane in pack_planes(codes) if plane in PLANES]
+
+
 def counted_programs(context: GraphicsContext, codes: PackCodes, together: int) -> tuple[CountedProgram, ...]:
     """The programs of a GPU for each plane of a pack. Nothing is drawn."""
     recorder, found = ProgramRecorder(), list[CountedProgram]()
-    planes = tuple(plane_channels(codes.config.maps, codes.config.output_channels))
     with recorder.recording():
         programs = codec_programs(scene_programs(gpu_of(context)), codes.pack, replace(GPU, together=together))
 
-        def made(name: str, plane: Plane, stochastic: bool) -> AssembledProgram:
-            defines = {**PlaneReading(plane).defines(), "FILTER_STOCHASTIC": int(stochastic)}
+        def made(name: str, plane: Plane | None, stochastic: bool) -> AssembledProgram:
+            reading = PlaneReading(plane or "base", has_several=plane is None)
+            defines = {**reading.defines(), "FILTER_STOCHASTIC": int(stochastic)}
             before = set(recorder.found)
             programs.compute(f"passes/{name}.comp", {**defines, "WEIGHTS_IN_IMAGE": 0, "DECODER_PLACE": 1})
             (key,) = set(recorder.found) - before
             own = recorder.found[key]
             return replace(own, texts=tuple(text.replace(*EDGE_PART).replace(*CODED) for text in own.texts))
 
-        for plane in planes:
+        for plane in pack_planes(codes):
             exact = made("decode_deferred/decode", plane, False)
             found += [CountedProgram("deferred", plane, lod, together, exact) for lod in LODS]
             stochastic = made("decode_deferred/decode", plane, True)
             found.append(CountedProgram("deferred, stochastic", plane, STOCHASTIC_LOD, together, stochastic))
             tile = made(f"decode_cached/decode{'_together' if together else ''}", plane, False)
             found.append(CountedProgram("cached, a texel of a tile", plane, 0.0, together, tile))
+        if together and len(shown_planes(codes)) > 1:
+            exact = made("decode_deferred/decode_planes", None, False)
+            found += [CountedProgram("deferred", None, lod, together, exact) for lod in LODS]
+            stochastic = made("decode_deferred/decode_planes", None, True)
+            found.append(CountedProgram("deferred, stochastic", None, STOCHASTIC_LOD, together, stochastic))
     return tuple(found)
 
 
 def counted(found: CountedProgram, told: dict[str, Any], codes: PackCodes, seed: int = 0) -> float:
     """Vector instructions of a program for a pixel, or for a texel of a tile."""
-    random = np.random.default_rng(seed)
     code, lanes = MachineCode.parsed(told["assembly"]), min(int(told["subgroup"]), TOGETHER)
-    planes = plane_channels(codes.config.maps, codes.config.output_channels)
-    plane = list(planes).index(found.plane)
+    is_single = found.path.endswith("stochastic")
+
+    def groups(plane: Plane) -> list[PixelGroup]:
+        random, number = np.random.default_rng(seed), pack_planes(codes).index(plane)
+        return [pixel_group(codes, number, found.lod, is_single, random) for _ in range(GROUPS)]
+
+    if found.plane is None:
+        of_planes = [groups(plane) for plane in shown_planes(codes)]
+        return instructions(code, [joint_trips(own, lanes, is_single) for own in zip(*of_planes, strict=True)])
     if found.path.startswith("cached"):
 
         def of_tile(tile: Tile) -> float:
             return tile_together(code, tile, lanes) if found.together else tile_alone(code, tile, lanes)
 
-        return float(np.mean([of_tile(random_tile(codes, plane, random)) for _ in range(GROUPS)]))
-    is_single = found.path.endswith("stochastic")
-    groups = [pixel_group(codes, plane, found.lod, is_single, random) for _ in range(GROUPS)]
-    if found.together:
-        return instructions(code, [together_trips(group, lanes, is_single) for group in groups])
-    return instructions(code, [alone_trips(group, lanes, is_single) for group in groups])
+        random, number = np.random.default_rng(seed), pack_planes(codes).index(found.plane)
+        return float(np.mean([of_tile(random_tile(codes, number, random)) for _ in range(GROUPS)]))
+    trips = together_trips if found.together else alone_trips
+    return instructions(code, [trips(group, lanes, is_single) for group in groups(found.plane)])
 
 
 def rows(
     gpu: str, name: str, codes: PackCodes, context: GraphicsContext, together: int = 1
 ) -> Iterator[dict[str, Any]]:
-    """Rows of the table: each path and lod, all planes added up. Raises InputError where a compiler is missing."""
+    """Rows of the table: each path and lod. All planes in one pass where there is one, else added up.
+
+    Raises InputError where a compiler is missing.
+    """
     programs = counted_programs(context, codes, together)
     distinct = list(dict.fromkeys(own.program.texts for own in programs))
     first = [next(own.program for own in programs if own.program.texts == texts) for texts in distinct]
@@ -418,11 +465,11 @@ def rows(
         "base coefficients": round(coefficients[0], 2),
         "coefficients": round(sum(coefficients), 2),
     }
-    totals: dict[tuple[str, float], dict[Plane, float]] = {}
+    totals: dict[tuple[str, float], dict[Plane | None, float]] = {}
     for own in programs:
         totals.setdefault((own.path, own.lod), {})[own.plane] = counted(own, told[own.program.texts], codes)
     for (path, lod), planes in totals.items():
-        total = sum(planes.values())
+        total = planes[None] if None in planes else sum(planes.values())
         row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod, **work}
         row |= {"base": round(planes["base"]), "all planes": round(total)}
         is_frame = gpu == "navi32" and not path.startswith("cached")

@@ -28,7 +28,7 @@ from ntc.codec.block.reference import texture_codes
 from ntc.codec.block.trellis import DEEP_CURVE, DEEP_DEPTH, LEVEL_STEPS, SHALLOW_CURVE
 from ntc.codec.block_storage import DIRECTORY_RUN, level_rows
 from ntc.codec.block_trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, branch_tables
-from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, by_plane
+from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, defines_by_plane
 from ntc.codec.latents import texture_levels
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.mips import srgb_channels
@@ -322,7 +322,7 @@ class BlockTables(GpuTables):
             "LARGEST_FOURS": -(-self.most_coefficients // AT_ONCE),
         }
         lines = [f"#define {name} {value}" for name, value in values.items()]
-        return lines + by_plane(config, lambda _, channels: _edge_defines(config, channels))
+        return lines + defines_by_plane(config, lambda _, channels: _edge_defines(config, channels))
 
 
 def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
@@ -330,7 +330,7 @@ def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:
     return (*sizes, *[sizes[0]] * (LARGEST_SIZES - len(sizes)))
 
 
-def _edge_defines(config: BlockConfig, channels: Mapping[int, int]) -> list[str]:
+def _edge_defines(config: BlockConfig, channels: Mapping[int, int]) -> dict[str, str]:
     """Defines for a plane that has these `channels` by component: how many, a colour whose bits begin at `at`, which are
     sRGB-coded (those of a base where its texture says so), and whether means of coarse mips count beside edge parts."""
     places = {component: place for place, component in enumerate(channels)}
@@ -341,10 +341,9 @@ def _edge_defines(config: BlockConfig, channels: Mapping[int, int]) -> list[str]
         f"code_byte(code, at + {COLOUR_BITS * places[component]})" if component in places else "0.0"
         for component in range(4)
     ]
-    return [
-        f"#define COMPONENTS {1 + max(channels)}",
-        f"#define EDGE_CHANNELS {len(channels)}",
-        f"#define EDGE_COLOUR(code, at) vec4({', '.join(parts)})",
-        f"#define EDGE_COLOURS(srgb) vec4({', '.join(colours)})",
-        f"#define EDGE_MEANS {int(config.alpha in channels.values())}",
-    ]
+    return {
+        "EDGE_CHANNELS": str(len(channels)),
+        "EDGE_COLOUR(code, at)": f"vec4({', '.join(parts)})",
+        "EDGE_COLOURS(srgb)": f"vec4({', '.join(colours)})",
+        "EDGE_MEANS": str(int(config.alpha in channels.values())),
+    }

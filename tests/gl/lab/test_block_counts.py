@@ -10,20 +10,24 @@ import pytest
 from lab.bench.random_pack import random_block_pack, random_pack
 from lab.benchmarks.shaders.block_counts import (
     MOST_SQUARES,
-    PIXEL_FOURS,
+    PLANE_FOURS,
+    PLANES_FOURS,
     SLOTS,
     TILE_FOURS,
     TILE_SLOTS,
     TOGETHER,
     PackCodes,
     counted_programs,
+    joint_trips,
     pixel_group,
     random_tile,
     rows,
     shader_number,
+    trips_of_rounds,
 )
 from lab.benchmarks.shaders.compiling import GPUS, find_compiler
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.maps import MAPS
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.inspect.gpu_estimate import PIXELS, estimated_ms, milliseconds_of
@@ -42,6 +46,28 @@ CONFIG = BlockConfig(block_words=(2, 4), mean_words=3.0, modes=16, coefficients=
 def codes() -> PackCodes:
     """Codes of a pack that is the same everywhere."""
     return PackCodes(random_block_pack([(64, 64), (128, 64)], (0, 1), CONFIG))
+
+
+@pytest.mark.parametrize("gpu", GPUS)
+def test_one_pass_for_all_planes_stays_within_its_bounds(graphics: GraphicsContext, gpu: str) -> None:
+    try:
+        find_compiler(gpu)
+    except InputError as error:
+        pytest.skip(str(error))
+    sets = BlockConfig(block_words=(3, 8), mean_words=4.0, modes=16, coefficients=88, output_channels=11, maps=MAPS)
+    codes = PackCodes(random_block_pack([(64, 64), (128, 64)], (0, 1), sets))
+    found = {
+        f"{row['path']}, lod {row['lod']:g}": row
+        for row in rows(gpu, "random", codes, graphics)
+        if row["path"].startswith("deferred")
+    }
+    bounds = json.loads(BOUNDS.read_text())[gpu]["planes"]
+    assert found.keys() == bounds.keys()
+    assert not {
+        name: (row["all planes"], bounds[name])
+        for name, row in found.items()
+        if row["all planes"] > SLACK * bounds[name]
+    }
 
 
 @pytest.mark.parametrize("together", [0, 1])
@@ -78,6 +104,21 @@ def test_a_group_reads_each_square_and_each_code_once(codes: PackCodes) -> None:
     assert wide.coefficients >= 4 * wide.most_fours
 
 
+def test_planes_of_one_pass_share_the_finding_of_codes(codes: PackCodes) -> None:
+    group = pixel_group(codes, 0, 0.5, False, np.random.default_rng(0))
+    rounds = group.work_rounds(PLANES_FOURS)
+    assert group.work_rounds(1) > rounds
+    sets, planes, *joint = joint_trips([group, group, group], TOGETHER, False)
+    assert (sets, planes) == (1.0, 3.0)
+    single = trips_of_rounds(group, TOGETHER, False, rounds)
+    # Rounds; finding mips, corners and probes; fours; listing; decoding.
+    saved = 2.0 * (rounds == 1)
+    finding = [1, 2, 3, 5]
+    assert joint == pytest.approx(
+        [own * (3.0 - saved / rounds) if place in finding else 3.0 * own for place, own in enumerate(single)]
+    )
+
+
 def test_a_tile_has_a_border_of_codes(codes: PackCodes) -> None:
     tile = random_tile(codes, 0, np.random.default_rng(0))
     # On the right and below.
@@ -93,7 +134,8 @@ def test_room_in_shared_memory_is_that_of_the_programs(graphics: GraphicsContext
     pixels, tile = texts["deferred"], texts["cached, a texel of a tile"]
     assert f"#define SLOT_BITS {SLOTS.bit_length() - 1}\n" in pixels
     assert f"const int MOST_SQUARES = {MOST_SQUARES};\n" in pixels
-    assert f"#define USUAL_FOURS {PIXEL_FOURS}\n" in pixels
+    assert f"#define PLANE_FOURS {PLANE_FOURS}\n" in pixels
+    assert f"#define PLANES_FOURS {PLANES_FOURS}\n" in pixels
     assert f"#define SLOTS {TILE_SLOTS}\n" in tile
     assert f"#define USUAL_FOURS {TILE_FOURS}\n" in tile
     assert all(f"const int TOGETHER = {TOGETHER};\n" in text for text in (pixels, tile))

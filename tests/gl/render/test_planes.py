@@ -1,7 +1,9 @@
 """Material sets plane by plane: every decode path against the float64 codec, original images, and what a view leaves out."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
+from unittest.mock import patch
 
 import numpy as np
 import pytest
@@ -15,15 +17,20 @@ from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, Plane, ShownMap,
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_texels
+from tests.gl.render.test_block_frames import VARIANTS
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.support.covering import covering
 from tests.support.gltf_builder import noise
-from tests.support.picture_scenes import WHITE, as_set, scene_of, straight_camera, texture
+from tests.support.picture_scenes import QUAD, QUAD_UVS, WHITE, Part, as_set, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
+from viewer.render.passes.decode import DecodePlanesPass
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
-from viewer.scene.model import Material, PlaneTexture, SceneTexture
-from viewer.state.view_state import REFERENCE, DecodePath, MaterialView, Slot, ViewState
+from viewer.render.resources.color_target import ColorTarget
+from viewer.render.resources.visibility_buffer import VisibilityInputs
+from viewer.render.variants import VariantChoice
+from viewer.scene.model import Material, PlaneTexture, Sampler, Scene, SceneTexture
+from viewer.state.view_state import REFERENCE, DecodePath, MaterialView, Slot, TexelFilter, ViewState
 
 BLOCK = BlockConfig(block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS)
 GRID = GridConfig(hidden_width=12, positional_octaves=1, output_channels=11, maps=MAPS)
@@ -33,6 +40,7 @@ NEUTRAL: dict[Plane, tuple[float, ...]] = {"surface": (0.5, 0.5, 1.0, 1.0), "emi
 TURNED = (0.0, -0.5, 0.3, 0.5, 0.0, 0.1)
 """uv of a plane of the last cases: turned and shrunk."""
 PATHS: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
+UvTransform = tuple[float, float, float, float, float, float]
 
 
 def set_of(width: int, height: int, maps: tuple[MapName, ...]) -> SceneTexture:
@@ -75,8 +83,7 @@ def packs() -> dict[str, Pack]:
     }
 
 
-@pytest.fixture(scope="module")
-def renderer(graphics: GraphicsContext, packs: dict[str, Pack]) -> Iterator[Renderer]:
+def renderer_of_cases(graphics: GraphicsContext, packs: dict[str, Pack], variant: str) -> Renderer:
     """All cases, one quad behind the other."""
     materials = []
     for layer, case in enumerate(CASES.values()):
@@ -87,8 +94,23 @@ def renderer(graphics: GraphicsContext, packs: dict[str, Pack]) -> Iterator[Rend
         materials.append(Material("m", base, WHITE, sampler, surface=planes["surface"], emission=planes["emission"]))
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
     textures = [set_of(2 * w, 2 * h, maps) for (w, h), maps in zip(SIZES, KINDS, strict=True)]
-    made = Renderer(graphics, scene_of(parts, materials, textures))
+    made = Renderer(graphics, scene_of(parts, materials, textures), variants=VariantChoice(variant))
     made.set_packs(packs)
+    return made
+
+
+@pytest.fixture(scope="module")
+def renderer(graphics: GraphicsContext, packs: dict[str, Pack]) -> Iterator[Renderer]:
+    """Each pixel decodes its codes for itself, plane by plane."""
+    made = renderer_of_cases(graphics, packs, VARIANTS["alone"])
+    yield made
+    made.release()
+
+
+@pytest.fixture(scope="module")
+def joint(graphics: GraphicsContext, packs: dict[str, Pack]) -> Iterator[Renderer]:
+    """Work groups decode codes together, all planes of a view in one pass."""
+    made = renderer_of_cases(graphics, {"block": packs["block"]}, VARIANTS["together"])
     yield made
     made.release()
 
@@ -117,15 +139,117 @@ def expected_plane(pack: Pack, name: str, plane: Plane) -> NDArray[np.float64]:
 def test_planes_agree_with_float64(
     renderer: Renderer, packs: dict[str, Pack], name: str, kind: str, path: DecodePath
 ) -> None:
-    slot = Slot(kind, path)
+    assert_planes_agree(renderer, packs[kind], name, Slot(kind, path))
+
+
+def assert_planes_agree(renderer: Renderer, pack: Pack, name: str, slot: Slot) -> None:
+    """All planes of a case, drawn in a lit view, are those of the float64 codec."""
     renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, slot, material_view="lit"), whole=True)
     shown = renderer.planes(slot)
     assert set(shown) >= {"base", "surface"}
     for plane, pixels in shown.items():
         components = 3 if plane == "base" else 4
-        expected = expected_plane(packs[kind], name, plane)[:, :components]
+        expected = expected_plane(pack, name, plane)[:, :components]
         error = np.abs(pixels.reshape(-1, 4)[:, :components] - expected).max()
         assert error <= 3.0 * TOLERANCE, f"{plane}: {error}"
+
+
+@pytest.mark.computes
+@pytest.mark.parametrize("name", CASES)
+def test_planes_that_one_pass_decodes_agree_with_float64(joint: Renderer, packs: dict[str, Pack], name: str) -> None:
+    with planes_decoded() as runs:
+        assert_planes_agree(joint, packs["block"], name, Slot("block", "deferred"))
+    assert [len(run) for run in runs] == [len(joint.planes(Slot("block", "deferred")))]
+
+
+@contextmanager
+def planes_decoded() -> Iterator[list[tuple[Plane, ...]]]:
+    """The planes that each run of a DecodePlanesPass decodes within the block."""
+    runs, run_all = list[tuple[Plane, ...]](), DecodePlanesPass.run_all
+
+    def watched(own: DecodePlanesPass, wanted: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
+        runs.append(tuple(inputs.plane for inputs, _ in wanted))
+        run_all(own, wanted)
+
+    with patch.object(DecodePlanesPass, "run_all", watched):
+        yield runs
+
+
+def mixed_scene() -> Scene:
+    """Squares of 5 to 7 pixels of materials whose planes have the same or other textures, samplers and uv, or are missing."""
+    own, other = Sampler(), Sampler(wrap=("mirror", "clamp"), magnify_linear=False)
+    identity = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
+    kinds: list[tuple[int, tuple[int, Sampler, UvTransform] | None, tuple[int, Sampler, UvTransform] | None]] = [
+        (0, (0, own, identity), (0, own, identity)),
+        (1, (1, own, identity), (0, own, identity)),
+        (0, (0, own, TURNED), (0, own, TURNED)),
+        (0, None, (0, other, identity)),
+        (-1, (2, own, identity), None),
+        (1, None, None),
+        (-1, None, (0, own, identity)),
+        (0, (2, other, TURNED), (0, own, identity)),
+    ]
+    materials = [
+        Material(
+            f"m{number}",
+            base,
+            WHITE,
+            surface=surface and PlaneTexture(surface[0], surface[1], MAPS[1:4], uv_transform=surface[2]),
+            emission=emission and PlaneTexture(emission[0], emission[1], MAPS[4:], uv_transform=emission[2]),
+        )
+        for number, (base, surface, emission) in enumerate(kinds)
+    ]
+    parts = []
+    for number in range(54):
+        x, y = 0.33 * (number % 9) - 1.35, 0.33 * (number // 9) - 0.85
+        positions = 0.165 * QUAD + np.array([x, y, 0.0], np.float32)
+        # From magnified to mip 3.
+        uvs = QUAD_UVS * np.float32(2.0 ** (number % 7 - 4)) + np.float32(0.1 * number)
+        parts.append(Part(number % len(materials), positions, uvs))
+    textures = [set_of(2 * w, 2 * h, maps) for (w, h), maps in zip(SIZES, KINDS, strict=True)]
+    return scene_of(parts, materials, textures)
+
+
+@pytest.mark.computes
+@pytest.mark.parametrize("texel_filter", ["exact", "stochastic"])
+def test_one_pass_decodes_what_passes_of_single_planes_do(
+    graphics: GraphicsContext, packs: dict[str, Pack], texel_filter: TexelFilter
+) -> None:
+    scene, slot = mixed_scene(), Slot("p", "deferred", filter=texel_filter)
+    views: list[tuple[MaterialView, bool]] = [("lit", False), ("normal", True), ("orm", True), ("lit", True)]
+    found = []
+    for variant in VARIANTS.values():
+        renderer, planes = Renderer(graphics, scene, variants=VariantChoice(variant)), []
+        renderer.set_packs({"p": packs["block"]})
+        for view, whole in views:
+            frame = renderer.render(ViewState(straight_camera(), SIZE, slot, material_view=view), whole)
+            planes.append(renderer.planes(slot))
+            assert set(frame.samples) == ({slot} if texel_filter == "stochastic" else set())
+        assert renderer.covered().mean() > 0.9
+        found.append(planes)
+        renderer.release()
+    alone, together = found
+    for one, other in zip(alone, together, strict=True):
+        assert one.keys() == other.keys()
+        for plane, pixels in one.items():
+            np.testing.assert_allclose(other[plane], pixels, atol=2e-5, err_msg=plane)
+
+
+@pytest.mark.computes
+def test_planes_that_are_drawn_are_not_decoded_again_for_another_view(joint: Renderer) -> None:
+    slot, camera = Slot("block", "deferred"), straight_camera(list(CASES).index("one texel a pixel"))
+    decoded: dict[MaterialView, list[tuple[Plane, ...]]] = {
+        "normal": [("surface",)],
+        "orm": [("emission",)],
+        "emissive": [],
+        "lit": [PLANES],
+    }
+    for view, expected in decoded.items():
+        with planes_decoded() as runs:
+            frame = joint.render(ViewState(camera, SIZE, slot, material_view=view), whole=True)
+        assert runs == expected, view
+        assert ("decode_deferred" in frame.timings_ms) == bool(expected)
+    assert frame.slot_ms[slot] >= frame.timings_ms["decode_deferred"] > 0.0
 
 
 @pytest.mark.computes

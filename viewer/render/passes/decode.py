@@ -1,12 +1,13 @@
 """Decode paths `forward`, `deferred` and `binned`, which decode every visible pixel, and their stochastic filter."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from weakref import WeakKeyDictionary
 
 import moderngl
 import numpy as np
 
+from ntc.codec.maps import PLANES, Plane
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.pass_scheduler import Progress, Step, ToCome
@@ -44,6 +45,16 @@ class DecodePass(ABC):
     @abstractmethod
     def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
         """Decode every visible pixel once."""
+
+    def run_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
+        """Decode every visible pixel once for each of these targets: planes of one view."""
+        for inputs, target in wanted:
+            self.run(inputs, target)
+
+    def advance_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget, Step]]) -> list[Progress]:
+        """As `run_all`: all are complete at once."""
+        self.run_all([(inputs, target) for inputs, target, _ in wanted])
+        return [Progress()] * len(wanted)
 
     def own_buffers(self) -> Sequence[moderngl.Buffer]:
         """Return the GPU buffers that belong to this pass alone."""
@@ -136,6 +147,52 @@ class DecodeDeferredPass(DecodePass):
         self._gl.memory_barrier()
 
 
+class DecodePlanesPass(DecodePass):
+    """Pass of path `deferred` where work groups decode codes: of several planes at once, the codes of the same texels once."""
+
+    name = "decode_deferred"
+
+    def __init__(
+        self,
+        context: GraphicsContext,
+        programs: ProgramFactory,
+        buffers: PackBuffers,
+        reading: PlaneReading,
+        plane_pass: Callable[[Plane], DecodePass],
+        texel_filter: TexelFilter = "exact",
+    ) -> None:
+        """Take `reading` of several planes; `plane_pass` returns the pass of a single one."""
+        super().__init__(context, buffers, reading, texel_filter)
+        self._programs, self._plane_pass = programs, plane_pass
+        self._passes: dict[Plane, DecodePass] = {}
+
+    def run(self, inputs: VisibilityInputs, target: ColorTarget) -> None:
+        """Decode one plane of the whole picture."""
+        if inputs.plane not in self._passes:
+            self._passes[inputs.plane] = self._plane_pass(inputs.plane)
+        self._passes[inputs.plane].run(inputs, target)
+
+    def run_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
+        """Decode planes of the whole picture."""
+        if len(wanted) == 1:
+            self.run(*wanted[0])
+            return
+        program = self._programs.compute("passes/decode_deferred/decode_planes.comp", self._defines)
+        inputs, size = wanted[0][0], wanted[0][1].size
+        self._bind(program, inputs)
+        numbers = [PLANES.index(inputs.plane) for inputs, _ in wanted]
+        for number, (_, target) in zip(numbers, wanted, strict=True):
+            target.texture.bind_to_image(int(ImageUnit.PLANES) + number, read=False, write=True)
+        set_uniforms(program, {"planes": sum(1 << number for number in numbers)})
+        program.run(*(-(-side // GROUP_SIDE) for side in size))
+        self._gl.memory_barrier()
+
+    def release(self) -> None:
+        """Free the passes of single planes."""
+        for own in self._passes.values():
+            own.release()
+
+
 class DecodeBinnedPass(DecodePass):
     """Pass of path `binned`: count, scan and scatter fill the bins; each decoder that may be visible has an indirect dispatch."""
 
@@ -191,38 +248,63 @@ class DecodeBinnedPass(DecodePass):
 
 
 class DecodeSampledPass:
-    """Pass of a path with the stochastic filter: draws the mean of up to SAMPLES samples of one texel a pixel."""
+    """Pass of a path with the stochastic filter: draws the mean of up to SAMPLES samples of one texel a pixel, of each plane."""
 
-    def __init__(self, decode: DecodePass, accumulate: AccumulatePass) -> None:
-        """Take `decode`, a pass with the stochastic filter; both passes belong to this one."""
+    def __init__(self, decode: DecodePass, accumulate: Callable[[], AccumulatePass]) -> None:
+        """Take `decode`, a pass with the stochastic filter, which belongs to this one; `accumulate` makes what adds up a plane."""
         self.name = decode.name
         self._decode, self._accumulate = decode, accumulate
+        self._means: dict[Plane, AccumulatePass] = {}
         self._samples: WeakKeyDictionary[ColorTarget, int] = WeakKeyDictionary()
 
     @property
     def bytes_on_gpu(self) -> int:
-        """Number of bytes of the pass's buffers and the last sample."""
-        return self._decode.bytes_on_gpu + self._accumulate.bytes_on_gpu
+        """Number of bytes of the pass's buffers and the last samples."""
+        return self._decode.bytes_on_gpu + sum(own.bytes_on_gpu for own in self._means.values())
 
-    def advance(self, inputs: VisibilityInputs, target: ColorTarget, step: Step) -> Progress:
-        """Draw the next sample, or where the picture is to be whole all that are missing.
+    def advance_all(self, wanted: Sequence[tuple[VisibilityInputs, ColorTarget, Step]]) -> list[Progress]:
+        """Draw the next sample of each of these planes of one view, or where the picture is to be whole all that are missing.
 
         BLEND surfaces are averaged elsewhere: for a further sample of theirs one sample is drawn.
         """
-        if inputs.blend_sample:
-            self._decode.run(inputs.of_sample(inputs.blend_sample), target)
-            return Progress()
-        before = self._samples.get(target, 0) if step.is_same_view and not step.is_stale else 0
-        for number in range(before, SAMPLES if step.whole else before + 1):
-            into = target if number == 0 else self._accumulate.sample(target.size)
-            self._decode.run(inputs.of_sample(number), into)
-            if number > 0:
-                self._accumulate.run(number, target)
+        blend_sample = wanted[0][0].blend_sample
+        if blend_sample:
+            self._decode.run_all([(inputs.of_sample(blend_sample), target) for inputs, target, _ in wanted])
+            return [Progress()] * len(wanted)
+        numbers = []
+        for _, target, step in wanted:
+            before = self._samples.get(target, 0) if step.is_same_view and not step.is_stale else 0
+            numbers.append(range(before, SAMPLES if step.whole else before + 1))
+        for number in range(min(own.start for own in numbers), max(own.stop for own in numbers)):
+            drawn = [
+                (inputs.of_sample(number), target)
+                for (inputs, target, _), own in zip(wanted, numbers, strict=True)
+                if number in own
+            ]
+            self._add(number, drawn)
+        left = [SAMPLES - self._samples[target] for _, target, _ in wanted]
+        return [Progress(to_come=(ToCome("samples", own, SAMPLES),) if own else ()) for own in left]
+
+    def _add(self, number: int, drawn: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
+        """Draw sample `number` of these planes, and add it to the mean of those before."""
+        if number == 0:
+            self._decode.run_all(drawn)
+        else:
+            means = [self._mean(inputs.plane) for inputs, _ in drawn]
+            into = [mean.sample(target.size) for mean, (_, target) in zip(means, drawn, strict=True)]
+            self._decode.run_all([(inputs, sample) for (inputs, _), sample in zip(drawn, into, strict=True)])
+            for mean, (_, target) in zip(means, drawn, strict=True):
+                mean.run(number, target)
+        for _, target in drawn:
             self._samples[target] = number + 1
-        left = SAMPLES - self._samples[target]
-        return Progress(to_come=(ToCome("samples", left, SAMPLES),) if left else ())
+
+    def _mean(self, plane: Plane) -> AccumulatePass:
+        if plane not in self._means:
+            self._means[plane] = self._accumulate()
+        return self._means[plane]
 
     def release(self) -> None:
-        """Free the pass and the last sample."""
+        """Free the pass and the last samples."""
         self._decode.release()
-        self._accumulate.release()
+        for mean in self._means.values():
+            mean.release()

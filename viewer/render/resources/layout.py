@@ -81,6 +81,7 @@ class ImageUnit(IntEnum):
     TARGET = 0
     DIVERGENCE = 1
     ATLAS = 3
+    PLANES = 4
 
 
 class AlphaCode(IntEnum):
@@ -156,13 +157,14 @@ MATERIAL_RECORD = np.dtype(
         ("alpha_cutoff", "<f4"),
         *((name, "<i4") for name in ("alpha_mode", "unlit", "missing_base")),
         *((name, "<f4") for name in ("clearcoat", "clearcoat_roughness")),
-        *((f"padding_{number}", "<i4") for number in range(2)),
+        *((name, "<i4") for name in ("alike", "padding_0")),
         ("planes", PLANE_RECORD, (len(PLANES),)),
     ]
 )
 """Record of a material: std430, 288 bytes. `emissive`: RGB, strength of occlusion. `surface`: roughness, metalness, scale of normals,
 transmission. `specular`: reflectance of a dielectric at normal incidence (RGB), and at grazing incidence.
-`missing_base`: 1 where a pattern stands for the base colour."""
+`missing_base`: 1 where a pattern stands for the base colour. `alike`: for each plane, in two bits, the number of the first one that
+is read from the same texture at the same texels."""
 
 REQUEST_RECORD = np.dtype([("uv", "<f4", (2,)), ("lod", "<f4"), ("texture_wrap", "<i4")])
 """Record of one texel to decode: `texture_wrap` = texture * 16 + wrap_u * 4 + wrap_v."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 
 import moderngl
 import numpy as np
@@ -50,6 +51,12 @@ def dielectric_reflectance(material: Material) -> tuple[float, float, float, flo
     return red, green, blue, factors.specular
 
 
+def alike_planes(material: Material) -> int:
+    """Return, for each plane, the number of the first that is read from the same texture at the same texels: two bits each."""
+    found = [None if own is None else replace(own, maps=()) for own in map(material.plane, PLANES)]
+    return sum(found.index(own) << 2 * number for number, own in enumerate(found))
+
+
 def material_records(scene: Scene) -> np.ndarray:
     """Return [materials] MATERIAL_RECORD; `image_array` and `image_layer` of planes are left to the reference pass."""
     records = np.zeros(max(1, len(scene.materials)), MATERIAL_RECORD)
@@ -65,6 +72,7 @@ def material_records(scene: Scene) -> np.ndarray:
         record["alpha_mode"] = ALPHA_CODES[material.alpha_mode]
         record["unlit"], record["missing_base"] = material.unlit, material.missing_base
         record["clearcoat"], record["clearcoat_roughness"] = factors.clearcoat, factors.clearcoat_roughness
+        record["alike"] = alike_planes(material)
         for own, plane in zip(record["planes"], PLANES, strict=True):
             # Coverage is read as the base colour would be, also where there is none.
             own["wrap_u"], own["wrap_v"] = (WRAP_CODES[mode] for mode in material.sampler.wrap)

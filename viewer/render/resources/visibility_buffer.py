@@ -54,22 +54,21 @@ CONTENT: dict[TextureUnit, tuple[str, int, Literal["u4", "f4"]]] = {
 
 @dataclass(frozen=True)
 class PlaneReading:
-    """Reading of surfaces by a pass that shows one plane of their maps."""
+    """Reading of surfaces by a pass that shows one plane of their maps, or several."""
 
     plane: Plane = "base"
     colors: bool = False
     """True where the visibility buffer holds vertex colours."""
     second_uvs: bool = False
     """True where the visibility buffer holds another UV set; only planes besides `base` read it."""
+    has_several: bool = False
+    """True for a pass that shows several planes, whatever `plane` is."""
 
     def defines(self) -> dict[str, int]:
         """Return the defines of shaders that read surfaces so."""
-        second_uvs = self.second_uvs and self.plane != "base"
-        return {
-            "VERTEX_COLORS": int(self.colors),
-            "SECOND_UVS": int(second_uvs),
-            "PLANE": CODED_PLANES.index(self.plane),
-        }
+        second_uvs = self.second_uvs and (self.has_several or self.plane != "base")
+        plane = {} if self.has_several else {"PLANE": CODED_PLANES.index(self.plane)}
+        return {"VERTEX_COLORS": int(self.colors), "SECOND_UVS": int(second_uvs), **plane}
 
 
 class VisibilityTarget:
