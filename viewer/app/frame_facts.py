@@ -100,14 +100,12 @@ class FactsReader:
     def measuring(self) -> Iterator[Mapping[Side, SlotMeasurement]]:
         """Measure both slots of the present view: yield what is known after each step, which a frame has time for.
 
-        Slots that were drawn while nobody looked at times are drawn again first. Their times arrive a few frames later.
+        The times of slots arrive a few frames after they were drawn.
         """
-        if not self._knows_times():
-            self._picture.draw_anew()
-            for _ in range(FRAMES_FOR_TIMES):
-                yield {}
-                if self._knows_times() and not self._picture.to_come:
-                    break
+        for _ in range(FRAMES_FOR_TIMES):
+            if self._knows_times():
+                break
+            yield {}
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
             return

@@ -133,7 +133,6 @@ class Frontend:
         self._formats.step(session)
         start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
         self._update_flicker()
-        self.picture.times_wanted = self._times_are_wanted
         if room is not None and (self._graphics.waits or self._is_announced):
             self._draw_picture(room)
         # The first picture takes seconds: a frame says so before.
@@ -297,12 +296,6 @@ class Frontend:
             line = " ".join(str(error).split()) or "out of memory"
             notify(session, line, "error", str(error))
             self._effects.take(Measure)
-
-    @property
-    def _times_are_wanted(self) -> bool:
-        """True while something shows times: Timings, and the table of figures."""
-        shown = bool(self.session.inspection.measurements) and self.interface.shows("Compare")
-        return shown or self._measuring is not None or self.interface.shows("Timings")
 
     def _measure_further(self) -> None:
         """Do the next step of a measurement."""

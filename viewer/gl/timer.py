@@ -1,4 +1,4 @@
-"""Times of passes in ms: waited for, or read some frames later from timestamps that the GPU has noted, or not taken at all."""
+"""Times of passes in ms: waited for, or read some frames later from timestamps that the GPU has noted."""
 
 import ctypes
 import time
@@ -12,7 +12,7 @@ from viewer.gl import functions as names
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import GlFunctions
 
-TimerKind = Literal["gpu timer query", "wall time around finish", "timestamps between passes", "not measured"]
+TimerKind = Literal["gpu timer query", "wall time around finish", "timestamps between passes"]
 MOST_FRAMES = 8
 """Most frames whose times are awaited; of a slower driver the oldest are given up."""
 
@@ -74,7 +74,7 @@ class PassTimer:
     """Timer that collects the times of passes, frame by frame.
 
     Where the context waits for the GPU, a frame's times are known at its end. Else the timer does not hold
-    the GPU up: it measures while `is_wanted`, and tells the times of a frame two or three frames later.
+    the GPU up: it tells the times of a frame two or three frames later.
     """
 
     def __init__(self, context: GraphicsContext) -> None:
@@ -83,8 +83,6 @@ class PassTimer:
         self._has_queries = context.features.timer_queries
         self._stamps = Stamps(context.functions)
         self.waits = context.waits
-        self.is_wanted = context.waits
-        """True while somebody looks at the times of the next frames."""
         self._frame = _Frame()
         self._under_way: deque[_Frame] = deque()
         self._owned: dict[Hashable, float] = {}
@@ -97,8 +95,6 @@ class PassTimer:
         """Method of measuring, for reports."""
         if self.waits:
             return "gpu timer query" if self._has_queries else "wall time around finish"
-        if not self.is_wanted:
-            return "not measured"
         return "gpu timer query" if self._has_queries else "timestamps between passes"
 
     @contextmanager
@@ -106,8 +102,7 @@ class PassTimer:
         """Add the wall time of the block, which makes no OpenGL calls, to the pass `name`."""
         start = time.perf_counter()
         yield
-        if self.is_wanted:
-            self._add(name, None, 1e3 * (time.perf_counter() - start))
+        self._add(name, None, 1e3 * (time.perf_counter() - start))
 
     @contextmanager
     def measure(self, name: str) -> Iterator[None]:
@@ -122,11 +117,11 @@ class PassTimer:
     def _measured(self, name: str | None, note: Callable[[float], None] | None) -> Iterator[None]:
         if self.waits:
             yield from self._waited(name, note)
-        elif self._has_queries and (self.is_wanted or note is not None):
+        elif self._has_queries:
             first = self._put()
             yield
             self._add_late(name, note, (first, self._put()))
-        elif self.is_wanted and name is not None:
+        elif name is not None:
             yield from self._between(name)
         else:
             start = time.perf_counter()
@@ -206,7 +201,7 @@ class PassTimer:
             note(milliseconds)
 
     def _add_late(self, name: str | None, note: Callable[[float], None] | None, stamps: tuple[int, int]) -> None:
-        shown = None if name is None or not self.is_wanted else self._whole or name
+        shown = None if name is None else self._whole or name
         owners = self._owners if shown is not None and self._whole is None else ()
         self._frame.measurements.append(_Measurement(shown, 0.0, stamps, owners, note))
 

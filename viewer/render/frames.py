@@ -40,7 +40,7 @@ class FrameResult:
     timings_ms: Mapping[str, float]
     """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up.
 
-    Of a renderer that does not wait: those of a frame before, if anybody wants them."""
+    Of a renderer that does not wait: those of a frame before."""
     slot_ms: Mapping[Slot, float]
     """Time in ms that each shown slot took when it was last drawn at this size."""
     timer: str

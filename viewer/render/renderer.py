@@ -104,10 +104,6 @@ class Renderer:
         self._view: ViewState | None = None
         """The last view; None where it could not be drawn."""
 
-    def want_times(self, are_wanted: bool) -> None:
-        """Measure times only where somebody looks at them."""
-        self._timer.is_wanted = are_wanted or self._timer.waits
-
     @property
     def matches(self) -> Mapping[str, PackMatch]:
         """Match of each open pack with the scene, by the pack's name."""
@@ -278,10 +274,6 @@ class Renderer:
         drawn = self._targets.slot_ms() if self._targets is not None else {}
         known = {slot: self.paths.known(slot) for slot in slots}
         return drawn | {slot: drawn[own] for slot, own in known.items() if own in drawn}
-
-    def forget_pictures(self) -> None:
-        """Forget what was drawn of the last view: the next frame draws all of it again."""
-        self._release_targets()
 
     def _forget_frame(self, targets: PictureTargets) -> None:
         """Count what was drawn outside of a frame for its slot alone."""

@@ -75,8 +75,6 @@ class Viewport:
         """Scene, packs and view that were drawn last."""
         self._whole = False
         """True where the last picture was asked for whole."""
-        self.times_wanted = False
-        """True while times of passes are shown."""
         self.frames_drawn = 0
         """Number of frames in which the renderer had something to do."""
 
@@ -111,12 +109,6 @@ class Viewport:
         scene, packs, view = self._undrawable
         return scene is self._session.scene and packs is self._session.packs and view == self._view(size)
 
-    def draw_anew(self) -> None:
-        """Have the next frame draw the whole picture, though nothing of it has changed: its times may be wanted only now."""
-        self.last_view = None
-        if self.renderer is not None:
-            self.renderer.forget_pictures()
-
     def draw(self, size: tuple[int, int], whole: bool = False) -> None:
         """Draw what is out of date; with `whole` at once, although the camera moves, and nothing is left for later frames.
 
@@ -128,7 +120,6 @@ class Viewport:
         renderer = self._current_renderer()
         coarse = self.is_coarse()
         view = self._view(size)
-        renderer.want_times(self.times_wanted)
         if view == self.last_view and not self.to_come:
             if late := renderer.take_times():
                 self._times.note_passes(late)

@@ -70,7 +70,6 @@ def test_times_that_are_read_later_come_in_order_and_nothing_waits(
 ) -> None:
     context, functions = watched
     timer, before = PassTimer(replace(context, waits=False)), context.memory.blocking.count
-    timer.is_wanted = True
     functions.is_late = True
     for number in range(3):
         with timer.owned_by(number), timer.measure(f"pass {number}"):
@@ -89,7 +88,7 @@ def test_a_driver_that_never_answers_costs_no_more_than_some_queries(
 ) -> None:
     context, functions = watched
     timer = PassTimer(replace(context, waits=False))
-    timer.is_wanted, functions.is_late = True, True
+    functions.is_late = True
     for _ in range(100):
         with timer.measure("pass"):
             pass
@@ -98,27 +97,14 @@ def test_a_driver_that_never_answers_costs_no_more_than_some_queries(
     assert "glGetQueryObjectui64v" not in functions.called
 
 
-def test_nothing_is_measured_while_nobody_asks(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
-    context, functions = watched
-    timer, before = PassTimer(replace(context, waits=False)), context.memory.blocking.count
-    with timer.measure("pass"):
-        pass
-    with timer.measure_cpu("cull"):
-        pass
-    assert timer.take() == {}
-    assert timer.kind == "not measured"
-    assert functions.called == []
-    assert context.memory.blocking.count == before
-
-
-def test_one_who_asks_for_a_single_time_gets_it(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
+def test_a_time_without_a_name_is_noted_alone(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
     context, _ = watched
     timer, noted = PassTimer(replace(context, waits=False)), list[float]()
     with timer.watch(noted.append):
         context.gl.memory_barrier()
     end = time.monotonic() + 20.0
     while not noted and time.monotonic() < end:
-        assert timer.take() == {}, "the others are not measured"
+        assert timer.take() == {}, "it has no name"
     assert noted[0] >= 0.0
 
 
@@ -137,7 +123,6 @@ def test_times_have_64_bits(graphics: GraphicsContext) -> None:
 def test_what_is_forgotten_is_in_no_frame(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
     context, functions = watched
     timer = PassTimer(replace(context, waits=False))
-    timer.is_wanted = True
     with timer.measure("outside"):
         pass
     timer.forget()

@@ -52,7 +52,7 @@ MIDDLE = (0.5, 0.5)
 
 @pytest.mark.parametrize("asks", [pytest.param(False, marks=pytest.mark.nightly), True])
 def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]], asks: bool) -> None:
-    """`asks`: with times, the pixel and the block at a place, and the map of decoders."""
+    """`asks`: with the panel of times, the pixel and the block at a place, and the map of decoders."""
     app, calls = drawn
     camera = app.session.view.camera
     app.show_panel("Memory")
@@ -77,8 +77,8 @@ def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]], asks: bool)
     assert counts == [0] * FRAMES
     facts = app.frontend.facts()
     assert facts.blocking_calls == 0
-    # Without the panel nothing is measured; with it times arrive, some frames later.
-    assert (timed > 0) == asks
+    # Times arrive some frames later.
+    assert timed > 0
     assert (facts.pixel is not None) == asks
     assert (facts.block is not None) == asks
     assert app.frontend.reader.pixels.reads - reads >= (FRAMES - 1) * asks
