@@ -38,6 +38,8 @@ FIRST_PICTURES = 3
 """Of a window: they make buffers, compile programs and upload the scene."""
 SECONDS_BETWEEN_ACTIONS = 0.05
 SIZES = ((1280, 720), (1024, 640), (900, 600), (640, 480), (360, 260))
+ENCODE_SHARE = 0.3
+"""Share of encodings among the commands about trainings."""
 CAMERA_KEYS = tuple(parse_chord(key) for key in "WASDQE123")
 
 
@@ -61,6 +63,7 @@ class MonkeyWindow(WindowApp):
             self._turn_the_wheel: 5,
             self._type: 4,
             self._run_a_command: 30,
+            self._train: 10,
             self._drop: 3,
             self._resize: 2,
             self._close_the_window: 1,
@@ -177,8 +180,12 @@ class MonkeyWindow(WindowApp):
     def _type(self) -> None:
         imgui.get_io().add_input_characters_utf8(self._random.choice(("a", "12", "zz.ntc", "0.5", "/tmp", "ä€", "-1")))
 
-    def _run_a_command(self) -> None:
-        command, texts = random_call(self.context, self._files, self._random)
+    def _train(self) -> None:
+        # Most commands about trainings need a run.
+        self._run_a_command("training.encode" if self._random.random() < ENCODE_SHARE else "training.")
+
+    def _run_a_command(self, subject: str = "") -> None:
+        command, texts = random_call(self.context, self._files, self._random, subject)
         self._journal.write("command", line=" ".join([command.id, *texts]))
         # What cannot be parsed is typed nowhere but in a script.
         with suppress(InputError):

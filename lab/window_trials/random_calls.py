@@ -27,10 +27,15 @@ GIVEN_SHARE = 0.6
 """Probability that an optional parameter is given."""
 
 
-def random_call(context: Context, files: Sequence[Path], source: random.Random) -> tuple[Command, tuple[str, ...]]:
-    """Return a command that can run now, with texts of its parameters. `files` are those that are opened."""
+def random_call(
+    context: Context, files: Sequence[Path], source: random.Random, subject: str = ""
+) -> tuple[Command, tuple[str, ...]]:
+    """Return a command that can run now, with texts of its parameters. `files` are those that are opened.
+
+    `subject` is the beginning of the command's id, such as `training.`; any other is taken where none of these can run.
+    """
     possible = [command for command in COMMANDS if command.id not in LEFT_OUT and not command.why_not(context)]
-    command = source.choice(possible)
+    command = source.choice([command for command in possible if command.id.startswith(subject)] or possible)
     texts: list[str] = []
     for parameter in command.parameters:
         if parameter.default_text is not None and source.random() > GIVEN_SHARE:

@@ -24,6 +24,8 @@ def test_every_possible_command_is_called_with_texts_that_it_takes() -> None:
         command.parse(texts)
         called.add(command.id)
     assert called == possible
+    assert random_call(context, [], source, "training.encode")[0].id == "training.encode"
+    assert random_call(context, [], source, "training.pause")[0].id in possible
     # Packs of codec block are encoded anew, not trained.
     assert "training.retrain" not in called
     assert "training.anew" in called
