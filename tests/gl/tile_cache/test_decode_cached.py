@@ -11,14 +11,16 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.config import WrapMode
 from ntc.codec.gpu import SOFTWARE
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from tests.gl.render.test_frame_parity import CASES
+from tests.gl.render import test_frame_parity
+from tests.gl.render.test_frame_parity import Case
 from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
-from tests.support.picture_scenes import scene_of, straight_camera, texture
+from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
 from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
@@ -35,8 +37,19 @@ from viewer.state.navigation import turned
 from viewer.state.view_state import Anisotropy, Slot, ViewState
 
 SIZE = (48, 32)
-SIZES = ((150, 90), (40, 24), (17, 33))
-"""Several tiles a side, a part of one, and odd sides."""
+SIZES = ((150, 90), (40, 24), (17, 33), (64, 32))
+"""Several tiles a side, a part of one, odd sides, and whole tiles."""
+CORNERS = {"first": (-0.02, -0.03), "last": (0.98, 0.97), "tiles meet": (0.48, 0.97)}
+"""Begins of magnified parts of a texture."""
+WRAPS: tuple[tuple[WrapMode, WrapMode], ...] = (("repeat", "repeat"), ("mirror", "clamp"), ("clamp", "mirror"))
+CASES = test_frame_parity.CASES | {
+    f"{corner}, {wrap[0]} and {wrap[1]}, {SIZES[number][0]} texels": Case(
+        PixelMap(begin, (1 / 1024, 0.0), (0.0, 1 / 512)), number, wrap
+    )
+    for corner, begin in CORNERS.items()
+    for wrap in WRAPS
+    for number in (2, 3)
+}
 CACHED = Slot("p", "cached")
 STEP = 0.5 * 2.4 / 255.0
 """Half an 8-bit sRGB step in linear light where the curve is steepest."""
@@ -60,7 +73,7 @@ CODECS: dict[str, Callable[..., Pack]] = {
 def pack(request: pytest.FixtureRequest) -> Pack:
     """Latents for all textures, in every codec."""
     hashes = [texture(w, h, w).pixel_hash for w, h in SIZES]
-    made: Pack = CODECS[request.param](SIZES, (0, 1, 0), hashes=hashes)
+    made: Pack = CODECS[request.param](SIZES, (0, 1, 0, 1), hashes=hashes)
     return made
 
 
