@@ -424,6 +424,17 @@ def first_pictures() -> str:
     return table(rows, "window", "accepted", "prepared", "first picture", "its tiles=all its tiles", "whole pack")
 
 
+def time_left(clock: str) -> str:
+    """Seconds that encodings were forecast to take, and seconds left that were shown, both with the truth."""
+    moments, rows = ("25%", "50%", "75%"), []
+    for row in record("time_left")["rows"]:
+        if row["clock"] == clock:
+            said = {at: "-" if row[f"said_{at}"] is None else f"{row[f'said_{at}']:.1f}" for at in moments}
+            rows.append(row | {at: f"{said[at]} of {row[f'left_{at}']:.1f}" for at in moments})
+    headings = [f"{at}=left at {at[:-1]} %, s" for at in moments]
+    return table(rows, "scene", "what=", "offered_seconds=offered, s=1", "seconds=took, s=1", *headings)
+
+
 def encoding_by_jobs() -> str:
     """One worker, two workers and a Ray cluster."""
     found = record("encoding_by_jobs")
@@ -581,6 +592,8 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     "compiling": compiling,
     "window-training": window_training,
     "first-pictures": first_pictures,
+    "time-left": partial(time_left, "wall"),
+    "time-left-alone": partial(time_left, "processor"),
     "jobs": encoding_by_jobs,
     "measures": partial(
         rows_of,
