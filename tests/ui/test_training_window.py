@@ -371,7 +371,7 @@ def test_what_cannot_be_is_said(app: DrivenApp) -> None:
 
 def test_more_groups_than_textures(app: DrivenApp) -> None:
     run(app, "training.encode clustered 9 32 10steps")
-    assert "only 2 textures" in messages(app)
+    assert "the scene has 2 textures" in messages(app)
     assert not app.session.packs
 
 

@@ -68,3 +68,14 @@ def loss_ticks(curves: Curves) -> list[float]:
     decades = range(int(np.floor(np.log10(values.min()))), int(np.ceil(np.log10(values.max()))) + 1)
     ticks = [digit * 10.0**decade for decade in decades for digit in ((1, 2, 5) if len(decades) < 3 else (1,))]
     return [tick for tick in ticks if 0.5 * values.min() <= tick <= 2.0 * values.max()] or [float(values.max())]
+
+
+def psnr_ends(curves: Curves, texture: int | None) -> tuple[float, float]:
+    """Return the range in dB that the curve of the mean and that of `texture` need, with a margin: the plot's own range is that of the
+    frame before."""
+    drawn = [curves.mean_db, *([curves.psnr_db[texture]] if texture is not None else [])]
+    values = np.concatenate([curves.array(curve) for curve in drawn])
+    values = values[np.isfinite(values)]
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    margin = max(0.05 * (high - low), 0.05)
+    return low - margin, high + margin

@@ -14,7 +14,7 @@ from viewer.state.framing import emptiest_corner
 from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
 from viewer.training.preparation import job_title
-from viewer.training.run_figures import figures_of_run, figures_under_way, loss_ticks, psnr_of_run
+from viewer.training.run_figures import figures_of_run, figures_under_way, loss_ticks, psnr_ends, psnr_of_run
 from viewer.training.run_log import ActiveRun, Curves, Run
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
@@ -78,7 +78,9 @@ class TrainingCurves:
         if implot.begin_plot(
             f"{codec.psnr_title if codec is not None else 'PSNR'}##psnr", size, flags | implot.Flags_.no_legend
         ):
-            implot.setup_axes("seconds", "dB", FIT, FIT)
+            implot.setup_axes("seconds", "dB")
+            ends = psnr_ends(curves, texture)
+            implot.setup_axes_limits(seconds[0], max(seconds[-1], seconds[0] + 0.1), *ends, implot.Cond_.always)
             # The text colour is readable on both themes.
             mean = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=3.0)
             implot.plot_line("mean", seconds, curves.array(curves.mean_db), mean)
