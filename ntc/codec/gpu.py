@@ -75,6 +75,7 @@ class DecodingImage(IntEnum):
     """Image units that decoding shaders read."""
 
     WEIGHTS = 2
+    LATENTS = 4
 
 
 class WrapCode(IntEnum):
@@ -88,6 +89,8 @@ class WrapCode(IntEnum):
 WRAP_CODES: dict[WrapMode, WrapCode] = {"repeat": WrapCode.REPEAT, "mirror": WrapCode.MIRROR, "clamp": WrapCode.CLAMP}
 WEIGHT_COLUMN_BITS = 11
 """Weights in an image lie in rows of 2^11 blocks."""
+LATENT_COLUMN_BITS = 13
+"""Latents in an image lie in rows of 2^13 words."""
 LEVEL_RECORD = np.dtype(
     [
         ("width", "<i4"),
@@ -248,7 +251,6 @@ class GpuTables(ABC):
         lines = [
             "// Generated for the settings of one codec.",
             f"#define SHARES_DECODERS {int(self.shares_decoders)}",
-            f"#define DECODES_QUADS {int(self.decodes_quads)}",
             f"#define DECODES_TOGETHER {int(bool(self.together_shader) and variant.together)}",
             f"#define CELL_WORDS {self.row_words}",
             *defines_by_plane(self.settings, lambda place, _: {"PLANE_PLACE": str(place)}),
@@ -309,6 +311,7 @@ def decoding_layout_glsl() -> str:
         ),
         *(f"#define PLANE_{plane.upper()} {number}" for number, plane in enumerate(CODED_PLANES)),
         f"#define WEIGHT_COLUMN_BITS {WEIGHT_COLUMN_BITS}",
+        f"#define LATENT_COLUMN_BITS {LATENT_COLUMN_BITS}",
         glsl_struct("LevelRecord", LEVEL_RECORD),
     ]
     return "\n".join(lines) + "\n"

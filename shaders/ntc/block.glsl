@@ -35,6 +35,9 @@ uint table_word(int word) {
 }
 #endif
 
+// 1: both mips of a footprint are read from a code at once. Software renderers have the registers.
+#define MERGES_MIPS (LATENTS_IN_IMAGE && CODE_MIPS > 1 && !FILTER_STOCHASTIC)
+
 // Which of the mips of a code a level shows, 0 to 3, whatever a damaged record says.
 int code_mip(LevelRecord level) {
     return level.mip_of_cell & 3;
@@ -77,12 +80,12 @@ Code numbered_code(TextureRecord record, LevelRecord level, int number) {
     // Two words for each run of blocks: where its first code begins, and its blocks' size classes.
     int entry = level.first_cell + 2 * (number / DIRECTORY_RUN);
     int place = number % DIRECTORY_RUN;
-    uint classes = latent_words[entry + 1];
+    uint classes = stored_word(entry + 1);
     size_class = int((classes >> (2 * place)) & 3u);
     uint before = classes & ((1u << (2 * place)) - 1u);
     uint low = before & 0x55555555u;
     uint high = (before >> 1) & 0x55555555u;
-    code.first_word += int(latent_words[entry]) + place * CLASS_0_WORDS;
+    code.first_word += int(stored_word(entry)) + place * CLASS_0_WORDS;
     code.first_word += bitCount(low & ~high) * (CLASS_1_WORDS - CLASS_0_WORDS);
     code.first_word += bitCount(high & ~low) * (CLASS_2_WORDS - CLASS_0_WORDS);
     code.first_word += bitCount(low & high) * (CLASS_3_WORDS - CLASS_0_WORDS);
@@ -94,7 +97,7 @@ Code numbered_code(TextureRecord record, LevelRecord level, int number) {
     code.first_word += number * words;
 #endif
     code.last_word = code.first_word + words - 1;
-    int mode = int(latent_words[code.first_word] & uint(MODES - 1));
+    int mode = int(stored_word(code.first_word) & uint(MODES - 1));
     code.head = table_block(code.tables + (size_class * MODES + mode) * PLANES + PLANE_PLACE);
     return code;
 }
@@ -106,14 +109,28 @@ Code code_of(TextureRecord record, LevelRecord level, ivec2 block) {
 // The 32 bits of a code from bit `at` on.
 uint code_bits(Code code, int at) {
     int word = min(code.first_word + (at >> 5), code.last_word);
-    uint low = latent_words[word];
-    uint high = latent_words[min(word + 1, code.last_word)];
+    uint low = stored_word(word);
+    uint high = stored_word(min(word + 1, code.last_word));
     uint shift = uint(at & 31);
     return (low >> shift) | ((high << 1) << (~shift & 31u));
 }
 
 float code_byte(Code code, int at) {
     return float(code_bits(code, at) & 255u) * (1.0 / 255.0);
+}
+
+// Scale of `entry`.
+float scale_of(uint entry) {
+#if LATENTS_IN_IMAGE
+    // In place of exp2, which takes a CPU twice as long: a polynomial, off by 1e-7 at most.
+    uint steps = (entry >> 23) + uint(127 * STEPS_PER_OCTAVE - STEPS_ORIGIN);
+    float x = float(steps % uint(STEPS_PER_OCTAVE)) * (1.0 / float(STEPS_PER_OCTAVE));
+    float power = 1.0 + x * (0.69315031 + x * (0.24017746 + x * (0.05574993 + x * (0.00909018 + x * 0.00183113))));
+    return power * uintBitsToFloat((steps / uint(STEPS_PER_OCTAVE)) << 23);
+#else
+    float octaves = float(entry >> 23) * (1.0 / float(STEPS_PER_OCTAVE)) - float(STEPS_ORIGIN) / float(STEPS_PER_OCTAVE);
+    return exp2(octaves);
+#endif
 }
 
 // The coefficient of `entry`. The lowest four bits of `branches` end with its branch bit; its other bits are the lowest of `others`.
@@ -125,20 +142,19 @@ float coefficient_of(uint entry, uint branches, uint others) {
     float size = abs(share);
     vec2 curve = depth < DEEP_DEPTH ? SHALLOW_CURVE : DEEP_CURVE;
     float level = share * (1.0 + size * (curve.x + size * curve.y));
-    float octaves = float(entry >> 23) * (1.0 / STEPS_PER_OCTAVE) - float(STEPS_ORIGIN) / STEPS_PER_OCTAVE;
     // The last entries of a list are empty.
-    return entry == 0u ? 0.0 : level * exp2(octaves);
+    return entry == 0u ? 0.0 : level * scale_of(entry);
 }
 
 // Four numbers of a row of the basis, of sums over texels in coarser mips: those of a texel and of its neighbours on the right, below,
 // and on the right below. Without branches: software renderers go both ways of each.
-vec4 row_square(Code code, uint entry, int texel) {
+vec4 row_square(Code code, int mip, uint entry, int texel) {
     int row = int(code.head.w >> 2) + 4 * code.tables + int((entry >> 15) & 255u) * ROW_WORDS;
 #if CODE_MIPS > 1
-    bool coarse = code.mip > 0;
+    bool coarse = mip > 0;
     int first = MIP_1_WORDS;
 #if CODE_MIPS > 2
-    first = code.mip == 2 ? MIP_2_WORDS : (code.mip == 3 ? MIP_3_WORDS : first);
+    first = mip == 2 ? MIP_2_WORDS : (mip == 3 ? MIP_3_WORDS : first);
 #endif
     int at = row + (coarse ? first + 2 * texel : texel);
     uvec4 four = table_block(at >> 2);
@@ -172,37 +188,60 @@ struct Sum {
 
 vec4 in_component(float value, uint entry) {
     uint component = (entry >> 13) & 3u;
-    return vec4(equal(uvec4(component), uvec4(0u, 1u, 2u, 3u))) * value;
+    return mix(vec4(0.0), vec4(value), equal(uvec4(component), uvec4(0u, 1u, 2u, 3u)));
 }
 
-// What a coefficient shows with `weights` of a texel and its neighbours.
-vec4 shown_by(Code code, uint entry, uint branches, uint others, int texel, vec4 weights) {
-    float value = coefficient_of(entry, branches, others);
-    return in_component(value * dot(row_square(code, entry, texel), weights), entry);
+// Four coefficients of a list and what the tables tell of them.
+struct Four {
+    uvec4 entries;
+    vec4 values;
+};
+
+// Number `part` of a code's fours, which are read one after the other. `window`: bits that are kept from one to the next.
+Four four_at(Code code, int part, inout uint window) {
+    uvec4 entries = table_block(code.tables + int(code.head.x) + part);
+    // 32 bits are enough for the states and branches of seven blocks of the list.
+    int step = part % 7;
+    if (step == 0) window = code_bits(code, int(code.head.z & 65535u) - 3 + 4 * part);
+    uint branches = window >> uint(4 * step);
+    // The other bits of four coefficients lie one after the other, at most 24.
+    uint first = entries.x & 1023u;
+    uint others = code_bits(code, int(first));
+    vec4 values;
+    values.x = coefficient_of(entries.x, branches, others);
+    // An empty entry would shift by a negative number, which C++ leaves undefined.
+    values.y = coefficient_of(entries.y, branches >> 1, others >> (((entries.y & 1023u) - first) & 31u));
+    values.z = coefficient_of(entries.z, branches >> 2, others >> (((entries.z & 1023u) - first) & 31u));
+    values.w = coefficient_of(entries.w, branches >> 3, others >> (((entries.w & 1023u) - first) & 31u));
+    return Four(entries, values);
 }
 
-vec4 transform_square(Code code, int texel, vec4 weights) {
+// A texel of a mip of a code and its neighbours on the right, below, and on the right below, by `weights`; those of weight 0 may lie outside.
+struct Reading {
+    int texel;
+    vec4 weights;
+};
+
+float shown_share(Code code, int mip, uint entry, Reading own) {
+    return dot(row_square(code, mip, entry, own.texel), own.weights);
+}
+
+// What the transform shows in the code's own mip. Loops over lists end at their ends: a CPU, which cannot leave them in their middle, would
+// run what follows a test at their begin once more than needed.
+vec4 transform_square(Code code, Reading own) {
     vec4 sum = vec4(0.0);
-    weights *= texel_share(code.mip);
-    int branch = int(code.head.z & 65535u) - 3;
-    int list = code.tables + int(code.head.x);
     int parts = int(code.head.y);
+    own.weights *= texel_share(code.mip);
     uint window = 0u;
-    for (int part = 0; part < parts; ++part) {
-        uvec4 entries = table_block(list + part);
-        // 32 bits are enough for the states and branches of seven blocks of the list.
-        int step = part % 7;
-        if (step == 0) window = code_bits(code, branch + 4 * part);
-        uint branches = window >> uint(4 * step);
-        // The other bits of four coefficients lie one after the other, at most 24.
-        uint first = entries.x & 1023u;
-        uint others = code_bits(code, int(first));
-        // An empty entry would shift by a negative number, which C++ leaves undefined.
-        sum += shown_by(code, entries.x, branches, others, texel, weights);
-        sum += shown_by(code, entries.y, branches >> 1, others >> (((entries.y & 1023u) - first) & 31u), texel, weights);
-        sum += shown_by(code, entries.z, branches >> 2, others >> (((entries.z & 1023u) - first) & 31u), texel, weights);
-        sum += shown_by(code, entries.w, branches >> 3, others >> (((entries.w & 1023u) - first) & 31u), texel, weights);
-    }
+    int part = 0;
+    if (parts > 0) do {
+        Four four = four_at(code, part, window);
+        sum += in_component(four.values.x * shown_share(code, code.mip, four.entries.x, own), four.entries.x);
+        sum += in_component(four.values.y * shown_share(code, code.mip, four.entries.y, own), four.entries.y);
+        sum += in_component(four.values.z * shown_share(code, code.mip, four.entries.z, own), four.entries.z);
+        sum += in_component(four.values.w * shown_share(code, code.mip, four.entries.w, own), four.entries.w);
+        ++part;
+    } while (part < parts);
     return sum;
 }
 
@@ -213,14 +252,14 @@ vec4 edge_texel(Code code, int first, uint width, int texel, vec4 one, vec4 othe
     ivec2 corner = ivec2(texel % side, texel / side) * count;
     uint sum = 0u;
     uint squares = 0u;
-    for (int y = 0; y < count; ++y) {
-        for (int x = 0; x < count; ++x) {
-            int number = (corner.y + y) * BLOCK_SIDE + corner.x + x;
-            uint index = code_bits(code, first + int(width) * number) & ((1u << width) - 1u);
-            sum += index;
-            squares += index * index;
-        }
-    }
+    int own = 0;
+    do {
+        int number = (corner.y + (own >> code.mip)) * BLOCK_SIDE + corner.x + (own & (count - 1));
+        uint index = code_bits(code, first + int(width) * number) & ((1u << width) - 1u);
+        sum += index;
+        squares += index * index;
+        ++own;
+    } while (own < count * count);
     float whole = float(((1u << width) - 1u) << (2 * code.mip));
     float share = float(sum) / whole;
     vec4 value = one + other * share;
@@ -250,22 +289,69 @@ Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
     at += COLOUR_BITS * EDGE_CHANNELS;
     int side = BLOCK_SIDE >> code.mip;
     int count = weights.z == 0.0 && weights.w == 0.0 ? (weights.y == 0.0 ? 1 : 2) : 4;
-    for (int number = 0; number < count * network_blocks; ++number) {
+    int number = 0;
+    do {
         vec2 pair = number < 2 ? weights.xy : weights.zw;
         float own = (number & 1) == 0 ? pair.x : pair.y;
         if (own != 0.0) sum.edges += own * edge_texel(code, at, width, texel + (number >> 1) * side + (number & 1), one, other);
-    }
+        ++number;
+    } while (number < count * network_blocks);
     return sum;
 }
 
-// A texel and its neighbours on the right, below, and on the right below, by `weights`; those of weight 0 may lie outside.
-Sum block_square(Code code, int texel, vec4 weights) {
-    return with_base(code, texel, weights, transform_square(code, texel, weights));
+Sum block_square(Code code, Reading own) {
+    return with_base(code, own.texel, own.weights, transform_square(code, own));
 }
 
 Sum block_texel(Code code, int texel) {
-    return block_square(code, texel, vec4(1.0, 0.0, 0.0, 0.0));
+    return block_square(code, Reading(texel, vec4(1.0, 0.0, 0.0, 0.0)));
 }
+
+Sum added(Sum one, Sum other) {
+    return Sum(one.transform + other.transform, one.edges + other.edges, one.mean_weights + other.mean_weights);
+}
+
+#if MERGES_MIPS
+float shown_shares(Code code, uint entry, Reading near, Reading far) {
+    return shown_share(code, code.mip, entry, near) + shown_share(code, code.mip + 1, entry, far);
+}
+
+// What the transform shows in the code's own mip and in the next one.
+vec4 transform_squares(Code code, Reading near, Reading far) {
+    vec4 sum = vec4(0.0);
+    int parts = int(code.head.y);
+    near.weights *= texel_share(code.mip);
+    far.weights *= texel_share(code.mip + 1);
+    uint window = 0u;
+    int part = 0;
+    if (parts > 0) do {
+        Four four = four_at(code, part, window);
+        sum += in_component(four.values.x * shown_shares(code, four.entries.x, near, far), four.entries.x);
+        sum += in_component(four.values.y * shown_shares(code, four.entries.y, near, far), four.entries.y);
+        sum += in_component(four.values.z * shown_shares(code, four.entries.z, near, far), four.entries.z);
+        sum += in_component(four.values.w * shown_shares(code, four.entries.w, near, far), four.entries.w);
+        ++part;
+    } while (part < parts);
+    return sum;
+}
+
+// What a code shows in its own mip and, if `both`, in the next one: its coefficients are decoded once.
+Sum block_squares(Code code, Reading near, Reading far, bool both) {
+    // Pixels side by side run the same loop: one for both mips, and another for one, would be run after each other.
+    if (!both) far.weights = vec4(0.0);
+    Sum sum = Sum(transform_squares(code, near, far), vec4(0.0), vec4(0.0));
+    int mips = both ? 2 : 1;
+    int number = 0;
+    do {
+        Reading own = near;
+        if (number == 1) own = far;
+        sum = added(sum, with_base(code, own.texel, own.weights, vec4(0.0)));
+        ++code.mip;
+        ++number;
+    } while (number < mips);
+    return sum;
+}
+#endif
 
 // What the transform shows at four texels of a block.
 struct Texels {
@@ -287,35 +373,29 @@ Sum texel_sum(Texels texels, int number) {
 }
 
 // What a coefficient shows at a texel and its neighbours is added to `sums`: a vector by component for each texel.
-void add_texels(inout vec4 sums[4], Code code, uint entry, uint branches, uint others, int texel) {
-    vec4 row = row_square(code, entry, texel) * texel_share(code.mip);
-    vec4 value = in_component(coefficient_of(entry, branches, others), entry);
-    sums[0] += value * row.x;
-    sums[1] += value * row.y;
-    sums[2] += value * row.z;
-    sums[3] += value * row.w;
+void add_texels(inout vec4 sums[4], Code code, uint entry, float value, int texel) {
+    vec4 row = row_square(code, code.mip, entry, texel) * texel_share(code.mip);
+    vec4 shown = in_component(value, entry);
+    sums[0] += shown * row.x;
+    sums[1] += shown * row.y;
+    sums[2] += shown * row.z;
+    sums[3] += shown * row.w;
 }
 
 // `texels`: one and its neighbours on the right, below, and on the right below.
 Texels block_texels(Code code, ivec4 texels) {
     vec4 sums[4] = vec4[4](vec4(0.0), vec4(0.0), vec4(0.0), vec4(0.0));
-    int branch = int(code.head.z & 65535u) - 3;
-    int list = code.tables + int(code.head.x);
     int parts = int(code.head.y);
     uint window = 0u;
-    for (int part = 0; part < parts; ++part) {
-        uvec4 entries = table_block(list + part);
-        // 32 bits are enough for the states and branches of seven blocks of the list.
-        int step = part % 7;
-        if (step == 0) window = code_bits(code, branch + 4 * part);
-        uint branches = window >> uint(4 * step);
-        uint first = entries.x & 1023u;
-        uint others = code_bits(code, int(first));
-        add_texels(sums, code, entries.x, branches, others, texels.x);
-        add_texels(sums, code, entries.y, branches >> 1, others >> (((entries.y & 1023u) - first) & 31u), texels.x);
-        add_texels(sums, code, entries.z, branches >> 2, others >> (((entries.z & 1023u) - first) & 31u), texels.x);
-        add_texels(sums, code, entries.w, branches >> 3, others >> (((entries.w & 1023u) - first) & 31u), texels.x);
-    }
+    int part = 0;
+    if (parts > 0) do {
+        Four four = four_at(code, part, window);
+        add_texels(sums, code, four.entries.x, four.values.x, texels.x);
+        add_texels(sums, code, four.entries.y, four.values.y, texels.x);
+        add_texels(sums, code, four.entries.z, four.values.z, texels.x);
+        add_texels(sums, code, four.entries.w, four.values.w, texels.x);
+        ++part;
+    } while (part < parts);
     return Texels(code, texels, sums[0], sums[1], sums[2], sums[3]);
 }
 
@@ -336,9 +416,13 @@ Parts parts_of(LevelRecord level, Footprint footprint) {
     return parts;
 }
 
-// `sum` and `share` of what a part of a footprint adds to the filtered value.
-Sum add_part(Sum sum, float share, TextureRecord record, LevelRecord level, Footprint footprint, Parts parts, int part) {
-    bvec2 other = bvec2(part % parts.count.x == 1, part / parts.count.x == 1);
+// What a footprint reads in the block of a texel: the first one, or `other` along an axis, and those beside it.
+struct BlockReading {
+    ivec2 block;
+    Reading reading;
+};
+
+BlockReading reading_at(LevelRecord level, Footprint footprint, Parts parts, bvec2 other, float share) {
     ivec2 texel = ivec2(
         other.x ? footprint.second.x : footprint.first.x,
         other.y ? footprint.second.y : footprint.first.y
@@ -346,20 +430,15 @@ Sum add_part(Sum sum, float share, TextureRecord record, LevelRecord level, Foot
     vec2 near = mix(1.0 - footprint.share, footprint.share, other);
     vec2 far = mix(vec2(0.0), footprint.share, parts.together);
     int shift = block_shift(level);
-    ivec2 block = block_of(texel, shift);
     ivec2 within = ivec2(texel.x & ((1 << shift) - 1), texel.y & ((1 << shift) - 1));
     vec4 weights = share * vec4(near.x * near.y, far.x * near.y, near.x * far.y, far.x * far.y);
-    Sum own = block_square(code_of(record, level, block), (within.y << shift) + within.x, weights);
-    return Sum(sum.transform + own.transform, sum.edges + own.edges, sum.mean_weights + own.mean_weights);
+    return BlockReading(block_of(texel, shift), Reading((within.y << shift) + within.x, weights));
 }
 
-// What a footprint shows: once for each of the at most four blocks that it touches.
-Sum block_sum(TextureRecord record, LevelRecord level, Footprint footprint) {
-    Parts parts = parts_of(level, footprint);
-    Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0));
-    for (int part = 0; part < parts.count.x * parts.count.y; ++part)
-        sum = add_part(sum, 1.0, record, level, footprint, parts, part);
-    return sum;
+// The same for a part of a footprint.
+BlockReading part_at(LevelRecord level, Footprint footprint, Parts parts, int part, float share) {
+    bvec2 other = bvec2(part % parts.count.x == 1, part / parts.count.x == 1);
+    return reading_at(level, footprint, parts, other, share);
 }
 
 // The texture's value for a sum over parts, without what the transform shows.
@@ -387,6 +466,26 @@ vec4 block_value(TextureRecord record, Sum sum) {
     return limit_output(unlimited_value(record, sum));
 }
 
+#if MERGES_MIPS
+// Whether along an axis the blocks of two texels are among those that a footprint of the next mip reads, each once.
+bool reads_same(int first, int second, bool together, int far_first, int far_second, bool two) {
+    bool first_read = first == far_first || (two && first == far_second);
+    bool second_read = second == far_first || (two && second == far_second);
+    return first_read && second_read && (together || first != second) && !(two && far_first == far_second);
+}
+
+// Whether each part of `near` lies in a code that `far`, in the next mip, reads in one part.
+bool shares_codes(LevelRecord near, Footprint near_footprint, Parts near_parts, LevelRecord far, Footprint far_footprint, Parts far_parts) {
+    ivec2 near_first = block_of(near_footprint.first, block_shift(near));
+    ivec2 near_second = block_of(near_footprint.second, block_shift(near));
+    ivec2 first = block_of(far_footprint.first, block_shift(far));
+    ivec2 second = block_of(far_footprint.second, block_shift(far));
+    return near.first_cell == far.first_cell
+        && reads_same(near_first.x, near_second.x, near_parts.together.x, first.x, second.x, far_parts.count.x == 2)
+        && reads_same(near_first.y, near_second.y, near_parts.together.y, first.y, second.y, far_parts.count.y == 2);
+}
+#endif
+
 #if FILTER_STOCHASTIC
 // At the centre of a texel of a mip that is there, as `lookup_of` gives it: that texel.
 vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wanted) {
@@ -403,25 +502,59 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
     lod = present_lod(record, lod);
     int lower = int(floor(lod));
     float share = lod - float(lower);
+    int next = lower + int(share > 0.0);
     LevelRecord near = levels[record.first_level + lower];
-    Parts near_parts = parts_of(near, footprint_at(near, at, wrap));
+    LevelRecord far = levels[record.first_level + next];
+    Footprint near_footprint = footprint_at(near, at, wrap);
+    Footprint far_footprint = footprint_at(far, at, wrap);
+    Parts near_parts = parts_of(near, near_footprint);
+    Parts far_parts = parts_of(far, far_footprint);
     int near_count = near_parts.count.x * near_parts.count.y;
-    int count = near_count;
-    if (share > 0.0) {
-        LevelRecord far = levels[record.first_level + lower + 1];
-        Parts far_parts = parts_of(far, footprint_at(far, at, wrap));
-        count += far_parts.count.x * far_parts.count.y;
+    int count = near_count + (next > lower ? far_parts.count.x * far_parts.count.y : 0);
+#if MERGES_MIPS
+    bool both = next > lower && shares_codes(near, near_footprint, near_parts, far, far_footprint, far_parts);
+    // Then there are no parts in the finer mip alone.
+    if (both) {
+        count -= near_count;
+        near_count = 0;
     }
+#endif
     Sum sum = Sum(vec4(0.0), vec4(0.0), vec4(0.0));
+    int number = 0;
     // One loop over the parts in both mips: neighbouring pixels that cross a block's edge in different mips do so at once.
-    // A part finds its footprint again: to keep both through the loop takes more registers than some GPUs have.
-    for (int number = 0; number < (wanted ? count : 0); ++number) {
+    if (wanted) do {
         bool second = number >= near_count;
-        LevelRecord level = levels[record.first_level + (second ? lower + 1 : lower)];
-        Footprint footprint = footprint_at(level, at, wrap);
         int part = second ? number - near_count : number;
-        sum = add_part(sum, second ? share : 1.0 - share, record, level, footprint, parts_of(level, footprint), part);
-    }
+        float part_share = second ? share : 1.0 - share;
+#if MERGES_MIPS
+        LevelRecord level = near;
+        Footprint footprint = near_footprint;
+        Parts parts = near_parts;
+        if (second) {
+            level = far;
+            footprint = far_footprint;
+            parts = far_parts;
+        }
+        BlockReading own = part_at(level, footprint, parts, part, part_share);
+        bvec2 other = notEqual(block_of(near_footprint.first, block_shift(near)), own.block);
+        BlockReading finer = reading_at(near, near_footprint, near_parts, other, 1.0 - share);
+        Reading reading = own.reading;
+        if (both) {
+            level = near;
+            reading = finer.reading;
+            // Where no part of the finer mip lies in this block, its weights are 0.
+            if (finer.block != own.block) reading.weights = vec4(0.0);
+        }
+        sum = added(sum, block_squares(code_of(record, level, own.block), reading, own.reading, both));
+#else
+        // A part finds its footprint again: to keep both through the loop takes more registers than some GPUs have.
+        LevelRecord level = levels[record.first_level + (second ? next : lower)];
+        Footprint footprint = footprint_at(level, at, wrap);
+        BlockReading own = part_at(level, footprint, parts_of(level, footprint), part, part_share);
+        sum = added(sum, block_square(code_of(record, level, own.block), own.reading));
+#endif
+        ++number;
+    } while (number < count);
     return block_value(record, sum);
 }
 #endif

@@ -38,12 +38,12 @@ Code code_of(TextureRecord record, LevelRecord level, ivec2 block) {
     // Two words for each run of blocks: where its first code begins, and its blocks' size classes.
     int entry = level.first_cell + 2 * (number / DIRECTORY_RUN);
     int place = number % DIRECTORY_RUN;
-    uint classes = latent_words[entry + 1];
+    uint classes = stored_word(entry + 1);
     int size_class = int((classes >> (2 * place)) & 3u);
     uint before = classes & ((1u << (2 * place)) - 1u);
     uint low = before & 0x55555555u;
     uint high = (before >> 1) & 0x55555555u;
-    code.first_word += int(latent_words[entry]) + place * CLASS_0_WORDS;
+    code.first_word += int(stored_word(entry)) + place * CLASS_0_WORDS;
     code.first_word += bitCount(low & ~high) * (CLASS_1_WORDS - CLASS_0_WORDS);
     code.first_word += bitCount(high & ~low) * (CLASS_2_WORDS - CLASS_0_WORDS);
     code.first_word += bitCount(low & high) * (CLASS_3_WORDS - CLASS_0_WORDS);
@@ -75,8 +75,8 @@ struct Reader {
 Reader reader_of(Code code) {
     Reader reader;
     reader.word = code.first_word;
-    reader.low = latent_words[code.first_word];
-    reader.high = latent_words[min(code.first_word + 1, code.last_word)];
+    reader.low = stored_word(code.first_word);
+    reader.high = stored_word(min(code.first_word + 1, code.last_word));
     reader.bit = MODE_BITS;
     reader.state = 0u;
     reader.list = code.lists + int(reader.low & uint(MODES - 1)) * LIST_BLOCKS;
@@ -119,7 +119,7 @@ vec4 next_coefficients(inout Reader reader, Code code, int part) {
         reader.bit -= 32u;
         ++reader.word;
         reader.low = reader.high;
-        reader.high = latent_words[min(reader.word + 1, code.last_word)];
+        reader.high = stored_word(min(reader.word + 1, code.last_word));
     }
     return values;
 }

@@ -3,13 +3,26 @@
 #include "common/numbers.glsl"
 #include "ntc/position.glsl"
 
+// 1: what decoders hold, or the latents, are stored in an image, which a software renderer reads several times faster than a buffer.
+#ifndef WEIGHTS_IN_IMAGE
+#define WEIGHTS_IN_IMAGE 0
+#endif
+#ifndef LATENTS_IN_IMAGE
+#define LATENTS_IN_IMAGE 0
+#endif
+
+#if LATENTS_IN_IMAGE
+layout(r32ui, binding = IMAGE_LATENTS) uniform readonly uimage2D latent_image;
+uint stored_word(int word) {
+    return imageLoad(latent_image, ivec2(word & ((1 << LATENT_COLUMN_BITS) - 1), word >> LATENT_COLUMN_BITS)).x;
+}
+#else
 layout(std430, binding = BINDING_LATENTS) readonly buffer Latents {
     uint latent_words[];
 };
-
-// 1: what decoders hold is stored in an image, which a software renderer reads several times faster than a buffer.
-#ifndef WEIGHTS_IN_IMAGE
-#define WEIGHTS_IN_IMAGE 0
+uint stored_word(int word) {
+    return latent_words[word];
+}
 #endif
 
 // Length of the codec's loops (`GpuTables.loop_length`): a uniform, so that compilers do not unroll them.

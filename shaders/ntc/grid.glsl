@@ -33,12 +33,12 @@ WEIGHT_T weight(int block) {
 vec4 stored_latents(int cell, int word) {
 #if LATENT_BITS == 4
     // Two channels to each byte: GPUs turn bytes into numbers at once.
-    uint bits = latent_words[cell * CELL_WORDS + (word >> 1)];
+    uint bits = stored_word(cell * CELL_WORDS + (word >> 1));
     uint even = (bits & 0x0F0F0F0Fu) >> ((word & 1) * 16);
     uint odd = ((bits >> 4) & 0x0F0F0F0Fu) >> ((word & 1) * 16);
     return vec4(even & 255u, odd & 255u, (even >> 8) & 255u, (odd >> 8) & 255u);
 #else
-    uint bits = latent_words[cell * CELL_WORDS + word];
+    uint bits = stored_word(cell * CELL_WORDS + word);
     return vec4(bits & 255u, (bits >> 8) & 255u, (bits >> 16) & 255u, bits >> 24);
 #endif
 }

@@ -295,8 +295,7 @@ def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
     kinds, inside = tile.page.reshape(-1), units == tile.squares
     squares = np.concatenate([np.repeat(kinds[own], units[own]) for own in (inside, ~inside)])
     longest = np.pad(tile.lists[squares], (0, -len(squares) % lanes)).reshape(-1, lanes).max(axis=1)
-    # First the loops for mips that are not there.
-    each = [code.weighted([1.0, 0.0, 0.0, 0.0, most, 4.0]) for most in longest]
+    each = [code.weighted([1.0, most, 4.0]) for most in longest]
     return float(np.sum(each)) * lanes / PAGE_TEXELS
 
 
@@ -405,7 +404,9 @@ def counted_programs(context: GraphicsContext, codes: PackCodes, together: int) 
             reading = PlaneReading(plane or "base", has_several=plane is None)
             defines = {**reading.defines(), "FILTER_STOCHASTIC": int(stochastic)}
             before = set(recorder.found)
-            programs.compute(f"passes/{name}.comp", {**defines, "WEIGHTS_IN_IMAGE": 0, "DECODER_PLACE": 1})
+            programs.compute(
+                f"passes/{name}.comp", {**defines, "WEIGHTS_IN_IMAGE": 0, "DECODER_PLACE": 1, "BY_SQUARES": 1}
+            )
             (key,) = set(recorder.found) - before
             own = recorder.found[key]
             return replace(own, texts=tuple(text.replace(*EDGE_PART).replace(*CODED) for text in own.texts))

@@ -314,7 +314,7 @@ class BlockTables(GpuTables):
             "STRIP_WORDS": STRIP_WORDS,
             "TRELLIS_SUBSETS": f"{trellis_subsets()}u",
             "STEPS_ORIGIN": STEPS_ORIGIN,
-            "STEPS_PER_OCTAVE": f"{SCALE_STEPS_PER_OCTAVE}.0",
+            "STEPS_PER_OCTAVE": SCALE_STEPS_PER_OCTAVE,
             "DEEP_DEPTH": f"{DEEP_DEPTH}u",
             "SHALLOW_CURVE": f"vec2{SHALLOW_CURVE}",
             "DEEP_CURVE": f"vec2{DEEP_CURVE}",

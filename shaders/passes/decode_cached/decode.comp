@@ -33,7 +33,7 @@ void store_texel(TileRecord tile, ivec2 place, vec4 value) {
     if (place == ivec2(0)) tile_entries[tile.entry] = uint(tile.page + 1);
 }
 
-#if DECODES_QUADS
+#if BY_SQUARES
 #include "passes/decode_cached/squares.glsl"
 
 // Run along both axes of square `number`: first those inside, in groups of four by four, which lie in few blocks, then those of the border.
@@ -51,8 +51,6 @@ void main() {
     TileRecord tile = tiles[first_tile + int(gl_WorkGroupID.x)];
     TextureRecord record = textures[tile.texture_id];
     LevelRecord level = levels[record.first_level + tile.level];
-    LevelRecord finest = levels[record.first_level + record.finest_level];
-    ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
     ivec2 corner = ivec2(tile.tile_x, tile.tile_y) * TILE_SIDE;
     Axis across = Axis(corner.x, level.texel_width);
     Axis down = Axis(corner.y, level.texel_height);
@@ -60,30 +58,24 @@ void main() {
     // Squares of one texel where the mip of a code has no more.
     int shift = min(side - 1, 1);
     int squares = run_count(shift) * run_count(shift);
-    // The mip is not on the GPU: what the next one shows there.
-    bool too_coarse = tile.level < record.finest_level;
-    int first = int(gl_WorkGroupID.y) * BIN_GROUP + int(gl_LocalInvocationID.x);
-    for (int own = first; own < squares; own += int(gl_NumWorkGroups.y) * BIN_GROUP) {
+    int own = int(gl_WorkGroupID.y) * BIN_GROUP + int(gl_LocalInvocationID.x);
+    // Loops end at their ends: a CPU would run what follows a test at their begin once more than needed.
+    if (own < squares) do {
         Part square = part_at(across, down, shift, square_run(shift, own));
-        if (!is_kept(square, square.texel)) continue;
-        for (int number = 0; number < (too_coarse ? 4 : 0); ++number) {
-            ivec2 place = ivec2(number & 1, number >> 1);
-            if (!is_kept(square, square.texel + place)) continue;
-            ivec2 read = square.read + place;
-            uvec2 uv = uvec2(texel_centre(read.x, across.size), texel_centre(read.y, down.size));
-            vec4 value = block_value(record, block_sum(record, finest, footprint_at(finest, uv, wrap)));
-            store_texel(tile, square.texel + place - corner, value);
+        if (is_kept(square, square.texel)) {
+            ivec2 block = square.read / side;
+            ivec2 within = square.read - block * side;
+            int texel = within.y * side + within.x;
+            Texels texels = block_texels(code_of(record, level, block), texel + ivec4(0, 1, side, side + 1));
+            int number = 0;
+            do {
+                ivec2 place = square.texel + ivec2(number & 1, number >> 1);
+                if (is_kept(square, place)) store_texel(tile, place - corner, block_value(record, texel_sum(texels, number)));
+                ++number;
+            } while (number < 4 * network_blocks);
         }
-        if (too_coarse) continue;
-        ivec2 block = square.read / side;
-        ivec2 within = square.read - block * side;
-        int texel = within.y * side + within.x;
-        Texels texels = block_texels(code_of(record, level, block), texel + ivec4(0, 1, side, side + 1));
-        for (int number = 0; number < 4 * network_blocks; ++number) {
-            ivec2 place = square.texel + ivec2(number & 1, number >> 1);
-            if (is_kept(square, place)) store_texel(tile, place - corner, block_value(record, texel_sum(texels, number)));
-        }
-    }
+        own += int(gl_NumWorkGroups.y) * BIN_GROUP;
+    } while (own < squares);
 }
 #elif SHARES_DECODERS
 void main() {

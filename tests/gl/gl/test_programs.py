@@ -114,9 +114,13 @@ COMPUTED += [
     for name in (
         "passes/decode_deferred/decode_shared.comp",
         "passes/decode_binned/decode.comp",
-        "passes/decode_cached/decode.comp",
         "passes/time_decoder/decode.comp",
     )
+    for precision in PRECISIONS
+    for place in (0, 1, 2)
+]
+COMPUTED += [
+    ("passes/decode_cached/decode.comp", {**precision, "DECODER_PLACE": place, "BY_SQUARES": 0})
     for precision in PRECISIONS
     for place in (0, 1, 2)
 ]

@@ -23,6 +23,7 @@ from viewer.export.shader.syntax import (
     Name,
     Number,
     Parameter,
+    Repeat,
     Return,
     Run,
     Statement,
@@ -135,6 +136,12 @@ class CLikeWriter:
                 condition = self.expression(statement.condition)
                 head = f"for ({self.counter(statement.first)}; {condition}; {self.assignment(statement.step)}) {{"
                 return [head, *self.body(statement.body), "}"]
+            case Repeat():
+                return self.repeat(self.body(statement.body), self.expression(statement.condition))
+
+    def repeat(self, body: list[str], condition: str) -> list[str]:
+        """Lines of a loop that runs `body` once, and then again while `condition` holds."""
+        return ["do {", *body, f"}} while ({condition});"]
 
     def variable(self, declaration: Declare) -> str:
         """Return a variable of a function."""

@@ -32,6 +32,7 @@ from viewer.export.shader.syntax import (
     Name,
     Number,
     Parameter,
+    Repeat,
     Return,
     Run,
     Statement,
@@ -239,6 +240,9 @@ class _Reader:
                 condition = self._expression(_child(node, "condition"))
                 step = self._assignment(_child(node, "update"), Comments())[0]
                 return [For(first, condition, step, self._block(_child(node, "body")), comments)]
+            case "do_statement":
+                condition = self._expression(_parts(_child(node, "condition"))[0])
+                return [Repeat(self._block(_child(node, "body")), condition, comments)]
             case "expression_statement":
                 return list(self._effect(_parts(node)[0], comments))
             case _:

@@ -196,6 +196,15 @@ class For:
 
 
 @dataclass(frozen=True)
+class Repeat:
+    """A loop that runs once and then again while `condition` holds."""
+
+    body: "tuple[Statement, ...]"
+    condition: Expression
+    comments: Comments = Comments()
+
+
+@dataclass(frozen=True)
 class Return:
     """The end of a function, with what it gives."""
 
@@ -219,7 +228,7 @@ class Run:
     comments: Comments = Comments()
 
 
-Statement = Declare | Assign | If | For | Return | Block | Run
+Statement = Declare | Assign | If | For | Repeat | Return | Block | Run
 
 
 @dataclass(frozen=True)

@@ -153,6 +153,10 @@ class WgslWriter(CLikeWriter):
         kind = "var" if declaration.name in self._changed else "let"
         return f"{kind} {self.declared(declaration.type, declaration.name)} = {self.expression(declaration.value)}"
 
+    def repeat(self, body: list[str], condition: str) -> list[str]:
+        """Lines of a loop that runs `body` once, and then again while `condition` holds."""
+        return ["loop {", *body, f"{INDENT}if (!({condition})) {{", f"{INDENT * 2}break;", f"{INDENT}}}", "}"]
+
     def counter(self, declaration: Declare) -> str:
         """Return the variable of a loop."""
         assert declaration.value is not None

@@ -139,10 +139,9 @@ class DecodeDeferredPass(DecodePass):
         """Decode the whole picture."""
         self._bind(self._program, inputs)
         target.texture.bind_to_image(int(ImageUnit.TARGET), read=False, write=True)
-        rows = GROUP_SIDE
         if self._ranges is not None and self._shared_decoder is not None:
             self._ranges.bind(self._shared_decoder)
-            rows = GROUP_SIDE * self._ranges.pixels
+        rows = GROUP_SIDE * (1 if self._buffers.decodes_together else self._buffers.variant.pixels)
         self._program.run(-(-target.size[0] // GROUP_SIDE), -(-target.size[1] // rows))
         self._gl.memory_barrier()
 

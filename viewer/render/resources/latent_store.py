@@ -7,7 +7,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.gpu import LEVEL_RECORD, GpuTables, StoredRows, level_records
+from ntc.codec.gpu import LATENT_COLUMN_BITS, LEVEL_RECORD, GpuTables, StoredRows, level_records
 from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.model import EncodedTexture
 from viewer.gl.allocation import GpuMemoryError
@@ -80,6 +80,8 @@ class LatentStore:
         self._without_room = 0
         self._out_of_memory = False
         self.buffer: moderngl.Buffer = context.memory.buffer("latents", reserve=self.cell_bytes)
+        self.written: tuple[int, int] | None = None
+        """(first, end) of the bytes of the buffer that have changed since this was set to None; None where none have."""
 
     def _rows_of(self, texture: EncodedTexture | None) -> tuple[StoredRows, ...]:
         return () if texture is None else self.tables.level_rows(texture)
@@ -176,6 +178,7 @@ class LatentStore:
             self._reserve(cells)
         start = self._used * self.cell_bytes
         self.memory.write(self.buffer, b"".join(self._place(index, level) for index, level in missing.items()), start)
+        self.note_written(start, self._used * self.cell_bytes)
         return True
 
     def _begin_anew(self, wanted: Mapping[int, int]) -> tuple[dict[int, int], int]:
@@ -245,9 +248,54 @@ class LatentStore:
         self.finest[index] = finest
         return self.tables.latent_words(texture, slice(start, end)).tobytes()
 
+    def note_written(self, start: int, end: int) -> None:
+        """Note that these bytes of the buffer have changed."""
+        first, last = self.written or (start, end)
+        self.written = min(first, start), max(last, end)
+
     def release(self) -> None:
         """Free the buffer."""
         self.buffer.release()
+
+
+class LatentImage:
+    """Copy of a store's buffer in an image, which software renderers read several times faster: rows of 2^LATENT_COLUMN_BITS words."""
+
+    def __init__(self, store: LatentStore) -> None:
+        self._store = store
+        self._texture: moderngl.Texture | None = None
+
+    def update(self) -> moderngl.Texture:
+        """Copy what has changed in the store; return the image. Raises GpuMemoryError."""
+        columns = 1 << LATENT_COLUMN_BITS
+        buffer, row_bytes = self._store.buffer, 4 * columns
+        rows = -(-buffer.size // row_bytes)
+        if self._texture is None or self._texture.height < rows:
+            self.release()
+            self._texture = self._store.memory.texture("image of latents", (columns, rows), 1, dtype="u4")
+            self._store.note_written(0, buffer.size)
+        if self._store.written is not None:
+            written = self._store.written
+            first, end = written[0] // row_bytes, -(-written[1] // row_bytes)
+            start = first * row_bytes
+            # Whole rows are written, from a buffer that holds them: reading the other one would wait for the GPU.
+            staged = self._store.memory.buffer("image of latents", reserve=(end - first) * row_bytes)
+            self._store.gl.copy_buffer(staged, buffer, min(end * row_bytes, buffer.size) - start, read_offset=start)
+            self._texture.write(staged, (0, first, columns, end - first))
+            staged.release()
+            self._store.written = None
+        return self._texture
+
+    @property
+    def size(self) -> int:
+        """Number of bytes of the image."""
+        return 0 if self._texture is None else 4 * self._texture.width * self._texture.height
+
+    def release(self) -> None:
+        """Free the image."""
+        if self._texture is not None:
+            self._texture.release()
+            self._texture = None
 
 
 @dataclass(frozen=True)
@@ -322,6 +370,7 @@ class LatentUpdate:
         for part in self._missing():
             data = self._words(part)
             store.memory.write(store.buffer, data, self._offset(part))
+            store.note_written(self._offset(part), self._offset(part) + len(data))
             uploaded += len(data)
         for buffer, batch in self._batches:
             start = 0
@@ -330,6 +379,7 @@ class LatentUpdate:
                 # The store may have dropped mips since they were staged.
                 if part.level >= store.finest[part.texture]:
                     store.gl.copy_buffer(store.buffer, buffer, size, read_offset=start, write_offset=self._offset(part))
+                    store.note_written(self._offset(part), self._offset(part) + size)
                 start += size
         store.replace_textures(self._textures)
         self.release()

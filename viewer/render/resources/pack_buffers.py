@@ -15,7 +15,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.resources.decoding_shaders import default_variant, precision_defines
-from viewer.render.resources.latent_store import LatentBudget, LatentStore
+from viewer.render.resources.latent_store import LatentBudget, LatentImage, LatentStore
 from viewer.render.resources.layout import scene_includes
 from viewer.state.view_state import Precision
 
@@ -61,11 +61,14 @@ class PackBuffers:
         self.defines = {
             **precision_defines(context, self._tables.precision, emulate_half),
             "WEIGHTS_IN_IMAGE": int(self.variant.weights == "image"),
+            # Without compute shaders, buffers are read as textures anyway.
+            "LATENTS_IN_IMAGE": int(self.variant.weights == "image" and context.features.compute),
         }
         with context.memory.transaction():
             # Only textures of the table are uploaded: latents of other scenes' textures take no memory.
             textures = [self.pack.textures[index] if index >= 0 else None for index in texture_index]
             self.latent_store = LatentStore(context, self._tables, textures, on_demand or ALL_LATENTS)
+            self._latent_image = LatentImage(self.latent_store) if self.defines["LATENTS_IN_IMAGE"] else None
             self._records = np.zeros(max(1, len(textures)), self._tables.texture_record)
             self._fill_records()
             self._weights = self._make_weights()
@@ -177,7 +180,8 @@ class PackBuffers:
     def bytes_by_part(self) -> dict[str, int]:
         """Numbers of bytes on the GPU by their use; adapters count as decoders."""
         tables = sum(buffer.size for buffer in self._record_buffers.values())
-        return {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
+        parts = {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
+        return parts if self._latent_image is None else {**parts, "image of latents": self._latent_image.size}
 
     def need(self, wanted: Mapping[int, int]) -> bool:
         """Upload what is missing of these mips, given as finest mip by texture; return whether anything was. Raises GpuMemoryError."""
@@ -187,12 +191,14 @@ class PackBuffers:
         return changed
 
     def note_latents(self) -> None:
-        """Upload which mips are there, and where, after the store has changed."""
+        """Upload which mips are there, and where, after the store has changed. Raises GpuMemoryError."""
         finest = self.latent_store.finest
         last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
         self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
         replace_content(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
         replace_content(self._record_buffers[DecodingBinding.LEVELS], self.latent_store.levels.tobytes())
+        if self._latent_image is not None:
+            self._latent_image.update()
 
     def bind_records(self) -> None:
         """Bind the records of textures and mips, for shaders that decode nothing (ntc/records.glsl)."""
@@ -202,7 +208,10 @@ class PackBuffers:
     def bind(self) -> None:
         """Bind all buffers to their storage bindings."""
         self.bind_records()
-        self._context.bind_storage(self.latent_store.buffer, int(DecodingBinding.LATENTS))
+        if self._latent_image is not None:
+            self._context.bind_read_image(self._latent_image.update(), int(DecodingImage.LATENTS))
+        else:
+            self._context.bind_storage(self.latent_store.buffer, int(DecodingBinding.LATENTS))
         if isinstance(self._weights, moderngl.Buffer):
             self._context.bind_storage(self._weights, int(DecodingBinding.WEIGHTS))
         else:
@@ -210,8 +219,9 @@ class PackBuffers:
 
     def release(self) -> None:
         """Free the buffers."""
-        for part in (self.latent_store, self._weights, *self._record_buffers.values()):
-            part.release()
+        for part in (self.latent_store, self._latent_image, self._weights, *self._record_buffers.values()):
+            if part is not None:
+                part.release()
 
 
 def weight_image(memory: GpuMemory, weights: bytes, tables: GpuTables) -> moderngl.Texture:

@@ -28,12 +28,14 @@ class TileDecoder:
         self._gl, self._limits = context.gl, context.memory.limits
         self._programs, self._buffers, self._ranges = programs, buffers, ranges
         self._defines = {**reading.defines(), **buffers.defines, **ranges.defines}
-        self._program(buffers.decodes_together)
+        self._program(buffers.decodes_quads)
 
-    def _program(self, together: bool) -> moderngl.ComputeShader:
-        """Return the program that decodes tiles, each code once for all of its texels or not."""
-        name = "decode_together" if together else "decode"
-        return self._programs.compute(f"passes/decode_cached/{name}.comp", self._defines)
+    def _program(self, by_squares: bool) -> moderngl.ComputeShader:
+        """Return the program that decodes tiles by squares of texels, or each texel alone."""
+        if by_squares and self._buffers.decodes_together:
+            return self._programs.compute("passes/decode_cached/decode_together.comp", self._defines)
+        defines = {**self._defines, "BY_SQUARES": int(by_squares)}
+        return self._programs.compute("passes/decode_cached/decode.comp", defines)
 
     def run(self, decoders: NDArray[np.int64], too_coarse: NDArray[np.bool_], atlas: TileAtlas) -> None:
         """Decode the tiles that are bound to StorageBinding.REQUESTS as TILE_RECORDs; TileBinding.TILE_ENTRIES gets their pages.
@@ -43,26 +45,24 @@ class TileDecoder:
         """
         self._buffers.bind()
         atlas.bind_image(int(ImageUnit.ATLAS))
-        together = ~too_coarse & self._buffers.decodes_together
+        by_squares = ~too_coarse & self._buffers.decodes_quads
         if not self._buffers.shares_decoders:
             # Each tile finds its decoder: one dispatch decodes those of all.
             decoders = np.zeros_like(decoders)
-        starts = np.nonzero(np.diff(2 * decoders + together, prepend=-1))[0].tolist()
+        starts = np.nonzero(np.diff(2 * decoders + by_squares, prepend=-1))[0].tolist()
         for start, end in zip(starts, [*starts[1:], len(decoders)], strict=True):
             self._ranges.bind(int(decoders[start]))
-            program = self._program(bool(together[start]))
+            program = self._program(bool(by_squares[start]))
             set_uniforms(program, {"network_blocks": self._buffers.network_blocks})
             for first in range(start, end, TILES_AT_ONCE):
                 number = min(TILES_AT_ONCE, end - first)
                 set_uniforms(program, {"first_tile": first, "tile_count": number})
-                program.run(*self._work_groups(number, bool(together[start])))
+                program.run(*self._work_groups(number, bool(by_squares[start])))
         self._gl.memory_barrier()
 
-    def _work_groups(self, tiles: int, together: bool) -> tuple[int, int]:
+    def _work_groups(self, tiles: int, by_squares: bool) -> tuple[int, int]:
         """Return the work groups that decode `tiles` tiles: one each, a square of texels in each invocation, or any."""
-        if together:
-            return tiles, 1
-        if self._buffers.decodes_quads:
-            return tiles, -(-PAGE_SQUARES // BIN_GROUP)
+        if by_squares:
+            return tiles, 1 if self._buffers.decodes_together else -(-PAGE_SQUARES // BIN_GROUP)
         groups = -(-tiles * PAGE_SIDE * PAGE_SIDE // (BIN_GROUP * self._ranges.pixels))
         return self._limits.rows_of_work_groups(groups)

@@ -25,6 +25,12 @@ def test_both_sides_of_a_choice_get_the_wider_type() -> None:
     assert written("bool c, uint x", "return c ? 1 : x;", "uint") == "return c ? 1u : x;"
 
 
+def test_a_loop_that_ends_at_its_end_stays_one() -> None:
+    loop = "int n = 0; if (x > 0.0) do { x *= 0.5; ++n; } while (n < 3); return x;"
+    written_loop = "do { x *= 0.5; ++n; } while (n < 3);"
+    assert written("float x", loop) == f"int n = 0; if (x > 0.0) {{ {written_loop} }} return x;"
+
+
 def test_numbers_with_an_exponent_are_floats() -> None:
     assert written("float x", "return x * 1e-3 + .5;") == "return x * 1e-3 + .5;"
     assert written("uint x", "return x & 0xE1u;", "uint") == "return x & 0xE1u;"
