@@ -38,7 +38,7 @@ FIRST_PICTURES = 3
 """Of a window: they make buffers, compile programs and upload the scene."""
 SECONDS_BETWEEN_ACTIONS = 0.05
 SIZES = ((1280, 720), (1024, 640), (900, 600), (640, 480), (360, 260))
-ENCODE_SHARE = 0.3
+ENCODE_SHARE = 0.7
 """Share of encodings among the commands about trainings."""
 CAMERA_KEYS = tuple(parse_chord(key) for key in "WASDQE123")
 
