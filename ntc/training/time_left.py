@@ -47,7 +47,8 @@ class TimeLeft:
 
     def left(self, now: float) -> float | None:
         """Return the seconds left at second `now`; None while nothing is known."""
-        if 0.0 < self._planned <= self._done:
+        # Sums of many parts are off by their rounding.
+        if self._planned > 0.0 and self._done >= self._planned * (1.0 - 1e-9):
             return 0.0
         share, first = (done / self._planned if self._planned > 0.0 else 0.0 for done in (self._done, self._first))
         if self._forecast is None and share - first < LEAST_SHARE:
