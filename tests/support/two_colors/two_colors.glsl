@@ -8,8 +8,8 @@ vec4 texel_value(LevelRecord level, ivec2 texel) {
     ivec2 block = texel / BLOCK_SIDE;
     ivec2 within = texel - block * BLOCK_SIDE;
     int word = (level.first_cell + block.y * level.width + block.x) * CELL_WORDS + PLANE_WORDS * PLANE_PLACE;
-    uint index = (latent_words[word + 2] >> uint(2 * (within.y * BLOCK_SIDE + within.x))) & 3u;
-    return mix(unpacked_color(latent_words[word]), unpacked_color(latent_words[word + 1]), float(index) / 3.0);
+    uint index = (stored_word(word + 2) >> uint(2 * (within.y * BLOCK_SIDE + within.x))) & 3u;
+    return mix(unpacked_color(stored_word(word)), unpacked_color(stored_word(word + 1)), float(index) / 3.0);
 }
 
 #if FILTER_STOCHASTIC
