@@ -75,7 +75,7 @@ class DecodingImage(IntEnum):
     """Image units that decoding shaders read."""
 
     WEIGHTS = 2
-    LATENTS = 4
+    LATENTS = 7
 
 
 class WrapCode(IntEnum):

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from ntc.codec.gpu import DecodingImage
+from ntc.codec.maps import PLANES
 from tests.drivers.messages import OWN_CACHE
 from tests.support.declarations import Declaration, declarations
 from tests.support.every_program import AssembledProgram, every_program
@@ -211,5 +213,8 @@ def test_uniform_blocks_are_few_and_small(declared: list[tuple[str, Stages]]) ->
 
 def test_units_and_work_groups_are_within_the_guaranteed_ones() -> None:
     assert max(TextureUnit) < TEXTURE_UNITS
-    assert max(ImageUnit) < IMAGES
+    planes = [ImageUnit.PLANES + place for place in range(1, len(PLANES))]
+    images = [*map(int, DecodingImage), *map(int, ImageUnit), *planes]
+    assert len(set(images)) == len(images) <= IMAGES
+    assert max(images) < IMAGES
     assert max(GROUP_SIDE**2, BIN_GROUP, SCAN_GROUP, TEXEL_GROUP) <= GROUP_INVOCATIONS
