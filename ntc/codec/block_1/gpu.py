@@ -174,9 +174,7 @@ class BlockTables(GpuTables):
             "ROW_CHANNELS": int(config.has_sets),
         }
         lines = [f"#define {name} {value}" for name, value in values.items()]
-        channels = by_plane(config, lambda _, channels: _channel_defines(max(channels) + 1))
-        # Types of GLSL cannot be chosen by a variable: no shader decodes any plane.
-        return [*lines, "#if !ANY_PLANE", *channels, "#endif"]
+        return lines + by_plane(config, lambda _, channels: _channel_defines(max(channels) + 1))
 
 
 def _four(sizes: tuple[int, ...]) -> tuple[int, ...]:

@@ -6,9 +6,7 @@ layout(binding = UNIT_ATLAS) uniform sampler2DArray atlas;
 layout(location = 0) out vec4 target;
 
 // Texel in linear light that is shown until the first tile of a texture is decoded.
-vec4 missing_texel() {
-    return PLANE == PLANE_BASE ? vec4(0.2) : (PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(vec3(0.0), 1.0));
-}
+const vec4 MISSING_TEXEL = PLANE == PLANE_BASE ? vec4(0.2) : (PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(vec3(0.0), 1.0));
 
 vec4 sample_page(uint page, vec2 at) {
     uvec2 corner = uvec2(page % uint(PAGES_ACROSS), (page / uint(PAGES_ACROSS)) % uint(PAGES_ACROSS)) * uint(PAGE_SIDE);
@@ -25,7 +23,7 @@ vec4 sample_level(int first, WantedTexel wanted, int level, vec2 uv) {
         uint entry = tile_entries[place.entry];
         if (is_resident(entry)) return sample_page(entry - 1u, place.at);
     }
-    return missing_texel();
+    return MISSING_TEXEL;
 }
 
 void main() {

@@ -1,5 +1,4 @@
 // Lookup of the decoded tiles that a surface reads.
-#include "ntc/plane_uniform.glsl"
 #include "common/visibility.glsl"
 #include "common/wrap.glsl"
 #include "ntc/plane.glsl"
@@ -39,7 +38,9 @@ Probes probes_of(ivec2 pixel, WantedTexel wanted, PlaneRecord plane) {
         LevelRecord finest = levels[textures[wanted.texture_id].first_level];
         vec2 size = vec2(finest.texel_width, finest.texel_height);
         vec4 gradients = texelFetch(surface_gradients, pixel, 0);
-        if (PLANE != PLANE_BASE) gradients = vec4(plane_uv_step(plane, gradients.xy), plane_uv_step(plane, gradients.zw));
+#if PLANE != PLANE_BASE
+        gradients = vec4(plane_uv_step(plane, gradients.xy), plane_uv_step(plane, gradients.zw));
+#endif
         float along_x = length(gradients.xy * size);
         float along_y = length(gradients.zw * size);
         float longer = max(along_x, along_y);

@@ -1,13 +1,11 @@
 """The GPU's work of path `cached`: tiles that visible pixels ask for are decoded once, kept, and filtered by the hardware."""
 
 from collections.abc import Collection
-from dataclasses import replace
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import CODED_PLANES
 from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
@@ -55,10 +53,7 @@ class DecodeCachedPass:
         """True where every request is answered in the frame that makes it; else fewer tiles are listed."""
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
         self._buffers, self._ranges, self._table, self._budget = buffers, ranges, table, budget
-        self._programs, self._reading = programs, reading
-        # One program asks for tiles of all planes, and one samples them: the plane is a uniform.
-        self._defines = replace(reading, has_several=True).defines()
-        self._plane = CODED_PLANES.index(reading.plane)
+        self._programs, self._reading, self._defines = programs, reading, reading.defines()
         self._compile()
         self._pool = PagePool(max(1, min(budget.config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = TileAtlas(context, ATLAS_SIDE, srgb=reading.plane != "surface")
@@ -161,8 +156,7 @@ class DecodeCachedPass:
         program = self._programs.compute(f"{FOLDER}/request.comp", defines)
         asked, used = self._places[StorageBinding.RESULTS], self._places[TileBinding.PAGE_USED]
         self._gl.copy_buffer(asked, self._zero, 4)
-        uniforms = {"plane_number": self._plane, "frame": self._frame, "most_requests": self._most}
-        set_uniforms(program, {**uniforms, "anisotropy": inputs.anisotropy})
+        set_uniforms(program, {"frame": self._frame, "anisotropy": inputs.anisotropy, "most_requests": self._most})
         program.run(*(-(-side // GROUP_SIDE) for side in inputs.visibility.size))
         self._gl.memory_barrier()
         self._back.copy([(asked, asked.size), (used, self._answer_bytes - asked.size)], self._frame)
@@ -356,7 +350,7 @@ class DecodeCachedPass:
         inputs.bind()
         self._bind_tables()
         self._atlas.use(int(TextureUnit.ATLAS))
-        set_uniforms(triangle.program, {"depth": 0.0, "plane_number": self._plane, "anisotropy": inputs.anisotropy})
+        set_uniforms(triangle.program, {"depth": 0.0, "anisotropy": inputs.anisotropy})
         low, high = (target.size[1] * number // band[1] for number in (band[0], band[0] + 1))
         target.framebuffer.scissor = (0, low, target.size[0], high - low)
         try:
@@ -391,7 +385,7 @@ class DrawnTileCache(DecodeCachedPass):
     """Tile cache without compute shaders: the CPU keeps the table of tiles, and fragment shaders mark the tiles that are read."""
 
     def _compile(self) -> None:
-        defines = {**self._reading.defines(), **self._buffers.defines, **self._ranges.defines}
+        defines = {**self._defines, **self._buffers.defines, **self._ranges.defines}
         program = self._programs.program(f"{FOLDER}/decode.vert", f"{FOLDER}/decode.frag", defines)
         self._pages = self._gl.vertex_array(program, [])
         self._points: dict[moderngl.Program, moderngl.VertexArray] = {}
@@ -421,8 +415,7 @@ class DrawnTileCache(DecodeCachedPass):
         self._framebuffer.use()
         self._framebuffer.clear()
         self._gl.enable_only(moderngl.NOTHING)
-        uniforms = {"plane_number": self._plane, "tiles_size": self._read_tiles.size, "anisotropy": inputs.anisotropy}
-        set_uniforms(program, uniforms)
+        set_uniforms(program, {"tiles_size": self._read_tiles.size, "anisotropy": inputs.anisotropy})
         width, height = inputs.visibility.size
         probes = inputs.anisotropy if defines["GRADIENTS"] else 1
         self._points[program].render(moderngl.POINTS, vertices=width * height, instances=1 + 2 * probes)
