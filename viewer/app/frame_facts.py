@@ -117,14 +117,15 @@ class FactsReader:
         for side, slot in view.slots.items():
             if view.material_view == "base" or slot.source not in self._session.packs:
                 continue
-            for error in error_of_each_map(renderer, slot):
-                # What was drawn since may be another view.
-                if self._picture.last_view is not view:
-                    return
+            errors = error_of_each_map(renderer, slot)
+            # What was drawn since the last step may be another view, of another size.
+            while self._picture.last_view is view and (error := next(errors, None)) is not None:
                 if error.maps != "all":
                     by_map = {**results[side].psnr_by_map, error.maps: error.psnr_db}
                     results[side] = replace(results[side], psnr_by_map=by_map)
                 yield dict(results)
+            if self._picture.last_view is not view:
+                return
 
     def _knows_times(self) -> bool:
         view = self._picture.last_view

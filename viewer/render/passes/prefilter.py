@@ -76,16 +76,12 @@ class PrefilterPass:
                 return Progress()
             self._draw_source(output)
             irradiance = Job(partial(_irradiance, inputs.panorama, output.size.irradiance_side))
-            self._filtering = _Filtering(inputs.key, irradiance)
-            if not whole:
-                self._filtering.irradiance.start("irradiance")
+            self._filtering = _Filtering(inputs.key, irradiance.start("irradiance"))
         filtering, levels = self._filtering, len(output.size.sides)
         for level in range(filtering.level, levels if whole else min(filtering.level + 1, levels)):
             self._draw_level(level, output)
             filtering.level = level + 1
-        if whole and not filtering.irradiance.done:
-            filtering.irradiance.run()
-        if filtering.level < levels or not filtering.irradiance.done:
+        if filtering.level < levels or not (whole or filtering.irradiance.done):
             return Progress(to_come=(ToCome("environment", levels + 1 - filtering.level, levels + 1),))
         self._filtering = None
         side = output.size.irradiance_side
