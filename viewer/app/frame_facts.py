@@ -124,8 +124,6 @@ class FactsReader:
                     by_map = {**results[side].psnr_by_map, error.maps: error.psnr_db}
                     results[side] = replace(results[side], psnr_by_map=by_map)
                 yield dict(results)
-            if self._picture.last_view is not view:
-                return
 
     def _knows_times(self) -> bool:
         view = self._picture.last_view

@@ -1,7 +1,9 @@
 """Prefiltered environments, the furnace that they make, and shadows of the sun."""
 
+import threading
 from dataclasses import replace
 from pathlib import Path
+from unittest.mock import patch
 
 import numpy as np
 import OpenImageIO
@@ -10,10 +12,13 @@ import pytest
 from ntc.errors import InputError
 from tests.support.lit_studio import LitStudio, sphere_grid
 from viewer.gl.context import GraphicsContext
-from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize, prefilter
+from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize, irradiance_map, prefilter
 from viewer.lighting.sky import sky_radiance
 from viewer.locations import environments_cache
+from viewer.render.pass_scheduler import Step
+from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.resources.light import EnvironmentMaps
+from viewer.render.resources.pack_buffers import scene_programs
 from viewer.scene.model import Material, SurfaceFactors
 from viewer.state.view_state import Lighting
 
@@ -88,6 +93,28 @@ def test_panoramas_are_prefiltered_once_and_kept(graphics: GraphicsContext, tmp_
     spoilt = grid_studio(graphics)
     np.testing.assert_array_equal(maps_of(spoilt.light_drawer.prepare(lighting).environment, PANORAMA_SIZE), found)
     spoilt.release()
+
+
+def test_a_frame_that_waits_finishes_what_a_thread_filters(graphics: GraphicsContext) -> None:
+    inputs = PrefilterInputs("white", np.ones((32, 64, 3), np.float32), is_kept=True)
+    output = EnvironmentMaps(graphics, PANORAMA_SIZE, 64)
+    prefiltering = PrefilterPass(replace(graphics, waits=False), scene_programs(graphics))
+    started, may_end = threading.Event(), threading.Event()
+
+    def slow_irradiance(panorama: np.ndarray, side: int) -> np.ndarray:
+        started.set()
+        assert may_end.wait(60.0)
+        return irradiance_map(panorama, side)
+
+    with patch("viewer.render.passes.prefilter.irradiance_map", slow_irradiance):
+        assert prefiltering.advance(inputs, output, Step(whole=False, is_same_view=False, is_stale=False)).to_come
+        assert started.wait(60.0)
+        threading.Timer(0.1, may_end.set).start()
+        assert not prefiltering.advance(inputs, output, Step(whole=True, is_same_view=True, is_stale=False)).to_come
+    white = maps_of(output, PANORAMA_SIZE)[PANORAMA_SIZE.tops[-1] + 1, 1 : 1 + PANORAMA_SIZE.irradiance_side]
+    np.testing.assert_allclose(white, 1.0, atol=0.05)
+    prefiltering.release()
+    output.release()
 
 
 def test_panoramas_turn_from_north_to_east(graphics: GraphicsContext, tmp_path: Path) -> None:

@@ -142,7 +142,7 @@ def encode_member(
     threads: int = 1,
     prepared: PreparedTexture | None = None,
     has_own_codes: bool = True,
-    redone: "Redone | None" = None,
+    redone: Redone | None = None,
 ) -> BlockTexture:
     """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the work
     that was done since it was called last, in blocks. `threads` work on it and change no byte.
