@@ -21,6 +21,7 @@ from viewer.state.session import CANCEL, Choice, Question
 from viewer.state.view_state import REFERENCE, Side, is_image_source
 from viewer.training.live_training import Decision, LiveTraining
 from viewer.training.preparation import EncodeAnew, EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
+from viewer.training.run_keeper import checked_path
 from viewer.training.settings import (
     ALL,
     AUTO,
@@ -315,7 +316,7 @@ def accept(
     training, session = _runs(context), context.session
     if run:
         training.choose_run(run)
-    if file == Path() or not file.exists() or file.is_dir():
+    if file == Path() or not checked_path(file, session.scene.path).exists():
         training.accept(None if file == Path() else file, session.packs.values())
         return
     other = numbered_path(file)

@@ -17,7 +17,7 @@ from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack
 from viewer.locations import packs_folder
 from viewer.scene.model import Scene, SceneTexture
-from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.scene.scene_files import PACK_SUFFIX, scenes_in
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
 PREFERRED_GROUPING: GroupingName = "clustered"
@@ -112,17 +112,22 @@ def packs_beside(scene_path: Path) -> tuple[Path, ...]:
     return tuple(path for folder in folders for path in _packs_in(folder, scene_path.stem))
 
 
+def scenes_with_pack(pack_path: Path) -> tuple[Path, ...]:
+    """Return the scene files beside `pack_path` that open a pack of that name, in alphabetical order; the pack need not be there."""
+    try:
+        scenes = scenes_in(pack_path.parent)
+    except OSError:
+        return ()
+    return tuple(scene for scene in scenes if _is_pack_of(pack_path, scene.stem))
+
+
+def _is_pack_of(path: Path, stem: str) -> bool:
+    return path.suffix == PACK_SUFFIX and (path.stem == stem or path.name.startswith(f"{stem}."))
+
+
 def _packs_in(folder: Path, stem: str) -> tuple[Path, ...]:
     try:
-        return tuple(
-            sorted(
-                path
-                for path in folder.iterdir()
-                if path.suffix == PACK_SUFFIX
-                and (path.stem == stem or path.name.startswith(f"{stem}."))
-                and path.is_file()
-            )
-        )
+        return tuple(sorted(path for path in folder.iterdir() if _is_pack_of(path, stem) and path.is_file()))
     except OSError:
         # The scene can still be opened where the folder cannot be listed, or is not there.
         return ()

@@ -17,7 +17,7 @@ from viewer.locations import DATA_FOLDER_VARIABLE, packs_folder
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX
 from viewer.state.events import EmitEvent, Notification
-from viewer.state.pack_files import match_scene, same_place
+from viewer.state.pack_files import match_scene, same_place, scenes_with_pack
 from viewer.training.kept_runs import KeptRun, KeptRuns, scene_stamp
 from viewer.training.run_log import ActiveRun, Run
 
@@ -63,12 +63,16 @@ def save_numbered(path: Path, pack: Pack) -> Pack:
         return replace(pack, path=free)
 
 
-def checked_path(path: Path) -> Path:
-    """Return `path` unchanged. Raises InputError for a name that no pack can have."""
+def checked_path(path: Path, scene_path: Path | None) -> Path:
+    """Return `path` unchanged. Raises InputError for a name that no pack of the scene can have: one that is no pack's, and one that
+    would open with another scene."""
     if path.suffix != PACK_SUFFIX:
         raise InputError(f"{path}: a pack's name ends in {PACK_SUFFIX}")
     if path.is_dir():
         raise InputError(f"{path}: is a folder; name a file")
+    scenes = scenes_with_pack(path)
+    if scenes and not any(scene_path is not None and same_place(scene, scene_path) for scene in scenes):
+        raise InputError(f"{path}: would open with {scenes[0].name}, which is another scene; choose another name")
     return path
 
 
@@ -292,7 +296,7 @@ class RunKeeper:
         if path is None:
             write = partial(save_numbered, default_path(scene.path, run.pack), run.pack)
         else:
-            path = checked_path(path)
+            path = checked_path(path, scene.path)
             written = self._stamps.get(os.path.realpath(path))
             write = partial(save_pack, path, run.pack, opened, written)
         self._add(_Task(run, scene, write))

@@ -202,6 +202,20 @@ def test_a_file_is_replaced_only_where_that_is_said(context: Context, path: Path
     assert read_pack(path.with_name("scene.single-2.ntc")).textures
 
 
+def test_a_pack_is_not_written_where_another_scene_would_open_it(context: Context, path: Path, other: Path) -> None:
+    finished(context)
+    before = packs_in(other)
+    for name in (f"{other.stem}.ntc", f"{other.stem}.random.ntc", packs_beside(other)[0].name):
+        run_or_notify(context, "training.accept", other.with_name(name))
+        settle(context)
+        assert f"would open with {other.name}" in errors(context)[-1]
+    assert packs_in(other) == before
+    assert context.session.window.question is None
+    # A name that no scene there has is free.
+    accept(context, other.with_name("kept.ntc"))
+    assert other.with_name("kept.ntc").is_file()
+
+
 def test_saved_views_are_numbered(context: Context, path: Path) -> None:
     for _ in range(3):
         run_line(context, "view.save")
