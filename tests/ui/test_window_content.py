@@ -261,6 +261,21 @@ def test_measuring_fills_the_table(app: DrivenApp) -> None:
     assert all("-" not in rows[name] for name in ("shows", "GPU MB", "decode ms")), "originals cost something too"
 
 
+def test_a_picture_that_changes_its_size_ends_what_is_measured_of_it(app: DrivenApp) -> None:
+    app.session.view = replace(app.session.view, material_view="lit")
+    app.settle()
+    app.run("compare.measure")
+    app.until(lambda: app.session.inspection.measurements)
+    app.until(lambda: app.session.inspection.measurements["a"].psnr_by_map)
+    measured, room = dict(app.session.inspection.measurements), app.frontend.picture.last_view
+    app.run("window.panels")
+    app.settle()
+    assert app.frontend.picture.last_view != room
+    assert app.session.inspection.measurements == measured
+    assert not any(work.title == "measuring A and B" for work in app.frontend.facts().work)
+    assert not [toast for toast in app.session.window.toasts if toast.kind == "error"]
+
+
 def test_the_key_that_measures_raises_the_table_and_tells_it(app: DrivenApp) -> None:
     app.show_panel("Scene")
     with pytest.raises(InputError, match="nothing is measured"):
