@@ -268,7 +268,7 @@ def test_a_picture_that_changes_its_size_ends_what_is_measured_of_it(app: Driven
     app.until(lambda: app.session.inspection.measurements)
     app.until(lambda: app.session.inspection.measurements["a"].psnr_by_map)
     measured, room = dict(app.session.inspection.measurements), app.frontend.picture.last_view
-    app.run("window.panels")
+    app.run("view.resolution", 0.5)
     app.settle()
     assert app.frontend.picture.last_view != room
     assert app.session.inspection.measurements == measured
