@@ -1,6 +1,7 @@
 """Facts of the last frame for panels, read back from the GPU only where a panel shows them."""
 
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.divergence import DivergenceStatistics
+from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.comparison import LiveFigures
@@ -18,14 +20,10 @@ from viewer.inspect.place_content import BlockContent, PixelContent, PlaceReader
 from viewer.render.frames import FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.viewport import Viewport
-from viewer.state.compare_layout import shown_slots
 from viewer.state.pack_files import pack_figures
 from viewer.state.session import Session, SlotMeasurement
 from viewer.state.view_state import REFERENCE, Side, Slot
 from viewer.ui.facts import FrameFacts
-
-FRAMES_FOR_TIMES = 30
-"""Most frames in which a measurement waits for the times of its slots."""
 
 
 class FactsReader:
@@ -98,14 +96,7 @@ class FactsReader:
         return imgui.ImTextureRef(self._picture.thumbnails[texture_id].glo)
 
     def measuring(self) -> Iterator[Mapping[Side, SlotMeasurement]]:
-        """Measure both slots of the present view: yield what is known after each step, which a frame has time for.
-
-        The times of slots arrive a few frames after they were drawn.
-        """
-        for _ in range(FRAMES_FOR_TIMES):
-            if self._knows_times():
-                break
-            yield {}
+        """Measure both slots of the present view: yield what is known after each step, which a frame has time for."""
         renderer, view = self._picture.renderer, self._picture.last_view
         if renderer is None or view is None:
             return
@@ -114,6 +105,12 @@ class FactsReader:
         for (side, slot), picture in zip(view.slots.items(), pictures, strict=True):
             results[side] = self._measured(renderer, slot, picture)
         yield dict(results)
+        for side, slot in view.slots.items():
+            if self._picture.last_view is not view:
+                return
+            with suppress(GpuMemoryError):
+                results[side] = replace(results[side], draw_ms=renderer.drawing_ms(slot))
+            yield dict(results)
         for side, slot in view.slots.items():
             if view.material_view == "base" or slot.source not in self._session.packs:
                 continue
@@ -125,21 +122,17 @@ class FactsReader:
                     results[side] = replace(results[side], psnr_by_map=by_map)
                 yield dict(results)
 
-    def _knows_times(self) -> bool:
-        view = self._picture.last_view
-        return view is not None and all(slot in self._times.slot_ms for slot in shown_slots(view))
-
     def _measured(self, renderer: Renderer, slot: Slot, picture: MeasuredPicture) -> SlotMeasurement:
-        session, times = self._session, self._times.slot_ms
+        session = self._session
         if slot.source == REFERENCE:
             originals = scene_memory(session.scene)[0].bytes
-            return SlotMeasurement(slot.source, None, None, originals, draw_ms=times.get(slot))
+            return SlotMeasurement(slot.source, None, None, originals)
         pack, memory = session.packs.get(slot.source), renderer.memory(slot)
         blocks = session.compressed_as(slot.source)
         psnr = picture.psnr_db(picture.covered)
         if pack is None:
             size = blocks.stored_bytes if blocks is not None else None
-            return SlotMeasurement(slot.source, psnr, None, size, file_bytes=size, draw_ms=times.get(slot))
+            return SlotMeasurement(slot.source, psnr, None, size, file_bytes=size)
         figures, last, loads = pack_figures(pack), self._picture.last, renderer.loads(slot)
         return SlotMeasurement(
             slot.source,
@@ -149,7 +142,6 @@ class FactsReader:
             file_bytes=figures.bytes,
             bits=figures.bits,
             path=last.paths.get(slot, slot.path) if last is not None else slot.path,
-            draw_ms=times.get(slot),
             compression_db=None if loads is None else loads.psnr_db,
             load_rate=None if loads is None else loads.texels_per_second,
         )

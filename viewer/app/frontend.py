@@ -304,7 +304,7 @@ class Frontend:
         measured = next(self._measuring, None)
         if measured is None:
             self._measuring = None
-        elif measured:
+        else:
             set_measurements(self.session, measured)
 
     def _look_for_first_view(self, size: tuple[int, int]) -> None:

@@ -1,5 +1,6 @@
 """The frame: which passes run, in which order. A pass whose inputs have not changed is skipped."""
 
+import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -39,6 +40,12 @@ from viewer.state.view_state import REFERENCE, Slot, ViewState
 
 UPDATE_BYTES = 8 << 20
 """Upload budget of a frame for packs that replace others, in bytes (`Renderer.update_pack`)."""
+
+
+DRAWINGS_TIMED = 3
+"""Most drawings whose median is the time of a slot."""
+LONGEST_TIMING_MS = 500.0
+"""Time in ms after which no further drawing of a slot is timed."""
 
 
 class Renderer:
@@ -274,6 +281,33 @@ class Renderer:
         drawn = self._targets.slot_ms() if self._targets is not None else {}
         known = {slot: self.paths.known(slot) for slot in slots}
         return drawn | {slot: drawn[own] for slot, own in known.items() if own in drawn}
+
+    @checks_context
+    def drawing_ms(self, slot: Slot) -> float:
+        """Draw what `slot` shows of the last view several times on targets of its own; return the median time in ms.
+
+        The slot must have been drawn before: drivers compile when a program first draws. With the stochastic filter a drawing is one
+        sample. Raises GpuMemoryError.
+        """
+        if self._targets is None or self._view is None:
+            raise RuntimeError("render a view first")
+        slot, content = self.paths.chosen(slot, self._view), self._targets.visibility.content
+        with self._context.memory.transaction():
+            targets = PictureTargets(VisibilityTarget(self._context, self._view.size, content))
+        drawn: list[float] = []
+        try:
+            self._draw_visibility(self._view, targets)
+            while len(drawn) < DRAWINGS_TIMED and sum(drawn) < LONGEST_TIMING_MS:
+                for target in (*targets.planes.values(), *targets.shaded.values()):
+                    self._scheduler.invalidate(target)
+                self._scheduler.forget()
+                with self._timer.waiting(), self._scheduler.drawing(whole=slot.filter == "exact"):
+                    self._slots.draw(slot, targets)
+                drawn.append(sum(self._timer.take_owned().values()))
+        finally:
+            self._scheduler.forget()
+            targets.release()
+        return statistics.median(drawn)
 
     def _forget_frame(self, targets: PictureTargets) -> None:
         """Count what was drawn outside of a frame for its slot alone."""

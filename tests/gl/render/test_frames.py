@@ -202,6 +202,23 @@ def test_each_slot_has_a_time_of_its_own(renderer: Renderer) -> None:
     assert frame.slot_ms[DEFERRED] + frame.slot_ms[half] == pytest.approx(frame.timings_ms["decode_deferred"], rel=1e-6)
 
 
+@pytest.mark.computes
+def test_the_time_of_a_slot_is_that_of_drawing_it_again_and_no_frame_draws_more_for_it(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = picture(renderer.render(VIEW))
+    spent = iter((40.0, 2.0, 3.0, 200.0, 600.0))
+    monkeypatch.setattr(renderer._timer, "take_owned", lambda: {"plane": next(spent)})
+    assert renderer.drawing_ms(DEFERRED) == 3.0, "the median of three: one may have been disturbed"
+    assert renderer.drawing_ms(DEFERRED) == 400.0, "a slow machine draws fewer"
+    monkeypatch.undo()
+    assert renderer.drawing_ms(DEFERRED) > 0.0
+    assert renderer.drawing_ms(Slot()) > 0.0
+    frame = renderer.render(VIEW)
+    assert passes(frame) == set()
+    assert np.array_equal(picture(frame), before)
+
+
 def test_divergence_is_counted_only_while_it_is_shown(renderer: Renderer) -> None:
     hidden = renderer.render(VIEW)
     assert "divergence" not in hidden.timings_ms

@@ -192,7 +192,7 @@ CONTROLS: Final = {
     "divergence score": "Excess divided by the number of blocks: 0 is best.",
     "column error %": "Share of this texture in the squared error of the picture, A against B, in per cent.",
     "GPU MB": "Memory of this slot on the GPU in MB: resident latents, decoders and tables; of originals, RGBA8 with all mips.",
-    "decode ms": "Time of this slot in ms when it was last drawn whole: decoding and light.",
+    "decode ms": "Median time of drawing this slot at rest, in ms: decoding and light.",
     "compression dB": "PSNR in dB of the compressed texels of path on-load against the decoded ones, all mips: higher is better.",
     "load Mtexel/s": "Speed of path on-load: texels decoded and compressed in a second, all mips and maps, in millions.",
     "file MB": "Size of the pack's latents and decoders in MB; of a block format, of its blocks.",
