@@ -34,6 +34,19 @@ SIDE = 192
 """Of the three textures whose texels are compared."""
 READY = "document.documentElement.dataset.first || !document.getElementById('error').hidden"
 COMPLETE = "document.documentElement.dataset.state === 'complete'"
+AT_FIRST = """
+new MutationObserver((_, observer) => {
+    if (!document.documentElement.dataset.first) return;
+    observer.disconnect();
+    const { surfaces, renderer, view } = window.ntcPage;
+    window.atFirst = {
+        planes: [...surfaces.entries.values()].filter((entry) => entry.target).map((entry) => entry.plane),
+        lit: renderer.info.programs.filter((program) => program.type === "MeshStandardMaterial").length,
+        materials: view.materials.made.size,
+    };
+}).observe(document, { subtree: true, attributes: true });
+"""
+"""Notes what there is at the first picture."""
 ERROR = "document.getElementById('error').hidden ? '' : document.getElementById('error').textContent"
 
 pytestmark = pytest.mark.process
@@ -159,6 +172,44 @@ def test_the_page_fits_the_window_and_compares(
         browser.wait("window.ntcPage.view.figures.psnr !== null && window.ntcPage.view.figures.divergence")
         assert browser.ask("window.ntcPage.view.figures.psnr") > 15.0
         assert browser.ask("window.ntcPage.view.figures.divergence.most") >= 1
+
+
+def test_the_first_picture_waits_for_nothing_that_it_does_not_show(
+    scene: Path, tmp_path: Path, browser: Browser
+) -> None:
+    page, _ = page_of(scene, tmp_path, "materials")
+    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=AT_FIRST)["identifier"]
+    with served(page) as address:
+        browser.open(address)
+        browser.wait(COMPLETE)
+        browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
+        first = browser.ask("window.atFirst")
+        # Base colours alone are decoded, and the side of the originals, which would be the same, is not drawn.
+        assert first["planes"] == ["base"] * 3
+        assert first["materials"] == 3
+        # A whole material and a base colour alone have one program; coverage needs another.
+        assert first["lit"] == 2
+        # The decoder is compiled while the scene is read.
+        texture = "performance.getEntriesByName(new URL('textures/00000.bin', location).href)[0].startTime"
+        assert browser.ask(f"{texture} < Number(document.documentElement.dataset.ready)")
+        # The window is not drawn anew for each strip that is decoded.
+        refreshes = browser.ask(
+            """(async () => {
+                const { panel, view } = window.ntcPage;
+                const own = panel.refresh.bind(panel);
+                let count = 0;
+                panel.refresh = () => { ++count; own(); };
+                for (let number = 0; number < 20; ++number) {
+                    view.tell();
+                    await new Promise((resolve) => setTimeout(resolve, 5));
+                }
+                const found = count;
+                await new Promise((resolve) => setTimeout(resolve, 500));
+                return [found, count];
+            })()"""
+        )
+        assert refreshes[0] <= 2
+        assert refreshes[1] >= 1
 
 
 def test_damaged_files_are_told_in_a_line(scene: Path, tmp_path: Path, browser: Browser) -> None:

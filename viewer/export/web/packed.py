@@ -105,6 +105,8 @@ def plane_picture(texture: SceneTexture, plane: Plane) -> NDArray[np.uint8]:
     further, places = texture.further_maps, PLANE_COMPONENTS[plane]
     width, height = texture.size
     whole = np.full((height, width, 4), NEUTRAL, np.uint8)
+    if plane == "surface":
+        whole[..., :2] = 128  # without a normal map: along the surface's own
     for name, first in places.items():
         if name in further:
             whole[..., first : first + further[name].shape[2]] = further[name]

@@ -65,6 +65,8 @@ export class Decoder {
         }),
       ]),
     );
+    // A texel of the plane that is shown first: its program is compiled while the scene is read.
+    if (names.includes("base")) (await this.decode(0, "base", [0, 0], this.page.textures[0].mips.length - 1)).dispose();
   }
 
   file(index) {

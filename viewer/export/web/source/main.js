@@ -33,6 +33,8 @@ async function start() {
   if (location.protocol === "file:") {
     throw new PageError("Browsers do not let a page on disk read its files: run python3 -m http.server in this folder and open http://localhost:8000");
   }
+  const reading = readJson("page.json"); // while the graphics device is being opened
+  reading.catch(() => {});
   const canvas = document.getElementById("canvas");
   const gl = context(canvas);
   canvas.addEventListener("webglcontextlost", (event) => {
@@ -40,7 +42,7 @@ async function start() {
     showError("The graphics device was lost; the page begins anew once it is back");
   });
   canvas.addEventListener("webglcontextrestored", () => location.reload());
-  const page = await readJson("page.json");
+  const page = await reading;
   if (page.format !== FORMAT) throw new PageError(`page.json: format ${page.format} is not ${FORMAT}; export the page again`);
   const renderer = new THREE.WebGLRenderer({ canvas, context: gl });
   renderer.debug.checkShaderErrors = true;
@@ -55,7 +57,7 @@ async function start() {
   const materials = new Materials(page, surfaces);
   const stage = new Stage(renderer, canvas, page, () => view?.moved());
   const identity = new Identity(renderer, decoder.screen, VIRIDIS);
-  await Promise.all([decoder.prepare(), materials.prepare().then(() => stage.load(materials))]);
+  await Promise.all([decoder.prepare(), stage.load(materials)]);
   view = new View(renderer, stage, materials, surfaces, identity);
   const fit = () => {
     const [width, height] = [window.innerWidth, window.innerHeight];

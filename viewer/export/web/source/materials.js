@@ -1,16 +1,38 @@
 // The materials of the scene: for each view one that reads decoded textures and one that reads the originals.
 import * as THREE from "three";
 import { alphaTexture } from "./originals.js";
+import { CHANNEL } from "./surfaces.js";
 
 // The planes' components as the pack stores them: surface is normal.x, normal.y, roughness, metalness; emission is emissive, occlusion.
+// A lit material has all of them, so that one program draws all: each program takes a software renderer 0.1 s. A plane is read once.
+const SLOTS = { base: ["map"], surface: ["roughnessMap", "metalnessMap", "normalMap"], emission: ["emissiveMap", "aoMap"] };
 const chunk = THREE.ShaderChunk;
-chunk.normal_fragment_maps = chunk.normal_fragment_maps.replace(
+const patch = (name, from, to) => {
+  if (!chunk[name].includes(from)) throw new Error(`three.js has another ${name}`);
+  chunk[name] = chunk[name].replace(from, to);
+};
+patch("roughnessmap_fragment", "texelRoughness.g", "texelRoughness.b");
+patch("metalnessmap_fragment", "texture2D( metalnessMap, vMetalnessMapUv )", "texelRoughness");
+patch("metalnessmap_fragment", "texelMetalness.b", "texelMetalness.a");
+patch("normal_fragment_maps", "vec3 mapN = texture2D( normalMap, vNormalMapUv ).xyz", "vec3 mapN = texelRoughness.xyz");
+patch(
+  "normal_fragment_maps",
   "mapN.xy *= normalScale;",
   "mapN = vec3( mapN.xy, sqrt( saturate( 1.0 - dot( mapN.xy, mapN.xy ) ) ) );\n\tmapN.xy *= normalScale;",
 );
-chunk.roughnessmap_fragment = chunk.roughnessmap_fragment.replace("texelRoughness.g", "texelRoughness.b");
-chunk.metalnessmap_fragment = chunk.metalnessmap_fragment.replace("texelMetalness.b", "texelMetalness.a");
-chunk.aomap_fragment = chunk.aomap_fragment.replace("texture2D( aoMap, vAoMapUv ).r", "texture2D( aoMap, vAoMapUv ).a");
+patch("aomap_fragment", "texture2D( aoMap, vAoMapUv ).r", "emissiveColor.a");
+
+function pixel(plane, texel) {
+  const texture = new THREE.DataTexture(new Uint8Array(texel), 1, 1);
+  texture.colorSpace = plane === "surface" ? THREE.NoColorSpace : THREE.SRGBColorSpace;
+  texture.channel = CHANNEL[plane];
+  texture.needsUpdate = true;
+  return texture;
+}
+
+/** What stands for a plane that a material lacks, and for one of which nothing is decoded yet. */
+const NEUTRAL = { base: pixel("base", [255, 255, 255, 255]), surface: pixel("surface", [128, 128, 255, 255]), emission: pixel("emission", [255, 255, 255, 255]) };
+const WAITING = { ...NEUTRAL, base: pixel("base", [110, 112, 118, 255]), emission: pixel("emission", [0, 0, 0, 255]) };
 
 /** What the views of maps show: the plane, and GLSL of the linear colour of a texel `t`. */
 export const MAP_VIEWS = {
@@ -66,9 +88,9 @@ export class Materials {
   }
 
   /** Keeps `slots` of `material` at what Surfaces has. */
-  follow(material, entry, slots, original) {
+  follow(material, entry, slots, original, waiting = WAITING[entry.plane]) {
     const update = () => {
-      const texture = this.surfaces.texture(entry, original);
+      const texture = this.surfaces.texture(entry, original) ?? waiting;
       for (const slot of slots) material[slot] = texture;
     };
     entry.users.push(update);
@@ -93,10 +115,14 @@ export class Materials {
       aoMapIntensity: own.occlusion_strength, flatShading: !attributes.normal,
     });
     // Without tangents three takes them from screen space, where v runs the other way.
-    made.normalScale.set(own.normal_scale, attributes.tangent ? own.normal_scale : -own.normal_scale);
-    const slots = { base: ["map"], roughness: ["roughnessMap"], metalness: ["metalnessMap"], normal: ["normalMap"], emissive: ["emissiveMap"], occlusion: ["aoMap"] };
-    for (const [plane, entry] of Object.entries(entries)) {
-      this.follow(made, entry, own.planes[plane].maps.flatMap((name) => slots[name]), original);
+    const scale = own.planes.surface?.maps.includes("normal") ? own.normal_scale : 0;
+    made.normalScale.set(scale, attributes.tangent ? scale : -scale);
+    for (const [plane, slots] of Object.entries(SLOTS)) {
+      if (!entries[plane]) for (const slot of slots) made[slot] = NEUTRAL[plane];
+      else {
+        const isColor = plane !== "emission" || own.planes.emission.maps.includes("emissive");
+        this.follow(made, entries[plane], slots, original, isColor ? undefined : NEUTRAL.emission);
+      }
     }
     return made;
   }

@@ -1,6 +1,8 @@
 // The controls and figures around the picture.
 import { MAP_VIEWS } from "./materials.js";
 
+const REFRESH_MS = 250; // between changes of figures: for each the browser draws its window anew, on a slow device in the time of decoding
+
 const byId = (id) => document.getElementById(id);
 const median = (values) => [...values].sort((a, b) => a - b)[values.length >> 1];
 const mega = (bytes) => `${(bytes / 1e6).toFixed(bytes < 1e8 ? 1 : 0)} MB`;
@@ -24,7 +26,7 @@ export class Panel {
     byId("legend").style.background = `linear-gradient(90deg, ${palette.map((color) => `rgb(${color.map((c) => Math.round(255 * c)).join(" ")})`).join(", ")})`;
     this.fixedFigures();
     this.read();
-    view.listeners.push(() => this.refresh());
+    view.listeners.push(() => (this.refreshing ??= setTimeout(() => this.refresh(), REFRESH_MS)));
   }
 
   fillCameras() {
@@ -173,6 +175,8 @@ export class Panel {
   }
 
   refresh() {
+    clearTimeout(this.refreshing);
+    this.refreshing = null;
     const { split, heat } = this.view.state;
     this.compare.setAttribute("aria-pressed", split !== null);
     this.heat.setAttribute("aria-pressed", heat);

@@ -54,7 +54,7 @@ export class Stage {
   }
 
   async load(materials) {
-    const [bytes, sky] = await Promise.all([readFile(this.page.scene), readFile(this.page.sky)]);
+    const [bytes, sky] = await Promise.all([readFile(this.page.scene), readFile(this.page.sky), materials.prepare()]);
     const gltf = await new GLTFLoader().parseAsync(bytes.buffer, "");
     const { nodes } = gltf.parser.json;
     gltf.scene.traverse((object) => {

@@ -6,23 +6,14 @@ const COARSE_SIDE = 32; // texels of the first picture of a texture
 const MIDDLE = 2; // mips between what is wanted and the picture before it: a sixteenth of the work
 const AHEAD = 24; // entries of the queue whose files are asked for
 const WRAPPING = [THREE.RepeatWrapping, THREE.MirroredRepeatWrapping, THREE.ClampToEdgeWrapping];
-const CHANNEL = { base: 0, surface: 1, emission: 2 };
-const NEUTRAL = { base: [110, 112, 118, 255], surface: [128, 128, 255, 255], emission: [0, 0, 0, 255] };
-
-function placeholder(plane) {
-  const texture = new THREE.DataTexture(new Uint8Array(NEUTRAL[plane]), 1, 1);
-  texture.colorSpace = plane === "surface" ? THREE.NoColorSpace : THREE.SRGBColorSpace;
-  texture.channel = CHANNEL[plane];
-  texture.needsUpdate = true;
-  return texture;
-}
+export const CHANNEL = { base: 0, surface: 1, emission: 2 };
 
 export class Surfaces {
-  /** `changed` is called after each texture that came or went; `failed` with an error that ends the work. */
+  /** `changed` is called after each texture that came or went, and may return a promise for which decoding waits; `failed` with an error that
+   * ends the work. */
   constructor(renderer, page, decoder, budgetTexels, changed, failed) {
     Object.assign(this, { renderer, page, decoder, budgetTexels, changed, failed });
     this.originals = new Originals(renderer, decoder.screen);
-    this.placeholders = Object.fromEntries(Object.keys(CHANNEL).map((plane) => [plane, placeholder(plane)]));
     this.entries = new Map();
     this.queue = [];
     this.isRunning = false;
@@ -48,10 +39,9 @@ export class Surfaces {
     return this.entries.get(key);
   }
 
+  /** null: nothing of it is there. Until an original is there, what is decoded: the picture is whole from the first on. */
   texture(entry, original) {
-    // Until an original is there, what is decoded: the picture is whole from the first on.
-    const target = (original && entry.original) || entry.target;
-    return target ? target.texture : this.placeholders[entry.plane];
+    return ((original && entry.original) || entry.target)?.texture ?? null;
   }
 
   coarse(entry) {
@@ -120,6 +110,11 @@ export class Surfaces {
     return seen.every((entry) => CHANNEL[entry.plane] > first || entry.target);
   }
 
+  /** Whether an original is there. */
+  get hasOriginal() {
+    return [...this.entries.values()].some((entry) => entry.original);
+  }
+
   /** Whether all originals that are compared are there. */
   get hasOriginals() {
     const isThere = (entry) => entry.original || !this.page.textures[entry.texture].originals[entry.plane];
@@ -166,7 +161,7 @@ export class Surfaces {
     entry.target = target;
     entry.level = level;
     this.usedTexels += this.texels(entry, level);
-    this.tell(entry);
+    await this.tell(entry);
   }
 
   async loadOriginal(entry) {
@@ -209,6 +204,6 @@ export class Surfaces {
 
   tell(entry) {
     for (const user of entry.users) user();
-    this.changed();
+    return this.changed();
   }
 }

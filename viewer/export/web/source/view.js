@@ -21,6 +21,7 @@ export class View {
     this.took = Infinity; // milliseconds of the last frame
     this.step = 0; // stage of the surfaces, when the last frame was drawn
     this.shown = 0; // the same, of the last frame that the GPU has finished
+    this.firstPicture = new Promise((resolve) => (this.firstShown = resolve));
   }
 
   set(change) {
@@ -56,6 +57,7 @@ export class View {
     this.draw();
     gpuDone(this.renderer, start).then((time) => {
       this.shown = step;
+      if (step > 0) this.firstShown();
       this.took = time;
       if (!isFirst) this.isSlow = time * (isWhole ? 1 : 4) > SLOW_MS;
       if (isWhole) this.figures.frame.push(time);
@@ -84,7 +86,8 @@ export class View {
     renderer.setScissorTest(false);
     renderer.setClearColor(0x15171c, 1);
     renderer.autoClear = true;
-    if (split === null) this.side(false);
+    // Where no original is there both sides would be the same.
+    if (split === null || !this.surfaces.hasOriginal) this.side(false);
     else {
       renderer.setScissorTest(true);
       renderer.setScissor(0, 0, place, height);
@@ -179,7 +182,8 @@ export class View {
     return { lit: ["base", "surface", "emission"], base: ["base"], emissive: ["emission"] }[this.state.view] ?? ["surface"];
   }
 
-  /** A texture came: the picture is out of date. Not drawn for each one of many: drawing would take the time from decoding. */
+  /** A texture came: the picture is out of date. Not drawn for each one of many: drawing would take the time from decoding. Returns the first
+   * picture, once there is something of every colour: other work waits for it. */
   refreshed() {
     const isWhole = this.surfaces.pending === 0;
     const isNext = this.surfaces.stage > this.step;
@@ -187,6 +191,7 @@ export class View {
     if (isWhole || isNext || (this.step > 0 && performance.now() - this.drawn > Math.max(200, 8 * this.took))) this.invalidate();
     if (this.looked === this.version && this.surfaces.pending === 0) this.settle();
     this.tell();
+    return this.firstPicture;
   }
 
   settle() {
