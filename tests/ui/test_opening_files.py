@@ -381,7 +381,7 @@ def test_a_scene_is_exported_beside_the_frames(app: DrivenApp, scene_path: Path,
     folder = tmp_path / "exported"
     app.run("file.export", "gltf", folder)
     app.frame()
-    assert app.widgets.explanation("work").startswith("exporting clustered as gltf")
+    assert app.widgets.explanation("work").startswith("exporting clustered as glTF with the pack")
     with pytest.raises(InputError, match="another export is under way"):
         run(app.context, "file.export", "page")
     app.until(lambda: not app.effects.exporting.is_under_way)

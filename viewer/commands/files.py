@@ -121,7 +121,7 @@ def export(
     if kind.startswith("gltf"):
         folder.mkdir(parents=True, exist_ok=True)
     arguments = (str(scene.absolute()), "--pack", str(pack.absolute()), option, str(out), *more)
-    return Export(f"exporting {name} as {kind}", arguments, folder)
+    return Export(f"exporting {name} as {EXPORT_NAMES[kind]}", arguments, folder)
 
 
 cancel_export = gesture("file.cancel-export")(lambda _session: CancelExport())
