@@ -396,6 +396,21 @@ def test_a_scene_is_exported_beside_the_frames(app: DrivenApp, scene_path: Path,
     assert "was cancelled" in app.session.window.log[-1].text
 
 
+@pytest.mark.process
+def test_an_export_tells_how_far_it_is(app: DrivenApp, tmp_path: Path) -> None:
+    app.run("file.export", "page", tmp_path / "page")
+    shares: set[float | None] = set()
+
+    def ended() -> bool:
+        shares.update(work.share for work in app.effects.exporting.work)
+        return not app.effects.exporting.is_under_way
+
+    app.until(ended)
+    assert app.session.window.log[-1].text.startswith("exported into")
+    assert len(shares - {None}) > 0
+    assert all(share is None or 0.0 < share <= 1.0 for share in shares)
+
+
 def test_the_palette_says_that_nothing_was_found(app: DrivenApp) -> None:
     app.run("help.palette")
     app.settle()

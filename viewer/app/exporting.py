@@ -1,11 +1,13 @@
 """`ntc-viewer export` beside the frames: the window exports as the command line does, in a process of its own."""
 
+import re
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 
 from ntc.errors import InputError
+from ntc.training.time_left import TimeLeft
 from viewer.commands.effects import Export
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.json_text import duration
@@ -16,6 +18,8 @@ from viewer.ui.facts import Work
 CANCEL = "file.cancel-export"
 SECONDS_BETWEEN_CHECKS = 0.05
 SECONDS_TO_END = 2.0
+SHARE = re.compile(rb"^ *(\d+)%", re.MULTILINE)
+"""Lines in which the command tells how far it is (`TerminalProgress`)."""
 
 
 class Exporting:
@@ -26,6 +30,7 @@ class Exporting:
         self._export: Export | None = None
         self._job: Job[subprocess.CompletedProcess[str]] | None = None
         self._began = 0.0
+        self._left = TimeLeft(0.0)
 
     @property
     def is_under_way(self) -> bool:
@@ -40,14 +45,22 @@ class Exporting:
     @property
     def work(self) -> Iterator[Work]:
         """Yield the export under way, for the status bar."""
-        if self._export is not None:
-            yield Work(f"{self._export.title}, {duration(time.monotonic() - self._began)}", None, None, CANCEL)
+        job, export, now = self._job, self._export, time.monotonic()
+        if job is None or export is None:
+            return
+        share = job.report.share
+        if share > 0.0:
+            self._left.advance(now, share)
+            yield Work(export.title, share, self._left.left(now), CANCEL)
+        else:
+            yield Work(f"{export.title}, {duration(now - self._began)}", None, None, CANCEL)
 
     def begin(self, export: Export) -> None:
         """Begin an export. Raises InputError where one is under way."""
         if self._job is not None:
             raise InputError("file.export: another export is under way; cancel it first")
         self._export, self._began = export, time.monotonic()
+        self._left = TimeLeft(self._began)
         self._job = Job(lambda report: _run(export, report)).start("export")
 
     def cancel(self) -> None:
@@ -82,7 +95,7 @@ class Exporting:
 
 
 def _run(export: Export, report: JobReport) -> subprocess.CompletedProcess[str]:
-    """Run the command until it ends, or is cancelled."""
+    """Run the command until it ends, or is cancelled; `report` has the share that it told last."""
     command = [sys.executable, "-m", "viewer", "export", *export.arguments]
     with subprocess.Popen(
         command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -91,8 +104,10 @@ def _run(export: Export, report: JobReport) -> subprocess.CompletedProcess[str]:
             try:
                 # What it has written is taken meanwhile.
                 out, err = process.communicate(timeout=SECONDS_BETWEEN_CHECKS)
-            except subprocess.TimeoutExpired:
+            except subprocess.TimeoutExpired as waiting:
                 if report.cancelled:
                     process.kill()
+                elif told := SHARE.findall(waiting.stderr or b""):
+                    report.share = int(told[-1]) / 100.0
             else:
                 return subprocess.CompletedProcess(command, process.returncode, out, err)

@@ -103,7 +103,7 @@ def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> 
 def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fallback) -> list[str]:
     """Write the page, and return what to tell. Raises InputError."""
     scene, pack = load_with_progress(scene_path), read_pack(pack_path)
-    with TerminalProgress("textures") as report:
+    with TerminalProgress("textures", lines=True) as report:
         page = export_page(scene, pack, folder, "none" if fallback == "none" else "lossless", report)
     parts = f"pack {page.pack_bytes / 1e6:.2f} MB, originals {page.original_bytes / 1e6:.2f} MB"
     return [
@@ -122,7 +122,7 @@ def _export_textures(scene: Path, pack: Path, out: Path, image_format: ImageForm
         raise InputError(
             f"{losses}: is no file, and what images lose is written there; remove it, or name another --out"
         )
-    with TerminalProgress("images") as report:
+    with TerminalProgress("images", lines=True) as report:
         compressor = _compressor() if image_format in ("bc7", "bc1") else None
         exported = export_textures(scene, pack, out, image_format, report, compressor)
     rows = [asdict(loss) for loss in exported.losses]
