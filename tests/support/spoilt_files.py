@@ -127,7 +127,7 @@ def finished(context: Context, seed: int = 7) -> Pack:
     assert context.session.scene.path is not None
     hashes = [texture.pixel_hash for texture in context.session.scene.textures]
     pack = random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
-    run = Run(context.training.log.next_number, "retrain group 0", "quick", 2, "done", 1.0, None, pack=pack)
+    run = Run(context.training.log.next_number, "retrain 1 group (0)", "quick", 2, "done", 1.0, None, pack=pack)
     context.training.enter(context.session.scene)
     context.training.log.add(run)
     context.session.packs = {**context.session.packs, run.name: pack}

@@ -17,7 +17,7 @@ from viewer.scene.model import Material, Scene
 from viewer.state.event_handlers import notify
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.ui.annotations import slot_note
-from viewer.ui.panels.timings import count_lines
+from viewer.ui.panels.timings import counts
 
 
 @pytest.fixture
@@ -345,7 +345,7 @@ def test_a_slot_of_path_on_load_tells_what_is_compressed(app: DrivenApp) -> None
     assert slot_note(view.slot_a, view, facts) == ""
     coming = replace(facts, loads={view.slot_a: replace(there, waiting=1_234_567)})
     assert slot_note(view.slot_a, view, coming) == "compressing 1.2 Mtexel"
-    assert any("compressed, 0 waiting" in line for line in count_lines(facts))
+    assert "compressed, 0 waiting" in counts(facts)[f"texels of {view.slot_a.label}"]
     assert "compressed textures" in facts.gpu_parts[view.slot_a]
     app.click("Measure")
     app.settle()

@@ -41,7 +41,7 @@ class KeptRun:
     scene_stamp: tuple[int, int]
     """(time of the last change in ns, bytes) of that file when the run was made; (0, 0) where it was not known."""
     title: str
-    """Title of the training, such as `retrain group 3`."""
+    """Title of the training, such as `retrain 1 group (3)`."""
     settings: str
     outcome: str
     groups: Annotated[int, Meta(ge=0)]

@@ -72,13 +72,13 @@ TrainingJob = EncodeScene | RetrainGroups | EncodeAnew | MoveTexture | Regroup
 
 
 def job_title(job: TrainingJob) -> str:
-    """Return one line for progress and log: `retrain groups 0, 3`."""
+    """Return one line for progress and log: `retrain 2 groups (0, 3)`."""
     match job:
         case EncodeScene():
             return f"encode {job.settings.grouping_text}"
         case RetrainGroups():
             numbers = ", ".join(map(str, sorted(job.groups)[:6])) + (" ..." if len(job.groups) > 6 else "")
-            return f"retrain group{'s' if len(job.groups) > 1 else ''} {numbers}"
+            return f"retrain {counted(len(job.groups), 'group')} ({numbers})"
         case EncodeAnew():
             return f"{job.name or f'texture {job.texture}'} at {job.bits:.2g} bits"
         case MoveTexture():

@@ -29,7 +29,7 @@ class Run:
 
     number: int
     title: str
-    """Title of the training, such as `retrain group 3`."""
+    """Title of the training, such as `retrain 1 group (3)`."""
     settings: str
     """Recipe, size, budget."""
     groups: int

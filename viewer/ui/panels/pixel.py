@@ -57,10 +57,8 @@ def _values(pixel: PixelContent, ui: UiFrame) -> None:
         imgui.table_next_row()
         imgui.table_next_column()
         imgui.text_disabled("A - B")
-        imgui.table_next_column()
-        imgui.text(" ".join(f"{a - b:+3d}" for a, b in zip(first[1], second[1], strict=True)))
-        imgui.table_next_column()
-        imgui.text(" ".join(f"{a - b:+.4f}" for a, b in zip(first[0], second[0], strict=True)))
+        cells(" ".join(f"{a - b:+3d}" for a, b in zip(first[1], second[1], strict=True)))
+        cells(" ".join(f"{a - b:+.4f}" for a, b in zip(first[0], second[0], strict=True)))
     imgui.end_table()
 
 

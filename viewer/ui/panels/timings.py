@@ -39,7 +39,7 @@ class TimingsPlot:
         low = np.zeros(len(self._wall))
         self._edges = []
         for name, times in history.passes_ms.items():
-            self._edges.append((name, low, low + times))
+            self._edges.append((name.replace("_", " "), low, low + times))
             low = low + times
         tops = np.maximum(self._wall, low)
         self._top = axis_top(tops)
@@ -78,29 +78,32 @@ class TimingsPlot:
 
 def timings_text(facts: FrameFacts, estimates: Sequence[str] = ()) -> str:
     """Return all figures of the panel as text for the clipboard."""
-    lines = [facts.renderer, f"medians by {facts.timer}"]
-    lines += [f"{name.replace('_', ' '):24} {milliseconds:9.2f} ms" for name, milliseconds in facts.timings_ms.items()]
-    return "\n".join([*lines, *count_lines(facts), *estimates])
+    rows = [f"{name}: {figure}" for name, figure in (times(facts) | counts(facts)).items()]
+    return "\n".join([facts.renderer, f"medians by {facts.timer}", *rows, *estimates])
 
 
 def _estimates(ui: UiFrame) -> list[str]:
     return estimate_lines(ui.session.packs, shown_slots(ui.session.view), ui.facts.paths, ui.facts.tiles)
 
 
-def count_lines(facts: FrameFacts) -> list[str]:
-    """Return counts of the last frame, and why it was drawn, one a line."""
-    lines = [f"{count:>9,} {name.replace('_', ' ')}" for name, count in facts.drawn.items()]
-    lines += [f"{count:>9,} {name.replace('_', ' ')} (skipped)" for name, count in facts.skipped.items()]
+def times(facts: FrameFacts) -> dict[str, str]:
+    """Return the times of the passes by name."""
+    return {name.replace("_", " "): f"{milliseconds:.2f} ms" for name, milliseconds in facts.timings_ms.items()}
+
+
+def counts(facts: FrameFacts) -> dict[str, str]:
+    """Return counts of the last frame by name, and why it was drawn."""
+    rows = {name: f"{count:,}" for name, count in facts.drawn.items()}
+    rows |= {f"{name.replace('_', ' ')} (skipped)": f"{count:,}" for name, count in facts.skipped.items()}
     for slot, tiles in facts.tiles.items():
-        lines.append(f"{tiles.resident:>9,} tiles of {slot.source} cached, {tiles.waiting:,} waiting")
+        rows[f"tiles of {slot.label}"] = f"{tiles.resident:,} cached, {tiles.waiting:,} waiting"
         if tiles.starved:
-            lines.append(f"{tiles.starved:>9,} tiles do not fit: raise tile_cache_megabytes in settings.json")
+            rows["tiles that do not fit"] = f"{tiles.starved:,}: raise tile_cache_megabytes in settings.json"
     for slot, loads in facts.loads.items():
         rate = f"{loads.texels_per_second / 1e6:,.1f} Mtexel/s, {loads.bytes / 1e6:,.1f} MB"
-        lines.append(f"{loads.texels:>9,} texels of {slot.source} compressed, {loads.waiting:,} waiting: {rate}")
-    lines.append(f"{facts.blocking_calls:>9,} calls in the last frame that waited for the GPU")
-    lines.append(f"{facts.frames_drawn:>9,} frames drawn")
-    return [*lines, f"reason of the last frame: {', '.join(facts.drawn_because) or INPUT}"]
+        rows[f"texels of {slot.label}"] = f"{loads.texels:,} compressed, {loads.waiting:,} waiting: {rate}"
+    rows |= {"calls that waited for the GPU": f"{facts.blocking_calls:,}", "frames drawn": f"{facts.frames_drawn:,}"}
+    return rows | {"reason of the last frame": ", ".join(facts.drawn_because) or INPUT}
 
 
 def _mark(color: imgui.ImVec4, side: float) -> None:
@@ -119,7 +122,7 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     if ui.facts.history is not None:
         plot.draw(ui.facts.history, ui)
     if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):
-        for name, milliseconds in ui.facts.timings_ms.items():
+        for name, figure in (times(ui.facts) | counts(ui.facts)).items():
             imgui.table_next_row()
             imgui.table_next_column()
             side = 0.7 * imgui.get_font_size()
@@ -128,15 +131,9 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
                 _mark(color, side)
             imgui.dummy(ImVec2(side, side))
             imgui.same_line()
-            imgui.text(name.replace("_", " "))
+            imgui.text_wrapped(name)
             imgui.table_next_column()
-            imgui.text(f"{milliseconds:9.2f} ms")
+            imgui.text_wrapped(figure)
         imgui.end_table()
-    imgui.separator()
-    for line in count_lines(ui.facts):
-        imgui.text_wrapped(line)
-    estimates = _estimates(ui)
-    if estimates:
-        imgui.separator()
-    for line in estimates:
+    for line in _estimates(ui):
         imgui.text_wrapped(line)

@@ -110,7 +110,7 @@ def test_cancel_leaves_all_as_it_is_and_discard_writes_nothing(context: Context,
         run_or_notify(context, "file.open", other)
         question = context.session.window.question
         assert question is not None
-        assert "run 1: retrain group 0, done" in question.text
+        assert "run 1: retrain 1 group (0), done" in question.text
         if run_in_question == "Cancel":
             answer(context, "Cancel")
         else:
@@ -344,7 +344,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 def facts_of(scene: Path) -> KeptRun:
     stamp = scene_stamp(scene)
     return KeptRun(
-        "scene", str(scene.resolve()), stamp, "retrain group 0", "quick", "done", 2, 1.0, 30.0, 2, time.time()
+        "scene", str(scene.resolve()), stamp, "retrain 1 group (0)", "quick", "done", 2, 1.0, 30.0, 2, time.time()
     )
 
 
