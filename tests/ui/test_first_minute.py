@@ -9,7 +9,8 @@ from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
 from tests.support.gltf_builder import GltfBuilder, png
-from tests.ui.conftest import run_window, write_scene
+from tests.ui.conftest import Opener, run_window, write_scene
+from viewer.scene.load import load_scene
 from viewer.scene.model import Camera
 from viewer.state.framing import frame_all
 from viewer.state.settings import SETTINGS_FILE, ViewerSettings, parse_settings
@@ -135,22 +136,67 @@ def test_keys_of_commands_do_not_fly(app: DrivenApp) -> None:
     app.key(imgui.Key.mod_ctrl, False)
 
 
-@pytest.mark.parametrize("size", [(1280, 720), (800, 500)])
-def test_the_offer_lies_beside_warnings_and_the_card(app: DrivenApp, tmp_path: Path, size: tuple[int, int]) -> None:
-    app.resize(size)
-    app.drop(half_a_scene(tmp_path))
+SHEETS = ("##offer", "##first steps")
+WINDOWS = [
+    (size, scale) for size in ((800, 500), (900, 600), (1280, 720), (1920, 1080), (3840, 2160)) for scale in (1, 2, 3)
+]
+
+
+def sheets(app: DrivenApp) -> dict[str, tuple[float, float, float, float]]:
+    """Left, top, right and bottom of the sheets in sight, which lie in the picture, over nothing that is to be read."""
+    area, found = app.frontend.interface.picture_area, {}
+    for name in SHEETS:
+        window = imgui.internal.find_window_by_name(name)
+        if window is not None and window.active:
+            box = window.rect()
+            found[name] = (box.min.x, box.min.y, box.max.x, box.max.y)
+            assert area is not None
+            assert area.left <= box.min.x < box.max.x <= area.right
+            assert area.top <= box.min.y < box.max.y <= area.bottom
+    read = [label for label in app.widgets.labels() if label.startswith("warning ") or label == "hints"]
+    boxes = {**found, **{label: app.widgets.rectangle(label) for label in read}}
+    for name, one in found.items():
+        for other, two in boxes.items():
+            apart = one[2] <= two[0] or two[2] <= one[0] or one[3] <= two[1] or two[3] <= one[1]
+            assert apart or name == other, (name, one, other, two)
+    return found
+
+
+@pytest.mark.parametrize(("size", "scale"), WINDOWS)
+def test_sheets_lie_beside_warnings_and_hints(
+    open_window: Opener, tmp_path: Path, size: tuple[int, int], scale: float
+) -> None:
+    app = open_window(size, load_scene(half_a_scene(tmp_path)), ui_scale=scale, live_figures=False)
+    # A second warning.
+    app.session.resolution = 0.25
     app.run("help.first-steps")
     searched(app)
     app.settle()
-    if size[0] < 1280:
-        assert "Encode it now" not in app.widgets.labels(), "one after the other"
-        app.click("Got it")
-    names = ["##offer", "##first steps"][: 2 if "Got it" in app.widgets.labels() else 1]
-    boxes = [imgui.internal.find_window_by_name(name).rect() for name in names]
-    offer, *cards = [(box.min.x, box.min.y, box.max.x, box.max.y) for box in boxes]
-    assert "Encode it now" in app.widgets.labels()
-    for other in (app.widgets.rectangle("warning 1"), *cards):
-        assert other[2] <= offer[0] or other[0] >= offer[2] or other[3] <= offer[1] or other[1] >= offer[3]
+    wide, shown = size[0] / scale >= 1280, sheets(app)
+    assert ("##offer" in shown) <= wide, "without room beside the card, one after the other"
+    app.run("help.first-steps")
+    app.settle()
+    shown = sheets(app)
+    assert "##first steps" not in shown
+    assert "##offer" in shown or size[1] / scale < 300.0
+    if size[1] / scale >= 360.0 and scale < 3:
+        offer = imgui.internal.find_window_by_name("##offer")
+        assert not offer.scrollbar_y, "all of it is seen"
+    app.run("help.first-steps")
+    app.settle()
+    sheets(app)
+
+
+def test_sheets_are_narrow_or_low(app: DrivenApp, tmp_path: Path) -> None:
+    app.drop(half_a_scene(tmp_path))
+    app.run("help.first-steps")
+    for size, limits in (((1280, 720), (300.0, 230.0)), ((900, 600), (540.0, 140.0))):
+        app.resize(size)
+        searched(app)
+        app.settle()
+        left, top, right, bottom = sheets(app)["##first steps"]
+        assert right - left <= limits[0]
+        assert bottom - top <= limits[1]
 
 
 def test_messages_lie_above_an_offer_in_a_lower_corner(

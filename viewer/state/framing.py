@@ -72,12 +72,12 @@ def frame_all(scene: Scene, fov_degrees: float = 60.0, aspect: float = 1.0) -> C
     return known[fov_degrees, aspect]
 
 
-def emptiest_corner(
-    scene: Scene, camera: Camera, size: tuple[int, int], box: tuple[float, float], corners: Sequence[tuple[int, int]]
-) -> tuple[int, int]:
-    """Return the one of `corners` of a picture of `size` in which a box of so many pixels hides least of `scene` as it was read.
+def emptiest(
+    scene: Scene, camera: Camera, size: tuple[int, int], boxes: Sequence[tuple[float, float, float, float]]
+) -> int:
+    """Return the index of the box that hides least of `scene` as it was read, in a picture of `size`; the first of equal ones.
 
-    A corner is (0 left, 1 right) and (0 top, 1 bottom); the first of equal ones.
+    A box is left, top, right and bottom, as shares of the picture, 0 to 1.
     """
     # Points within triangles, each for its share of their area.
     inside = np.random.default_rng(0).dirichlet((1.0, 1.0, 1.0), POINTS_INSIDE)
@@ -94,12 +94,12 @@ def emptiest_corner(
     clip, weights = clip[is_before], weights[is_before]
     # From the left and from the top, 0 to 1.
     places = clip[:, :2] / clip[:, 3:] * (0.5, -0.5) + 0.5
-    share = np.array(box) / size
 
-    def hidden(corner: tuple[int, int]) -> float:
-        return float(weights[(np.abs(places - corner) <= share).all(axis=1)].sum())
+    def hidden(index: int) -> float:
+        low, high = np.reshape(boxes[index], (2, 2))
+        return float(weights[((places >= low) & (places <= high)).all(axis=1)].sum())
 
-    return min(corners, key=hidden)
+    return min(range(len(boxes)), key=hidden)
 
 
 def _frame_all(scene: Scene, fov_degrees: float, aspect: float) -> Camera:

@@ -164,12 +164,12 @@ def _centred(area: Area, width: float) -> float:
     return max(grid(3), min((area.left + area.right - width) / 2.0, right - width))
 
 
-def _draw_low_line(area: Area, text: str) -> Area:
-    """Draw a line of text at the lower edge of `area`, below all windows, and return its rectangle."""
+def _draw_low_line(ui: UiFrame, area: Area, text: str, label: str) -> None:
+    """Draw a line of text called `label` at the lower edge of `area`, below all windows."""
     extent = imgui.calc_text_size(text)
     at = ImVec2(_centred(area, extent.x), area.bottom - extent.y - grid(2))
-    draw_plate(imgui.get_background_draw_list(), at, text)
-    return Area(at.x, at.y, at.x + extent.x, at.y + extent.y)
+    low, high = draw_plate(imgui.get_background_draw_list(), at, text)
+    ui.rects.note_rectangle(label, low.x, low.y, high.x, high.y)
 
 
 HINTS = {"help.palette": "commands", "help.keys": "help", "compare.measure": "measure", "file.screenshot": "screenshot"}
@@ -188,7 +188,7 @@ def draw_hints(ui: UiFrame, area: Area) -> None:
     """Draw the longest line of hints that fits at the lower edge of `area`."""
     room = area.width - grid(6)
     if fitting := [line for line in hint_lines(ui.session) if imgui.calc_text_size(line).x <= room]:
-        _draw_low_line(area, fitting[0])
+        _draw_low_line(ui, area, fitting[0], "hints")
 
 
 def draw_way_back(ui: UiFrame, area: Area) -> None:
@@ -197,8 +197,7 @@ def draw_way_back(ui: UiFrame, area: Area) -> None:
     inside = all(0.0 <= share < 1.0 for share in area.share_of(mouse.x, mouse.y))
     keys = bindings(ui.session.settings.keys).text("window.panels")
     if inside and keys:
-        place = _draw_low_line(area, f"press {keys} to show the panels")
-        ui.rects.note_rectangle("way back", place.left, place.top, place.right, place.bottom)
+        _draw_low_line(ui, area, f"press {keys} to show the panels", "way back")
 
 
 LEGEND_TEXT = (1.0, 1.0, 1.0, 0.95)

@@ -2,19 +2,19 @@
 
 from dataclasses import replace
 
-from imgui_bundle import ImVec2, imgui
+from imgui_bundle import imgui
 
 from viewer.commands import bindings
 from viewer.commands.keys import HOLD_KEY
 from viewer.state.session import Session
 from viewer.ui.facts import UiFrame
 from viewer.ui.theme import ink, with_icon
-from viewer.ui.widgets import CARD_FLAGS, Area, grid, wrapped_disabled
+from viewer.ui.widgets import Area, card, card_room, disabled_beside, em, grid
 
-WIDTH = 26.0
+WIDTH = 20.0
 """Largest width of the card in font sizes."""
-LEAST_REST = 22.0
-"""Least width beside the card for a legend and messages, in font sizes."""
+LEAST_REST = 26.0
+"""Least width beside the card for the offer, a legend and messages, in font sizes; a card without it is wide and low."""
 PURPOSE = (
     "ntc-viewer shows a scene whose textures are stored by small neural networks, "
     "beside the original, with the error and the cost of every pixel."
@@ -44,27 +44,25 @@ class FirstRunCard:
         if not ui.session.window.show_first_steps:
             return area
         self._note_progress(ui.session)
-        font = imgui.get_font_size()
-        width = min(WIDTH * font, area.width - grid(6))
-        low = ImVec2(area.left + grid(3), area.bottom - 3.0 * font)
-        imgui.set_next_window_pos(low, imgui.Cond_.always, ImVec2(0.0, 1.0))
-        imgui.set_next_window_size(ImVec2(max(width, 8.0 * font), 0.0))
-        imgui.set_next_window_bg_alpha(0.95)
-        imgui.begin("##first steps", None, CARD_FLAGS)
-        imgui.text_wrapped(PURPOSE)
-        imgui.separator()
-        for number, ((do, why), done) in enumerate(zip(_steps(ui.session), self._done, strict=True), 1):
-            self._row(f"{number}. {do}", why, done)
-            ui.rects.note(f"first step {number}")
-        if imgui.button("Got it"):
-            ui.emit("window.close-layer", "window.show_first_steps")
-        ui.rects.note("Got it")
-        imgui.same_line()
-        imgui.text_disabled("Help > First steps shows this again.")
-        top = imgui.get_window_pos().y
-        imgui.end()
-        rest = replace(area, left=area.left + grid(3) + width)
-        return rest if rest.width >= LEAST_REST * font else replace(area, bottom=max(top, area.top + 1.0))
+        width = min(em(WIDTH), area.width - grid(6))
+        beside = replace(area, left=area.left + grid(3) + width)
+        is_low = beside.width < em(LEAST_REST)
+        room = card_room(ui.rects, area, max(area.width - grid(6), em(8.0)) if is_low else width, on_right=False)
+        if room is None:
+            return area
+        with card("##first steps", room, at_bottom=True):
+            imgui.text_wrapped(PURPOSE)
+            imgui.separator()
+            for number, ((do, why), done) in enumerate(zip(_steps(ui.session), self._done, strict=True), 1):
+                self._row(f"{number}. {do}", why, done)
+                ui.rects.note(f"first step {number}")
+            if imgui.button("Got it"):
+                ui.emit("window.close-layer", "window.show_first_steps")
+            ui.rects.note("Got it")
+            imgui.same_line()
+            imgui.text_disabled("Help > First steps shows this again.")
+            top = imgui.get_window_pos().y
+        return replace(area, bottom=top) if is_low else beside
 
     @staticmethod
     def _row(do: str, why: str, done: bool) -> None:
@@ -73,9 +71,7 @@ class FirstRunCard:
             imgui.text_colored(ink("good"), with_icon("check", f"{do}: done"))
         else:
             imgui.text(do)
-        imgui.indent()
-        wrapped_disabled(why)
-        imgui.unindent()
+        disabled_beside(why)
         imgui.end_group()
 
     def _note_progress(self, session: Session) -> None:

@@ -131,14 +131,15 @@ class UserInterface:
             self._panels(ui)
         if session.window.show_panels:
             self._raise_panel(shown)
+        beside_card = self._first_run_card.draw(ui, area)
+        if session.window.show_panels:
             if not session.window.show_help:
                 draw_hints(ui, area)
-            above_offer = self._offer.draw(ui, area)
+            above_offer = self._offer.draw(ui, area, beside_card)
             self._flat.draw(ui)
         else:
             above_offer = area
             draw_way_back(ui, area)
-        beside_card = self._first_run_card.draw(ui, area)
         draw_map_legend(ui, beside_card)
         for sheet in self._sheets:
             sheet.draw(ui, size, bar)

@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui
@@ -19,8 +19,8 @@ SHADE = (0.0, 0.0, 0.0, 0.65)
 
 
 _FLAGS = imgui.WindowFlags_
-CARD_FLAGS = _FLAGS.no_decoration | _FLAGS.always_auto_resize | _FLAGS.no_saved_settings | _FLAGS.no_docking
-CARD_FLAGS |= _FLAGS.no_move | _FLAGS.no_focus_on_appearing | _FLAGS.no_nav
+CARD_FLAGS = _FLAGS.no_title_bar | _FLAGS.no_resize | _FLAGS.always_auto_resize | _FLAGS.no_saved_settings
+CARD_FLAGS |= _FLAGS.no_docking | _FLAGS.no_move | _FLAGS.no_focus_on_appearing | _FLAGS.no_nav
 """Flags of a card over the picture, which is as high as its content."""
 DIALOG_FLAGS = _FLAGS.no_collapse | _FLAGS.no_saved_settings | _FLAGS.no_docking | _FLAGS.no_resize | _FLAGS.no_move
 """Flags of a dialog that `place_dialog` places."""
@@ -122,6 +122,33 @@ def draw_plate(
     draw.add_rect_filled(low, high, packed(fill), grid(1))
     draw.add_text(imgui.get_font(), imgui.get_font_size(), at, packed(WHITE), text, wrap_width=wrap)
     return low, high
+
+
+LEAST_CARD = 6.0
+"""Least height of a card in font sizes; where there is less room it waits."""
+
+
+def card_room(rects: "WidgetRects", area: Area, width: float, on_right: bool) -> Area | None:
+    """Return the room for a card over the picture in `area`, at its left or right: below names and warnings, above hints. None
+    where that is too low."""
+    left = area.right - grid(3) - width if on_right else area.left + grid(3)
+    room = Area(left, area.top + grid(10), left + width, area.bottom - grid(10))
+    warnings = [rects.rectangle(label) for label in rects.labels() if label.startswith("warning ")]
+    lows = [low + grid(2) for start, _, end, low in warnings if end > left - grid(2) and start < room.right]
+    room = replace(room, top=max([room.top, *lows]))
+    return room if room.height >= em(LEAST_CARD) else None
+
+
+@contextmanager
+def card(name: str, room: Area, at_bottom: bool) -> Iterator[None]:
+    """Draw a card at the top or bottom of `room`. It scrolls where its content is higher."""
+    place = ImVec2(room.left, room.bottom if at_bottom else room.top)
+    imgui.set_next_window_pos(place, imgui.Cond_.always, ImVec2(0.0, float(at_bottom)))
+    imgui.set_next_window_size_constraints(ImVec2(room.width, 0.0), ImVec2(room.width, room.height))
+    imgui.set_next_window_bg_alpha(0.92)
+    imgui.begin(name, None, CARD_FLAGS)
+    yield
+    imgui.end()
 
 
 TOOLTIP_SECONDS = 0.2

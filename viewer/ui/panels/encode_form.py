@@ -14,15 +14,7 @@ from viewer.commands.command import Arg, typed
 from viewer.scene.source_textures import has_source
 from viewer.state.setting import sentence
 from viewer.training.rates import chosen_textures
-from viewer.training.settings import (
-    AUTO,
-    FULL,
-    SETTINGS,
-    TrainingSettings,
-    budget_text,
-    target_text,
-    with_setting,
-)
+from viewer.training.settings import AUTO, FULL, SETTINGS, TrainingSettings, budget_text, target_text, with_setting
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import value_text

@@ -1,7 +1,8 @@
 """Panel "Training": the offer to encode, the run under way with its curves, the decision about it, and the log of runs."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.registry import codec_named
 from viewer.scene.json_text import duration
-from viewer.state.framing import emptiest_corner
+from viewer.state.framing import emptiest
 from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
 from viewer.training.preparation import job_title
@@ -21,7 +22,7 @@ from viewer.ui.facts import UiFrame
 from viewer.ui.panels.encode_form import EncodeForm
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
-from viewer.ui.widgets import CARD_FLAGS, Area, cells, combo, counted, em, grid, headings, shortened
+from viewer.ui.widgets import Area, branch, card, card_room, cells, combo, counted, em, grid, headings, shortened
 
 ACTIONS = (("open", "Open"), ("keep", "Keep"), ("discard", "Discard"))
 
@@ -159,15 +160,12 @@ class TrainingPanel:
             name = base_pack_name(ui.session.view, ui.session.packs)
             self._forms.draw(ui.session.packs[name] if name is not None else None, name or "", ui)
             if ui.training.curves is not None and len(ui.training.curves.seconds) > 1:
-                opened = imgui.tree_node("curves of the last run")
-                ui.rects.note("curves of the last run")
-                if opened:
-                    last = log.runs[-1] if log.runs else None
-                    pack = last.pack if last is not None else None
+                with branch(ui.rects, "curves of the last run", "curves of the last run") as opened:
+                    pack = log.runs[-1].pack if log.runs and opened else None
                     names = [texture.name for texture in pack.textures] if pack is not None else []
                     kind = pack.config.kind if pack is not None else None
-                    self._curves.draw(ui.training.curves, names, kind, ui)
-                    imgui.tree_pop()
+                    if opened:
+                        self._curves.draw(ui.training.curves, names, kind, ui)
         if log.runs:
             imgui.separator()
             _log(ui)
@@ -279,8 +277,8 @@ def _log(ui: UiFrame) -> None:
     imgui.end_table()
 
 
-OFFER_WIDTH, OFFER_HEIGHT = 28.0, 17.0
-"""Width of the offer in font sizes, and about its height with what lies beside it."""
+OFFER_WIDTH, OFFER_HEIGHT = 21.0, 14.0
+"""Width of the offer in font sizes, and about its height."""
 OFFER_CORNERS = ((1, 0), (1, 1), (0, 1))
 """Corners of the picture where it may lie: right or left, top or bottom."""
 
@@ -294,8 +292,9 @@ class EncodeOffer:
         self._corner = OFFER_CORNERS[0]
         self._form = EncodeForm("offer")
 
-    def draw(self, ui: UiFrame, area: Area) -> Area:
-        """Draw the offer in a corner of `area`, where it applies, and return the part of `area` above one in a lower corner."""
+    def draw(self, ui: UiFrame, area: Area, beside_card: Area) -> Area:
+        """Draw the offer in a corner of `area`, where it applies, and return the part of `area` above one in a lower corner.
+        `beside_card` is the part that the card of first steps leaves."""
         if ui.training.state != "idle":
             self._answered_for = ui.session.scene
         if (
@@ -307,28 +306,20 @@ class EncodeOffer:
             return area
         if {ui.session.view.slot_a.source, ui.session.view.slot_b.source} != {REFERENCE}:
             return area
-        # A width of its own: rows do not move while their texts change.
-        width = min(em(OFFER_WIDTH), max(area.width - em(2.0), em(12.0)))
-        if ui.session.window.show_first_steps and area.width < 2.0 * width:
+        if beside_card.bottom < area.bottom:
             return area  # No room beside the card of first steps: one after the other.
+        # A width of its own: rows do not move while their texts change.
+        width = min(em(OFFER_WIDTH), max(area.width - grid(6), em(12.0)))
+        # The card of first steps lies at the lower left: where it was, a second click must hit nothing.
+        corners = OFFER_CORNERS[: 2 if ui.session.window.show_first_steps else 3]
+        rooms = {corner: room for corner in corners if (room := card_room(ui.rects, area, width, bool(corner[0])))}
         key = (ui.session.scene, area.width, area.height)
-        if self._placed_for != key and not ui.session.seeks_first_view:
-            # Warnings lie above on the left. Once it lies somewhere it stays: the camera may move.
-            self._placed_for, box = key, (width, em(OFFER_HEIGHT))
-            size = (round(area.width), round(area.height))
-            # The card of first steps lies at the lower left: where it was, a second click must hit nothing.
-            corners = OFFER_CORNERS[: 2 if ui.session.window.show_first_steps else 3]
-            self._corner = emptiest_corner(ui.session.scene, ui.session.view.camera, size, box, corners)
-        right, bottom = self._corner
-        # In a narrow picture below the warnings, which reach the other side.
-        warnings = [ui.rects.rectangle(label) for label in ui.rects.labels() if label.startswith("warning ")]
-        lows = [low + grid(2) for _, _, end, low in warnings if end > area.right - width - grid(3)]
-        x = area.right - grid(3) if right else area.left + grid(3)
-        place = ImVec2(x, area.bottom - grid(10) if bottom else max([area.top + grid(10), *lows]))
-        imgui.set_next_window_pos(place, imgui.Cond_.always, ImVec2(right, bottom))
-        imgui.set_next_window_size_constraints(ImVec2(width, 0.0), ImVec2(width, 1e4))
-        imgui.set_next_window_bg_alpha(0.88)
-        if imgui.begin("##offer", None, CARD_FLAGS)[0]:
+        if rooms and (self._placed_for != key or self._corner not in rooms) and not ui.session.seeks_first_view:
+            # Once it lies somewhere it stays: the camera may move.
+            self._placed_for, self._corner = key, _emptiest(rooms, ui, area)
+        if self._corner not in rooms:
+            return area
+        with card("##offer", rooms[self._corner], at_bottom=bool(self._corner[1])):
             imgui.text_wrapped("This scene has no pack.")
             kept = ui.training.waiting.of(ui.session.scene)
             if kept:
@@ -340,6 +331,16 @@ class EncodeOffer:
             if imgui.button("Not now"):
                 self._answered_for = ui.session.scene
             ui.rects.note("Not now")
-        top = imgui.get_window_pos().y
-        imgui.end()
-        return Area(area.left, area.top, area.right, top) if bottom else area
+            top = imgui.get_window_pos().y
+        return replace(area, bottom=top) if self._corner[1] else area
+
+
+def _emptiest(rooms: Mapping[tuple[int, int], Area], ui: UiFrame, area: Area) -> tuple[int, int]:
+    """Return the corner where the offer hides least of the scene, of those whose room is high enough if there are any."""
+    corners = [corner for corner, room in rooms.items() if room.height >= em(OFFER_HEIGHT)] or list(rooms)
+    boxes = []
+    for corner in corners:
+        room = rooms[corner]
+        top = max(room.top, room.bottom - em(OFFER_HEIGHT)) if corner[1] else room.top
+        boxes.append((*area.share_of(room.left, top), *area.share_of(room.right, top + em(OFFER_HEIGHT))))
+    return corners[emptiest(ui.session.scene, ui.session.view.camera, (round(area.width), round(area.height)), boxes)]

@@ -10,7 +10,7 @@ from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of
 from viewer.scene.model import Camera, Material, Pose, Scene, Stand
 from viewer.scene.moving import Deformation, MovingVertices, VertexFrames
 from viewer.state.camera import view_projection
-from viewer.state.framing import SHARE, emptiest_corner, frame_all, frame_shown
+from viewer.state.framing import SHARE, emptiest, frame_all, frame_shown
 
 PLAIN = [Material("m", -1, WHITE)]
 CUBE = scene_of([cube(0)], PLAIN)
@@ -81,10 +81,10 @@ def test_scenes_without_room_are_framed() -> None:
         assert camera.eye != camera.target
 
 
-def test_the_corner_is_taken_in_which_least_is_hidden() -> None:
+def test_the_box_is_taken_in_which_least_is_hidden() -> None:
     # A cube above on the right of the middle.
     scene = scene_of([cube(0, placed(4.0, 3.0, 0.0))], PLAIN)
     camera = Camera("c", (0.0, 0.0, 12.0), (0.0, 0.0, 0.0))
-    corners = ((1, 0), (1, 1), (0, 1))
-    assert emptiest_corner(scene, camera, (640, 480), (300.0, 200.0), corners) == (1, 1)
-    assert emptiest_corner(scene, camera, (640, 480), (10.0, 10.0), corners) == (1, 0)
+    boxes = [(0.5, 0.0, 1.0, 0.4), (0.5, 0.6, 1.0, 1.0), (0.0, 0.6, 0.5, 1.0)]
+    assert emptiest(scene, camera, (640, 480), boxes) == 1
+    assert emptiest(scene, camera, (640, 480), [(0.98, 0.0, 1.0, 0.02), *boxes]) == 0
