@@ -18,6 +18,7 @@ from viewer.state.event_handlers import notify
 from viewer.state.settings import ViewerSettings, load_settings, save_settings
 from viewer.ui.annotations import slot_note
 from viewer.ui.panels.timings import counts
+from viewer.ui.widgets import text_width, two_lines
 
 
 @pytest.fixture
@@ -353,3 +354,20 @@ def test_a_slot_of_path_on_load_tells_what_is_compressed(app: DrivenApp) -> None
     assert figures.compression_db is not None
     assert figures.load_rate is not None
     assert figures.load_rate > 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "widest", "shown"),
+    [
+        ("GlassPlasticMat", "PlasticMat", "Glass\nPlasticMat"),
+        ("Rubber_WoodMat", "Rubber_W", "Rubber_\nWoodMat"),
+        ("outer-normal.map", "normal.map", "outer-\nnormal.map"),
+        ("hull normal map", "hull normal ", "hull normal \nmap"),
+        ("short", "short", "short"),
+        ("unbreakable", "unbr...ble", "unbr...ble"),
+        ("Glass_unbreakable", "unbr...ble", "Glass_\nunbr...ble"),
+    ],
+)
+def test_names_are_broken_between_words(app: DrivenApp, name: str, widest: str, shown: str) -> None:
+    app.frame()
+    assert two_lines(name, text_width(widest) + 0.5) == shown

@@ -1,6 +1,8 @@
 """Widgets that panels share: rectangles, colours, sizes, lists, table cells, labels and tooltips."""
 
+import bisect
 import math
+import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -346,24 +348,27 @@ def cells(*texts: str) -> None:
         imgui.text(text)
 
 
-def shortened(text: str, width: float) -> str:
-    """Return `text`, shortened with dots to fit into `width` window units."""
-    if imgui.calc_text_size(text).x <= width:
-        return text
-    low, high = 0, len(text)
-    while low < high:
-        middle = (low + high + 1) // 2
-        fits = imgui.calc_text_size(text[:middle].rstrip() + "...").x <= width
-        low, high = (middle, high) if fits else (low, middle - 1)
-    return text[:low].rstrip() + "..." if low else ""
+WORD_ENDS = re.compile(r"(?<=[-_. ])(?=.)|(?<=[a-z])(?=[A-Z])")
+"""Places where a name may be broken: behind `_`, `-`, `.` and spaces, and between a small and a capital letter."""
+
+
+def shortened(text: str, width: float, end: float = 0.0) -> str:
+    """Return `text`, shortened with dots to fit into `width` window units. `end` is the share of what is kept that is its end."""
+
+    def cut(count: int) -> str:
+        last = int(end * count)
+        return f"{text[: count - last].rstrip()}...{text[len(text) - last :]}" if count else ""
+
+    fitting = bisect.bisect_right(range(1, len(text) + 1), width, key=lambda count: text_width(cut(count)))
+    return text if text_width(text) <= width else cut(fitting)
 
 
 def two_lines(text: str, width: float) -> str:
-    """Return `text` on one or two lines of `width` window units, shortened with dots where it needs more."""
-    first = text
-    while text_width(first) > width and len(first) > 1:
-        first = first[:-1]
-    return text if first == text else f"{first}\n{shortened(text[len(first) :], width)}"
+    """Return `text` on one or two lines of `width` window units, broken between words, shortened in the middle if it needs more."""
+    ends = [match.start() for match in WORD_ENDS.finditer(text) if text_width(text[: match.start()]) <= width]
+    if text_width(text) <= width or not ends:
+        return shortened(text, width, 0.5)
+    return f"{text[: ends[-1]]}\n{shortened(text[ends[-1] :], width, 0.5)}"
 
 
 def named_cells(items: WidgetRects, name: str, *texts: str) -> None:
@@ -394,6 +399,17 @@ def em(count: float) -> float:
 def text_width(text: str) -> float:
     """Return the width of a line of text in window units."""
     return float(imgui.calc_text_size(text).x)
+
+
+LABEL_PLACE = 6.0
+"""Left edge of fields behind their labels, in font sizes."""
+
+
+def labelled(text: str) -> None:
+    """Draw the label of a row of fields."""
+    imgui.align_text_to_frame_padding()
+    imgui.text(text)
+    imgui.same_line(em(LABEL_PLACE))
 
 
 def list_width(*choices: str) -> float:

@@ -18,25 +18,16 @@ from viewer.training.settings import AUTO, FULL, SETTINGS, TrainingSettings, bud
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
 from viewer.ui.help.texts import value_text
-from viewer.ui.widgets import beside, combo, counted, em, list_width, text_width, wrapped_disabled
+from viewer.ui.widgets import beside, combo, counted, em, labelled, list_width, text_width, wrapped_disabled
 
 USUAL_BUDGETS = {"s": "30", "steps": "1000", "dB": "35"}
 USUAL_TARGETS = {"bits": "4", "dB": "40", "MB": "2"}
 CHOICES = (2.0, 4.0, 8.0)
 """Bits per texel whose results stand beside the target."""
-LABEL_PLACE = 6.0
-"""Left edge of the fields, in font sizes."""
 NUMBER = 4.5
 """Width of a field for a number, in font sizes."""
 MOST_LISTED = 8.5
 """Height of the list of textures, in font sizes."""
-
-
-def labelled(text: str) -> None:
-    """Draw the label of a row of fields."""
-    imgui.align_text_to_frame_padding()
-    imgui.text(text)
-    imgui.same_line(em(LABEL_PLACE))
 
 
 def _list(label: str, current: str, choices: tuple[str, ...], arg: Arg, ui: UiFrame) -> str:

@@ -7,25 +7,18 @@ from imgui_bundle import imgui
 from viewer.state.view_state import OWN_ENVIRONMENTS, REFERENCE, SKY, VIEWS
 from viewer.ui.controls import control
 from viewer.ui.facts import UiFrame
-from viewer.ui.widgets import combo, em, wrapped_disabled
-
-LABEL_WIDTH = 6.9
-"""Width of the labels in font sizes."""
+from viewer.ui.widgets import combo, labelled, wrapped_disabled
 
 
 def _labelled(ui: UiFrame, text: str, command_id: str, *chosen: str, label: str = "") -> None:
     """Draw a text, and the widget of a command after it."""
-    imgui.align_text_to_frame_padding()
-    imgui.text(text)
-    imgui.same_line(em(LABEL_WIDTH))
+    labelled(text)
     control(ui, command_id, *chosen, label=label or text, width=-1.0)
 
 
 def _draw_environment(ui: UiFrame) -> None:
     environment = ui.session.view.lighting.environment
-    imgui.align_text_to_frame_padding()
-    imgui.text("environment")
-    imgui.same_line(em(LABEL_WIDTH))
+    labelled("environment")
     imgui.set_next_item_width(-1.0)
     shown = Path(environment).name
     chosen = combo("environment", shown, tuple(dict.fromkeys((*OWN_ENVIRONMENTS, shown))), ui.rects)

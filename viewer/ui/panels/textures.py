@@ -101,11 +101,9 @@ class TexturesPanel:
             self._rate.draw(self._all[selected], ui)
 
     def _headings(self, ui: UiFrame) -> None:
-        fixed = imgui.TableColumnFlags_.width_fixed
-        size = imgui.get_font_size()
+        fixed, size = imgui.TableColumnFlags_.width_fixed, imgui.get_font_size()
         imgui.table_setup_scroll_freeze(2, 1)
-        side = THUMBNAIL_LINES * size
-        style = imgui.get_style()
+        side, style = THUMBNAIL_LINES * size, imgui.get_style()
         others = sum(WIDTHS[column] * size for column in COLUMNS if column not in (*HIDDEN_AT_FIRST, "name"))
         columns = len(COLUMNS) - len(HIDDEN_AT_FIRST) + 1
         gaps = columns * (2.0 * style.cell_padding.x + 1.0) + style.scrollbar_size

@@ -8,8 +8,8 @@ from viewer.training.run_log import mean_of_psnr
 from viewer.training.settings import AUTO, TrainingSettings, budget_text
 from viewer.ui.controls import command_button, control
 from viewer.ui.facts import UiFrame
-from viewer.ui.panels.encode_form import EncodeForm, GroupingFields, labelled
-from viewer.ui.widgets import combo, counted, em, list_width, wrapped_disabled
+from viewer.ui.panels.encode_form import EncodeForm, GroupingFields
+from viewer.ui.widgets import combo, counted, em, labelled, list_width, wrapped_disabled
 
 LIST_HEIGHT = 8.5
 """Height of the list of groups in font sizes."""
