@@ -74,8 +74,7 @@ CONTROLS: Final = {
     "divider": "A is left of the divider or above it. Drag the divider; a double-click centres it.",
     "figures state": "Which picture the figures below belong to, or why there are none.",
     # Divergence
-    "release": "Follow the mouse again.",
-    "let the pixel go": "Follow the mouse again.",
+    **dict.fromkeys(("release", "let the pixel go"), "Follow the mouse again."),
     "block texture #": "A texture in this block, with its pixels and its decoder in A and B.",
     # Errors
     "errors by texture": "One row for each visible texture.",
@@ -170,6 +169,7 @@ CONTROLS: Final = {
     "search glossary": "Shows only terms whose line has this text.",
     "glossary": "Terms of this program.",
     "status": "Work in the background, and the last message.",
+    "hints": "The keys that are needed first.",
     "warning #": "The picture may mislead. Point at the warning to see what to do.",
     # Menus
     "menu: File": "Open files, save the view, take pictures.",
