@@ -435,6 +435,31 @@ def time_left(clock: str) -> str:
     return table(rows, "scene", "what=", "offered_seconds=offered, s=1", "seconds=took, s=1", *headings)
 
 
+PARTS_OF_ENCODING = {
+    "tables, %": ("basis", "classes", "modes", "fitting"),
+    "edge parts, %": ("edge modes",),
+    "sampling, sharing, %": ("sampling", "curves", "sharing"),
+    "choices, %": ("choices",),
+    "codes, %": ("codes", "kinds"),
+    "measure, %": ("measuring", "texture"),
+}
+"""Parts of encodings by the column that counts their processor time."""
+
+
+def encoding_work() -> str:
+    """Processor time of encodings, and how much of it each part takes."""
+    rows = []
+    for row in record("encoding_work")["rows"]:
+        seconds = {name: part["seconds"] for name, part in row["parts"].items()}
+        again = sum(own for name, own in seconds.items() if name.startswith("again: "))
+        shares = {title: sum(seconds.get(name, 0.0) for name in names) for title, names in PARTS_OF_ENCODING.items()}
+        rows.append(
+            row | {title: 100.0 * own / row["seconds"] for title, own in (shares | {"again, %": again}).items()}
+        )
+    columns = [f"{title}={title}=0" for title in (*PARTS_OF_ENCODING, "again, %")]
+    return table(rows, "scene", "textures", "groups", "seconds=s=1", *columns)
+
+
 def encoding_by_jobs() -> str:
     """One worker, two workers and a Ray cluster."""
     found = record("encoding_by_jobs")
@@ -592,6 +617,7 @@ REPORT_PARTS: Mapping[str, Callable[[], str]] = {
     "compiling": compiling,
     "window-training": window_training,
     "first-pictures": first_pictures,
+    "encoding-work": encoding_work,
     "time-left": partial(time_left, "wall"),
     "time-left-alone": partial(time_left, "processor"),
     "jobs": encoding_by_jobs,

@@ -114,7 +114,7 @@ class _WindowHost:
 def run_training(order: TrainingOrder | None, window: WindowEnd) -> Ended | None:
     """Train; without an order the process only gets ready for one, which takes seconds. Raises InputError, whatever it fails by."""
     if order is None:
-        _warm_up()
+        warm_up()
         return None
     try:
         block = SharedBlock.open(order.block)
@@ -152,7 +152,7 @@ def _one_line(error: BaseException) -> str:
     return f"training: {type(error).__name__}: {text}"
 
 
-def _warm_up() -> None:
+def warm_up() -> None:
     """Import what trains, and encode a texture: what torch does for the first time takes a second."""
     wait_passively()
     # An error is reported when a training imports it again.

@@ -14,7 +14,7 @@ from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, p
 from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import keep_coverage, mask_words, side_costs
 from ntc.codec.block.encoding.own_codes import equal_words, own_words
-from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK, judging_work
+from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK, TYPICAL_KINDS, judging_work
 from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
 from ntc.codec.block.encoding.tables import fit_decoder
@@ -76,20 +76,26 @@ def texture_choices(
     worked: Callable[[float], None] = lambda _: None,
     threads: int = 1,
     first: Choices | None = None,
+    expect: Callable[[float], None] | None = None,
 ) -> Choices:
-    """Choices for all blocks of `texture`; the `first` of them may be known. `threads` and `worked` as `encode_texture` has them."""
+    """Choices for all blocks of `texture`; the `first` of them may be known. `threads` and `worked` as `encode_texture` has them.
+
+    `expect` is told how much more work than planned, or less, there is with the kinds of edge parts that pay."""
     with one_thread():
         tables = Tables.of(decoder, config)
         kinds = paying_kinds(texture, tables, decoder, config)
         worked(judging_work(len(texture.texels)))
         known = 0 if first is None else len(first.errors)
+        work = CHOICES_WORK * (TYPICAL_KINDS if expect is None else len(kinds))
+        if expect is not None:
+            expect((work - CHOICES_WORK * TYPICAL_KINDS) * (len(texture.texels) - known))
         starts = range(known, len(texture.texels), BLOCKS_AT_ONCE)
 
         def choices_of(start: int) -> Choices:
             worked(0.0)
             blocks = texture.normalised(slice(start, start + BLOCKS_AT_ONCE))
             found = block_choices(blocks, texture.axes, tables, decoder, config, kinds)
-            worked(CHOICES_WORK * len(blocks))
+            worked(work * len(blocks))
             return found
 
         found = mapped(choices_of, starts, threads)

@@ -14,7 +14,14 @@ from ntc.codec.block.encoding.encoder import encode_texture, texture_choices
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful, loses_much
-from ntc.codec.block.encoding.rate import MEASURE_WORK, REDONE_WORK, SAMPLING_WORK, block_count, fitting_work
+from ntc.codec.block.encoding.rate import (
+    MEASURE_WORK,
+    SAMPLING_WORK,
+    block_count,
+    fitting_work,
+    redone_work,
+    sharing_work,
+)
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
@@ -52,13 +59,15 @@ def fitted_group(
 ) -> FittedGroup:
     """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled. `worked`
     is told the share of the work that was done since; `threads` change nothing. `kept` gets the textures in blocks."""
-    members = grouping.members(group)
+    members, ships = grouping.members(group), grouping.name == UNIVERSAL
+    sizes = [textures[index].size for index in members]
+    whole = fitting_work(sizes, config, ships)
     samples = sample_textures([textures[index] for index in members], config, seed, threads=threads, kept=kept)
-    blocks = sum(sample.block_count for sample in samples)
-    sampling = SAMPLING_WORK * blocks / fitting_work(blocks, grouping.name == UNIVERSAL)
+    sampling, sharing = SAMPLING_WORK * block_count(sizes, config) / whole, sharing_work(sizes, config) / whole
     worked(sampling)
-    decoder = _decoder(samples, grouping, config, seed, lambda share: worked((1.0 - sampling) * share))
+    decoder = _decoder(samples, grouping, config, seed, lambda share: worked((1.0 - sampling - sharing) * share))
     curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
+    worked(sharing)
     return FittedGroup(group, members, decoder, tuple(curves))
 
 
@@ -118,12 +127,12 @@ class Redone:
 
     def __init__(self, planned: float = 0.0, expect: Callable[[float], None] = lambda _: None) -> None:
         """`planned`: the work that is planned for it already. `expect` is told of more work, or of less."""
-        self.left, self._expect = planned, expect
+        self.left, self.expect = planned, expect
 
     def plan(self, work: float) -> None:
         """Set the work, once it is known."""
         if work != self.left:
-            self._expect(work - self.left)
+            self.expect(work - self.left)
         self.left = work
 
     def take(self, work: float) -> float:
@@ -153,16 +162,15 @@ def encode_member(
     redone = redone or Redone()
     decoder, group = fitted.decoder, fitted.group
     prepared = prepared or prepare_texture(source, config)
-    choices = texture_choices(prepared, decoder, config, worked, threads)
+    choices = texture_choices(prepared, decoder, config, worked, threads, expect=redone.expect)
     found = encode_texture(source, decoder, config, words, group, worked, threads, prepared, choices=choices)
     measured = _measured(found, source, fitted, config, threads)
-    blocks = block_count([source.size], config)
     code_mips = None
     if has_own_codes and is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
         quality = MipQuality.of(found, prepared, decoder, config)
         code_mips = quality.fewer_mips(config)
-    redone.plan(0.0 if code_mips is None else REDONE_WORK * blocks)
-    worked(MEASURE_WORK * blocks)
+    redone.plan(0.0 if code_mips is None else redone_work(source.size, config))
+    worked(MEASURE_WORK * block_count([source.size], config))
     if code_mips is None:
         return measured
 

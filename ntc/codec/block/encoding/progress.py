@@ -2,13 +2,18 @@
 
 
 class WorkCount:
-    """Work that is done, and all that is planned now. Its share never falls. `add` may be called from any thread."""
+    """Work that is done, and all that is planned now. Its share never falls. Any thread may add work, and plan more or less."""
 
     def __init__(self) -> None:
-        self.planned = 0.0
+        self._plans: list[float] = []
         self._parts: list[float] = []
         self._base = (0.0, 0.0)
         """(share, work done) when the plan changed last."""
+
+    @property
+    def planned(self) -> float:
+        """All work that is planned now."""
+        return sum(self._plans)
 
     @property
     def done(self) -> float:
@@ -22,7 +27,7 @@ class WorkCount:
     def expect(self, work: float) -> None:
         """Plan more work, or less where it is negative: what is left of the share is spread over the work that is left."""
         self._base = (self.share, self.done)
-        self.planned += work
+        self._plans.append(work)
 
     @property
     def share(self) -> float:

@@ -72,38 +72,56 @@ def block_count(sizes: Sizes, config: BlockConfig) -> int:
     return sum(latent_cell_count(*size, config) for size in sizes)
 
 
-FIT_WORK, SAMPLING_WORK = 1.8, 0.1
+# `python -m lab.benchmarks.encoding_work` measures the parts of encodings and fits these constants to them, but for those of gains,
+# of corrections, of previews and of threads.
+FIT_WORK, SAMPLING_WORK = 1.2, 0.17
 """Time to fit tables to a sampled block, and to make a block ready for sampling, as multiples of the time to encode one."""
-FIT_BLOCKS = 2000
-"""Sampled blocks that take as much time as everything that does not depend on their number."""
+FIT_BLOCKS = 2200
+"""Sampled blocks that take as much time as edge parts, whose time does not depend on their number."""
 GAINS_WORK = 0.05
 """Time to fit the gains of tables that ship to a sampled block, likewise."""
-CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.4, 0.33, 0.27
-"""Shares of the time to encode a block: rate curves and sizes, codes, and the measure of the quality."""
-JUDGED_BLOCKS, JUDGING_WORK = 1024, 2.0
-"""Most blocks of a texture by which kinds of edge parts are judged, and the time for one, as a multiple of the time to encode one."""
+TYPICAL_KINDS = 2
+"""Kinds of edge parts, modes without them counted as one, among which modes of a texture are chosen where that is not known yet."""
+CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.175, 0.29, 0.36
+"""Shares of the time to encode a block: choices for each of TYPICAL_KINDS, codes, and the measure of the quality."""
+JUDGED_BLOCKS = 1024
+"""Most blocks of a texture by which kinds of edge parts are judged, and by which words are shared out."""
+JUDGING_WORK, SHARING_WORK = 0.95, 0.87
+"""Time for each of these blocks to judge kinds, and to share words out, as multiples of the time to encode a block."""
 REDONE_WORK = 1.25
 """Time to encode a texture again with fewer mips per code, as a multiple of the time to encode its blocks once."""
-REDONE_SHARE = 0.25
-"""Share of textures that are encoded so, about: between 0 and 1 by scene, known only once tables are fitted."""
+REDONE_SHARE, DOUBTFUL_SHARE = 0.2, 0.67
+"""Share of all textures that are encoded so, and of those whose tables and averages let one expect it."""
 CORRECTIONS_WORK = 1.2
 """Time to encode textures again until they have a quality, as a multiple of the time to encode them once."""
 PREVIEW_TIMES = 48
 """Texels of a group, as a multiple of those of its preview, from which on it has one."""
 CHANNEL_COEFFICIENTS = 26.0
 """Coefficients that take as much time as a channel."""
-THREAD_GAIN = 0.2
-"""What each thread besides the first adds to the speed of encoding, on two cores that other programs use too."""
+THREAD_GAIN = 0.3
+"""What each thread besides the first adds to the speed of encoding, on two cores that no other program uses."""
 
 
-def fitting_work(blocks: float, ships: bool) -> float:
-    """Time to fit a group of so many blocks, in units of the time to encode a block. `ships`: gains alone are fitted."""
-    return (GAINS_WORK if ships else FIT_WORK) * (FIT_BLOCKS + min(SAMPLED_BLOCKS, blocks)) + SAMPLING_WORK * blocks
+def fitting_work(sizes: Sizes, config: BlockConfig, ships: bool) -> float:
+    """Time to fit a group of textures of these sizes, in units of the time to encode a block. `ships`: gains alone are fitted."""
+    blocks = block_count(sizes, config)
+    fitting = (GAINS_WORK if ships else FIT_WORK) * (FIT_BLOCKS + min(SAMPLED_BLOCKS, blocks))
+    return fitting + SAMPLING_WORK * blocks + sharing_work(sizes, config)
+
+
+def sharing_work(sizes: Sizes, config: BlockConfig) -> float:
+    """Time to share words out among textures of these sizes, in units of the time to encode a block."""
+    return SHARING_WORK * sum(min(JUDGED_BLOCKS, block_count([size], config)) for size in sizes)
 
 
 def judging_work(blocks: float) -> float:
     """Time to find the kinds of edge parts of a texture of so many blocks, in units of the time to encode a block."""
     return JUDGING_WORK * min(JUDGED_BLOCKS, blocks)
+
+
+def redone_work(size: tuple[int, int], config: BlockConfig) -> float:
+    """Time to encode a texture of `size` again with fewer mips per code, in units of the time to encode a block."""
+    return REDONE_WORK * block_count([size], config)
 
 
 def texture_work(size: tuple[int, int], config: BlockConfig) -> float:
@@ -145,11 +163,12 @@ def encoding_work(
     to_quality = options.quality_db is not None
     if options.preview_side is not None and not to_quality:
         groups = [*groups, *_previews(groups, options.preview_side)]
-    fits = sum(fitting_work(block_count(sizes, config), ships) for sizes in groups)
+    fits = sum(fitting_work(sizes, config, ships) for sizes in groups)
     textures = sum(texture_work(size, config) for sizes in groups for size in sizes)
     at_once = 1 if options.groups_apart and not to_quality else min(threads, len(groups))
     work = (2.0 if to_quality else 1.0) * fits / thread_speed(at_once)
-    work += (1.0 + (CORRECTIONS_WORK if to_quality else REDONE_SHARE * REDONE_WORK)) * textures / thread_speed(threads)
+    redone = REDONE_SHARE * sum(redone_work(size, config) for sizes in groups for size in sizes)
+    work += (textures + (CORRECTIONS_WORK * textures if to_quality else redone)) / thread_speed(threads)
     return (config.output_channels + config.coefficients / CHANNEL_COEFFICIENTS) * work
 
 

@@ -25,10 +25,11 @@ from ntc.codec.block.encoding.own_codes import is_doubtful
 from ntc.codec.block.encoding.progress import WorkCount
 from ntc.codec.block.encoding.rate import (
     CORRECTIONS_WORK,
-    REDONE_WORK,
-    block_count,
+    DOUBTFUL_SHARE,
+    REDONE_SHARE,
     fitting_work,
     has_preview,
+    redone_work,
     texture_work,
     thread_speed,
 )
@@ -87,6 +88,7 @@ class BlockEncoder(Encoder):
             return
         members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
         self._count.expect(self._textures_work(members))
+        self._expect_redone(members)
         if self._given is None:
             self._count.expect(sum(map(self._fitting_work, self._task.groups)))
         if self._options.preview_side is not None:
@@ -97,7 +99,7 @@ class BlockEncoder(Encoder):
                 self._work, self._step, self._steps = "encoding texture", len(self._found), len(members)
                 encode = partial(self._encoded, fitted)
                 parts = list(zip(fitted.members, words, strict=True))
-                self._expect_redone(fitted, words)
+                self._expect_doubtful(fitted, words)
                 sizes = self._pixels(fitted.members)
                 for index, found in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
                     yield self._done(index, found)
@@ -229,19 +231,32 @@ class BlockEncoder(Encoder):
         task, most = self._task, self._most_threads
         one_by_one = self._options.groups_apart and self._options.quality_db is None
         at_once = 1 if one_by_one else min(most, len(task.groups))
-        blocks = block_count([task.textures[index].size for index in task.grouping.members(group)], self._config)
-        return fitting_work(blocks, task.grouping.name == UNIVERSAL) * thread_speed(most) / thread_speed(at_once)
+        sizes = [task.textures[index].size for index in task.grouping.members(group)]
+        return (
+            fitting_work(sizes, self._config, task.grouping.name == UNIVERSAL)
+            * thread_speed(most)
+            / thread_speed(at_once)
+        )
 
-    def _expect_redone(self, fitted: FittedGroup, words: Sequence[float]) -> None:
-        """Expect the work of those members that will probably be encoded again with fewer mips per code."""
+    def _expect_redone(self, members: Sequence[int]) -> None:
+        """Expect, before tables are known, that some of `members` are encoded again with fewer mips per code."""
+        if not self._options.own_codes:
+            return
+        for index in members:
+            self._redone[index] = REDONE_SHARE * redone_work(self._task.textures[index].size, self._config)
+            self._count.expect(self._redone[index])
+
+    def _expect_doubtful(self, fitted: FittedGroup, words: Sequence[float]) -> None:
+        """Expect that of those members for which it seems to pay."""
         for index, curve, own in zip(fitted.members, fitted.curves, words, strict=True):
             source = self._task.textures[index]
             prepared = self._kept.get(source)
-            if not self._options.own_codes or prepared is None:
+            if index not in self._redone or prepared is None:
                 continue
-            if is_doubtful(curve.psnr_at(own) + FORECAST_DB, prepared.derived_errors):
-                self._redone[index] = REDONE_WORK * block_count([source.size], self._config)
-                self._count.expect(self._redone[index])
+            doubtful = is_doubtful(curve.psnr_at(own) + FORECAST_DB, prepared.derived_errors)
+            work = DOUBTFUL_SHARE * redone_work(source.size, self._config) if doubtful else 0.0
+            self._count.expect(work - self._redone[index])
+            self._redone[index] = work
 
     def _done(self, index: int, found: BlockTexture) -> Piece:
         """The piece of a texture that is finished."""

@@ -15,6 +15,7 @@ from ntc.codec.block.encoding.edge_modes import with_edge_modes
 from ntc.codec.block.encoding.edges import fitted_edges
 from ntc.codec.block.encoding.masks import mixed_blocks
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
+from ntc.codec.block.encoding.rate import FIT_BLOCKS
 from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
 from ntc.codec.block.model import BlockDecoder, stored_scales
@@ -22,8 +23,10 @@ from ntc.codec.block_trellis import scale_values
 
 MODE_ROUNDS = 6
 """Alternations between choosing a mode for each block and fitting the modes to their blocks."""
-BASIS_WORK, CLASSES_WORK, MODES_WORK = 0.14, 0.2, 0.55
-"""Shares of the time to fit tables: basis and coefficients, first classes, and MODE_ROUNDS; edge parts take the rest."""
+BASIS_WORK = 0.16
+"""Share of the time to fit tables, edge parts not counted: basis and coefficients. Modes take the rest."""
+CLASSES_WORK = 0.2
+"""Share of the time to fit modes: first classes. MODE_ROUNDS take the rest."""
 CLASS_ROUNDS = 12
 """Rounds of the clustering that the first modes come from."""
 MODE_FEATURES = 64
@@ -82,7 +85,7 @@ def _modes(
         expected = expected_errors(coefficients, depths[None], values)[:, 0]
         chosen = best_modes(coefficients, expected, depths, values).numpy()
         scales = _fitted_scales(squares, chosen, modes)
-        worked(MODES_WORK / MODE_ROUNDS)
+        worked((1.0 - CLASSES_WORK) / MODE_ROUNDS)
     return scales
 
 
@@ -97,7 +100,8 @@ def fit_decoder(
         basis = fitted_basis(rests, config)
         blocks = np.concatenate([sample.blocks for sample in rests])
         coefficients = projected(torch.from_numpy(blocks), basis.projections(config))
-        worked(BASIS_WORK)
+        bare = len(blocks) / (len(blocks) + FIT_BLOCKS)
+        worked(BASIS_WORK * bare)
         share = float(mixed.mean())
         with_parts = round(config.modes * min(max(share, LEAST_MASK_SHARE), LARGEST_MASK_SHARE)) if mixed.any() else 0
         scales = np.zeros((config.modes, config.coefficients), np.uint8)
@@ -111,9 +115,10 @@ def fit_decoder(
             if own.any():
                 part = replace(decoder, scales=scales[modes], edges=edges[modes])
                 of_blocks = coefficients if own.all() else coefficients[torch.from_numpy(own)]
-                scales[modes] = _modes(of_blocks, part, config, random, partial(_part_done, worked, float(own.mean())))
+                done = partial(_part_done, worked, (1.0 - BASIS_WORK) * bare * float(own.mean()))
+                scales[modes] = _modes(of_blocks, part, config, random, done)
         decoder = with_edge_modes(decoder, samples, config)
-        worked(1.0 - BASIS_WORK - CLASSES_WORK - MODES_WORK)
+        worked(1.0 - bare)
         return decoder
 
 

@@ -7,8 +7,20 @@ import numpy as np
 import pytest
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.blocks import prepare_texture, sample_textures
+from ntc.codec.block.encoding.edges import edge_kinds
+from ntc.codec.block.encoding.encoder import texture_choices
 from ntc.codec.block.encoding.groups import Redone
 from ntc.codec.block.encoding.progress import WorkCount
+from ntc.codec.block.encoding.rate import (
+    CHANNEL_COEFFICIENTS,
+    CHOICES_WORK,
+    TYPICAL_KINDS,
+    encoding_work,
+    judging_work,
+    thread_speed,
+)
+from ntc.codec.block.encoding.tables import fit_decoder
 from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget
 from ntc.codec.model import Grouping
 from ntc.codec.registry import codec_named
@@ -55,6 +67,42 @@ def test_all_planned_work_is_done_at_the_end(
     assert shares[-1] == pytest.approx(1.0)
     assert reports[-1].work_done == pytest.approx(reports[-1].work_planned)
     assert reports[-1].seconds_left == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("options", [{}, {"groups_apart": True, "preview_side": 16}, {"threads": 3}])
+def test_what_is_planned_at_first_is_what_was_forecast(
+    options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_REPORTS", 0.0)
+    textures = [checkers(128, seed) for seed in range(4)]
+    request = chosen_request(textures, Grouping("two", (0, 1, 0, 1)), codec_named("block"), EncodingChoices())
+    assert isinstance(request.training, BlockOptions)
+    assert isinstance(request.codec, BlockConfig)
+    training, config = replace(request.training, **{"threads": 1, **options}), request.codec
+    assert training.threads is not None
+    reports: list[TrainingProgress] = []
+    encode_request(replace(request, training=training), reports.append)
+    work = encoding_work([[(128, 128)] * 2] * 2, config, training, ships=False, threads=training.threads)
+    blocks = (
+        thread_speed(training.threads) * work / (config.output_channels + config.coefficients / CHANNEL_COEFFICIENTS)
+    )
+    assert reports[0].work_planned == pytest.approx(blocks)
+
+
+@pytest.mark.parametrize("bits", [0, 1])
+def test_choices_among_more_kinds_of_edge_parts_are_more_work(bits: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = BlockConfig(modes=8, coefficients=24)
+    texture = prepare_texture(checkers(64, 0), config)
+    decoder = fit_decoder(sample_textures([checkers(64, 0)], config), config)
+    kinds = tuple(edge_kinds(decoder)) * (1 + bits)
+    monkeypatch.setattr("ntc.codec.block.encoding.encoder.paying_kinds", lambda *_: kinds)
+    expected: list[float] = []
+    done: list[float] = []
+    texture_choices(texture, decoder, config, done.append, expect=expected.append)
+    blocks = len(texture.texels)
+    planned = judging_work(blocks) + CHOICES_WORK * TYPICAL_KINDS * blocks
+    assert sum(expected) == pytest.approx(CHOICES_WORK * (len(kinds) - TYPICAL_KINDS) * blocks)
+    assert sum(done) == pytest.approx(planned + sum(expected))
 
 
 def test_the_share_never_falls_when_more_is_planned() -> None:
