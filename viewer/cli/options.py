@@ -12,8 +12,10 @@ from ntc.codec.encoding import PresetName, RecipeName
 from ntc.codec.maps import MapWeightsName
 from ntc.codec.registry import CodecName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
+from viewer.scene.cameras_file import CAMERAS_TEXT
 from viewer.scene.source_textures import MapChoice
-from viewer.state.setting import field_text
+from viewer.state.setting import field_args, field_text
+from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import (
     Anisotropy,
     BlockName,
@@ -128,6 +130,18 @@ def _shown(owner: type, field: str, more: str = "", metavar: str | None = None) 
     )
 
 
+def _cameras(more: str) -> Any:
+    """Return the setting of an option that takes a cameras file."""
+    return tyro.conf.arg(help=f"{CAMERAS_TEXT}. {more}", metavar="FILE", help_behavior_hint="")
+
+
+def _sun() -> Any:
+    """Return the setting of the option of the sun's direction, with the texts of its two angles in the window."""
+    angles = (field_args(Lighting)[name] for name in ("sun_azimuth", "sun_elevation"))
+    said = " and ".join(f"{angle.name} in {angle.help}" for angle in angles)
+    return tyro.conf.arg(help=f"Direction of the sun: {said}.", metavar="AZIMUTH ELEVATION")
+
+
 def _target(unit: TargetUnit, metavar: str, more: str = "") -> Any:
     """Return the setting of an option that gives the target in a unit."""
     said = " ".join(filter(None, (f"Target of codec block: {TARGET_TEXTS[unit]}.", more)))
@@ -228,16 +242,16 @@ class RenderOptions(DecoderOptions):
     filter: Annotated[TexelFilter, _shown(Slot, "filter")] = "exact"
     size: Size = (1280, 720)
     """Picture size in pixels."""
-    cameras: Annotated[Path | None, in_words("FILE")] = None
-    """JSON file of named cameras. Default: the scene's own."""
+    cameras: Annotated[Path | None, _cameras("Default: the scene's own.")] = None
     camera: Annotated[str | None, in_words("NAME")] = None
     """Camera to draw from. Default: the first one; without cameras, one that frames the scene."""
     eye: Vector = None
     """Position of the camera in scene units, Y up. Use it with --target. Example: --eye 0 2 5 --target 0 1 0."""
     target: Vector = None
     """Point that the camera looks at, in scene units."""
-    fov: float = 60.0
-    """Vertical field of view of --eye and --target in degrees, above 0 and below 180."""
+    fov: Annotated[float, _shown(ViewerSettings, "fov_degrees", "Above 0 and below 180, for --eye and --target.")] = (
+        60.0
+    )
     overlay: Literal["none", "divergence", "error"] = "none"
     """Overlay to write as overlay.png: decoders per block, or the error against the reference."""
     opacity: Annotated[float, _shown(Overlay, "opacity")] = 0.6
@@ -246,14 +260,10 @@ class RenderOptions(DecoderOptions):
     scale: Annotated[ScaleName, _shown(Overlay, "scale")] = "picture"
     anisotropy: Annotated[Anisotropy, _shown(ViewState, "anisotropy")] = 1
     view: Annotated[MaterialView, _shown(ViewState, "material_view")] = "base"
-    environment: Annotated[Path | None, in_words("sky|studio|FILE")] = None
-    """Light from all sides of --view lit: `sky`, `studio` (soft boxes in a grey room) or an equirectangular panorama (.hdr or .exr).
-    Default: `sky`, with a sun."""
-    sun: Annotated[tuple[float, float], tyro.conf.arg(metavar="AZIMUTH ELEVATION")] = (
-        Lighting.sun_azimuth,
-        Lighting.sun_elevation,
-    )
-    """Direction of the sun for --view lit, in degrees: azimuth from north (-Z) towards east (+X), elevation above the horizon."""
+    environment: Annotated[
+        Path | None, _shown(Lighting, "environment", "Default: `sky`, with a sun.", "sky|studio|FILE")
+    ] = None
+    sun: Annotated[tuple[float, float], _sun()] = (Lighting.sun_azimuth, Lighting.sun_elevation)
     sun_strength: Annotated[float | None, _shown(Lighting, "sun_strength", "Default: 1 with the sky, else 0.", "X")] = (
         None
     )
@@ -298,10 +308,13 @@ class EncodeOptions:
     """Weights for --features clip: a file, or `download` to fetch them. Default: none."""
     labels: Annotated[Path | None, in_words("FILE.csv")] = None
     """CSV with the columns texture and category, for grouping category. Default: the labels of the file, else guesses from names."""
-    views: Annotated[Path | None, in_words("FILE")] = None
-    """JSON file of cameras, for example a recorded path.
-    covisible reduces divergence in these views; --size gives more bits to textures that they show larger.
-    Default: the scene's cameras for covisible, none for --size."""
+    views: Annotated[
+        Path | None,
+        _cameras(
+            "Example: a recorded path. covisible reduces divergence in these views; --size gives more bits to textures that they "
+            "show larger. Default: the scene's cameras for covisible, none for --size."
+        ),
+    ] = None
     sampled_views: Annotated[int | None, in_words("N")] = None
     """Number of further viewpoints that covisible samples in the scene, 0 to 1000. Default: 24 if the scene has no cameras, else 0."""
     spread_weight: float = GroupingConfig.spread_weight
@@ -455,8 +468,9 @@ class CheckOptions:
     """Number of cameras whose lit pictures are measured, each in two lights; 0 measures textures alone."""
     close: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """Number of further views from as close as a player comes to a surface, found in the scene; none with --views 0."""
-    cameras: Annotated[Path | None, in_words("FILE")] = None
-    """JSON file of named cameras. Default: the scene's own; without any, one that frames the scene."""
+    cameras: Annotated[Path | None, _cameras("Default: the scene's own; without any, one that frames the scene.")] = (
+        None
+    )
     size: Size = (640, 360)
     """Size of the pictures in pixels."""
     device: Gpu = None

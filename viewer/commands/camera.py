@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from ntc.errors import InputError
 from viewer.commands.command import Arg, command, field_command, gesture, next_command, setter, unless
 from viewer.commands.effects import Effect, WriteText
-from viewer.scene.cameras_file import cameras_json, read_cameras
+from viewer.scene.cameras_file import CAMERAS_TEXT, cameras_json, read_cameras
 from viewer.scene.json_text import counted, printable
 from viewer.scene.model import Camera
 from viewer.state.event_handlers import notify
@@ -15,13 +15,14 @@ from viewer.state.framing import frame_shown
 from viewer.state.motion import Playback, Turntable
 from viewer.state.navigation import FREE
 from viewer.state.session import Session
+from viewer.state.setting import field_args
+from viewer.state.settings import ViewerSettings
 from viewer.state.view_file import MOST_BOOKMARKS
 
-FIELD_OF_VIEW = Arg(
-    "vertical field of view, degrees",
-    None,
-    1.0,
-    179.0,
+FIELD_OF_VIEW = replace(
+    field_args(ViewerSettings)["fov_degrees"],
+    minimum=1.0,
+    maximum=179.0,
     suggestion=lambda session: f"{session.view.camera.fov_degrees:g}",
 )
 
@@ -169,7 +170,7 @@ def toggle_turntable(session: Session) -> None:
     session.navigation.motion = None if turns else Turntable(USUAL_DEGREES)
 
 
-PathFile = Annotated[Path, Arg("a cameras file; default: the last recorded path")]
+PathFile = Annotated[Path, Arg(f"{CAMERAS_TEXT}; default: the last recorded path")]
 
 
 @command(

@@ -9,7 +9,8 @@ from viewer.commands.effects import Effect, ReadVariant
 from viewer.lighting.panorama import load_panorama
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
-from viewer.state.view_state import OWN_ENVIRONMENTS, SKY, VIEWS, Azimuth, Elevation
+from viewer.state.setting import field_args
+from viewer.state.view_state import OWN_ENVIRONMENTS, SKY, VIEWS, Azimuth, Elevation, Lighting
 
 OWN_MATERIALS = "default"
 """Name of the variant in which primitives have their own materials."""
@@ -81,9 +82,7 @@ def use_environment(session: Session, file: Path) -> None:
 @command(
     "light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama", icon="lightbulb"
 )
-def set_environment(
-    session: Session, file: Annotated[Path, Arg("`sky`, `studio`, or an equirectangular .hdr or .exr")]
-) -> None:
+def set_environment(session: Session, file: Annotated[Path, field_args(Lighting)["environment"]]) -> None:
     if str(file) in OWN_ENVIRONMENTS:
         _light(session, environment=str(file), sun_strength=float(str(file) == SKY))
         return

@@ -15,6 +15,8 @@ from viewer.scene.json_text import Vector, convert, nonempty_line, parse_json
 from viewer.scene.model import Camera, Scene
 from viewer.scene.scene_files import CAMERAS_FILE
 
+CAMERAS_TEXT = "JSON file of cameras"
+"""Description of a cameras file in help texts."""
 LARGEST_FILE = 1 << 26
 """Bytes: half a million cameras."""
 NAMES_SHOWN = 20

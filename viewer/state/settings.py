@@ -58,7 +58,9 @@ class ViewerSettings:
         ),
     ] = "orbit"
     """Mode of the camera: the mouse orbits around a point, or looks around while keys fly."""
-    fov_degrees: Annotated[float, Meta(ge=FOV_RANGE[0], le=FOV_RANGE[1])] = 60.0
+    fov_degrees: Annotated[
+        float, Meta(ge=FOV_RANGE[0], le=FOV_RANGE[1]), Arg("vertical field of view of the camera in degrees")
+    ] = 60.0
     """Vertical field of view of the free camera, degrees."""
     anisotropy: Anisotropy = 1
     """Anisotropic filtering of the reference and of path `cached`: 1 (trilinear) to 16."""

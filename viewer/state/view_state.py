@@ -377,8 +377,13 @@ Elevation = Annotated[
 class Lighting:
     """Light of the scene, exposure and tone map. No effect on the views of maps."""
 
-    environment: str = SKY
-    """Environment: SKY, STUDIO, or the file of an equirectangular panorama (HDR or EXR)."""
+    environment: Annotated[
+        str,
+        Arg(
+            "light from all sides: `sky`, `studio` (soft boxes in a grey room) or an equirectangular panorama (.hdr or .exr)"
+        ),
+    ] = SKY
+    """Environment: SKY, STUDIO, or the file of a panorama."""
     environment_turn: Annotated[
         float,
         Meta(ge=0.0, le=360.0),

@@ -91,8 +91,6 @@ CONTROLS: Final = {
     "texture filter": "Shows textures whose name or category has all these words; group:3 shows those of a group.",
     "texture #": "Click selects the texture in all panels; double-click opens the flat view.",
     "texture": "Texture to move.",
-    # Light
-    "environment": "Light from all sides: the sky, a studio or a panorama. Drop an .hdr or .exr file on the window.",
     # Scene
     "scene filter": "Shows nodes and materials whose names have all these words.",
     "animations": "Time line of the scene's animations.",

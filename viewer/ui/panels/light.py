@@ -4,7 +4,8 @@ from pathlib import Path
 
 from imgui_bundle import imgui
 
-from viewer.state.view_state import OWN_ENVIRONMENTS, REFERENCE, SKY, VIEWS
+from viewer.state.setting import field_text
+from viewer.state.view_state import OWN_ENVIRONMENTS, REFERENCE, SKY, VIEWS, Lighting
 from viewer.ui.controls import control
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo, labelled, wrapped_disabled
@@ -21,7 +22,8 @@ def _draw_environment(ui: UiFrame) -> None:
     labelled("environment")
     imgui.set_next_item_width(-1.0)
     shown = Path(environment).name
-    chosen = combo("environment", shown, tuple(dict.fromkeys((*OWN_ENVIRONMENTS, shown))), ui.rects)
+    tip = f"{field_text(Lighting, 'environment')} You can drop a panorama on the window."
+    chosen = combo("environment", shown, tuple(dict.fromkeys((*OWN_ENVIRONMENTS, shown))), ui.rects, tip=tip)
     if chosen != shown:
         ui.emit("light.environment", Path(chosen))
     if environment != SKY:

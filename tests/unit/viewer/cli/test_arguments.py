@@ -300,6 +300,22 @@ def test_help_of_an_option_is_the_tooltip_of_the_window(command: str, capsys: py
 
 
 @pytest.mark.parametrize(
+    ("option", "command", "number"),
+    [
+        ("environment", "light.environment", 0),
+        ("sun", "light.sun", 0),
+        ("sun", "light.sun", 1),
+        ("fov", "camera.look", -1),
+        ("cameras", "camera.play", 0),
+    ],
+)
+def test_help_of_an_option_has_the_text_of_a_command_s_value(option: str, command: str, number: int) -> None:
+    (said,) = (arg.help for arg in get_type_hints(RenderOptions, include_extras=True)[option].__metadata__)
+    text = BY_ID[command].parameters[number].arg.help.partition("; default")[0]
+    assert text in said or sentence(text) in said
+
+
+@pytest.mark.parametrize(
     ("option", "setting"), [("grouping", "grouping"), ("codec", "codec"), ("texture_size", "size")]
 )
 def test_help_of_an_option_is_the_tooltip_of_a_training(option: str, setting: str) -> None:
