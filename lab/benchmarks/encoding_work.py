@@ -173,7 +173,7 @@ def fitted(times: Sequence[float], *counts: Sequence[float]) -> tuple[list[float
 
 def constants(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Return the constants of `ntc.codec.block.encoding.rate` that suit `rows` best, and the error of each part as a ratio."""
-    rows = [row for row in rows if "texture" in row["parts"]]
+    rows = [row for row in rows if "fitting" in row["parts"]]
 
     def total(names: Sequence[str], key: str = "seconds") -> list[float]:
         """Per row; seconds are in units of the work of a channel."""

@@ -74,23 +74,23 @@ def block_count(sizes: Sizes, config: BlockConfig) -> int:
 
 # `python -m lab.benchmarks.encoding_work` measures the parts of encodings and fits these constants to them, but for those of gains,
 # of corrections, of previews and of threads.
-FIT_WORK, SAMPLING_WORK = 1.2, 0.17
+FIT_WORK, SAMPLING_WORK = 1.15, 0.12
 """Time to fit tables to a sampled block, and to make a block ready for sampling, as multiples of the time to encode one."""
-FIT_BLOCKS = 2200
+FIT_BLOCKS = 2300
 """Sampled blocks that take as much time as edge parts, whose time does not depend on their number."""
 GAINS_WORK = 0.05
 """Time to fit the gains of tables that ship to a sampled block, likewise."""
 TYPICAL_KINDS = 2
 """Kinds of edge parts, modes without them counted as one, among which modes of a texture are chosen where that is not known yet."""
-CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.175, 0.29, 0.36
+CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.17, 0.32, 0.34
 """Shares of the time to encode a block: choices for each of TYPICAL_KINDS, codes, and the measure of the quality."""
 JUDGED_BLOCKS = 1024
 """Most blocks of a texture by which kinds of edge parts are judged, and by which words are shared out."""
-JUDGING_WORK, SHARING_WORK = 0.95, 0.87
+JUDGING_WORK, SHARING_WORK = 1.15, 0.8
 """Time for each of these blocks to judge kinds, and to share words out, as multiples of the time to encode a block."""
-REDONE_WORK = 1.25
+REDONE_WORK = 1.15
 """Time to encode a texture again with fewer mips per code, as a multiple of the time to encode its blocks once."""
-REDONE_SHARE, DOUBTFUL_SHARE = 0.2, 0.67
+REDONE_SHARE, DOUBTFUL_SHARE = 0.15, 0.66
 """Share of all textures that are encoded so, and of those whose tables and averages let one expect it."""
 CORRECTIONS_WORK = 1.2
 """Time to encode textures again until they have a quality, as a multiple of the time to encode them once."""
