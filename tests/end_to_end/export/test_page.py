@@ -174,10 +174,38 @@ def test_the_page_fits_the_window_and_compares(
         assert browser.ask("window.ntcPage.view.figures.divergence.most") >= 1
 
 
-def test_the_first_picture_waits_for_nothing_that_it_does_not_show(
-    scene: Path, tmp_path: Path, browser: Browser
-) -> None:
-    page, _ = page_of(scene, tmp_path, "materials")
+# Red, green, blue and coverage at the centre of each of the first two squares, from the front and from behind.
+SIDES_SEEN = """(() => {
+    const { stage, view, renderer } = window.ntcPage;
+    const { camera } = stage;
+    view.isMeasuring = true;
+    return [4, -4].map((z) => {
+        camera.position.set(0, 0, z);
+        camera.lookAt(0, 0, 0);
+        camera.updateMatrixWorld();
+        renderer.setRenderTarget(null);
+        renderer.setScissorTest(false);
+        renderer.setClearColor(0, 0);
+        view.side(false);
+        const pixels = view.pixels();
+        const gl = renderer.getContext();
+        return [-1, 0].map((x) => {
+            const place = camera.position.clone().set(x, 0, 0).project(camera);
+            const column = Math.floor((place.x * 0.5 + 0.5) * gl.drawingBufferWidth);
+            const row = Math.floor((place.y * 0.5 + 0.5) * gl.drawingBufferHeight);
+            const at = 4 * (row * gl.drawingBufferWidth + column);
+            return [...pixels.subarray(at, at + 4)];
+        });
+    });
+})()"""
+
+
+def test_the_first_picture_waits_for_nothing_that_it_does_not_show(tmp_path: Path, browser: Browser) -> None:
+    builder = materials_scene()
+    builder.json["materials"][1]["doubleSided"] = True
+    red = np.tile(np.array([1, 0, 0], np.float32), (6, 1))
+    builder.json["meshes"][0]["primitives"][1]["attributes"]["COLOR_0"] = builder.accessor(red)
+    page, _ = page_of(builder.write(tmp_path / "scene.glb"), tmp_path, "materials")
     script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=AT_FIRST)["identifier"]
     with served(page) as address:
         browser.open(address)
@@ -187,8 +215,15 @@ def test_the_first_picture_waits_for_nothing_that_it_does_not_show(
         # Base colours alone are decoded, and the side of the originals, which would be the same, is not drawn.
         assert first["planes"] == ["base"] * 3
         assert first["materials"] == 3
-        # A whole material and a base colour alone have one program; coverage needs another.
+        # A whole material and a base colour alone that has two sides and colours of its own have one program; coverage needs another.
         assert first["lit"] == 2
+        (front, red_front), (back, red_back) = browser.ask(SIDES_SEEN)
+        assert front[3] == 255
+        assert min(front[:3]) > 20
+        assert back[3] == 0
+        for seen in (red_front, red_back):
+            assert seen[3] == 255
+            assert seen[0] > 3 * max(seen[1:3])
         # The decoder is compiled while the scene is read.
         texture = "performance.getEntriesByName(new URL('textures/00000.bin', location).href)[0].startTime"
         assert browser.ask(f"{texture} < Number(document.documentElement.dataset.ready)")

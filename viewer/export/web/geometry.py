@@ -77,7 +77,9 @@ def _mesh(binary: _Binary, scene: Scene, primitive: Primitive) -> dict[str, Any]
         if frames is not None and np.all(np.abs(frames[rows, :3]).max(axis=1) > 0.0):
             attributes[name] = attribute(name, frames)
     if geometry.colors is not None and not np.all(geometry.colors[rows] == 1.0):
-        attributes["COLOR_0"] = attribute("COLOR_0", geometry.colors)
+        # Alpha only where there is any: the page's other meshes have the same program then.
+        channels = 4 if np.any(geometry.colors[rows, 3] != 1.0) else 3
+        attributes["COLOR_0"] = attribute("COLOR_0", geometry.colors[:, :channels])
     attributes |= _texture_coordinates(binary, scene, scene.materials[primitive.material], rows)
     last = primitive.first_index + primitive.index_count
     kind = "<u2" if geometry.indices.dtype == np.uint16 else "<u4"

@@ -3,7 +3,10 @@ import * as THREE from "three";
 import { FullScreen } from "./gpu.js";
 
 const VERTEX = `
-#include <common>
+precision highp float;
+uniform mat4 modelViewMatrix, projectionMatrix;
+in vec3 position;
+in vec2 uv;
 in vec2 uv1;
 in vec2 uv2;
 out vec2 place0;
@@ -16,6 +19,7 @@ void main() {
 `;
 // Red and green: the number + 1. Blue: the logarithm of the smallest footprint of a pixel among the planes, in eighths from 2^-24 on.
 const FRAGMENT = `
+precision highp float;
 uniform float number;
 uniform sampler2D coverage;
 uniform float cutoff;
@@ -96,7 +100,8 @@ export class Identity {
   material(number, own, coverage) {
     const key = `${number} ${own.double_sided} ${coverage?.uuid} ${own.alpha_cutoff}`;
     if (!this.materials.has(key)) {
-      const made = new THREE.ShaderMaterial({
+      // Raw: one program for single-sided and double-sided materials.
+      const made = new THREE.RawShaderMaterial({
         glslVersion: THREE.GLSL3,
         vertexShader: VERTEX,
         fragmentShader: FRAGMENT,

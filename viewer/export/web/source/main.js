@@ -4,7 +4,7 @@ import { GLTFLoader } from "three/examples/jsm/loaders/GLTFLoader.js";
 import { readJson, PageError } from "./folder.js";
 import { Decoder } from "./decoder.js";
 import { Identity } from "./identity.js";
-import { Materials } from "./materials.js";
+import { Materials, cullSingleSided } from "./materials.js";
 import { Panel, showError } from "./panel.js";
 import { Stage } from "./stage.js";
 import { Surfaces } from "./surfaces.js";
@@ -50,6 +50,7 @@ async function start() {
     const log = own.getShaderInfoLog(fragment) || own.getShaderInfoLog(vertex) || own.getProgramInfoLog(program) || "unknown";
     fail(new PageError(`A shader does not compile on this device: ${log.split("\n")[0]}`));
   };
+  cullSingleSided(renderer);
   const decoder = new Decoder(renderer, page);
   const isSmall = matchMedia("(pointer: coarse)").matches || (navigator.deviceMemory ?? 8) <= 4;
   let view = null;

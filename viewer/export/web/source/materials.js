@@ -4,7 +4,7 @@ import { alphaTexture } from "./originals.js";
 import { CHANNEL } from "./surfaces.js";
 
 // The planes' components as the pack stores them: surface is normal.x, normal.y, roughness, metalness; emission is emissive, occlusion.
-// A lit material has all of them, so that one program draws all: each program takes a software renderer 0.1 s. A plane is read once.
+// A lit material has all of them, so that one program draws all: each program takes a software renderer 0.2 s. A plane is read once.
 const SLOTS = { base: ["map"], surface: ["roughnessMap", "metalnessMap", "normalMap"], emission: ["emissiveMap", "aoMap"] };
 const chunk = THREE.ShaderChunk;
 const patch = (name, from, to) => {
@@ -47,6 +47,16 @@ function alphaOptions(material) {
   return material.alpha_mode === "blend" ? { transparent: true, depthWrite: false } : {};
 }
 
+/** Lets one program draw single-sided and double-sided materials: what is culled is not for a program to know. */
+export function cullSingleSided(renderer) {
+  const { state } = renderer;
+  const { setMaterial } = state;
+  state.setMaterial = (material, clockwise) => {
+    setMaterial(material, clockwise);
+    if (material.userData.isSingleSided) state.enable(renderer.getContext().CULL_FACE);
+  };
+}
+
 export class Materials {
   constructor(page, surfaces) {
     this.page = page;
@@ -81,7 +91,12 @@ export class Materials {
     const key = [number, view, original, !!attributes.color, !!attributes.tangent, !!attributes.normal].join();
     if (!this.made.has(key)) {
       const made = view === "lit" ? this.lit(number, attributes, original) : this.map(number, attributes, view, original);
-      made.side = this.page.materials[number].double_sided ? THREE.DoubleSide : THREE.FrontSide;
+      made.side = THREE.DoubleSide;
+      if (!this.page.materials[number].double_sided) {
+        // Only its front is drawn, and only its back casts shadows.
+        Object.assign(made, { forceSinglePass: true, shadowSide: THREE.BackSide });
+        made.userData.isSingleSided = true;
+      }
       this.made.set(key, made);
     }
     return this.made.get(key);
@@ -101,12 +116,14 @@ export class Materials {
     const own = this.page.materials[number];
     const [red, green, blue, alpha] = own.factor;
     const common = {
-      color: new THREE.Color(red, green, blue), opacity: alpha, vertexColors: !!attributes.color,
+      color: new THREE.Color(red, green, blue), opacity: alpha, vertexColors: true,
       alphaMap: this.coverage[number], ...alphaOptions(own),
     };
     const entries = this.planes(number);
+    // A mesh without colours is white, by the same program.
+    const plain = { defaultAttributeValues: { color: [1, 1, 1] } };
     if (own.unlit) {
-      const made = new THREE.MeshBasicMaterial(common);
+      const made = Object.assign(new THREE.MeshBasicMaterial(common), plain);
       if (entries.base) this.follow(made, entries.base, ["map"], original);
       return made;
     }
@@ -114,6 +131,7 @@ export class Materials {
       ...common, roughness: own.roughness, metalness: own.metalness, emissive: new THREE.Color(...own.emissive),
       aoMapIntensity: own.occlusion_strength, flatShading: !attributes.normal,
     });
+    Object.assign(made, plain);
     // Without tangents three takes them from screen space, where v runs the other way.
     const scale = own.planes.surface?.maps.includes("normal") ? own.normal_scale : 0;
     made.normalScale.set(scale, attributes.tangent ? scale : -scale);

@@ -71,7 +71,7 @@ export class Stage {
       const places = own.planes;
       const primary = ["base", "surface", "emission"].map((plane) => places[plane]).find(Boolean);
       Object.assign(object.userData, {
-        number, own, coverage: materials.coverage[number],
+        number, own, coverage: materials.coverage[number], solid: object.material,
         decoder: primary ? this.page.textures[primary.texture].decoder : -1,
       });
       object.castShadow = object.receiveShadow = own.alpha_mode !== "blend";
@@ -153,6 +153,8 @@ export class Stage {
 
   /** How far what is looked at is: what the camera turns about. */
   distance(eye, way) {
+    // With the sides that the scene tells: what is drawn has both.
+    for (const mesh of this.meshes) mesh.material = mesh.userData.solid;
     const ray = new THREE.Raycaster(eye, way, 0, 4 * this.radius);
     const hit = ray.intersectObjects(this.meshes, false)[0];
     return Math.min(Math.max(hit?.distance ?? this.radius / 2, this.radius / 200), 2 * this.radius);
