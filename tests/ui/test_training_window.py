@@ -148,12 +148,47 @@ def test_quitting_while_encoding_offers_what_is_true(app: DrivenApp) -> None:
     app.run("file.quit")
     question = app.session.window.question
     assert question is not None
-    assert [choice.label for choice in question.choices] == ["Stop encoding", "Cancel"]
+    assert [choice.label for choice in question.choices] == ["Stop the run", "Cancel"]
     assert "no pack to save yet" in question.text
     app.settle()
-    app.click("Stop encoding")
+    app.click("Stop the run")
     assert app.training.active is None
     assert app.is_closing
+
+
+def test_quitting_says_what_keep_saves_and_what_is_lost(app: DrivenApp, folder: Path) -> None:
+    def asked(*labels: str) -> str:
+        app.run("file.quit")
+        app.settle()
+        question = app.session.window.question
+        assert question is not None
+        assert [choice.label for choice in question.choices] == list(labels)
+        return question.text
+
+    # Undecided alone, beside an encoding without a pack, and beside one with a pack so far.
+    run(app, "training.encode single auto 32 1s")
+    assert asked("Keep", "Discard", "Cancel").startswith("This run is not saved yet:\n  run 1: encode single, done, ")
+    app.click("Cancel")
+    run_line(app.context, "training.encode single auto 32 600s best grid")
+    undecided, lost = asked("Keep", "Discard", "Cancel").splitlines()[1:], "what it has done so far is lost."
+    assert [line.partition(", ")[0] for line in undecided] == [
+        "  run 1: encode single",
+        "Keep writes the pack beside scene.glb.",
+        "run 2: encode single",
+    ]
+    assert undecided[-1].endswith(lost)
+    app.click("Cancel")
+    wait(app, lambda training: training.active is not None and training.active.pack_so_far() is not None)
+    text = asked("Keep", "Discard", "Cancel")
+    assert text.startswith("These runs are not saved yet:")
+    assert "it ends with what it has so far" in text
+    assert lost not in text
+    app.run("training.pause")
+    app.click("Cancel")
+    assert "run 2: encode single, paused; it ends" in asked("Keep", "Discard", "Cancel")
+    app.click("Keep")
+    assert app.is_closing
+    assert len(list(folder.glob("scene.*.ntc"))) == 2
 
 
 def messages(app: DrivenApp) -> str:
@@ -333,7 +368,7 @@ def test_another_scene_ends_the_training(app: DrivenApp, folder: Path) -> None:
     app.press(imgui.Key.escape)
     assert app.session.scene.path == folder / "scene.glb"
     app.drop(other)
-    app.click("Stop encoding")
+    app.click("Stop the run")
     training = app.training
     assert training.active is None
     assert app.session.window.question is None

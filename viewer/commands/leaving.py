@@ -13,7 +13,7 @@ from viewer.state.session import CANCEL, Choice, Question, Session
 from viewer.training.live_training import Decision, LiveTraining
 from viewer.training.preparation import job_title
 
-KEEP, DISCARD, STOP = "Keep", "Discard", "Stop encoding"
+KEEP, DISCARD, STOP = "Keep", "Discard", "Stop the run"
 
 
 def asks_about_runs(context: Context, before: str, command_id: str, *values: Any) -> bool:
@@ -21,44 +21,43 @@ def asks_about_runs(context: Context, before: str, command_id: str, *values: Any
 
     `before` names what is about to happen. The command is run with `values` and the decision once the user has answered.
     """
-    training, scene = context.training, context.session.scene
-    lines = _undecided(training)
-    if not lines:
-        return False
-    if not training.undecided_runs and training.active is not None and training.active.pack_so_far() is None:
-        stop = Choice(STOP, command_id, (*values, "discard"))
-        text = "\n".join((*lines, "What is encoded so far is lost."))
-        ask(context.session, Question(f"{scene.title}: stop encoding before {before}?", text, (stop, Choice(CANCEL))))
-        return True
-    where = "in the data folder, until the next start"
+    training, scene, cancel = context.training, context.session.scene, Choice(CANCEL)
+    saved, lost = _undecided(training)
+    if not saved:
+        if lost:
+            stop = Choice(STOP, command_id, (*values, "discard"))
+            ask(context.session, Question(f"{scene.title}: stop the run before {before}?", lost, (stop, cancel)))
+        return bool(lost)
+    where = "in the data folder, and the next start asks about it again"
     if scene.path is not None:
         where = "in the data folder" if is_builtin(scene.path) else f"beside {scene.path.name}"
-    few = "pack" if len(lines) == 1 else "packs"
-    what = "This training has" if len(lines) == 1 else "These trainings have"
-    text = "\n".join(
-        (f"{what} not been saved yet:", *(f"  {line}" for line in lines), f"{KEEP} writes the {few} {where}.")
-    )
+    few, what = ("pack", "This run is") if len(saved) == 1 else ("packs", "These runs are")
+    text = (f"{what} not saved yet:", *(f"  {line}" for line in saved), f"{KEEP} writes the {few} {where}.", lost)
     choices = (
         Choice(KEEP, command_id, (*values, "keep")),
         Choice(DISCARD, command_id, (*values, "discard")),
-        Choice(CANCEL),
+        cancel,
     )
-    ask(context.session, Question(f"{scene.title}: keep the {few} before {before}?", text, choices))
+    title = f"{scene.title}: keep the {few} before {before}?"
+    ask(context.session, Question(title, "\n".join(text).rstrip(), choices))
     return True
 
 
-def _undecided(training: LiveTraining) -> tuple[str, ...]:
-    """Return one line for each run that leaving the scene would end or leave undecided."""
-    lines = []
+def _undecided(training: LiveTraining) -> tuple[list[str], str]:
+    """Return a line for each run that leaving the scene can save, and one for a run that it ends without a pack, "" for none."""
+    saved = []
     for run in training.undecided_runs:
         quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
-        lines.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
-    if training.active is not None:
-        left = training.active.seconds_left
-        time_left = "" if left is None else f", about {duration(max(left, 1.0))} left"
-        picture = "" if training.active.pack_so_far() is not None else ", no pack to save yet"
-        lines.append(f"{training.active.name}: {job_title(training.active.job)}, under way{time_left}{picture}")
-    return tuple(lines)
+        saved.append(f"{run.name}: {run.title}, {run.outcome}{quality}")
+    active = training.active
+    if active is None:
+        return saved, ""
+    left = "" if active.seconds_left is None else f", about {duration(max(active.seconds_left, 1.0))} left"
+    state = "paused" if active.state in ("pausing", "paused") else f"under way{left}"
+    line = f"{active.name}: {job_title(active.job)}, {state}"
+    if active.pack_so_far() is None:
+        return saved, f"{line}, no pack to save yet: what it has done so far is lost."
+    return [*saved, f"{line}; it ends with what it has so far"], ""
 
 
 def ask(session: Session, question: Question) -> None:

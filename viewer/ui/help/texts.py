@@ -137,7 +137,7 @@ CONTROLS: Final = {
     "tab Bits": "Encode single textures with more or fewer bits.",
     "question Discard": "Delete the packs that are not saved yet.",
     "question Cancel": "Change nothing.",
-    "question Stop encoding": "End the encoding: what it has done so far is lost.",
+    "question Stop the run": "End the run: what it has done so far is lost.",
     "copy figures": "Copy the figures to the clipboard, as a table in Markdown.",
     "save figures": "Save the figures as JSON, with the picture and a chart of the costs as PNGs.",
     "keep run #": "Save the pack of this run beside the scene.",
