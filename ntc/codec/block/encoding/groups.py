@@ -15,10 +15,14 @@ from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful, loses_much
 from ntc.codec.block.encoding.rate import (
+    CHOICES_WORK,
+    CODES_WORK,
     MEASURE_WORK,
     SAMPLING_WORK,
+    TYPICAL_KINDS,
     block_count,
     fitting_work,
+    judging_work,
     redone_work,
     sharing_work,
 )
@@ -174,10 +178,15 @@ def encode_member(
     if code_mips is None:
         return measured
 
-    def worked_again(work: float) -> None:
-        worked(redone.take(work))
-
     again = prepare_texture(source, config, code_mips)
+    blocks = len(again.texels)
+    # What is not told, such as preparing, is spread over the rest.
+    told = judging_work(blocks) + (TYPICAL_KINDS * CHOICES_WORK + CODES_WORK) * blocks
+    spread = redone.left / told
+
+    def worked_again(work: float) -> None:
+        worked(redone.take(spread * work))
+
     # Blocks of mip 0 come first, and suit the same modes as long as mip 1 is derived from them.
     same = choices.of_first(texture_levels(found, config)[0].cells) if again.axes.has_derived else None
     chosen = texture_choices(again, decoder, config, worked_again, threads, same)

@@ -10,7 +10,7 @@ from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.blocks import prepare_texture, sample_textures
 from ntc.codec.block.encoding.edges import edge_kinds
 from ntc.codec.block.encoding.encoder import texture_choices
-from ntc.codec.block.encoding.groups import Redone
+from ntc.codec.block.encoding.groups import Redone, encode_member, fitted_groups
 from ntc.codec.block.encoding.progress import WorkCount
 from ntc.codec.block.encoding.rate import (
     CHANNEL_COEFFICIENTS,
@@ -118,6 +118,22 @@ def test_the_share_never_falls_when_more_is_planned() -> None:
     count.expect(-4.0)
     count.add(1.0)
     assert count.share == 1.0
+
+
+def test_progress_is_even_while_a_texture_is_encoded_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    source = checkers(256, 0)
+    request = chosen_request(
+        [source], Grouping("single", (0,)), codec_named("block"), EncodingChoices(target=BitsTarget(6.0))
+    )
+    assert isinstance(request.codec, BlockConfig)
+    (fitted,) = fitted_groups([source], request.grouping, (0,), request.codec, 0)
+    taken: list[float] = []
+    monkeypatch.setattr(Redone, "take", lambda self, work: taken.append(min(work, self.left)) or _take(self, work))
+    encode_member(source, request.codec.mean_words, fitted, request.codec, lambda _: None)
+    assert max(taken) < 0.7 * sum(taken)
+
+
+_take = Redone.take
 
 
 def test_what_is_encoded_again_counts_as_it_was_planned() -> None:
