@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class CastPicture:
-    """What the rays met; row 0 on top."""
+    """What the rays met: of a picture [H, W], row 0 on top; of single rays [N]."""
 
     texture_id: NDArray[np.int32]
     """[H, W] -1 where nothing is seen or the material has no texture."""
@@ -22,6 +22,13 @@ class CastPicture:
     """[H, W, 2] texture coordinates, not wrapped."""
     distance: Array
     """[H, W] along the ray; infinite for the background."""
+
+    def reshaped(self, *shape: int) -> "CastPicture":
+        """The same in an array of `shape`."""
+        uv = self.uv.reshape(*shape, 2)
+        return CastPicture(
+            self.texture_id.reshape(shape), self.material.reshape(shape), uv, self.distance.reshape(shape)
+        )
 
 
 def camera_rays(camera: Camera, size: tuple[int, int]) -> tuple[Array, Array]:
@@ -67,8 +74,12 @@ def _passes_alpha(scene: Scene, material: Material, uv: Array, vertex_alpha: Arr
 
 
 def cast_scene(scene: Scene, camera: Camera, size: tuple[int, int]) -> CastPicture:
-    """The picture of `scene`. Moeller-Trumbore; backs of single-sided triangles are not there; BLEND is not supported."""
-    origins, directions = camera_rays(camera, size)
+    """The picture of `scene`."""
+    return cast_rays(scene, *camera_rays(camera, size)).reshaped(size[1], size[0])
+
+
+def cast_rays(scene: Scene, origins: Array, directions: Array) -> CastPicture:
+    """What rays [N, 3] meet. Moeller-Trumbore; backs of single-sided triangles are not there; BLEND is not supported."""
     rays = len(origins)
     nearest = np.full(rays, np.inf)
     material_id, uv = np.full(rays, -1, np.int32), np.zeros((rays, 2))
@@ -105,10 +116,4 @@ def cast_scene(scene: Scene, camera: Camera, size: tuple[int, int]) -> CastPictu
             hit = hit[kept]
             nearest[hit], material_id[hit], uv[hit] = along[hit], primitive.material, at[kept]
     texture_of = np.array([*(m.texture_id for m in scene.materials), -1], np.int32)
-    shape = (size[1], size[0])
-    return CastPicture(
-        texture_of[material_id].reshape(shape),
-        material_id.reshape(shape),
-        uv.reshape(*shape, 2),
-        nearest.reshape(shape),
-    )
+    return CastPicture(texture_of[material_id], material_id, uv, nearest)

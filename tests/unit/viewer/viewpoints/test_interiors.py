@@ -1,14 +1,13 @@
 """Interiors: level free distances against rays, and where a newcomer stands in a room."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
-from tests.support.ray_caster import cast_scene
-from viewer.scene.model import Camera, Material, Scene
+from tests.support.ray_caster import cast_rays
+from viewer.scene.model import Material, Scene
 from viewer.viewpoints.sampling import CandidateSampler, ViewpointConfig
 from viewer.viewpoints.surfaces import DIRECTIONS, Surfaces
 
@@ -48,16 +47,12 @@ def test_free_distances_are_those_of_rays(seed: int, double_sided: bool) -> None
     eyes = random.uniform(-6.0, 6.0, (6, 3))
     found = Surfaces(scene).free_distances(eyes, np.ones(6))
     assert found.shape == (6, DIRECTIONS)
-    for eye, distances in zip(eyes, found, strict=True):
-        for index, distance in enumerate(distances.tolist()):
-            angle = 2.0 * math.pi * index / DIRECTIONS
-            target = eye + np.array([math.sin(angle), 0.0, math.cos(angle)])
-            camera = Camera("ray", tuple(eye.tolist()), tuple(target.tolist()))
-            nearest = float(cast_scene(solid, camera, (1, 1)).distance[0, 0])
-            front = float(cast_scene(scene, camera, (1, 1)).distance[0, 0])
-            # A back face that is not drawn is seen through.
-            expected = nearest if front == nearest else 0.0
-            assert distance == pytest.approx(expected, rel=1e-5)
+    angles = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
+    directions = np.stack([np.sin(angles), np.zeros(DIRECTIONS), np.cos(angles)], axis=-1)
+    rays = eyes.repeat(DIRECTIONS, axis=0), np.tile(directions, (6, 1))
+    nearest, front = (cast_rays(own, *rays).distance for own in (solid, scene))
+    # A back face that is not drawn is seen through.
+    assert found.ravel().tolist() == pytest.approx(np.where(front == nearest, nearest, 0.0).tolist(), rel=1e-5)
 
 
 @pytest.mark.parametrize("unit", [1.0, 100.0])
