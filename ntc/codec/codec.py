@@ -284,7 +284,7 @@ class Codec(ABC):
         """Return the options that encode one texture of `pack` anew with `bits` bits per texel, and leave all others as they are.
         Raises InputError for bits out of reach."""
         del texture, bits
-        raise InputError(f"codec {pack.config.kind}: cannot encode one texture anew; retrain its group")
+        raise InputError(f"codec {pack.config.kind}: cannot encode one texture again; retrain its group")
 
     @abstractmethod
     def recorded_options(self, options: EncodingOptions) -> dict[str, Any]:

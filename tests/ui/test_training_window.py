@@ -268,7 +268,7 @@ def test_encode_accept_retrain_discard(
     else:
         with pytest.raises(InputError, match="not trained"):
             run_line(app.context, "training.retrain 1")
-        with pytest.raises(InputError, match="encode the scene anew"):
+        with pytest.raises(InputError, match="encode the scene again"):
             run_line(app.context, "training.anew 1 500")
     uploads: list[tuple[str, Pack]] = []
     renderer = app.frontend.picture.renderer

@@ -82,7 +82,7 @@ def open_leaving(_session: Session, file: Path, decision: Decision) -> Effect:
 cancel_opening = gesture("file.cancel-opening")(lambda _session: CancelOpening())
 
 
-@command("file.quit", "Quit", "close the window; undecided trainings are asked about first", "Ctrl+Q")
+@command("file.quit", "Quit", "close the window, after a question about runs that are not saved", "Ctrl+Q")
 def quit_window(context: Context) -> Effect | None:
     return None if asks_about_runs(context, "quitting", "file.quit-leaving") else CloseWindow()
 
@@ -94,7 +94,7 @@ def quit_leaving(context: Context, decision: Decision) -> Effect:
 
 
 @command(
-    "window.close", "Close at once", "close the window without a question; undecided trainings wait for the next start"
+    "window.close", "Close at once", "close the window without a question; the next start lists runs that are not saved"
 )
 def close(_session: Session) -> Effect:
     return CloseWindow()

@@ -41,7 +41,7 @@ from viewer.training.settings import (
 NEW_GROUP = "new"
 _DEFAULT = TrainingSettings()
 _BUDGET = budget_text(_DEFAULT.budget)
-FORMER = "this pack has a former format; encode the scene anew"
+FORMER = "this pack has a former format; encode the scene again"
 AS_CHOSEN = "default: as chosen in the panel Training"
 
 
@@ -180,12 +180,12 @@ def _cannot_encode_anew(context: Context) -> str:
         return FORMER
     own = pack.textures[0]
     can = codec_of(pack.config).texture_bits(pack.config, (own.width, own.height)) is not None
-    return "" if can else "the codec of this pack cannot encode one texture anew; retrain its group"
+    return "" if can else "the codec of this pack cannot encode one texture again; retrain its group"
 
 
 @command(
     "training.anew",
-    "Encode texture anew",
+    "Encode texture again",
     "encode one texture of the shown pack with other bits per texel; all others stay unchanged",
     unavailable=_cannot_encode_anew,
 )
@@ -311,7 +311,7 @@ def cancel(context: Context) -> None:
 def accept(
     context: Context,
     file: PackFile = Path(),
-    run: Annotated[int, Arg("number of the run in the log; 0 takes the one that was asked about last")] = 0,
+    run: Annotated[int, Arg("number of the run in the log; 0 takes the one that the panel Training asks about")] = 0,
 ) -> None:
     training, session = _runs(context), context.session
     if run:

@@ -175,7 +175,7 @@ class Overlay:
         Setting(
             "overlay.scale",
             "Colour range",
-            "end the colours of the divergence map at a fixed number of decoders, or at the most in the picture",
+            "set the last colour of the divergence map: a fixed number of decoders, or the largest in the picture",
             "Upper end of the colours. block: a fixed number of decoders for each block shape. picture: the largest number in the "
             "picture.",
         ),

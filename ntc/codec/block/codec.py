@@ -207,7 +207,7 @@ class BlockCodec(Codec):
         # Typed bits have few digits.
         if not low - 0.01 <= bits <= high + 0.01:
             raise InputError(
-                f"bits {bits:g}: codes of this pack take {low:.2f} to {high:.2f} bits per texel; encode the scene anew for others"
+                f"bits {bits:g}: codes of this pack take {low:.2f} to {high:.2f} bits per texel; encode the scene again for others"
             )
         return BlockOptions(texture_words=((texture, words_of_bits(min(max(bits, low), high), size, config)),))
 

@@ -221,8 +221,8 @@ CONTROLS: Final = {
         f"column {name} dB": f"PSNR of mip 0 of the {name} map in dB: higher is better. Click to sort."
         for name in ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
     },
-    "rate curve": "PSNR of mip 0 in dB by bits per texel, measured on parts of the texture. The dot is the pack in slot A; the thick "
-    "line is what its codes can hold. Drag to a bitrate to encode the texture anew.",
+    "rate curve": "PSNR of mip 0 in dB by bits per texel, measured on parts of the texture. The dot is the pack in slot A; its "
+    "codes can hold the bitrates of the thick part. Drag to a bitrate to encode the texture again.",
     "rate text": "What the bitrate under the mouse gives.",
     "rate answer": "Bits per texel and file size of this texture for the PSNR at the left.",
     "asked quality": "PSNR of mip 0 in dB that the texture is to have.",
@@ -356,7 +356,7 @@ TERMS: Final = {
     "SSIM": "Structural similarity of two pictures, at most 1: 1 is equal.",
     "texel": "A pixel of a texture.",
     "tile": "Square part of a texture that path cached decodes once and keeps.",
-    "wave": "Pixels that a GPU shades in step, 32 or 64 of them. If they need several decoders, all pixels wait for each.",
+    "wave": "Pixels that a GPU shades together, 32 or 64 of them. If they need several decoders, all pixels wait for each.",
     "wave efficiency": "Share of decoder runs that would remain without divergence: 100 % is best.",
 }
 """Meanings by term, in alphabetical order."""

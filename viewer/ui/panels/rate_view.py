@@ -67,7 +67,7 @@ class RateView:
         elif rates.is_busy:
             imgui.text_disabled("measuring further points ...")
         else:
-            wrapped_disabled(reason or "Drag to a bitrate: the texture is encoded anew with it.")
+            wrapped_disabled(reason or "Drag to a bitrate to encode the texture again with it.")
         ui.rects.note("rate text")
 
     @staticmethod
@@ -158,8 +158,8 @@ def _reach(pack: Pack | None, own: EncodedTexture | None) -> tuple[float, float]
 def _why_not(pack: Pack | None, own: EncodedTexture | None, ui: UiFrame) -> str:
     """Return why the texture cannot be encoded anew; "" where it can."""
     if pack is None:
-        return "Show a pack in slot A to encode this texture anew."
+        return "Show a pack in slot A to encode this texture again."
     if own is None:
         return "The pack in slot A does not hold this texture."
     reason = ui.why_not("training.anew")
-    return f"It cannot be encoded anew: {reason}." if reason else ""
+    return f"It cannot be encoded again: {reason}." if reason else ""
