@@ -25,7 +25,13 @@ from viewer.state.view_state import Precision
 SIZE = (37, 50)
 PLAIN = GridConfig(hidden_width=12, positional_octaves=1)
 ADAPTED = GridConfig(
-    hidden_width=8, latent_channels=8, latent_bits=4, adapters=True, adapter_output=True, output_channels=4
+    hidden_width=8,
+    latent_channels=8,
+    latent_bits=4,
+    positional_octaves=1,
+    adapters=True,
+    adapter_output=True,
+    output_channels=4,
 )
 LEAST = GridConfig(hidden_width=4, positional_octaves=1)
 ODD = DecoderVariant(3, 2, "image", 7), DecoderVariant(4, 1, "storage"), DecoderVariant(3, 2, "shared", 7)
