@@ -184,7 +184,9 @@ def constants(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
         return found
 
     (fit,), fit_error = fitted(total(["basis", "classes", "modes", "fitting"]), total(["fitting"], "blocks"))
-    (edges,), edges_error = fitted(total(["edge modes"]), total(["edge modes"], "calls"))
+    scales = [row["channels"] + row["coefficients"] / CHANNEL_COEFFICIENTS for row in rows]
+    calls = [count * scale for count, scale in zip(total(["edge modes"], "calls"), scales, strict=True)]
+    (edges,), edges_error = fitted(total(["edge modes"]), calls)
     (sampling, sharing), sharing_error = fitted(
         total(["sampling", "curves", "sharing"]), total(["sampling"], "blocks"), total(["sampling"], "judged")
     )
@@ -200,7 +202,7 @@ def constants(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     ratios = [seconds / number for seconds, number in zip(redone, prepared, strict=True) if number]
     return {
         "FIT_WORK": fit / block,
-        "FIT_BLOCKS": edges / fit,
+        "EDGE_BLOCKS": edges / fit,
         "SAMPLING_WORK": sampling / block,
         "SHARING_WORK": sharing / block,
         "JUDGING_WORK": (judging + comparing) / block,

@@ -26,7 +26,9 @@ from ntc.codec.block.encoding.progress import WorkCount
 from ntc.codec.block.encoding.rate import (
     CORRECTIONS_WORK,
     DOUBTFUL_SHARE,
+    FEW_TEXTURES,
     REDONE_SHARE,
+    encoding_speed,
     fitting_work,
     has_preview,
     redone_work,
@@ -44,8 +46,6 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads, mapped, most_threads
 
-FEW_TEXTURES = 8
-"""Up to so many are encoded one after the other, each by all threads."""
 FORECAST_DB = 3.0
 """dB of PSNR that textures may have above what their rate curves promise."""
 MOST_KEPT = 1 << 28
@@ -67,9 +67,11 @@ class BlockEncoder(Encoder):
         self._found: dict[int, BlockTexture] = {}
         self._work, self._step, self._steps = "", 0, 0
         self._count = WorkCount()
-        """In units of the time to encode a block, by as many threads as encode textures."""
+        """In units of the time in which one thread encodes a block."""
         self._threads_each = 1
         """Threads that encode one texture."""
+        self._textures = 0
+        """Textures that are to be encoded."""
         self._redone: dict[int, float] = {}
         """Work of textures that will probably be encoded again."""
         self._kept: dict[SourceTexture, PreparedTexture] = {}
@@ -87,8 +89,10 @@ class BlockEncoder(Encoder):
             yield from self._correct(self._options.quality_db)
             return
         members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
-        self._count.expect(self._textures_work(members))
-        self._expect_redone(members)
+        self._textures = len(members)
+        for group in self._task.groups:
+            self._count.expect(self._textures_work(self._task.grouping.members(group)))
+            self._expect_redone(self._task.grouping.members(group))
         if self._given is None:
             self._count.expect(sum(map(self._fitting_work, self._task.groups)))
         if self._options.preview_side is not None:
@@ -113,6 +117,7 @@ class BlockEncoder(Encoder):
         """Encode the textures of `words` anew, with so many words a block, under the decoders that the task starts from."""
         assert self._task.start is not None
         start = block_parts(self._task.start)
+        self._textures = 1
         self._count.expect(self._textures_work(tuple(words)))
         self._threads_for(1)
         self._work, self._steps = "encoding texture", len(words)
@@ -204,17 +209,17 @@ class BlockEncoder(Encoder):
     def _encoded(self, fitted: FittedGroup, part: tuple[int, float]) -> BlockTexture:
         index, words = part
         source = self._task.textures[index]
-        prepared = self._kept.pop(source, None)
+        prepared, speed = self._kept.pop(source, None), self._speed(len(fitted.members))
         return encode_member(
             source,
             words,
             fitted,
             self._config,
-            self._worked,
+            lambda work: self._worked(work / speed),
             self._threads_each,
             prepared,
             has_own_codes=self._options.own_codes,
-            redone=Redone(self._redone.pop(index, 0.0), self._count.expect),
+            redone=Redone(self._redone.pop(index, 0.0), lambda work: self._count.expect(work / speed)),
         )
 
     def _worked(self, work: float) -> None:
@@ -222,29 +227,30 @@ class BlockEncoder(Encoder):
         self._count.add(work)
         self._task.interruption()
 
+    def _speed(self, at_once: int) -> float:
+        """Speed at which so many textures are encoded, as a multiple of that of one thread."""
+        return encoding_speed(self._most_threads, at_once, self._textures)
+
     def _textures_work(self, members: Sequence[int]) -> float:
-        """Work of encoding textures once."""
-        return sum(texture_work(self._task.textures[index].size, self._config) for index in members)
+        """Work of encoding textures once, at once."""
+        work = sum(texture_work(self._task.textures[index].size, self._config) for index in members)
+        return work / self._speed(len(members))
 
     def _fitting_work(self, group: int) -> float:
-        """Work of fitting a group once: fewer threads do it than encode textures."""
+        """Work of fitting a group once."""
         task, most = self._task, self._most_threads
         one_by_one = self._options.groups_apart and self._options.quality_db is None
         at_once = 1 if one_by_one else min(most, len(task.groups))
         sizes = [task.textures[index].size for index in task.grouping.members(group)]
-        return (
-            fitting_work(sizes, self._config, task.grouping.name == UNIVERSAL)
-            * thread_speed(most)
-            / thread_speed(at_once)
-        )
+        return fitting_work(sizes, self._config, task.grouping.name == UNIVERSAL) / thread_speed(at_once)
 
     def _expect_redone(self, members: Sequence[int]) -> None:
-        """Expect, before tables are known, that some of `members` are encoded again with fewer mips per code."""
+        """Expect, before tables are known, that some of a group's `members` are encoded again with fewer mips per code."""
         if not self._options.own_codes:
             return
         for index in members:
             self._redone[index] = REDONE_SHARE * redone_work(self._task.textures[index].size, self._config)
-            self._count.expect(self._redone[index])
+            self._count.expect(self._redone[index] / self._speed(len(members)))
 
     def _expect_doubtful(self, fitted: FittedGroup, words: Sequence[float]) -> None:
         """Expect that of those members for which it seems to pay."""
@@ -255,7 +261,7 @@ class BlockEncoder(Encoder):
                 continue
             doubtful = is_doubtful(curve.psnr_at(own) + FORECAST_DB, prepared.derived_errors)
             work = DOUBTFUL_SHARE * redone_work(source.size, self._config) if doubtful else 0.0
-            self._count.expect(work - self._redone[index])
+            self._count.expect((work - self._redone[index]) / self._speed(len(fitted.members)))
             self._redone[index] = work
 
     def _done(self, index: int, found: BlockTexture) -> Piece:
@@ -275,6 +281,7 @@ class BlockEncoder(Encoder):
         task = self._task
         fitting = sum(map(self._fitting_work, task.groups))
         every = range(len(task.textures))
+        self._textures = len(every)
         to_correct = CORRECTIONS_WORK * self._textures_work(every)
         self._count.expect(2.0 * fitting + self._textures_work(every) + to_correct)
         self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
@@ -283,8 +290,13 @@ class BlockEncoder(Encoder):
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         paced_threads = self._threads_for(len(task.textures))
+        speed = self._speed(len(every))
+
+        def worked(work: float) -> None:
+            self._worked(work / speed)
+
         members = {
-            index: Member(task.textures[index], each, curve, self._config, target_db, self._worked, self._threads_each)
+            index: Member(task.textures[index], each, curve, self._config, target_db, worked, self._threads_each)
             for each in fitted
             for index, curve in zip(each.members, each.curves, strict=True)
         }

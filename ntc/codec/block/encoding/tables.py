@@ -15,7 +15,7 @@ from ntc.codec.block.encoding.edge_modes import with_edge_modes
 from ntc.codec.block.encoding.edges import fitted_edges
 from ntc.codec.block.encoding.masks import mixed_blocks
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
-from ntc.codec.block.encoding.rate import FIT_BLOCKS
+from ntc.codec.block.encoding.rate import edge_blocks
 from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
 from ntc.codec.block.model import BlockDecoder, stored_scales
@@ -100,7 +100,7 @@ def fit_decoder(
         basis = fitted_basis(rests, config)
         blocks = np.concatenate([sample.blocks for sample in rests])
         coefficients = projected(torch.from_numpy(blocks), basis.projections(config))
-        bare = len(blocks) / (len(blocks) + FIT_BLOCKS)
+        bare = len(blocks) / (len(blocks) + edge_blocks(config))
         worked(BASIS_WORK * bare)
         share = float(mixed.mean())
         with_parts = round(config.modes * min(max(share, LEAST_MASK_SHARE), LARGEST_MASK_SHARE)) if mixed.any() else 0

@@ -13,12 +13,11 @@ from ntc.codec.block.encoding.encoder import texture_choices
 from ntc.codec.block.encoding.groups import Redone, encode_member, fitted_groups
 from ntc.codec.block.encoding.progress import WorkCount
 from ntc.codec.block.encoding.rate import (
-    CHANNEL_COEFFICIENTS,
     CHOICES_WORK,
     TYPICAL_KINDS,
+    channel_work,
     encoding_work,
     judging_work,
-    thread_speed,
 )
 from ntc.codec.block.encoding.tables import fit_decoder
 from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget
@@ -83,10 +82,18 @@ def test_what_is_planned_at_first_is_what_was_forecast(
     reports: list[TrainingProgress] = []
     encode_request(replace(request, training=training), reports.append)
     work = encoding_work([[(128, 128)] * 2] * 2, config, training, ships=False, threads=training.threads)
-    blocks = (
-        thread_speed(training.threads) * work / (config.output_channels + config.coefficients / CHANNEL_COEFFICIENTS)
-    )
-    assert reports[0].work_planned == pytest.approx(blocks)
+    assert reports[0].work_planned == pytest.approx(work / channel_work(config))
+
+
+def test_a_texture_of_a_group_of_its_own_is_encoded_by_one_thread_where_textures_are_many() -> None:
+    config, training = BlockConfig(modes=8, coefficients=24), BlockOptions(groups_apart=True)
+    many = [[(256, 256)]] * 12
+    assert encoding_work(many, config, training, False, 2) == encoding_work(many, config, training, False, 1)
+    # Where they are few, all threads share each.
+    few = many[:3]
+    assert encoding_work(few, config, training, False, 2) < encoding_work(few, config, training, False, 1)
+    together = [[(256, 256)] * 12]
+    assert encoding_work(together, config, training, False, 2) < encoding_work(together, config, training, False, 1)
 
 
 @pytest.mark.parametrize("bits", [0, 1])
