@@ -174,17 +174,17 @@ def fitted(times: Sequence[float], *counts: Sequence[float]) -> tuple[list[float
 def constants(rows: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Return the constants of `ntc.codec.block.encoding.rate` that suit `rows` best, and the error of each part as a ratio."""
     rows = [row for row in rows if "fitting" in row["parts"]]
+    scales = [row["channels"] + row["coefficients"] / CHANNEL_COEFFICIENTS for row in rows]
 
     def total(names: Sequence[str], key: str = "seconds") -> list[float]:
         """Per row; seconds are in units of the work of a channel."""
         found = []
-        for row in rows:
-            scale = row["channels"] + row["coefficients"] / CHANNEL_COEFFICIENTS if key == "seconds" else 1.0
-            found.append(sum(row["parts"].get(name, {}).get(key, 0.0) for name in names) / scale)
+        for row, scale in zip(rows, scales, strict=True):
+            own = sum(row["parts"].get(name, {}).get(key, 0.0) for name in names)
+            found.append(own / scale if key == "seconds" else own)
         return found
 
     (fit,), fit_error = fitted(total(["basis", "classes", "modes", "fitting"]), total(["fitting"], "blocks"))
-    scales = [row["channels"] + row["coefficients"] / CHANNEL_COEFFICIENTS for row in rows]
     calls = [count * scale for count, scale in zip(total(["edge modes"], "calls"), scales, strict=True)]
     (edges,), edges_error = fitted(total(["edge modes"]), calls)
     (sampling, sharing), sharing_error = fitted(

@@ -52,7 +52,6 @@ class FactsReader:
             renderer=self._renderer_name,
             timer=last.timer if last else "",
             timings_ms=self._times.medians_ms(),
-            slot_ms=self._times.slot_ms,
             skipped=last.skipped if last else {},
             drawn=last.drawn if last else {},
             divergence=self._divergence(),

@@ -160,8 +160,6 @@ class FrameTimes:
         """Take `waits` of the GraphicsContext: times of each frame are known within it; else frames are timed by the wall clock."""
         self.history = FrameHistory()
         self._waits = waits
-        self.slot_ms: Mapping[Slot, float] = {}
-        """Time in ms that each slot took when it was last drawn whole."""
         self.whole_frame_ms = 0.0
         """Time of a picture that is not coarse, in ms: all passes of the last one, or the wall time of the shorter of the last two."""
         self._wall_ms: deque[float] = deque(maxlen=2)
@@ -178,7 +176,7 @@ class FrameTimes:
 
     def note(self, frame: FrameResult) -> None:
         """Note a picture that was drawn at full resolution; coarse ones are not to be passed here."""
-        self._drawn, self.slot_ms = frame.timings_ms, frame.slot_ms
+        self._drawn = frame.timings_ms
         if self._waits:
             self.whole_frame_ms = sum(frame.timings_ms.values())
         self.note_passes(frame.timings_ms)

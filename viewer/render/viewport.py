@@ -123,7 +123,6 @@ class Viewport:
         if view == self.last_view and not self.to_come:
             if late := renderer.take_times():
                 self._times.note_passes(late)
-                self._times.slot_ms = {**self._times.slot_ms, **renderer.slot_ms((view.slot_a, view.slot_b))}
             return
         renderer.tile_budget.note_frame(self._times.last_ms)
         # Nothing can be asked about a view that could not be drawn.

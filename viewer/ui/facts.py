@@ -55,8 +55,6 @@ class FrameFacts:
     """Kind of the timer."""
     timings_ms: Mapping[str, float] = field(default_factory=dict)
     """Median time of each pass in ms, over the recent frames in which it ran."""
-    slot_ms: Mapping[Slot, float] = field(default_factory=dict)
-    """Time in ms that each slot took when it was last drawn whole."""
     skipped: Mapping[str, int] = field(default_factory=dict)
     drawn: Mapping[str, int] = field(default_factory=dict)
     divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)

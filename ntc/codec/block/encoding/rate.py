@@ -181,18 +181,20 @@ def encoding_work(
     Where a quality is asked for, tables are fitted twice, and some textures are encoded again. `ships`: no tables are fitted.
     """
     to_quality = options.quality_db is not None
+    runs = [groups]
     if options.preview_side is not None and not to_quality:
-        groups = [*groups, *_previews(groups, options.preview_side)]
-    fits = sum(fitting_work(sizes, config, ships) for sizes in groups)
-    at_once = 1 if options.groups_apart and not to_quality else min(threads, len(groups))
-    work = (2.0 if to_quality else 1.0) * fits / thread_speed(at_once)
-    # Groups of a preview are few beside the others, so that their textures need not be counted apart.
-    count = sum(map(len, groups))
-    for sizes in groups:
-        textures = sum(texture_work(size, config) for size in sizes)
-        again = REDONE_SHARE * sum(redone_work(size, config) for size in sizes)
-        again = CORRECTIONS_WORK * textures if to_quality else again
-        work += (textures + again) / encoding_speed(threads, count if to_quality else len(sizes), count)
+        runs.append(_previews(groups, options.preview_side))
+    work = 0.0
+    for each in runs:
+        at_once = 1 if options.groups_apart and not to_quality else min(threads, len(each))
+        fits = sum(fitting_work(sizes, config, ships) for sizes in each)
+        work += (2.0 if to_quality else 1.0) * fits / thread_speed(at_once)
+        count = sum(map(len, each))
+        for sizes in each:
+            textures = sum(texture_work(size, config) for size in sizes)
+            redone = REDONE_SHARE * sum(redone_work(size, config) for size in sizes)
+            again = CORRECTIONS_WORK * textures if to_quality else redone
+            work += (textures + again) / encoding_speed(threads, count if to_quality else len(sizes), count)
     return channel_work(config) * work
 
 

@@ -3,7 +3,7 @@
 Where a quality is asked for, textures are corrected until they have it.
 """
 
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, cast
@@ -215,12 +215,16 @@ class BlockEncoder(Encoder):
             words,
             fitted,
             self._config,
-            lambda work: self._worked(work / speed),
+            self._worked_at(speed),
             self._threads_each,
             prepared,
             has_own_codes=self._options.own_codes,
             redone=Redone(self._redone.pop(index, 0.0), lambda work: self._count.expect(work / speed)),
         )
+
+    def _worked_at(self, speed: float) -> Callable[[float], None]:
+        """Return `_worked` for work that is done at so many times the speed of one thread."""
+        return lambda work: self._worked(work / speed)
 
     def _worked(self, work: float) -> None:
         """In the thread of a texture. Appending to a list is atomic."""
@@ -290,11 +294,7 @@ class BlockEncoder(Encoder):
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         paced_threads = self._threads_for(len(task.textures))
-        speed = self._speed(len(every))
-
-        def worked(work: float) -> None:
-            self._worked(work / speed)
-
+        worked = self._worked_at(self._speed(len(every)))
         members = {
             index: Member(task.textures[index], each, curve, self._config, target_db, worked, self._threads_each)
             for each in fitted

@@ -68,20 +68,29 @@ def test_all_planned_work_is_done_at_the_end(
     assert reports[-1].seconds_left == pytest.approx(0.0, abs=1e-6)
 
 
-@pytest.mark.parametrize("options", [{}, {"groups_apart": True, "preview_side": 16}, {"threads": 3}])
+@pytest.mark.parametrize(
+    ("options", "count"),
+    [
+        ({}, 4),
+        ({"groups_apart": True, "preview_side": 16}, 4),
+        ({"threads": 3}, 4),
+        # With those of their preview they would not be few.
+        ({"groups_apart": True, "preview_side": 16, "threads": 4}, 6),
+    ],
+)
 def test_what_is_planned_at_first_is_what_was_forecast(
-    options: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+    options: dict[str, Any], count: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("ntc.training.trainer.SECONDS_BETWEEN_REPORTS", 0.0)
-    textures = [checkers(128, seed) for seed in range(4)]
-    request = chosen_request(textures, Grouping("two", (0, 1, 0, 1)), codec_named("block"), EncodingChoices())
+    textures = [checkers(128, seed) for seed in range(count)]
+    request = chosen_request(textures, Grouping("two", (0, 1) * (count // 2)), codec_named("block"), EncodingChoices())
     assert isinstance(request.training, BlockOptions)
     assert isinstance(request.codec, BlockConfig)
     training, config = replace(request.training, **{"threads": 1, **options}), request.codec
     assert training.threads is not None
     reports: list[TrainingProgress] = []
     encode_request(replace(request, training=training), reports.append)
-    work = encoding_work([[(128, 128)] * 2] * 2, config, training, ships=False, threads=training.threads)
+    work = encoding_work([[(128, 128)] * (count // 2)] * 2, config, training, ships=False, threads=training.threads)
     assert reports[0].work_planned == pytest.approx(work / channel_work(config))
 
 
