@@ -9,6 +9,8 @@ from typing import Any, Final
 import glcontext
 import moderngl
 
+from viewer.gl.triton_guard import refuse_triton
+
 FunctionLoader = Callable[[str], int]
 """Function: name of an OpenGL function -> its address, 0 if there is none."""
 NO_ADDRESS: Final = frozenset({1, 2, 3, (1 << 64) - 1})
@@ -70,7 +72,8 @@ SYSTEM: Final = system_of(sys.platform)
 
 
 def set_up_drivers(environment: MutableMapping[str, str] = os.environ) -> None:
-    """Set DRIVER_SETTINGS where the user has not: to be called before a context is made."""
+    """Set DRIVER_SETTINGS where the user has not, and keep triton out of the process: to be called before a context is made."""
+    refuse_triton()
     for name, value in DRIVER_SETTINGS.items():
         environment.setdefault(name, value)
 

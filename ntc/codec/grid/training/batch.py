@@ -234,7 +234,7 @@ class TrainingBatch:
         freezing = freezing_scale(self.step / self.steps, self._training.freezing)
         scale = rate_scale(self.step / self.steps, self._training) * rate_factor
         for part in self._parts:
-            part.optimizer.zero_grad(set_to_none=True)
+            part.clear_gradients()
         parts = self._data.sample(self.per_texture, self._generator, chosen)
         self._interruption()
         read = _side_by_side([self._table.read(part.index, part.weights) for part in parts], len(chosen))

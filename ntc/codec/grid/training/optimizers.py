@@ -1,7 +1,7 @@
 """Loss, gradients and optimisers of a training."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -120,63 +120,48 @@ def orthogonalised(matrices: Tensor) -> Tensor:
     return values.transpose(1, 2) if tall else values
 
 
-class Muon(torch.optim.Optimizer):
-    """The optimiser Muon for parameters of shape [count, rows, columns], each of the `count` matrices by itself."""
+class OptimizerPart(ABC):
+    """Parameters that are trained alike, and the optimiser that moves them.
 
-    def __init__(self, parameters: Iterable[Tensor], lr: float) -> None:
-        super().__init__(parameters, {"lr": lr})
+    It is none of `torch.optim`, because each of those imports torch's compiler, which imports triton. Triton and Mesa both carry LLVM,
+    and a process that has an OpenGL context of Mesa crashes when it loads triton.
+    """
+
+    def __init__(self, name: str, parameters: Iterable[Tensor], rate: float, freezes: bool = False) -> None:
+        """`rate` is the learning rate before any schedule. `freezes`: freezing slows it down, as it does for decoders, which the
+        textures of a group share."""
+        self.name, self.parameters, self.rate, self.freezes = name, list(parameters), rate, freezes
+        self._states: list[dict[str, Tensor]] = [{} for _ in self.parameters]
 
     @torch.no_grad()
-    def step(self, _closure: Any = None) -> None:  # type: ignore[override]
-        """One step with Nesterov momentum."""
-        for group in self.param_groups:
-            for parameter in group["params"]:
-                gradient = parameter.grad
-                if gradient is None:
-                    continue
-                state = self.state[parameter]
-                if not state:
-                    state["momentum"] = torch.zeros_like(parameter)
-                momentum = state["momentum"].mul_(MOMENTUM).add_(gradient)
-                direction = orthogonalised(gradient + MOMENTUM * momentum)
-                size = STEP_LIKE_ADAM * max(parameter.shape[1:]) ** 0.5
-                parameter.sub_(direction, alpha=size * group["lr"])
-
-
-@dataclass(frozen=True, eq=False)
-class OptimizerPart:
-    """Parameters that are trained alike."""
-
-    name: str
-    optimizer: torch.optim.Optimizer
-    rate: float
-    """Learning rate before any schedule."""
-    freezes: bool = False
-    """True if freezing slows it down: decoders, which the textures of a group share."""
-
-    @property
-    def parameters(self) -> list[Tensor]:
-        """The trained parameters."""
-        return [parameter for group in self.optimizer.param_groups for parameter in group["params"]]
-
     def step(self, scale: float) -> None:
         """One step at `scale` times the rate; none at 0, where Adam would still move by its momentum."""
-        if scale > 0.0:
-            self.optimizer.param_groups[0]["lr"] = self.rate * scale
-            self.optimizer.step()
+        if scale <= 0.0:
+            return
+        for parameter, state in zip(self.parameters, self._states, strict=True):
+            if parameter.grad is not None:
+                self._move(parameter, parameter.grad, state, self.rate * scale)
+
+    @abstractmethod
+    def _move(self, parameter: Tensor, gradient: Tensor, state: dict[str, Tensor], rate: float) -> None:
+        """Move a parameter against its gradient, in place; `state` is empty before the first step."""
+
+    def clear_gradients(self) -> None:
+        """Forget the gradients of the last step."""
+        for parameter in self.parameters:
+            parameter.grad = None
 
     def state(self) -> dict[str, Tensor]:
         """Parameters and their optimiser state, by name; not copies."""
         found: dict[str, Tensor] = {}
-        for number, parameter in enumerate(self.parameters):
+        for number, (parameter, state) in enumerate(zip(self.parameters, self._states, strict=True)):
             found[f"{self.name}.{number}"] = parameter.detach()
-            for key, value in self.optimizer.state.get(parameter, {}).items():
-                found[f"{self.name}.{number}.{key}"] = value
+            found.update({f"{self.name}.{number}.{key}": value for key, value in state.items()})
         return found
 
     def load(self, state: Mapping[str, Tensor]) -> None:
         """Copy a state. Raises KeyError for a missing parameter and ValueError for another shape."""
-        self.optimizer.state.clear()
+        self._states = [{} for _ in self.parameters]
         for number, parameter in enumerate(self.parameters):
             name = f"{self.name}.{number}"
             values = state[name]
@@ -190,7 +175,50 @@ class OptimizerPart:
             for key, value in remembered.items():
                 if value.numel() > 1 and value.shape != parameter.shape:
                     raise ValueError(f"{name}.{key} is {list(value.shape)}, expected {list(parameter.shape)}")
-                self.optimizer.state[parameter][key] = value.clone().to(parameter.device)
+                self._states[number][key] = value.clone().to(parameter.device)
+
+
+BETAS = (0.9, 0.999)
+EPSILON = 1e-8
+
+
+class Adam(OptimizerPart):
+    """The optimiser Adam (D. Kingma and J. Ba, 2015, algorithm 1), by the operator of torch that moves a tensor in one pass."""
+
+    def _move(self, parameter: Tensor, gradient: Tensor, state: dict[str, Tensor], rate: float) -> None:
+        if not state:
+            state["step"] = torch.zeros((), device=parameter.device)
+            state["exp_avg"] = torch.zeros_like(parameter)
+            state["exp_avg_sq"] = torch.zeros_like(parameter)
+        state["step"] += 1
+        # The operator has no public name outside torch.optim.
+        torch.ops.aten._fused_adam_(
+            [parameter],
+            [gradient],
+            [state["exp_avg"]],
+            [state["exp_avg_sq"]],
+            [],
+            [state["step"]],
+            lr=rate,
+            beta1=BETAS[0],
+            beta2=BETAS[1],
+            weight_decay=0.0,
+            eps=EPSILON,
+            amsgrad=False,
+            maximize=False,
+        )
+
+
+class Muon(OptimizerPart):
+    """The optimiser Muon for parameters of shape [count, rows, columns], each of the `count` matrices by itself."""
+
+    def _move(self, parameter: Tensor, gradient: Tensor, state: dict[str, Tensor], rate: float) -> None:
+        if not state:
+            state["momentum"] = torch.zeros_like(parameter)
+        momentum = state["momentum"].mul_(MOMENTUM).add_(gradient)
+        direction = orthogonalised(gradient + MOMENTUM * momentum)
+        size = STEP_LIKE_ADAM * max(parameter.shape[1:]) ** 0.5
+        parameter.sub_(direction, alpha=size * rate)
 
 
 def optimizer_parts(
@@ -199,17 +227,13 @@ def optimizer_parts(
     """Return the optimisers of `training`, that of the latents first."""
     hidden = list(decoders.weights[:-1]) if training.hidden_optimizer == "muon" else []
     others = [p for p in decoders.parameters() if not any(p is matrix for matrix in hidden)]
-
-    def adam(parameters: Sequence[Tensor], rate: float) -> torch.optim.Optimizer:
-        return torch.optim.Adam(parameters, lr=rate, fused=True)
-
     rate = training.decoder_rate
-    parts = [
-        OptimizerPart("latents", adam([latents], training.latent_rate), training.latent_rate),
-        OptimizerPart("decoders", adam(others, rate), rate, freezes=True),
+    parts: list[OptimizerPart] = [
+        Adam("latents", [latents], training.latent_rate),
+        Adam("decoders", others, rate, freezes=True),
     ]
     if hidden:
-        parts.append(OptimizerPart("hidden", Muon(hidden, training.hidden_rate), training.hidden_rate, freezes=True))
+        parts.append(Muon("hidden", hidden, training.hidden_rate, freezes=True))
     if adapters is not None:
-        parts.append(OptimizerPart("adapters", adam(list(adapters.parameters()), rate), rate))
+        parts.append(Adam("adapters", adapters.parameters(), rate))
     return tuple(parts)

@@ -14,7 +14,7 @@ from ntc.codec.grid.torch_twin import AdapterStack, DecoderStack, positional_enc
 from ntc.codec.grid.training import optimizers as decoder_loss
 from ntc.codec.grid.training.config import FreezingConfig, TrainingConfig, freezing_scale, rate_scale, recipe_config
 from ntc.codec.grid.training.data import IMAGE_DEVIATION, LATENT_SPREAD, TrainingData, image_latents, random_latents
-from ntc.codec.grid.training.optimizers import Muon, orthogonalised, squared_error
+from ntc.codec.grid.training.optimizers import BETAS, EPSILON, Adam, Muon, orthogonalised, squared_error
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.mips import linear_to_srgb, mip_chain, srgb_to_linear
 from ntc.codec.textures import SourceTexture, hash_pixels
@@ -119,7 +119,7 @@ def test_each_matrix_is_made_orthogonal_by_itself() -> None:
 def test_no_gradient_is_no_step_and_a_zero_gradient_stays_finite() -> None:
     still, zero = (torch.nn.Parameter(torch.ones(2, 3, 4)) for _ in range(2))
     zero.grad = torch.zeros(2, 3, 4)
-    Muon([still, zero], lr=0.1).step()
+    Muon("hidden", [still, zero], 0.1).step(1.0)
     for parameter in (still, zero):
         torch.testing.assert_close(parameter.detach(), torch.ones(2, 3, 4))
 
@@ -129,16 +129,37 @@ def test_it_fits_a_matrix_sooner_than_small_steps_would() -> None:
     wanted, inputs = torch.randn(1, 8, 16, generator=generator), torch.randn(200, 16, generator=generator)
     inputs = inputs * torch.logspace(0, -2, 16)
     found = torch.nn.Parameter(torch.zeros(1, 8, 16))
-    optimizer = Muon([found], lr=0.1)
+    optimizer = Muon("hidden", [found], 0.1)
     losses = []
     for step in range(300):
-        optimizer.param_groups[0]["lr"] = 0.1 * (1.0 - step / 300)
         loss = ((inputs @ (found - wanted).transpose(1, 2)) ** 2).mean()
         losses.append(loss.item())
-        optimizer.zero_grad()
+        optimizer.clear_gradients()
         loss.backward()
-        optimizer.step()
+        optimizer.step(1.0 - step / 300)
     assert losses[-1] < 1e-2 * losses[0]
+
+
+def test_adam_moves_as_the_published_algorithm_does_in_float64() -> None:
+    random = np.random.default_rng(4)
+    start = random.standard_normal((7, 5))
+    gradients = random.standard_normal((20, 7, 5)) * np.logspace(-9, 4, 7)[:, None]
+    gradients[:, 3], gradients[5:9, 4] = 0.0, 0.0
+    parameter = torch.nn.Parameter(torch.from_numpy(start.astype(np.float32)))
+    optimizer = Adam("part", [parameter], 0.02)
+    wanted, first, second = start.copy(), np.zeros_like(start), np.zeros_like(start)
+    for step, gradient in enumerate(gradients, start=1):
+        rate = 0.02 * (1.0 - step / 40)
+        parameter.grad = torch.from_numpy(gradient.astype(np.float32))
+        optimizer.step(1.0 - step / 40)
+        first = BETAS[0] * first + (1.0 - BETAS[0]) * gradient
+        second = BETAS[1] * second + (1.0 - BETAS[1]) * gradient**2
+        corrected = first / (1.0 - BETAS[0] ** step), second / (1.0 - BETAS[1] ** step)
+        wanted -= rate * corrected[0] / (np.sqrt(corrected[1]) + EPSILON)
+    np.testing.assert_allclose(parameter.detach().numpy(), wanted, rtol=2e-5, atol=2e-6)
+    before = parameter.detach().clone()
+    optimizer.step(0.0)
+    torch.testing.assert_close(parameter.detach(), before, rtol=0, atol=0)
 
 
 def test_freezing_follows_the_paper() -> None:
