@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 @njit(nogil=True, cache=True)
 def _two_least(errors: NDArray[np.float32]) -> tuple[int, int]:
-    """Return places of the least and the second least of `errors`."""
-    first, second = 0, 1
-    if errors[1] < errors[0]:
-        first, second = 1, 0
+    """Return places of the least and the second least of `errors`; the same place twice where there is only one."""
+    first, second = 0, min(1, len(errors) - 1)
+    if errors[second] < errors[first]:
+        first, second = second, first
     for place in range(2, len(errors)):
         if errors[place] < errors[second]:
             second = place

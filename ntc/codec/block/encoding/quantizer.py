@@ -21,7 +21,7 @@ LOOKUP_CELLS = 2048
 """Cells over the range: finer than the closest levels."""
 
 SHORTLIST = 2
-"""Modes that are compared by the table of errors: with more of them, pictures were not nearer."""
+"""Modes at most that are compared by the table of errors: with more of them, pictures were not nearer."""
 LEAST_SHARE = 0.5
 """Of the error expected of coefficients near 0: no block is expected to have less."""
 
@@ -81,15 +81,15 @@ def best_modes(
 ) -> torch.Tensor:
     """[blocks] int64: the mode in which each block has about the least squared error.
 
-    `expected` [blocks, modes] errors name two modes, and the table of errors chooses among them; `depths` [modes, coefficients] int64,
-    `scales` [modes, coefficients] float32.
+    `expected` [blocks, modes] errors name two modes, or the only one, and the table of errors chooses among them; `depths` [modes,
+    coefficients] int64, `scales` [modes, coefficients] float32.
     """
     if compiled is not None:
         found = np.empty(len(values), np.int64)
         table = (error_table().numpy(), np.float32(LOOKUP_RANGE), LOOKUP_CELLS)
         compiled.better_of_two(values.numpy(), expected.numpy(), depths.numpy(), scales.numpy(), *table, found)
         return torch.from_numpy(found)
-    shortlist = expected.topk(SHORTLIST, dim=1, largest=False).indices
+    shortlist = expected.topk(min(SHORTLIST, expected.shape[1]), dim=1, largest=False).indices
     errors = [_looked_up(values, depths[modes], scales[modes]) for modes in shortlist.unbind(1)]
     return shortlist.gather(1, torch.stack(errors, dim=1).argmin(1, keepdim=True))[:, 0]
 
