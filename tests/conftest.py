@@ -14,6 +14,7 @@ os.environ["NTC_VIEWER_DECODER_VARIANT"] = "default"
 
 from tests.drivers.messages import own_session_folders
 from tests.shared_context import share
+from tests.support.checked_indices import checked_indices
 
 # Before other conftest.py files import what makes contexts: pytest reads those of folders that it is given first of all.
 share()
@@ -24,8 +25,10 @@ DRAWING = ("drivers", "gl", "golden", "ui")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Have session folders before anything is drawn in this process or in one that it starts."""
+    """Have session folders before anything is drawn in this process or in one that it starts, and check indices where that is asked
+    for."""
     stack = ExitStack()
+    stack.enter_context(checked_indices(config))
     stack.enter_context(own_session_folders())
     config.add_cleanup(stack.close)
 
