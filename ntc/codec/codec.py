@@ -294,6 +294,10 @@ class Codec(ABC):
     def encoder(self, task: EncodingTask) -> Encoder:
         """Return the work of an encoding. Raises InputError for a device that is missing."""
 
+    def compiled_functions(self) -> Mapping[Any, tuple[Any, ...]]:
+        """Return the functions of an encoder that numba compiles, each with the types of its arguments; empty without numba."""
+        return {}
+
     @abstractmethod
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
         """Return a pack that is shown until the first snapshots: flat colours. Latents have their largest size, so that what comes

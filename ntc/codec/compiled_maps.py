@@ -1,18 +1,20 @@
 """The first mip of a texture, and angles between normals, compiled by numba."""
 
 import numpy as np
-from numba import njit
+from numba import float32, float64, int64, uint8
 from numpy.typing import NDArray
 
+from ntc.codec.compiling import Signatures, compiled_loop
 
-@njit(nogil=True, cache=True)
+
+@compiled_loop()
 def _z(x: np.float32, y: np.float32) -> np.float32:
     """Return z of a unit vector with this `x` and `y`, never below 0."""
     found: np.float32 = np.sqrt(max(np.float32(1.0) - (x * x + y * y), np.float32(0.0)))
     return found
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def halve(pixels: NDArray[np.uint8], tables: NDArray[np.float32], normal: int, out: NDArray[np.float32]) -> None:
     """Write the mean of 2x2 texels of `pixels` [H, W, C], both sides even, by the values of `tables` [C, 256], into `out` [H/2, W/2,
     C]. Channels `normal` and the next one are xy of normals, whose z comes after them; -1: there are none."""
@@ -38,7 +40,7 @@ def halve(pixels: NDArray[np.uint8], tables: NDArray[np.float32], normal: int, o
                     place += 1
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def write_angles(coded: NDArray[np.uint8], others: NDArray[np.uint8], degrees: NDArray[np.float64]) -> None:
     """Write the angles in degrees between normals whose xy are `coded` and `others` [H, W, 2] into `degrees` [H, W]."""
     step, one = np.float32(2.0 / 255.0), np.float32(1.0)
@@ -53,3 +55,9 @@ def write_angles(coded: NDArray[np.uint8], others: NDArray[np.uint8], degrees: N
             # By both: the cosine alone has no digits left for small angles.
             sine = np.sqrt((y * w - z * v) ** 2 + (z * u - x * w) ** 2 + (x * v - y * u) ** 2)
             degrees[row, column] = np.degrees(np.arctan2(sine, x * u + y * v + z * w))
+
+
+SIGNATURES: Signatures = {
+    halve: (uint8[:, :, ::1], float32[:, ::1], int64, float32[:, :, ::1]),
+    write_angles: (uint8[:, :, :], uint8[:, :, :], float64[:, ::1]),
+}

@@ -15,6 +15,7 @@ from ntc.codec.registry import chosen_codec, codec_named, codec_of
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, ProcessEndedError, TrainingCancelledError
 from ntc.threads import usable_cores, wait_passively
+from ntc.training.compiling import CompilingAhead
 from ntc.training.messages import (
     Ended,
     EndReason,
@@ -135,6 +136,8 @@ def _run(request: TrainingRequest, host: _WindowHost) -> Ended:
 
     try:
         host.interruption()
+        if _compiling is not None:
+            _compiling.wait(host.progress, host.interruption)
         ended = Trainer(request, host).run()
     except TrainingCancelledError:
         ended = Ended("cancelled")
@@ -152,17 +155,26 @@ def _one_line(error: BaseException) -> str:
     return f"training: {type(error).__name__}: {text}"
 
 
+_compiling: CompilingAhead | None = None
+"""The compiling that this process began when it got ready."""
+
+
 def warm_up() -> None:
-    """Import what trains, and encode a texture: what torch does for the first time takes a second."""
+    """Import what trains, and encode a texture: what torch does for the first time takes a second. Where the encoder is to be compiled
+    first, that goes on when this returns."""
+    global _compiling  # noqa: PLW0603
     wait_passively()
     # An error is reported when a training imports it again.
     with suppress(Exception):
+        importlib.import_module("ntc.training.trainer")
         from ntc.training.encode import encode_chosen
 
+        codec = codec_named(chosen_codec(EncodingChoices()))
+        _compiling = CompilingAhead(codec)
+        if not _compiling.wait_loaded():
+            return
         noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
-        textures, grouping = [SourceTexture("noise", noise, "")], Grouping("single", (0,))
-        encode_chosen(textures, grouping, codec_named(chosen_codec(EncodingChoices())), EncodingChoices())
-        importlib.import_module("ntc.training.trainer")
+        encode_chosen([SourceTexture("noise", noise, "")], Grouping("single", (0,)), codec, EncodingChoices())
 
 
 SECONDS_TO_CANCEL = 0.6

@@ -52,7 +52,9 @@ def training_work(training: LiveTraining) -> Iterator[Work]:
         state = STATES[run.state]
         if progress is None:
             state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-        share = progress.share if progress is not None else None
+        elif not progress.steps:
+            state = state or progress.work
+        share = progress.share if progress is not None and progress.steps else None
         left = run.seconds_left if not state else None
         # A run that is being cancelled cannot be cancelled again.
         cancel = "training.cancel" if run.state != "cancelling" else ""

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from types import FrameType
 
@@ -19,7 +20,7 @@ from rich.console import Console
 
 from ntc.codec.codec import Codec
 from ntc.codec.config import GroupingName
-from ntc.codec.encoding import PRESETS, BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target
+from ntc.codec.encoding import PRESETS, BitsTarget, CancelQuestion, EncodingChoices, QualityTarget, SizeTarget, Target
 from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Pack
 from ntc.codec.registry import chosen_codec, codec_named
@@ -35,6 +36,7 @@ from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import write_pack
 from ntc.threads import usable_cores
 from ntc.torch_device import peak_memory_bytes
+from ntc.training.compiling import CompilingAhead
 from ntc.training.encode import chosen_request, encode_request
 from ntc.training.messages import TrainingProgress
 from viewer.cli.options import EncodeOptions
@@ -369,6 +371,9 @@ class _EncodingProgress(TerminalProgress):
 
     def of_training(self, progress: TrainingProgress) -> None:
         """Show the progress of an encoding in this process."""
+        if not progress.steps:
+            self.show(progress.share, progress.work)
+            return
         quality = f"  PSNR {progress.mean_psnr_db:.2f} dB" if progress.psnr_db else ""
         rate = f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s{time_left_text(progress.seconds_left)}"
         if progress.note:
@@ -443,6 +448,13 @@ def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float
 
     Raises InputError for bad input and for a target that cannot be reached, KeyboardInterrupt after Ctrl-C.
     """
+    # Beside the reading of the scene.
+    with CompilingAhead(codec_named(_codec_name(options))) as compiling:
+        return _encode_compiled(options, compiling)
+
+
+def _encode_compiled(options: EncodeOptions, compiling: CompilingAhead) -> tuple[Codec, EncodingChoices, Pack, float]:
+    """As `_encode`, with the codec that `compiling` compiles."""
     name = _codec_name(options)
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size, _maps(options), options.map_weights)
@@ -468,15 +480,15 @@ def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float
     pace = Pace()
     request = chosen_request(textures, grouping, codec, choices)
     request = replace(request, expected_seconds=pace.expected_seconds(request))
-    with _EncodingProgress() as report:
-        began = time.monotonic()
-        with deferred_interrupt() as interrupted:
-            try:
-                pack = encode_request(request, report.of_training, interrupted, choices.state, rescued_state)
-            except TrainingCancelledError:
-                # What a shell expects of Ctrl-C.
-                raise KeyboardInterrupt from None
-            stopped = interrupted() and not codec.trains
+    with _EncodingProgress() as report, deferred_interrupt() as interrupted:
+        try:
+            compiling.wait(report.of_training, partial(_check_interrupt, interrupted))
+            began = time.monotonic()
+            pack = encode_request(request, report.of_training, interrupted, choices.state, rescued_state)
+        except TrainingCancelledError:
+            # What a shell expects of Ctrl-C.
+            raise KeyboardInterrupt from None
+        stopped = interrupted() and not codec.trains
     seconds = time.monotonic() - began
     if not stopped:
         pace.note_run(request, seconds)
@@ -484,6 +496,11 @@ def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float
     if stopped:
         console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)
     return codec, choices, pack, seconds
+
+
+def _check_interrupt(interrupted: CancelQuestion) -> None:
+    if interrupted():
+        raise TrainingCancelledError
 
 
 def write_or_rescue(out: Path, pack: Pack) -> None:

@@ -224,6 +224,15 @@ class BlockCodec(Codec):
 
         return assigned(textures, [block_parts(pack) for pack in packs], packs[0].grouping.name, decoders)
 
+    def compiled_functions(self) -> Mapping[Any, tuple[Any, ...]]:
+        try:
+            from ntc.codec import compiled_maps
+            from ntc.codec.block.encoding import compiled, compiled_edges, compiled_modes, compiled_texels
+        except ImportError:
+            return {}
+        modules = (compiled_texels, compiled_modes, compiled_edges, compiled, compiled_maps)
+        return {function: types for module in modules for function, types in module.SIGNATURES.items()}
+
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:
         return mean_colour_pack(textures, grouping, cast(BlockConfig, settings))
 

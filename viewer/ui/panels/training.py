@@ -209,7 +209,8 @@ class TrainingPanel:
 def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
     """Draw the progress of a run: full at its end, moving while it is unknown."""
     progress = run.progress if run is not None else None
-    share = 1.0 if run is None else -0.6 * imgui.get_time() if progress is None else progress.share
+    is_known = progress is not None and progress.steps > 0
+    share = 1.0 if run is None else progress.share if progress is not None and is_known else -0.6 * imgui.get_time()
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*INKS["dark"]["a"]))
     # The text stands below: over the bar it would be hard to read.
     imgui.progress_bar(min(1.0, share), ImVec2(-1, grid(1.5)), "")
@@ -223,6 +224,8 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
     state, progress = STATES[run.state], run.progress
     if progress is None:
         return f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
+    if not progress.steps:
+        return f"{state or progress.work}, {duration(progress.elapsed_seconds)}"
     left = run.seconds_left
     rest = state or (f"{duration(left)} left" if left is not None else f"{duration(progress.elapsed_seconds)} so far")
     # The work that is under way: 1 of 1, not 0 of 1.

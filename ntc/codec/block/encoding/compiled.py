@@ -4,7 +4,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from numba import float32, float64, int64, uint8, uint32
 from numpy.typing import NDArray
 
 from ntc.codec.block.codes import first_branches
@@ -13,6 +13,7 @@ from ntc.codec.block.encoding.quantizer import LOOKUP_CELLS, LOOKUP_RANGE
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.trellis import level_table
 from ntc.codec.block_trellis import BRANCHES, LARGEST_DEPTH, STATES, scale_values
+from ntc.codec.compiling import Signatures, compiled_loop
 
 _SUBSETS = np.array([subset for branches in BRANCHES for _, subset in branches], np.int64)
 """By state and branch."""
@@ -44,7 +45,8 @@ def search_tables(decoder: BlockDecoder, config: BlockConfig, size: int) -> Sear
     depths = decoder.depths(config)[size].astype(np.int64)
     scales = scale_values(decoder.scales).astype(np.float32)
     counts = (depths > 0).sum(1)
-    rows = np.argsort(depths == 0, axis=1, kind="stable")[:, : max(1, counts.max())]
+    # In one piece, as for all decoders: for arrays that lie otherwise numba compiles the loops once more.
+    rows = np.ascontiguousarray(np.argsort(depths == 0, axis=1, kind="stable")[:, : max(1, counts.max())])
     modes = np.arange(len(depths))[:, None]
     levels = level_table()
     return SearchTables(
@@ -70,7 +72,7 @@ def nearest_levels(levels: NDArray[np.float64]) -> NDArray[np.uint8]:
     return nearest
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _start_state(word: NDArray[np.uint32], before: int) -> int:
     state = 0
     for bit in range(before - 3, before):
@@ -78,7 +80,7 @@ def _start_state(word: NDArray[np.uint32], before: int) -> int:
     return state
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _weigh_levels(
     value: float,
     depth: int,
@@ -99,7 +101,7 @@ def _weigh_levels(
         error[subset] = difference * difference
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _step(
     cost: NDArray[np.float32], following: NDArray[np.float32], error: NDArray[np.float32], came: NDArray[np.uint8]
 ) -> None:
@@ -114,7 +116,7 @@ def _step(
         cost[state] = following[state]
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _write(word: NDArray[np.uint32], place: int, value: int, width: int) -> None:
     """Set `width` bits, which are 0, to `value`."""
     shifted = np.uint64(value) << np.uint64(place & 31)
@@ -123,7 +125,7 @@ def _write(word: NDArray[np.uint32], place: int, value: int, width: int) -> None
         word[(place >> 5) + 1] |= np.uint32(shifted >> np.uint64(32))
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _without_bits(value: NDArray[np.float32], rows: NDArray[np.int64]) -> float:
     """Squares of the coefficients that have no bits and are decoded as 0."""
     total = np.float32(0.0)
@@ -134,7 +136,7 @@ def _without_bits(value: NDArray[np.float32], rows: NDArray[np.int64]) -> float:
     return float(max(total, np.float32(0.0)))
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def write_codes(
     values: NDArray[np.float32],
     modes: NDArray[np.int64],
@@ -177,7 +179,7 @@ def write_codes(
                 _write(words[block], rest, number >> 2, width)
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _read(word: NDArray[np.uint32], place: int, width: int) -> int:
     """Return the number of `width` bits at `place`."""
     found = np.uint64(word[place >> 5]) >> np.uint64(place & 31)
@@ -186,7 +188,7 @@ def _read(word: NDArray[np.uint32], place: int, width: int) -> int:
     return int(found & ((np.uint64(1) << np.uint64(width)) - np.uint64(1)))
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def read_codes(
     words: NDArray[np.uint32],
     modes: NDArray[np.int64],
@@ -213,3 +215,31 @@ def read_codes(
             values[block, rows[mode, k]] = levels[depth, number] * scales[mode, k]
             state = (2 * state + branch) & (STATES - 1)
             rest += depth - 1
+
+
+SIGNATURES: Signatures = {
+    write_codes: (
+        float32[:, ::1],
+        int64[::1],
+        uint32[:, ::1],
+        float32[::1],
+        int64[::1],
+        int64[:, ::1],
+        int64[:, ::1],
+        float32[:, ::1],
+        int64[::1],
+        uint8[:, :, ::1],
+        float32[:, ::1],
+    ),
+    read_codes: (
+        uint32[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+        int64[::1],
+        int64[:, ::1],
+        int64[:, ::1],
+        float64[:, ::1],
+        int64[::1],
+        float64[:, ::1],
+    ),
+}

@@ -3,8 +3,10 @@
 Values of a block lie by channel here, so that loops over its texels use the processor's vectors."""
 
 import numpy as np
-from numba import njit
+from numba import boolean, float32, int64, uint8
 from numpy.typing import NDArray
+
+from ntc.codec.compiling import Signatures, compiled_loop
 
 POWER_ROUNDS = 6
 """Of the iteration that finds a block's principal direction."""
@@ -12,7 +14,7 @@ SUMS_IN_ANY_ORDER = {"reassoc", "contract"}
 """What the compiler may do to numbers: sums of vectors. Any machine gives the same bytes each time, whatever the threads."""
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _covary(
     values: NDArray[np.float32], squares: NDArray[np.float32], mean: NDArray[np.float32], out: NDArray[np.float32]
 ) -> None:
@@ -32,7 +34,7 @@ def _covary(
             out[one, other] = out[other, one] = total * np.sqrt(squares[one] * squares[other])
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _turn_to_principal(covariance: NDArray[np.float32], direction: NDArray[np.float32]) -> None:
     """Write about the direction of greatest variance into `direction` [channels]."""
     channels = len(direction)
@@ -50,7 +52,7 @@ def _turn_to_principal(covariance: NDArray[np.float32], direction: NDArray[np.fl
             direction[one] = following[one] / np.sqrt(length)
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _extremes(
     values: NDArray[np.float32], direction: NDArray[np.float32], place: NDArray[np.float32], ends: NDArray[np.float32]
 ) -> None:
@@ -72,7 +74,7 @@ def _extremes(
         ends[0, channel], ends[1, channel] = values[channel, least], values[channel, most]
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _take_indices(
     values: NDArray[np.float32],
     squares: NDArray[np.float32],
@@ -108,7 +110,7 @@ def _take_indices(
     return float(error)
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _fit_ends(
     values: NDArray[np.float32], numbers: NDArray[np.float32], largest: np.float32, ends: NDArray[np.float32]
 ) -> None:
@@ -135,7 +137,7 @@ def _fit_ends(
         ends[1, channel] = (first * to_second - both * to_first) / determinant
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _fit(
     values: NDArray[np.float32],
     squares: NDArray[np.float32],
@@ -167,7 +169,7 @@ def _fit(
         _fit_ends(values, numbers, largest, ends)
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _turned(
     block: NDArray[np.float32],
     mean: NDArray[np.float32],
@@ -190,7 +192,7 @@ def _turned(
                 out[one, texel] += factor * own[other, texel]
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def fit_plane(
     blocks: NDArray[np.float32],
     channels: NDArray[np.int64],
@@ -235,7 +237,7 @@ def fit_plane(
                         rest[block, texel, place] += missed[other, texel] * factor
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _halve(values: NDArray[np.float32], side: int, out: NDArray[np.float32]) -> None:
     """Write the averages of 2x2 of `values` [side x side] into `out` [side / 2 x side / 2]."""
     half, quarter = side // 2, np.float32(0.25)
@@ -248,7 +250,7 @@ def _halve(values: NDArray[np.float32], side: int, out: NDArray[np.float32]) -> 
             )
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _take_part(
     colours: NDArray[np.uint8],
     share: NDArray[np.float32],
@@ -269,7 +271,7 @@ def _take_part(
             missed[channel, texel] -= value
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def _share_of(
     indices: NDArray[np.uint8], side: int, largest: int, scratch: NDArray[np.float32], out: NDArray[np.float32]
 ) -> None:
@@ -283,7 +285,7 @@ def _share_of(
         out[1, texel] = max(out[1, texel] - out[0, texel] * out[0, texel], np.float32(0.0))
 
 
-@njit(nogil=True, cache=True, fastmath=SUMS_IN_ANY_ORDER)
+@compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
 def add_derived(
     blocks: NDArray[np.float32],
     rest: NDArray[np.float32],
@@ -335,3 +337,34 @@ def add_derived(
             for texel in range(texels // 4):
                 total += left[texel] * left[texel]
         costs[block] += total
+
+
+SIGNATURES: Signatures = {
+    fit_plane: (
+        float32[:, :, ::1],
+        int64[::1],
+        float32[::1],
+        float32[:, ::1],
+        float32[:, ::1],
+        float32[::1],
+        int64,
+        int64,
+        uint8[:, :, ::1],
+        uint8[:, ::1],
+        float32[:, :, ::1],
+    ),
+    add_derived: (
+        float32[:, :, ::1],
+        float32[:, :, ::1],
+        int64,
+        int64[::1],
+        float32[:, ::1],
+        float32[:, ::1],
+        float32[:, ::1],
+        boolean[::1],
+        int64,
+        uint8[:, :, ::1],
+        uint8[:, ::1],
+        float32[::1],
+    ),
+}

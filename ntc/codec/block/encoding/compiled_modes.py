@@ -1,11 +1,13 @@
 """The choice of modes by errors that are expected, compiled by numba."""
 
 import numpy as np
-from numba import njit
+from numba import float32, int64, uint8
 from numpy.typing import NDArray
 
+from ntc.codec.compiling import Signatures, compiled_loop
 
-@njit(nogil=True, cache=True)
+
+@compiled_loop()
 def _two_least(errors: NDArray[np.float32]) -> tuple[int, int]:
     """Return places of the least and the second least of `errors`; the same place twice where there is only one."""
     first, second = 0, min(1, len(errors) - 1)
@@ -19,7 +21,7 @@ def _two_least(errors: NDArray[np.float32]) -> tuple[int, int]:
     return first, second
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def two_least(expected: NDArray[np.float32], errors: NDArray[np.float32], modes: NDArray[np.uint8]) -> None:
     """Write the least of `expected` [blocks, sizes, modes] into `errors` [blocks, sizes], and the two modes of the least ones into
     `modes` [blocks, sizes, 2]."""
@@ -30,7 +32,7 @@ def two_least(expected: NDArray[np.float32], errors: NDArray[np.float32], modes:
             modes[block, size, 0], modes[block, size, 1] = first, second
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _looked_up(
     values: NDArray[np.float32],
     depths: NDArray[np.int64],
@@ -50,7 +52,7 @@ def _looked_up(
     return float(total)
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def better_of_two(
     values: NDArray[np.float32],
     expected: NDArray[np.float32],
@@ -68,3 +70,18 @@ def better_of_two(
         one = _looked_up(values[block], depths[first], scales[first], table, reach, cells)
         other = _looked_up(values[block], depths[second], scales[second], table, reach, cells)
         found[block] = second if other < one else first
+
+
+SIGNATURES: Signatures = {
+    two_least: (float32[:, :, ::1], float32[:, ::1], uint8[:, :, ::1]),
+    better_of_two: (
+        float32[:, ::1],
+        float32[:, ::1],
+        int64[:, ::1],
+        float32[:, ::1],
+        float32[::1],
+        float32,
+        int64,
+        int64[::1],
+    ),
+}

@@ -1,14 +1,16 @@
 """Texels of blocks in units of a texture's axes and back, compiled by numba."""
 
 import numpy as np
-from numba import njit
+from numba import float32, float64, int64, uint8
 from numpy.typing import NDArray
+
+from ntc.codec.compiling import Signatures, compiled_loop
 
 MOMENTS_AT_ONCE = 4096
 """Texels whose squares of 8-bit values are summed in 32 bits, which hold them."""
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def _used(matrix: NDArray[np.floating]) -> NDArray[np.int64]:
     """Return [columns, 2]: first row that is not 0 in each column of `matrix`, and the one after the last."""
     found = np.zeros((matrix.shape[1], 2), np.int64)
@@ -21,7 +23,7 @@ def _used(matrix: NDArray[np.floating]) -> NDArray[np.int64]:
     return found
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def normalise(
     texels: NDArray[np.uint8], mean: NDArray[np.float32], inverse: NDArray[np.float32], out: NDArray[np.float32]
 ) -> None:
@@ -40,7 +42,7 @@ def normalise(
                 out[block, texel * channels + channel] = total
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def add_moments(values: NDArray[np.uint8], sums: NDArray[np.int64], products: NDArray[np.int64]) -> None:
     """Add the sums of 8-bit `values` [texels, channels] and of the products of channels to `sums` and `products`, which are exact."""
     channels = values.shape[1]
@@ -64,7 +66,7 @@ def add_moments(values: NDArray[np.uint8], sums: NDArray[np.int64], products: ND
                     products[other, one] = products[one, other]
 
 
-@njit(nogil=True, cache=True)
+@compiled_loop()
 def show(
     transformed: NDArray[np.float64], mean: NDArray[np.float64], axes: NDArray[np.float64], out: NDArray[np.uint8]
 ) -> None:
@@ -78,3 +80,10 @@ def show(
                     value += axes[channel, column] * transformed[column, block, texel]
                 value = min(max(value, 0.0), 1.0)
                 out[block, texel, channel] = np.uint8(np.rint(value * 255.0))
+
+
+SIGNATURES: Signatures = {
+    normalise: (uint8[:, :, ::1], float32[::1], float32[:, ::1], float32[:, ::1]),
+    add_moments: (uint8[:, ::1], int64[::1], int64[:, ::1]),
+    show: (float64[:, :, ::1], float64[::1], float64[:, ::1], uint8[:, :, ::1]),
+}
