@@ -1,6 +1,9 @@
 """`encode`, `decode` and `info` on a small scene and on a folder of images."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -8,7 +11,9 @@ import pytest
 
 from ntc.codec.grid.model import grid_parts
 from ntc.pack.file import read_pack
+from ntc.training.compiling import COMPILING
 from tests.drivers.messages import error_line
+from tests.support.rest.detailed_scenes import write_wall
 from viewer import cli
 from viewer.scene.images import read_image, write_png
 
@@ -142,3 +147,18 @@ def test_covisible_samples_places_where_there_are_no_cameras(encoded_scene: Path
     arguments = ["encode", str(encoded_scene), "--out", str(out), "--grouping", "covisible", "--clusters", "1"]
     assert cli.main([*arguments, "--steps", "5", "--device", "cpu"]) == 0
     assert read_pack(out).grouping.groups == (0, 0)
+
+
+@pytest.mark.nightly
+def test_the_first_encoding_says_that_the_encoder_is_compiled_and_later_ones_do_not(tmp_path: Path) -> None:
+    scene = write_wall(tmp_path / "wall.glb")
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    packs, messages = list[bytes](), list[str]()
+    for number in range(2):
+        out = tmp_path / f"{number}.ntc"
+        command = [sys.executable, "-m", "viewer", "encode", str(scene), "--out", str(out)]
+        result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+        packs.append(out.read_bytes())
+        messages.append(result.stderr)
+    assert [COMPILING in message for message in messages] == [True, False]
+    assert packs[0] == packs[1]

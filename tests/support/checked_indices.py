@@ -26,11 +26,13 @@ def checked_indices(config: pytest.Config) -> Iterator[None]:
     if not are_checked():
         yield
         return
+    forbid_negative_indices()
+    if hasattr(config, "workerinput"):
+        # The cache is that of the process that started this worker.
+        yield
+        return
     with tempfile.TemporaryDirectory(prefix="checked-") as folder:
-        # Workers of a run share the cache of the process that started them, whose patch they repeat.
-        if not hasattr(config, "workerinput"):
-            os.environ["NUMBA_CACHE_DIR"] = folder
-        forbid_negative_indices()
+        os.environ["NUMBA_CACHE_DIR"] = folder
         yield
 
 

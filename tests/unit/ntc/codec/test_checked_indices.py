@@ -13,12 +13,12 @@ checked = pytest.mark.skipif(not are_checked(), reason="NUMBA_BOUNDSCHECK is not
 
 
 @njit(nogil=True)
-def _at(values: NDArray[np.float32], place: int) -> float:
+def _at(values: NDArray[np.float32], place: int | np.integer) -> float:
     return float(values[place])
 
 
 @njit(nogil=True)
-def _at_row(values: NDArray[np.float32], row: int, column: int) -> float:
+def _at_row(values: NDArray[np.float32], row: int | np.integer, column: int | np.integer) -> float:
     return _at(values[row], column)
 
 

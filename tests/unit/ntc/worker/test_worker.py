@@ -25,6 +25,7 @@ from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.grouping import make_grouping
 from ntc.pack.file import read_pack, write_pack
+from ntc.training.compiling import COMPILING
 from ntc.training.encode import encode_textures
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
@@ -548,3 +549,18 @@ def test_gains_of_tables_that_ship_come_with_their_decoders(shared: TrainingWork
         assert psnr_db(decode_image(read, index), source.pixels) == pytest.approx(
             pack.textures[index].psnr_db, abs=0.05
         )
+
+
+def test_a_training_that_waits_for_the_compiler_says_so_and_can_be_cancelled(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    with TrainingWorker() as worker:
+        worker.start(BLOCKS_FROM_NOTHING)
+        (first, *_) = until(worker, TrainingProgress)
+        assert isinstance(first, TrainingProgress)
+        assert (first.work, first.steps) == (COMPILING, 0)
+        worker.cancel()
+        end = until(worker, Finished)[-1]
+        assert isinstance(end, Finished)
+        assert end.reason == "cancelled"
