@@ -3,7 +3,7 @@
 import moderngl
 
 from viewer.gl.context import GraphicsContext
-from viewer.gl.functions import GL_CONSTANT_ALPHA, GL_ONE_MINUS_CONSTANT_ALPHA
+from viewer.gl.functions import GL_ONE_MINUS_SRC1_COLOR, GL_SRC1_COLOR
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import TextureUnit
@@ -36,9 +36,8 @@ class AccumulatePass:
         mean.framebuffer.use()
         self.sample(mean.size).texture.use(int(TextureUnit.PICTURE_A))
         gl.enable_only(moderngl.BLEND)
-        gl.blend_func = GL_CONSTANT_ALPHA, GL_ONE_MINUS_CONSTANT_ALPHA
-        self._context.functions("glBlendColor", 0.0, 0.0, 0.0, 1.0 / (samples_before + 1))
-        set_uniforms(self._triangle.program, {"depth": 0.0})
+        gl.blend_func = GL_SRC1_COLOR, GL_ONE_MINUS_SRC1_COLOR
+        set_uniforms(self._triangle.program, {"weight": 1.0 / (samples_before + 1), "depth": 0.0})
         try:
             self._triangle.render(moderngl.TRIANGLES, vertices=3)
         finally:
