@@ -38,6 +38,11 @@ int to_last(int part, int parts, int mode) {
 
 const uint HALF_A_PART = 0x80000000u;
 
+// Share of the second of two texels of a bilinear lookup at `coordinate` along a side, in units of 2^-32.
+uint second_share(uint coordinate, int texels) {
+    return place_along(coordinate, texels).within - HALF_A_PART;
+}
+
 // The 2 x 2 texels of a bilinear lookup in one mip.
 struct Footprint {
     ivec2 first;     // texel on the left and top
@@ -55,7 +60,7 @@ Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
     footprint.first.y = from_first(corner.y, level.texel_height, wrap.y);
     footprint.second.x = to_last(corner.x + 1, level.texel_width, wrap.x);
     footprint.second.y = to_last(corner.y + 1, level.texel_height, wrap.y);
-    footprint.share = vec2(as_fraction(x.within - HALF_A_PART), as_fraction(y.within - HALF_A_PART));
+    footprint.share = vec2(as_fraction(second_share(uv.x, level.texel_width)), as_fraction(second_share(uv.y, level.texel_height)));
     return footprint;
 }
 

@@ -9,31 +9,24 @@ struct Lookup {
 };
 
 #if FILTER_STOCHASTIC
+#include "common/noise.glsl"
+
 uniform int sample_number;
 
-// Threshold of a sample of a pixel, in [0, 1): interleaved gradient noise (Jimenez 2014), so that neighbouring pixels differ most; from sample
-// to sample it moves by the golden ratio, so that each texel is taken about as often as its weight says.
-float filter_threshold(ivec2 pixel) {
-    float noise = fract(52.9829189 * fract(dot(vec2(pixel), vec2(0.06711056, 0.00583715))));
-    return fract(noise + 0.61803399 * float(sample_number));
-}
-
-// True where the second of two choices is taken, which has weight `share`; the rest of `threshold` serves the next choice.
-bool second_taken(inout float threshold, float share) {
-    bool second = threshold < share;
-    threshold = second ? threshold / share : (threshold - share) / (1.0 - share);
-    return second;
-}
-
 Lookup lookup_of(TextureRecord record, vec2 uv, float lod, ivec2 wrap, ivec2 pixel) {
-    float threshold = filter_threshold(pixel);
+    // One threshold serves all three choices: mip, column, row.
+    uint threshold = filter_threshold(uvec2(pixel), uint(sample_number));
+    uint range = 0u;
     lod = present_lod(record, lod);
     int number = int(floor(lod));
-    if (second_taken(threshold, lod - float(number))) ++number;
+    if (second_taken(threshold, range, uint((lod - float(number)) * 4294967296.0))) ++number;
     LevelRecord level = levels[record.first_level + number];
-    Footprint footprint = footprint_at(level, fixed_coordinates(uv, wrap), wrap);
-    int x = second_taken(threshold, footprint.share.x) ? footprint.second.x : footprint.first.x;
-    int y = second_taken(threshold, footprint.share.y) ? footprint.second.y : footprint.first.y;
+    uvec2 at = fixed_coordinates(uv, wrap);
+    Footprint footprint = footprint_at(level, at, wrap);
+    bool right = second_taken(threshold, range, second_share(at.x, level.texel_width));
+    bool below = second_taken(threshold, range, second_share(at.y, level.texel_height));
+    int x = right ? footprint.second.x : footprint.first.x;
+    int y = below ? footprint.second.y : footprint.first.y;
     return Lookup(uvec2(texel_centre(x, level.texel_width), texel_centre(y, level.texel_height)), float(number));
 }
 #else

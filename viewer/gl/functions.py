@@ -56,7 +56,6 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glActiveTexture": (_UINT,),
     "glBindTexture": (_UINT, _UINT),
     "glTexStorage3D": (_UINT, _INT, _UINT, _INT, _INT, _INT),
-    "glBlendColor": (ctypes.c_float,) * 4,
     "glTexImage3D": (_UINT, *[_INT] * 6, _UINT, _UINT, _POINTER),
     "glTexBuffer": (_UINT, _UINT, _UINT),
     "glCopyTexSubImage3D": (_UINT, *[_INT] * 8),

@@ -3,6 +3,7 @@
 // ALPHA_TEST 1: read the material's coverage.
 #if ALPHA_TEST
 #include "common/materials.glsl"
+#include "common/noise.glsl"
 #include "common/surface.glsl"
 #include "common/wrap.glsl"
 
@@ -24,9 +25,9 @@ void main() {
     PlaneRecord base = materials[surface_material(ids)].planes[PLANE_BASE];
     vec2 at = vec2(wrap_coordinate(uv.x, base.wrap_u), wrap_coordinate(uv.y, base.wrap_v));
     float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, step_x, step_y).r;
-    // A blended surface shades what its share of the texels shades (interleaved gradient noise, Jimenez 2014).
-    float noise = fract(52.9829189 * fract(dot(gl_FragCoord.xy, vec2(0.06711056, 0.00583715))));
-    if (alpha < (material.alpha_mode == ALPHA_BLEND ? noise : material.alpha_cutoff)) discard;
+    // A blended surface shades what its share of the texels shades.
+    uint threshold = pixel_noise(uvec2(gl_FragCoord.xy));
+    if (material.alpha_mode == ALPHA_BLEND ? !is_covered(alpha, threshold) : alpha < material.alpha_cutoff) discard;
 }
 #else
 void main() {

@@ -2,6 +2,7 @@
 // Writes the visibility buffer. Nothing is shaded here; hidden surfaces cost one depth test.
 #include "common/frame.glsl"
 #include "common/materials.glsl"
+#include "common/noise.glsl"
 #include "common/surface.glsl"
 #include "common/wrap.glsl"
 
@@ -82,42 +83,10 @@ layout(binding = UNIT_ALPHA) uniform sampler2D alpha_texture;
 
 uniform uint blend_sample;   // 0 to 15
 
-uint hash(uint value) {   // PCG RXS-M-XS, O'Neill 2014
-    uint state = value * 747796405u + 2891336453u;
-    uint word = ((state >> ((state >> 28u) + 4u)) ^ state) * 277803737u;
-    return (word >> 22u) ^ word;
-}
-
-// A permutation of 0 to 15 for each seed (Kensler 2013, Correlated multi-jittered sampling).
-uint permuted(uint number, uint seed) {
-    number ^= seed;
-    number *= 0xe170893du;
-    number ^= seed >> 16u;
-    number ^= seed >> 8u;
-    number *= 0x0929eb3fu;
-    number ^= seed >> 23u;
-    number ^= (number & 15u) >> 1u;
-    number *= 1u | seed >> 27u;
-    number *= 0x6935fa69u;
-    number *= 0x74dcb303u;
-    number ^= (number & 15u) >> 2u;
-    number *= 0x9e501cc3u;
-    number ^= (number & 15u) >> 2u;
-    number *= 0xc860a3dfu;
-    return (number + seed) & 15u;
-}
-
-// A pattern of thresholds over the picture, so that a blended surface covers its share of the pixels
-// (interleaved gradient noise, Jimenez 2014). Further samples move it by all other sixteenths, in an order that differs
-// from surface to surface: of what one lets through, one behind it covers its own share.
-float threshold(vec3 place) {
-    float noise = fract(52.9829189 * fract(dot(place.xy, vec2(0.06711056, 0.00583715))));
-    if (blend_sample == 0u) return noise;
-    uint seed = hash(floatBitsToUint(place.z) + hash(uint(place.x) + hash(uint(place.y))));
-    uint number = permuted(blend_sample, seed);
-    // The first sample is the same everywhere, so that number 0 is taken.
-    if (number == 0u) number = permuted(0u, seed);
-    return fract(noise + float(number) / 16.0);
+// Layer that a fragment at `place` (gl_FragCoord) is of, as cells of depth: 2^-12 of it in perspective, and of the clip range. Drivers
+// round depths differently: few cells change by that.
+uint layer_at(vec4 place) {
+    return hash(uint(place.z * 4096.0)) + (floatBitsToUint(place.w) >> 11u);
 }
 #endif
 
@@ -137,7 +106,9 @@ void main() {
     PlaneRecord base = materials[surface_material(ids)].planes[PLANE_BASE];
     vec2 at = vec2(wrap_coordinate(uv.x, base.wrap_u), wrap_coordinate(uv.y, base.wrap_v));
     float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, step_x.xy, step_y.xy).r;
-    if (alpha < (material.alpha_mode == ALPHA_BLEND ? threshold(gl_FragCoord.xyz) : material.alpha_cutoff)) discard;
+    // A pattern over the picture, so that a blended surface covers its share of the pixels.
+    uint threshold = blend_threshold(uvec2(gl_FragCoord.xy), layer_at(gl_FragCoord), blend_sample);
+    if (material.alpha_mode == ALPHA_BLEND ? !is_covered(alpha, threshold) : alpha < material.alpha_cutoff) discard;
 #endif
     words = pack_surface(ids, uv, pixel_footprint(step_x.xz, step_y.xz));
 #if VERTEX_COLORS

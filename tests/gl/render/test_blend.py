@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_pack
 from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
+from tests.support import noise
+from tests.support.noise import words
 from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
@@ -122,6 +124,45 @@ def test_a_pixel_misses_its_alpha_by_less_than_a_sample(graphics: GraphicsContex
     assert np.abs(share - alpha).max() < 1.0 / SAMPLES + 1e-6
     assert share.mean() == pytest.approx(alpha, abs=0.005)
     renderer.release()
+
+
+def covered(alpha: float, samples: int) -> NDArray[np.float64]:
+    """[H * W] share of the first `samples` samples, 1 or 16, in which a surface covers each pixel, by the twin."""
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
+    # OpenGL counts rows from the bottom.
+    x, y = words(columns.ravel()), words(SIZE[1] - 1 - rows.ravel())
+    alphas = np.full(x.shape, alpha, np.float32)
+    # The order of the samples is of no effect on their mean.
+    thresholds = [noise.blend_threshold(x, y, np.zeros_like(x), np.full_like(x, number)) for number in range(samples)]
+    return np.mean([noise.is_covered(alphas, own) for own in thresholds], axis=0)
+
+
+@pytest.mark.driver
+@pytest.mark.parametrize("alpha", [0.0, 1 / 64, 0.3, 0.77, 1.0])
+def test_the_pixels_that_are_covered_are_those_of_the_noise(graphics: GraphicsContext, alpha: float) -> None:
+    renderer = Renderer(graphics, flat_scene(alpha))
+    for samples, whole in ((1, False), (SAMPLES, True)):
+        renderer.render(replace(PLAIN, camera=PERSPECTIVE))
+        renderer.render(PLAIN, whole)
+        share = (shown(renderer, Slot()) - BACK)[:, 0] / (FRONT - BACK)[0]
+        np.testing.assert_allclose(share, covered(alpha, samples), atol=1e-3)
+    renderer.release()
+
+
+@pytest.mark.driver
+@pytest.mark.parametrize("camera", [ORTHOGRAPHIC, PERSPECTIVE])
+def test_rounding_of_depths_changes_few_pixels(graphics: GraphicsContext, camera: Camera) -> None:
+    """Drivers round depths to different floats: so do layers that lie a little deeper."""
+    pictures = []
+    for deeper in (0.0, 3e-7):
+        scene = flat_scene(0.5)
+        middle = Material("middle", -1, (1.0, 1.0, 1.0, 0.5), alpha_mode="blend")
+        parts = [Part(0, moved(-1.0)), Part(1, moved(deeper)), Part(2, moved(-0.5 + 2.0 * deeper))]
+        renderer = Renderer(graphics, scene_of(parts, (*scene.materials, middle)))
+        renderer.render(replace(PLAIN, camera=camera), whole=True)
+        pictures.append(shown(renderer, Slot()))
+        renderer.release()
+    assert (np.abs(pictures[1] - pictures[0]).max(-1) > 1e-3).mean() <= 0.005
 
 
 def test_a_surface_covers_its_share_of_what_one_before_it_lets_through(graphics: GraphicsContext) -> None:

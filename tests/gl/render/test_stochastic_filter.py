@@ -17,6 +17,8 @@ from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.model import Pack
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.gl.small_scenes import FRONT, objects
+from tests.support import noise
+from tests.support.noise import words
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult
@@ -99,6 +101,37 @@ def test_a_sample_is_a_texel_of_the_footprint(renderer: Renderer, pack: Pack, na
     if name == "magnified":
         # Each of the four is taken somewhere.
         assert set(distances.argmin(0)) >= {0, 1, 2, 3}
+
+
+def choices(name: str, number: int) -> NDArray[np.int64]:
+    """[H * W] which of `texels_of` sample `number` takes of each pixel."""
+    case = CASES[name]
+    width, height = SIZES[case.texture]
+    last = len(latent_levels(width, height, BlockConfig())) - 1
+    lod = float(np.clip(case.map.lod((width, height)), 0.0, last))
+    rows, columns = np.mgrid[:SIZE[1], :SIZE[0]]
+    # OpenGL counts rows from the bottom.
+    x, y = words(columns.ravel()), words(SIZE[1] - 1 - rows.ravel())
+    threshold = noise.filter_threshold(x, y, np.full_like(x, number))
+    limit = np.zeros_like(x)
+    coarser, threshold, limit = noise.second_taken(threshold, limit, np.full_like(x, int(lod % 1.0 * 2**32)))
+    size = np.maximum(np.array([[width, height]]) >> (int(lod) + coarser)[:, None], 1)
+    places = case.map.uv(SIZE) * size - 0.5
+    taken = coarser * 4
+    for axis in (0, 1):
+        share = words((places[:, axis] % 1.0) * 2**32)
+        second, threshold, limit = noise.second_taken(threshold, limit, share)
+        taken = taken + second * (1 + axis)
+    return taken
+
+
+@pytest.mark.driver
+@pytest.mark.parametrize("name", TRILINEAR)
+def test_the_texel_is_that_of_the_noise(renderer: Renderer, pack: Pack, name: str) -> None:
+    shown = linear_to_srgb(draw(renderer, name, Slot("p", "forward", filter="stochastic"), whole=False))
+    expected = np.take_along_axis(texels_of(pack, name), choices(name, 0)[None, :, None], axis=0)[0]
+    # Where a share is the threshold but for rounding, another one may be taken.
+    assert (np.abs(expected - shown).max(-1) <= 2 * TOLERANCE).mean() >= 0.99
 
 
 @pytest.mark.parametrize("name", TRILINEAR)
