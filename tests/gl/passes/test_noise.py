@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tests.support import noise
 from tests.support.noise import Words, words

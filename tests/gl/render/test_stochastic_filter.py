@@ -103,33 +103,35 @@ def test_a_sample_is_a_texel_of_the_footprint(renderer: Renderer, pack: Pack, na
         assert set(distances.argmin(0)) >= {0, 1, 2, 3}
 
 
-def choices(name: str, number: int) -> NDArray[np.int64]:
-    """[H * W] which of `texels_of` sample `number` takes of each pixel."""
+def chosen_texels(pack: Pack, name: str, number: int) -> NDArray[np.float64]:
+    """[H * W, 3] float64: the texel that sample `number` takes for each pixel, by the twin of the noise."""
     case = CASES[name]
-    width, height = SIZES[case.texture]
-    last = len(latent_levels(width, height, BlockConfig())) - 1
-    lod = float(np.clip(case.map.lod((width, height)), 0.0, last))
-    rows, columns = np.mgrid[:SIZE[1], :SIZE[0]]
+    levels = latent_levels(*SIZES[case.texture], pack.config)
+    lod = float(np.clip(case.map.lod(SIZES[case.texture]), 0.0, len(levels) - 1.0))
+    rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
     # OpenGL counts rows from the bottom.
     x, y = words(columns.ravel()), words(SIZE[1] - 1 - rows.ravel())
     threshold = noise.filter_threshold(x, y, np.full_like(x, number))
-    limit = np.zeros_like(x)
-    coarser, threshold, limit = noise.second_taken(threshold, limit, np.full_like(x, int(lod % 1.0 * 2**32)))
-    size = np.maximum(np.array([[width, height]]) >> (int(lod) + coarser)[:, None], 1)
-    places = case.map.uv(SIZE) * size - 0.5
-    taken = coarser * 4
-    for axis in (0, 1):
-        share = words((places[:, axis] % 1.0) * 2**32)
-        second, threshold, limit = noise.second_taken(threshold, limit, share)
-        taken = taken + second * (1 + axis)
-    return taken
+    coarser, *left = noise.second_taken(threshold, np.zeros_like(x), np.full_like(x, int(lod % 1.0 * 2**32)))
+    at = int(lod) + coarser
+    size = np.array([(level.texel_width, level.texel_height) for level in levels])[at]
+    centres = np.empty((len(x), 2))
+    for axis, uv in enumerate(case.map.uv(SIZE).T):
+        mode = case.wrap[axis]
+        mirrored = np.abs(uv - 2.0 * np.rint(uv / 2.0))
+        folded = uv % 1.0 if mode == "repeat" else mirrored if mode == "mirror" else np.clip(uv, 0.0, 1.0)
+        place = folded * size[:, axis] - 0.5
+        second, *left = noise.second_taken(*left, words(place % 1.0 * 2**32))
+        texel = wrapped(np.floor(place).astype(np.int64) + second, size[:, axis], mode)
+        centres[:, axis] = (texel + 0.5) / size[:, axis]
+    return reference.decode_texels(pack, case.texture, centres, at.astype(np.float64), case.wrap)
 
 
 @pytest.mark.driver
 @pytest.mark.parametrize("name", TRILINEAR)
 def test_the_texel_is_that_of_the_noise(renderer: Renderer, pack: Pack, name: str) -> None:
     shown = linear_to_srgb(draw(renderer, name, Slot("p", "forward", filter="stochastic"), whole=False))
-    expected = np.take_along_axis(texels_of(pack, name), choices(name, 0)[None, :, None], axis=0)[0]
+    expected = chosen_texels(pack, name, 0)
     # Where a share is the threshold but for rounding, another one may be taken.
     assert (np.abs(expected - shown).max(-1) <= 2 * TOLERANCE).mean() >= 0.99
 
