@@ -1,6 +1,7 @@
 """Fixtures and markers shared by all tests."""
 
 import os
+from collections.abc import Generator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -13,8 +14,9 @@ os.environ.setdefault("LP_NUM_THREADS", "1")
 os.environ["NTC_VIEWER_DECODER_VARIANT"] = "default"
 
 from tests.drivers.messages import own_session_folders
-from tests.shared_context import share
+from tests.shared_context import free_unreachable, share
 from tests.support.checked_indices import checked_indices
+from tests.support.process_memory import excess
 
 # Before other conftest.py files import what makes contexts: pytest reads those of folders that it is given first of all.
 share()
@@ -22,6 +24,8 @@ share()
 TESTS = Path(__file__).parent
 DRAWING = ("drivers", "gl", "golden", "ui")
 """Folders whose tests all draw with OpenGL."""
+HAS_EXCESS = pytest.StashKey[bool]()
+"""True once a test has failed for the memory of this process."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -41,6 +45,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.gl)
         if folder == "end_to_end":
             item.add_marker(pytest.mark.slow)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, None, None]:
+    """Free what the tests of a file have left, and fail the first test that leaves the process with too much memory."""
+    yield
+    if nextitem is None or nextitem.path != item.path:
+        free_unreachable()
+    message = excess()
+    if message and not item.config.stash.get(HAS_EXCESS, False):
+        item.config.stash[HAS_EXCESS] = True
+        pytest.fail(message, pytrace=False)
 
 
 @pytest.fixture(scope="session")

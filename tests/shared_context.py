@@ -3,8 +3,11 @@
 Contexts and programs cost more than most pictures of tests. `share` makes `create_headless_context` wrap one context again
 and again: memory accounts, limits and simulated losses are new each time, objects and programs of OpenGL live in the one context.
 Tests that ask for a device or a window system still get a context of their own.
+
+OpenGL frees nothing by itself while its context lives: `free_unreachable` frees what tests have left.
 """
 
+import gc
 import os
 from collections.abc import Mapping
 from typing import Final
@@ -26,6 +29,8 @@ _find: Final = ProgramFactory._find
 _SHARED: Final[list[GraphicsContext]] = []
 """The shared context, once there is one."""
 _MADE: Final[dict[object, ProgramFactory]] = {}
+MOST_PROGRAMS: Final = 200
+"""Programs that are kept for tests to come; one takes 1.4 MB with Mesa."""
 
 
 def shared_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:
@@ -34,6 +39,8 @@ def shared_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -
         return _create(device, system)
     if not _SHARED:
         _SHARED.append(_create())
+        # Objects that nothing refers to are noted, for `free_unreachable`.
+        _SHARED[0].gl.gc_mode = "context_gc"
     kept = _SHARED[0]
     kept.gl.__enter__()
     return wrap_context(kept.gl, kept.load)
@@ -48,6 +55,25 @@ def release_unless_shared(gl: moderngl.Context) -> None:
     """Free a context, but the shared one, which others go on with."""
     if not is_shared(gl):
         _release(gl)
+
+
+def free_unreachable() -> None:
+    """Free the objects of the shared context that nothing refers to, among them all programs once there are too many.
+
+    Programs that somebody holds stay as they are. The shared context is current afterwards.
+    """
+    if not _SHARED:
+        return
+    if sum(len(made._programs) for made in _MADE.values()) > MOST_PROGRAMS:
+        _MADE.clear()
+    gc.collect()
+    gl = _SHARED[0].gl
+    gl.__enter__()
+    while gl.objects:
+        unreachable = gl.objects.popleft()
+        # moderngl notes those that were released too.
+        if not isinstance(unreachable, moderngl.InvalidObject):
+            unreachable.release()
 
 
 class SharedPrograms(ProgramFactory):

@@ -1,5 +1,6 @@
 """Short trainings in another process, and what may be left of it."""
 
+import multiprocessing
 import os
 import time
 from collections.abc import Iterator, Sequence
@@ -31,9 +32,17 @@ FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, CODEC, SHORT)
 BLOCK_CODEC = BlockConfig(coefficients=24, modes=8)
 BLOCK_OPTIONS = BlockOptions(SHORT.seed, groups_apart=True)
 BLOCKS_FROM_NOTHING = TrainingRequest(TEXTURES, GROUPS, BLOCK_CODEC, BLOCK_OPTIONS)
+LARGE = TrainingRequest(
+    tuple(texture(256, 256, seed=seed) for seed in range(6)),
+    Grouping("random", (0, 1) * 3),
+    CODEC,
+    replace(ENDLESS, texels_per_texture=8192),
+)
+"""A step takes a large part of a second."""
 MANY_BLOCKS = TrainingRequest((texture(128, 128),) * 300, Grouping("random", (0, 1) * 150), BLOCK_CODEC, BLOCK_OPTIONS)
 """Takes many seconds."""
-LONGEST_WAIT = 60.0
+LONGEST_WAIT = 200.0
+"""Seconds. A process that trains has the lowest priority: beside others it takes far longer than alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,6 +115,16 @@ def lives(process: int) -> bool:
     except ProcessLookupError:
         return False
     return True
+
+
+def ends(process: int) -> bool:
+    """Whether a process that was killed ends. On a busy machine that takes a while."""
+    end = time.monotonic() + LONGEST_WAIT
+    while lives(process) and time.monotonic() < end:
+        # Asking for the children also takes note of those that have ended.
+        multiprocessing.active_children()
+        time.sleep(0.02)
+    return not lives(process)
 
 
 def processor_seconds(process: int) -> float:

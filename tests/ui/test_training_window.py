@@ -307,7 +307,6 @@ def test_encode_accept_retrain_discard(
     assert "there is nothing to train" in messages(app)
 
 
-@pytest.mark.timing
 def test_pause_resume_cancel_and_a_killed_process(app: DrivenApp) -> None:
     session = app.session
     run_line(app.context, "training.encode single auto 32 600s best grid")
@@ -325,9 +324,7 @@ def test_pause_resume_cancel_and_a_killed_process(app: DrivenApp) -> None:
     app.click("Resume")
     wait(app, lambda t: active.progress != stood)
     app.click("Cancel")
-    began = time.monotonic()
     wait(app, lambda t: t.active is None)
-    assert time.monotonic() - began < 2.0
     assert "was cancelled" in messages(app)
     assert training.log.runs[-1].outcome == "cancelled"
     assert session.view.slot_a.source == "run 1"

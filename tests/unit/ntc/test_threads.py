@@ -3,39 +3,56 @@
 import os
 import threading
 import time
+from collections.abc import Callable
+from types import SimpleNamespace
 
 import pytest
 
 from ntc.threads import PacedThreads, usable_cores, wait_passively
 
-ITEM_SECONDS = 0.01
+Items = Callable[[int], int]
 
 
-def sleep(item: int) -> int:
-    """Work that other threads do not hinder."""
-    time.sleep(ITEM_SECONDS)
-    return item
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> threading.local:
+    """Clock of each thread in `seconds`. Work sets it forward: the processor's real load decides nothing."""
+    time_of_thread = threading.local()
+    stand_in = SimpleNamespace(perf_counter=lambda: getattr(time_of_thread, "seconds", 0.0))
+    monkeypatch.setattr("ntc.threads.time", stand_in)
+    return time_of_thread
 
 
-@pytest.mark.timing
-def test_threads_that_pay_stay() -> None:
+def work_that_takes(clock: threading.local, seconds: Callable[[], float]) -> Items:
+    """A function that returns its item, and takes so many seconds of `clock`."""
+
+    def work(item: int) -> int:
+        clock.seconds = getattr(clock, "seconds", 0.0) + seconds()
+        return item
+
+    return work
+
+
+def test_threads_that_pay_stay(clock: threading.local) -> None:
     with PacedThreads(4) as threads:
         assert threads.count == 1
-        assert list(threads.map(sleep, range(40), [1] * 40)) == list(range(40))
+        work = work_that_takes(clock, lambda: 1.0)
+        assert list(threads.map(work, range(40), [1] * 40)) == list(range(40))
         assert threads.count == 4
 
 
-@pytest.mark.timing
-def test_threads_that_do_not_pay_go() -> None:
-    lock = threading.Lock()
-
-    def work(item: int) -> int:
-        with lock:
-            return sleep(item)
-
+@pytest.mark.parametrize("hindrance", [0.9, 1.0])
+def test_threads_that_do_not_pay_go(clock: threading.local, hindrance: float) -> None:
+    counts = set[int]()
     with PacedThreads(4) as threads:
-        assert list(threads.map(work, range(30), [1] * 30)) == list(range(30))
+
+        def seconds() -> float:
+            # Items wait for each other, as for a lock.
+            counts.add(threads.count)
+            return 1.0 + hindrance * (threads.count - 1)
+
+        assert list(threads.map(work_that_takes(clock, seconds), range(30), [1] * 30)) == list(range(30))
         assert threads.count == 1
+    assert counts == {1, 2}, "two were tried"
 
 
 @pytest.mark.parametrize("most", [1, 2, 3])
@@ -51,7 +68,7 @@ def test_no_more_is_begun_than_is_asked_for() -> None:
     with PacedThreads(2, count=2) as threads:
         results = threads.map(begun.append, range(10), [1] * 10)
         next(results)
-        time.sleep(5 * ITEM_SECONDS)
+        time.sleep(0.05)
         assert len(begun) <= 2
         results.close()  # type: ignore[attr-defined]
     assert len(begun) <= 2

@@ -1,0 +1,24 @@
+"""Memory of a test process, and its limit: what tests that are over have drawn and trained is let go of."""
+
+from pathlib import Path
+from typing import Final
+
+STATUS: Final = Path("/proc/self/status")
+MOST_MEGABYTES: Final = 1500
+"""Memory that a test process may have; `bash tests/run` has two."""
+
+
+def megabytes() -> int:
+    """Memory of this process in MB, without pages of files, such as those of libraries. 0 on other systems than Linux."""
+    if not STATUS.exists():
+        return 0
+    lines = (line.split() for line in STATUS.read_text(encoding="ascii").splitlines())
+    return next((int(line[1]) * 1024 // 1_000_000 for line in lines if line[0] == "RssAnon:"), 0)
+
+
+def excess(most: int = MOST_MEGABYTES) -> str:
+    """Message where this process has more than `most` MB, else nothing."""
+    used = megabytes()
+    if used <= most:
+        return ""
+    return f"the test process has {used} MB of memory, above {most} MB: free what this test or one before it holds"
