@@ -15,7 +15,7 @@ from tests.drivers.messages import own_session_folders
 from tests.drivers.pictures import ALL_VARIABLE
 from tests.drivers.test_pictures import FOLDER_VARIABLE
 
-SOME, ALL = "driver and not once", "not timing and not once"
+SOME, ALL = "driver and not once", "not once"
 
 
 def say(line: str) -> None:

@@ -1,7 +1,7 @@
 """Files of about a kilobyte that claim four gigabytes, and a process of little memory that reads them.
 
-`python -m tests.support.claims FOLDER` writes one JSON line for each file: its name, how it was refused, and by how much the
-process grew meanwhile.
+`python -m tests.support.claims FOLDER` writes one JSON line for each file: its name, how it was refused, by how much the process
+grew meanwhile, and how many units of work that took.
 """
 
 import io
@@ -19,6 +19,7 @@ import zstandard
 
 from ntc.errors import InputError
 from tests.support.gltf_builder import GltfBuilder, ktx2, png_of
+from tests.support.work import unit_seconds
 
 SPARE_BYTES = 1 << 30
 """Address space that reading may take beyond what the program itself has."""
@@ -163,10 +164,11 @@ def main() -> None:
     taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
     resource.setrlimit(resource.RLIMIT_AS, (taken + SPARE_BYTES, taken + SPARE_BYTES))
     for path in sorted(Path(sys.argv[1]).iterdir()):
-        before, started = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, time.process_time()
+        before, unit, began = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss, unit_seconds(), time.process_time()
         refusal = _refusal(path)
+        units = (time.process_time() - began) / unit
         grown = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before
-        row = {"name": path.name, "refusal": refusal, "grown_kb": grown, "seconds": time.process_time() - started}
+        row = {"name": path.name, "refusal": refusal, "grown_kb": grown, "units": units}
         sys.stdout.write(json.dumps(row) + "\n")
 
 

@@ -25,7 +25,7 @@ from viewer.training.run_log import Run
 Spoil = Callable[[Path], None]
 
 
-SECONDS = 20.0
+SECONDS = 120.0
 
 
 def deleted(path: Path) -> None:

@@ -299,7 +299,6 @@ def test_the_built_page_is_that_of_its_sources() -> None:
     assert f"sources {digest}" in (PAGE / "viewer.js").read_text()[:400]
 
 
-@pytest.mark.timing
 @pytest.mark.nightly
 def test_the_courtyard_is_seen(tmp_path: Path, browser: Browser) -> None:
     page = tmp_path / "courtyard"

@@ -130,11 +130,10 @@ def test_a_process_that_was_stopped_holds_up_nobody() -> None:
         answer(process)
         assert process.pid is not None
         os.kill(process.pid, signal.SIGSTOP)
-        began = time.monotonic()
+        # More than the pipe takes: a call that waited would never return.
         for _ in range(1000):
             process.call("x" * 1000)
             assert process.receive() is None
-        assert time.monotonic() - began < 1.0
     assert not lives(process.pid)
 
 
@@ -147,14 +146,12 @@ def test_ended_in_the_middle_of_a_call_it_says_how_and_leaves_nothing(killed: bo
         process.call(LARGE)
         assert len(blocks()) == 1
         assert process.pid is not None
-        began = time.monotonic()
         if killed:
             os.kill(process.pid, signal.SIGKILL)
         else:
             process.end()
         with pytest.raises(ProcessEndedError, match="was killed by signal 9"):
             process.receive(SECONDS)
-        assert time.monotonic() - began < 1.0
         assert not process.is_alive
     with pytest.raises(ProcessEndedError):
         process.call(LARGE)

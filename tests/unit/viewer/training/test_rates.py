@@ -166,19 +166,18 @@ def test_curves_are_measured_beside_the_frames(scene: Scene, tmp_path: Path, mon
     rates = Rates()
     rates.want(scene, [0])
     rates.want(scene, [0])
-    began, longest = time.monotonic(), 0.0
+    began, ticks = time.monotonic(), 0
     try:
         while rates.is_busy:
             assert time.monotonic() - began < 100.0
-            before = time.perf_counter()
             rates.tick(may_start=True)
-            longest = max(longest, time.perf_counter() - before)
+            ticks += rates.is_busy
             time.sleep(0.01)
         curve = rates.curve(0)
         assert curve is not None
         assert len(curve.points) > 1
         assert rates.pace.seconds_per_work(codec_named("block"))
-        assert longest < 0.5
+        assert ticks > 20, "ticks do not wait for what is measured"
     finally:
         rates.close()
 
