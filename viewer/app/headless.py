@@ -1,6 +1,7 @@
 """Content of the window without a window, for scripts and tests."""
 
 import time
+from collections import deque
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from imgui_bundle import imgui, implot
 from ntc.codec.model import Pack
 from viewer.app.app import App
 from viewer.gl.context import create_headless_context
+from viewer.gl.read_back import Fence
 from viewer.scene.model import Scene
 from viewer.script.script import Script
 from viewer.state.open_files import InitialView, new_session
@@ -17,6 +19,8 @@ from viewer.state.settings import ViewerSettings
 from viewer.ui.theme import load_font
 
 FRAME_SECONDS = 1.0 / 60.0
+FRAMES_AHEAD = 2
+"""Frames that the GPU may have yet to draw, as with a screen. Drivers keep all that frames ahead need: Mesa's llvmpipe gigabytes."""
 REST_SECONDS = 0.02
 """Time between two looks for changes while a script waits, in seconds."""
 
@@ -39,6 +43,8 @@ class HeadlessApp(App):
         self._size = size
         self.graphics = create_headless_context(device)
         self.framebuffer = self._make_framebuffer(size)
+        self._ahead: deque[Fence] = deque()
+        """A fence after each frame that the GPU may have yet to draw."""
         self._imgui = imgui.create_context()
         imgui.set_current_context(self._imgui)
         implot.create_context()
@@ -95,11 +101,16 @@ class HeadlessApp(App):
             draw_data = self.frontend.build(self._size)
             self.frontend.paint(self.framebuffer, draw_data)
             self.frontend.presented()
+            self._ahead.append(Fence(self.graphics.functions))
+            if len(self._ahead) > FRAMES_AHEAD:
+                self._ahead.popleft().wait()
 
     def close(self) -> None:
         """Free everything."""
         self.effects.close()
         self.training.close()
+        for fence in self._ahead:
+            fence.release()
         self.frontend.release()
         imgui.set_current_context(self._imgui)
         imgui.backends.opengl3_shutdown()
