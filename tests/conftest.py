@@ -16,7 +16,7 @@ os.environ["NTC_VIEWER_DECODER_VARIANT"] = "default"
 from tests.drivers.messages import own_session_folders
 from tests.shared_context import free_unreachable, share
 from tests.support.checked_indices import checked_indices
-from tests.support.process_memory import excess
+from tests.support.process_memory import MOST_GROWTH, excess, megabytes, trim
 
 # Before other conftest.py files import what makes contexts: pytest reads those of folders that it is given first of all.
 share()
@@ -24,6 +24,8 @@ share()
 TESTS = Path(__file__).parent
 DRAWING = ("drivers", "gl", "golden", "ui")
 """Folders whose tests all draw with OpenGL."""
+LEAST_MEMORY = pytest.StashKey[int]()
+"""Megabytes of this process when it was last freed of what tests have left."""
 HAS_EXCESS = pytest.StashKey[bool]()
 """True once a test has failed for the memory of this process."""
 
@@ -51,11 +53,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, None, None]:
     """Free what the tests of a file have left, and fail the first test that leaves the process with too much memory."""
     yield
-    if nextitem is None or nextitem.path != item.path:
+    stash, is_last = item.config.stash, nextitem is None or nextitem.path != item.path
+    if is_last and not 0 < megabytes() < stash.get(LEAST_MEMORY, 0) + MOST_GROWTH:
         free_unreachable()
+        trim()
+        stash[LEAST_MEMORY] = megabytes()
     message = excess()
-    if message and not item.config.stash.get(HAS_EXCESS, False):
-        item.config.stash[HAS_EXCESS] = True
+    if message and not stash.get(HAS_EXCESS, False):
+        stash[HAS_EXCESS] = True
         pytest.fail(message, pytrace=False)
 
 

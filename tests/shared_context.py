@@ -58,15 +58,15 @@ def release_unless_shared(gl: moderngl.Context) -> None:
 
 
 def free_unreachable() -> None:
-    """Free the objects of the shared context that nothing refers to, among them all programs once there are too many.
+    """Free what nothing refers to, also in the shared context, among it all programs once there are too many.
 
-    Programs that somebody holds stay as they are. The shared context is current afterwards.
+    Programs that somebody holds stay as they are. The shared context is current afterwards, where there is one.
     """
-    if not _SHARED:
-        return
     if sum(len(made._programs) for made in _MADE.values()) > MOST_PROGRAMS:
         _MADE.clear()
     gc.collect()
+    if not _SHARED:
+        return
     gl = _SHARED[0].gl
     gl.__enter__()
     while gl.objects:

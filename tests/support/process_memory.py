@@ -1,11 +1,14 @@
 """Memory of a test process, and its limit: what tests that are over have drawn and trained is let go of."""
 
+import ctypes
 from pathlib import Path
 from typing import Final
 
 STATUS: Final = Path("/proc/self/status")
 MOST_MEGABYTES: Final = 1500
 """Memory that a test process may have; `bash tests/run` has two."""
+MOST_GROWTH: Final = 50
+"""Megabytes that a test process may grow before what tests have left is freed. That takes a part of a second."""
 
 
 def megabytes() -> int:
@@ -14,6 +17,12 @@ def megabytes() -> int:
         return 0
     lines = (line.split() for line in STATUS.read_text(encoding="ascii").splitlines())
     return next((int(line[1]) * 1024 // 1_000_000 for line in lines if line[0] == "RssAnon:"), 0)
+
+
+def trim() -> None:
+    """Give freed memory back to the system, where the C library can: it keeps much of what threads and compilers have freed."""
+    if STATUS.exists() and hasattr(library := ctypes.CDLL(None), "malloc_trim"):
+        library.malloc_trim(0)
 
 
 def excess(most: int = MOST_MEGABYTES) -> str:
