@@ -28,5 +28,9 @@ class MetadataError(Exception):
     """An error in the metadata of a pack; the message names the field."""
 
 
+class FormerFormatError(MetadataError):
+    """The pack has a format of its codec that is no longer read; the message names it."""
+
+
 class ProcessEndedError(Exception):
     """A worker process has ended. The message says how: `was killed by signal 9`."""

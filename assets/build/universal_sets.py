@@ -15,8 +15,8 @@ from ntc.codec.block.encoding.quantizer import expected_errors
 from ntc.codec.block.encoding.tables import first_classes
 from ntc.codec.block.encoding.transform import Basis, one_thread, projected, strongest_rows
 from ntc.codec.block.model import stored_scales
+from ntc.codec.block.trellis import EXPECTED_ERROR, SCALE_STEPS_PER_OCTAVE, scale_values
 from ntc.codec.block.universal import BANDS, SET_MODES
-from ntc.codec.block_trellis import EXPECTED_ERROR, SCALE_STEPS_PER_OCTAVE, scale_values
 from ntc.codec.maps import LARGEST_CHANNELS, MAP_CHANNELS, MAPS, MapName, map_slices
 from ntc.codec.mips import resize_to
 from ntc.codec.textures import SourceTexture, hash_pixels
@@ -372,7 +372,7 @@ class _ModeFit:
 
 
 def _about_shared_bits(scales: NDArray[np.uint8], bits: int) -> NDArray[np.int64]:
-    """[modes, rows] about `ntc.codec.block_trellis.share_out_bits` of each row of `scales`, in a fifth of the time."""
+    """[modes, rows] about `ntc.codec.block.trellis.share_out_bits` of each row of `scales`, in a fifth of the time."""
     gains = SCALE_STEPS_PER_OCTAVE * np.log2(-np.diff(np.asarray(EXPECTED_ERROR)))
     keys = (2.0 * scales[..., None] + gains).astype(np.float32)
     flat = keys.reshape(len(scales), -1)

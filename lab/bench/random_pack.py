@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
-from ntc.codec.block_storage import BlockCodes, stored_words
+from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.config import WrapMode
 from ntc.codec.grid.model import Adapter, GridConfig, GridDecoder, GridTexture
 from ntc.codec.latents import latent_cell_count, latent_levels

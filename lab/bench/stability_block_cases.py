@@ -10,8 +10,8 @@ from lab.bench.random_pack import random_block_pack
 from lab.bench.stability_cases import SIZES, StabilityCase, anywhere, place_cases
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, block_parts
+from ntc.codec.block.storage import LARGEST_NUMBER
 from ntc.codec.block.tensors import LARGEST_BASIS_SCALE
-from ntc.codec.block_storage import LARGEST_NUMBER
 from ntc.codec.model import Pack
 from ntc.pack.schema import LARGEST_SIDE
 

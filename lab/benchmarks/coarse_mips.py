@@ -21,8 +21,7 @@ from ntc.codec.block.codes import unpacked_codes
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, averaged_rows
 from ntc.codec.block.reference import decode_coefficients, texture_codes
-from ntc.codec.block.trellis import level_table
-from ntc.codec.block_trellis import scale_values
+from ntc.codec.block.trellis import level_table, scale_values
 from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.errors import InputError

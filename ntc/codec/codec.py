@@ -130,6 +130,11 @@ class Codec(ABC):
 
     # Files: tensors of a texture or decoder by name, "{}" standing for its number (docs/reference/pack-format.md).
 
+    def former_format(self, fields: Mapping[str, Any]) -> int | None:
+        """Return the format of a pack with these fields of settings, where it is one that is no longer read; else None."""
+        del fields
+        return None
+
     @abstractmethod
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
         """Return the type and shape of every tensor of a texture of `width` x `height` texels."""

@@ -129,15 +129,13 @@ class StoredRows(NamedTuple):
 class GpuTables(ABC):
     """Data that shaders read of packs with one codec's settings, stored in one precision.
 
-    Decoders lie in one buffer, in blocks of four numbers: what all of them share, then each decoder, then the adapter of each texture.
+    Decoders lie in one buffer, in blocks of four numbers: each decoder, then the adapter of each texture.
     """
 
     number_type: Literal["f4", "f2", "u4"]
     """Type of the numbers, as moderngl names it."""
     precision: Precision = "fp32"
     """Precision of the arithmetic; a codec may have no use for less than it is asked for."""
-    first_block: int = 0
-    """Block in which the first decoder begins."""
     decoder_blocks: int
     """Number of blocks of one decoder."""
     adapter_blocks: int = 0
@@ -165,10 +163,6 @@ class GpuTables(ABC):
 
     # What is uploaded.
 
-    def shared_data(self) -> bytes:
-        """Return the blocks that all decoders share."""
-        return b""
-
     @abstractmethod
     def decoder_data(self, decoder: Decoder) -> bytes:
         """Return the blocks of one decoder."""
@@ -181,7 +175,7 @@ class GpuTables(ABC):
     def all_data(self, pack: Pack, textures: Sequence[EncodedTexture]) -> bytes:
         """Return all blocks of `pack` for those of its textures that are used."""
         decoders = map(self.decoder_data, pack.decoders)
-        data = b"".join([self.shared_data(), *decoders, *map(self.adapter_data, textures)])
+        data = b"".join([*decoders, *map(self.adapter_data, textures)])
         return data or bytes(self.block_bytes)
 
     def coefficients(self, pack: Pack) -> float:

@@ -1,6 +1,5 @@
 """The codecs there are, by name. Codec NAME is the package `ntc.codec.NAME`, whose module `codec` has the object `CODEC`."""
 
-from collections.abc import Collection
 from functools import cache
 from importlib import import_module
 from typing import Final, Literal, get_args
@@ -20,26 +19,13 @@ SUMMARIES: Final[dict[str, str]] = {
 """A sentence about each codec, for the command line and the window."""
 MODULES: Final[dict[str, str]] = {name: f"ntc.codec.{name}.codec" for name in get_args(CodecName)}
 """Module of each codec. It is imported when it is needed: a pack of one codec needs no other."""
-FORMER_FORMATS: Final = {"block-1": "block"}
-"""Formats that are read but no longer written, each with the codec that takes its place. Packs name them as they name that codec."""
 
 
 @cache
 def codec_named(name: str) -> Codec:
     """Return the codec of that name. Raises KeyError where there is none."""
-    module = f"ntc.codec.{name.replace('-', '_')}.codec" if name in FORMER_FORMATS else MODULES[name]
-    found: Codec = import_module(module).CODEC
+    found: Codec = import_module(MODULES[name]).CODEC
     return found
-
-
-def codec_of_file(kind: str, fields: Collection[str]) -> str:
-    """The codec, or former format, of a pack that names `kind` and has these `fields` of settings."""
-    return "block-1" if kind == "block" and "format" not in fields else kind
-
-
-def kind_in_file(name: str) -> str:
-    """What packs of codec or former format `name` call it."""
-    return FORMER_FORMATS.get(name, name)
 
 
 def chosen_codec(choices: EncodingChoices) -> str:

@@ -23,7 +23,7 @@ from safetensors.numpy import save
 from ntc.codec.codec import TensorShape
 from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.registry import codec_of
-from ntc.errors import InputError, MetadataError
+from ntc.errors import FormerFormatError, InputError, MetadataError
 from ntc.io import LENGTH_BYTES, file_metadata, read_file, write_bytes
 from ntc.pack.other_formats import beginning_of, refuse_other_formats
 from ntc.pack.schema import METADATA_KEY, PackMetadata, TextureMetadata, metadata_json, parse_metadata
@@ -154,6 +154,8 @@ def _reading(path: Path) -> Iterator[None]:
         yield
     except SafetensorError as error:
         raise InputError(f"{path}: not a safetensors file ({error}); {REMEDY}") from error
+    except FormerFormatError as error:
+        raise InputError(f"{path}: {error}") from error
     except MetadataError as error:
         raise InputError(f"{path}: {error}; {REMEDY}") from error
     except OSError as error:

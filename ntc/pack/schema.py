@@ -13,8 +13,8 @@ from ntc.codec.config import ColorSpace, WrapMode
 from ntc.codec.maps import BASE_ALONE, LARGEST_CHANNELS, MapName, channel_places
 from ntc.codec.model import CodecSettings, Pack
 from ntc.codec.quality import finite_or_none
-from ntc.codec.registry import FIRST_NAME, MODULES, codec_named, codec_of_file, kind_in_file
-from ntc.errors import MetadataError
+from ntc.codec.registry import FIRST_NAME, MODULES, codec_named
+from ntc.errors import FormerFormatError, MetadataError
 
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"
@@ -109,7 +109,7 @@ def codec_json(config: CodecSettings) -> dict[str, Any]:
     """Return the settings of a codec as the metadata hold them."""
     # Files of the first codec are as they were before there was another one.
     found = _without_set_fields(asdict(cast(Any, config)))
-    return found if config.kind == FIRST_NAME else {KIND: kind_in_file(config.kind), **found}
+    return found if config.kind == FIRST_NAME else {KIND: config.kind, **found}
 
 
 def metadata_json(pack: Pack) -> str:
@@ -152,13 +152,15 @@ def _converted(document: Any, kind: type[T], place: str = "metadata") -> T:
 
 
 def _codec(document: dict[str, Any]) -> CodecSettings:
-    """Return the codec with the fields `document`. Raises MetadataError."""
+    """Return the codec with the fields `document`. Raises MetadataError, FormerFormatError."""
     place = "metadata.codec"
     given = {name: value for name, value in document.items() if name != KIND}
     kind = _converted(document, _Kind, place).kind
     if kind not in MODULES:
         raise MetadataError(f"{place}.kind: Invalid enum value '{kind[:60]}'")
-    codec = codec_named(codec_of_file(kind, given))
+    codec = codec_named(kind)
+    if former := codec.former_format(given):
+        raise FormerFormatError(f"format {former} of codec {kind}, no longer read: encode again with this version")
     config = _converted(given, codec.settings_type, place)
     known = {field.name for field in fields(cast(Any, codec.settings_type))}
     if not known - codec.added_fields <= set(given) <= known:

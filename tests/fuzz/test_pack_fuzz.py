@@ -15,7 +15,7 @@ import pytest
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockParts, block_parts
-from ntc.codec.block_trellis import LARGEST_DEPTH
+from ntc.codec.block.trellis import LARGEST_DEPTH
 from ntc.codec.grid.model import GridConfig, GridParts, grid_parts
 from ntc.codec.latents import latent_cell_count
 from ntc.codec.model import Pack

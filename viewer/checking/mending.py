@@ -5,7 +5,6 @@ from dataclasses import fields
 
 from ntc.codec.encoding import texture_set
 from ntc.codec.model import Pack
-from ntc.codec.registry import kind_in_file
 from ntc.codec.textures import SourceTexture
 from viewer.checking.kept_values import KeptValues
 from viewer.training.rates import RATE_CODEC, PointJob, RateCurve, RatePoint, rate_point
@@ -21,7 +20,7 @@ LARGEST_TEXELS = 1 << 20
 def rate_curve(source: SourceTexture, pack: Pack, kept: KeptValues) -> RateCurve | None:
     """Return the curve of a texture in the codec of `pack`; None where the codec takes no target, and for large textures."""
     width, height = source.size
-    if kind_in_file(pack.config.kind) != RATE_CODEC or width * height > LARGEST_TEXELS:
+    if pack.config.kind != RATE_CODEC or width * height > LARGEST_TEXELS:
         return None
     facts = repr(
         (source.pixel_hash, source.size, source.maps, RATE_CODEC, BITS, [field.name for field in fields(RatePoint)])

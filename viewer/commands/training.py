@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from ntc.codec.config import GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
-from ntc.codec.registry import FORMER_FORMATS, codec_named, codec_of
+from ntc.codec.registry import codec_named, codec_of
 from ntc.errors import InputError
 from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, field_command, gesture, unless
@@ -41,7 +41,6 @@ from viewer.training.settings import (
 NEW_GROUP = "new"
 _DEFAULT = TrainingSettings()
 _BUDGET = budget_text(_DEFAULT.budget)
-FORMER = "this pack has a former format; encode the scene again"
 AS_CHOSEN = "default: as chosen in the panel Training"
 
 
@@ -176,8 +175,6 @@ def _cannot_encode_anew(context: Context) -> str:
     if reason := _no_base(context):
         return reason
     pack = _base(context)
-    if pack.config.kind in FORMER_FORMATS:
-        return FORMER
     own = pack.textures[0]
     can = codec_of(pack.config).texture_bits(pack.config, (own.width, own.height)) is not None
     return "" if can else "the codec of this pack cannot encode one texture again; retrain its group"
@@ -203,9 +200,7 @@ def encode_anew(
 def _not_retrainable(context: Context) -> str:
     if reason := _no_base(context):
         return reason
-    if (config := _base(context).config).kind in FORMER_FORMATS:
-        return FORMER
-    trains = codec_of(config).trains
+    trains = codec_of(_base(context).config).trains
     return "" if trains else "the codec of this pack is not trained; encode a texture with other bits (training.anew)"
 
 

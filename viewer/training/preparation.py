@@ -7,8 +7,8 @@ from pathlib import Path
 from ntc.codec.config import UNIVERSAL, GroupingConfig
 from ntc.codec.encoding import file_header_bytes, texture_set
 from ntc.codec.maps import BASE_ALONE, MAP_CHANNELS
-from ntc.codec.model import Grouping, Pack
-from ntc.codec.registry import FORMER_FORMATS, codec_named, codec_of
+from ntc.codec.model import Pack
+from ntc.codec.registry import codec_named, codec_of
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.training.messages import TrainingRequest, moved_texture, unchanged_groups
@@ -138,8 +138,6 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         own = codec_of(base.config).anew_options(base, job.texture, job.bits)
         group = base.textures[job.texture].group
         return TrainingRequest(textures, grouping, base.config, own, None, base, frozenset({group}))
-    if base.config.kind in FORMER_FORMATS:
-        return _in_present_format(job.settings, textures, grouping, base)
     dirty = job.groups if isinstance(job, RetrainGroups) else None
     options = codec_of(base.config).live_options_for(job.settings.choices)
     return TrainingRequest(textures, grouping, base.config, options, job.settings.budget, base, dirty)
@@ -164,15 +162,6 @@ def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> Trai
     config = codec.settings_for(known, settings.choices)
     options = codec.live_options_for(settings.choices)
     return TrainingRequest(textures, grouping, config, options, settings.budget)
-
-
-def _in_present_format(
-    settings: TrainingSettings, textures: tuple[SourceTexture, ...], grouping: Grouping, base: Pack
-) -> TrainingRequest:
-    """Return the request for all groups of `base`, whose format is no longer written, in the format that took its place."""
-    codec = codec_named(FORMER_FORMATS[base.config.kind])
-    config = codec.settings_for(texture_set(textures, grouping.stored_decoders), settings.choices)
-    return TrainingRequest(textures, grouping, config, codec.live_options_for(settings.choices), settings.budget)
 
 
 def _reduced(texture: SourceTexture, size: int, report: JobReport) -> SourceTexture:

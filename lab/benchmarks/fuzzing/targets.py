@@ -32,7 +32,7 @@ WATCHED = [
     "ntc.pack.file",
     "ntc.pack.schema",
     "ntc.codec.model",
-    "ntc.codec.block_storage",
+    "ntc.codec.block.storage",
     "ntc.codec.block.tensors",
     "ntc.codec.grid.codec",
     "ntc.codec.grid.tensors",

@@ -8,7 +8,7 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec import block_storage
+from ntc.codec.block import storage
 from ntc.codec.block import tensors as files
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.rate import bits_of_words, encoding_work, settings_for_target, words_of_bits
@@ -70,22 +70,25 @@ class BlockCodec(Codec):
     def target_of(self, maps: Sequence[MapName]) -> BitsTarget:
         return BitsTarget(DEFAULT_SET_BITS) if is_material(maps) else DEFAULT_TARGET
 
+    def former_format(self, fields: Mapping[str, Any]) -> int | None:
+        # Files of format 1 do not say so.
+        return 1 if fields.get("format", 1) == 1 else None
+
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
         del width, height
-        config = cast(BlockConfig, settings)
-        return block_storage.texture_shapes(config, (config.mips, config.output_channels))
+        return storage.texture_shapes(cast(BlockConfig, settings))
 
     def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
         return files.decoder_shapes(cast(BlockConfig, settings))
 
     def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        return block_storage.texture_tensors(cast(BlockTexture, texture), cast(BlockConfig, settings))
+        return storage.texture_tensors(cast(BlockTexture, texture), cast(BlockConfig, settings))
 
     def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
         return files.decoder_tensors(cast(BlockDecoder, decoder), cast(BlockConfig, settings))
 
     def read_texture(self, tensors: Tensors, known: Mapping[str, Any], settings: CodecSettings) -> EncodedTexture:
-        return block_storage.read_texture(tensors, known, cast(BlockConfig, settings), BlockTexture)
+        return storage.read_texture(tensors, known, cast(BlockConfig, settings))
 
     def read_decoder(self, tensors: Tensors, settings: CodecSettings) -> Decoder:
         return files.read_decoder(tensors, cast(BlockConfig, settings))

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.config import COLOUR_BITS, LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block_storage import BlockCodes
-from ntc.codec.block_trellis import LARGEST_DEPTH
+from ntc.codec.block.storage import BlockCodes
+from ntc.codec.block.trellis import LARGEST_DEPTH
 
 
 class EdgePart(NamedTuple):

@@ -14,7 +14,7 @@ LARGEST_MODES, LARGEST_SET_MODES = 64, 128
 LARGEST_SIZES = 4
 """Sizes of codes at most: two bits name one."""
 FORMAT: Literal[2] = 2
-"""Of the codes that this folder reads and writes; `ntc.codec.block_1` reads those of format 1."""
+"""Format of the codes: the one that is read and written."""
 FEWEST_MODES = 8
 """Modes at least: the three bits before a code's first branch bit are the state that its path starts in."""
 LARGEST_EDGE_BITS = 3

@@ -25,9 +25,16 @@ from ntc.codec.block.codes import bit_places, edge_places
 from ntc.codec.block.config import COLOUR_BITS, LARGEST_SIZES, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import texture_codes
-from ntc.codec.block.trellis import DEEP_CURVE, DEEP_DEPTH, LEVEL_STEPS, SHALLOW_CURVE
-from ntc.codec.block_storage import DIRECTORY_RUN, level_rows
-from ntc.codec.block_trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, branch_tables
+from ntc.codec.block.storage import DIRECTORY_RUN, level_rows
+from ntc.codec.block.trellis import (
+    DEEP_CURVE,
+    DEEP_DEPTH,
+    LEVEL_STEPS,
+    SCALE_ORIGIN,
+    SCALE_STEPS_PER_OCTAVE,
+    SHALLOW_CURVE,
+    branch_tables,
+)
 from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, defines_by_plane
 from ntc.codec.latents import texture_levels
 from ntc.codec.maps import Plane, plane_channels

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block_trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, share_out_bits
+from ntc.codec.block.trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, share_out_bits
 from ntc.codec.mips import srgb_channels
 from ntc.codec.model import Decoder, EncodedTexture, Pack
 from ntc.errors import InputError
@@ -68,7 +68,7 @@ class BlockTexture(EncodedTexture):
     """One texture under a group's tables: value = mean + axes @ (what the block decodes to)."""
 
     words: NDArray[np.uint32]
-    """[words] uint32: directories and codes of all levels (`ntc.codec.block_storage`)."""
+    """[words] uint32: directories and codes of all levels (`ntc.codec.block.storage`)."""
     mean: NDArray[np.float32]
     """[mips of a code, channels] float32, in the texture's colour space."""
     axes: NDArray[np.float32]

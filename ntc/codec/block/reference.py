@@ -6,9 +6,8 @@ from numpy.typing import NDArray
 from ntc.codec.block.codes import EdgePart, UnpackedCodes, channel_indices, edge_parts, unpacked_codes
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, averaged_rows
-from ntc.codec.block.trellis import level_table
-from ntc.codec.block_storage import BlockCodes, level_codes, level_rows
-from ntc.codec.block_trellis import branch_tables, scale_values
+from ntc.codec.block.storage import BlockCodes, level_codes, level_rows
+from ntc.codec.block.trellis import branch_tables, level_table, scale_values
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.sampling import bilinear, clamped_lod, trilinear

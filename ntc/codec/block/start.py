@@ -6,7 +6,7 @@ import numpy as np
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block_storage import BlockCodes, stored_words
+from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import channel_places

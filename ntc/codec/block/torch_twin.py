@@ -12,9 +12,8 @@ from ntc.codec.block.codes import bit_places, edge_places
 from ntc.codec.block.config import COLOUR_BITS, LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture, averaged_rows, block_parts
 from ntc.codec.block.reference import image_of
-from ntc.codec.block.trellis import level_table
-from ntc.codec.block_storage import level_codes, level_rows
-from ntc.codec.block_trellis import LARGEST_DEPTH, branch_tables, scale_values
+from ntc.codec.block.storage import level_codes, level_rows
+from ntc.codec.block.trellis import LARGEST_DEPTH, branch_tables, level_table, scale_values
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack

@@ -1,15 +1,74 @@
-"""The levels of trellis-coded quantisation (`ntc.codec.block_trellis`), and the bits that name them."""
+"""Trellis-coded quantisation: indices of a block's coefficients as a path through eight states.
+
+A coefficient of depth b has 2^(b+1) levels, dealt out in turn to four subsets. The state that the coefficients before it led to allows
+two subsets; one bit of its index chooses between them, the others choose a level. So b bits choose among twice as many levels as
+scalar quantisation has, which is worth 0.7 to 1.9 dB at no cost to the decoder (Marcellin and Fischer, IEEE Trans. Comm. 38(1), 1990;
+the trellis is that of JPEG 2000 part 2, ITU-T T.801, Annex D).
+"""
+
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.block_trellis import LARGEST_DEPTH, SCALE_STEPS_PER_OCTAVE, branch_tables
-
+LARGEST_DEPTH = 7
+"""Bits of a coefficient at most."""
+SCALE_STEPS_PER_OCTAVE = 16
+"""Stored scales are powers of two in steps of 1/16 octave."""
+SCALE_ORIGIN = 192
+"""A stored scale of 192 is 1."""
+STATES = 8
+BRANCHES: tuple[tuple[tuple[int, int], tuple[int, int]], ...] = (
+    ((0, 0), (1, 2)),
+    ((2, 1), (3, 3)),
+    ((4, 2), (5, 0)),
+    ((6, 3), (7, 1)),
+    ((0, 2), (1, 0)),
+    ((2, 3), (3, 1)),
+    ((4, 0), (5, 2)),
+    ((6, 1), (7, 3)),
+)
+"""By state and branch bit: (next state, subset)."""
+EXPECTED_ERROR = (1.0, 0.347, 0.105, 0.031, 0.0101, 0.00275, 0.00074, 0.0002)
+"""Mean squared error of a coefficient of unit variance by depth, measured on Gaussian and Laplacian samples."""
 LEVEL_STEPS = (0, -3, 2, 11, 17, 20, 23, 24)
 """By depth: the outermost level's scale in steps of 1/16 octave, for coefficients of unit variance."""
 SHALLOW_CURVE, DEEP_CURVE = (0.0, 1.625), (-1.5, 3.0)
 """(linear, square) terms of levels of depths below DEEP_DEPTH, and of the others."""
 DEEP_DEPTH = 3
+
+
+def branch_tables() -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """(next state, subset), each [STATES, 2] int64 by state and branch bit."""
+    table = np.array(BRANCHES, np.int64)
+    return table[..., 0], table[..., 1]
+
+
+@lru_cache(maxsize=1)
+def _allocation_keys() -> NDArray[np.int64]:
+    """[LARGEST_DEPTH] int64, falling: 16 log2 of what the variance is multiplied by for the error that each further bit takes away."""
+    gains = -np.diff(np.asarray(EXPECTED_ERROR))
+    keys: NDArray[np.int64] = np.rint(SCALE_STEPS_PER_OCTAVE * np.log2(gains)).astype(np.int64)
+    return keys
+
+
+def share_out_bits(scales: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
+    """[coefficients] uint8 depths that sum to `bits`: each bit goes where it lowers the expected squared error most.
+
+    `scales` are stored scales (`scale_values`). In integers, so that every reader comes to the same depths.
+    Fewer bits where every coefficient has LARGEST_DEPTH already.
+    """
+    # A variance is the square of a scale, so its logarithm is twice as large.
+    keys = 2 * scales.astype(np.int64)[:, None] + _allocation_keys()
+    # Gains of a coefficient fall with its depth, so the greatest ones of all coefficients are a valid allocation.
+    # Numbers of 16 bits are sorted by their digits, which is fastest.
+    order = np.argsort(-keys.astype(np.int16), axis=None, kind="stable")[: min(bits, keys.size)]
+    return np.bincount(order // LARGEST_DEPTH, minlength=len(scales)).astype(np.uint8)
+
+
+def scale_values(stored: NDArray[np.integer]) -> NDArray[np.float64]:
+    """Scales as numbers: 2^((stored - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE), float64 of the shape of `stored`."""
+    return np.exp2((stored.astype(np.float64) - SCALE_ORIGIN) / SCALE_STEPS_PER_OCTAVE)
 
 
 def level_shape(depth: int) -> NDArray[np.float64]:

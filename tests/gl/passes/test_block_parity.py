@@ -12,7 +12,7 @@ from lab.bench.random_pack import random_block_pack
 from ntc.codec import reference
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.gpu import trellis_subsets
-from ntc.codec.block_trellis import BRANCHES
+from ntc.codec.block.trellis import BRANCHES
 from ntc.codec.config import WrapMode
 from ntc.codec.gpu import SOFTWARE, DecoderVariant
 from ntc.codec.latents import latent_levels

@@ -45,7 +45,7 @@ def pack_words(pack: Pack, codec: int) -> NDArray[np.uint32]:
     levels: list[NDArray[np.void]] = []
     latents: list[NDArray[np.uint32]] = []
     first_level, first_cell = 0, 0
-    adapter = tables.first_block + len(pack.decoders) * tables.decoder_blocks
+    adapter = len(pack.decoders) * tables.decoder_blocks
     for record, texture in zip(records, pack.textures, strict=True):
         pyramid = texture_levels(texture, pack.config)
         tables.fill_record(record, texture, first_level, adapter)

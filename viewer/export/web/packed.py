@@ -62,7 +62,7 @@ def packed_decoders(pack: Pack, chosen: Sequence[int]) -> PackedDecoders:
 def packed_textures(pack: Pack, chosen: Sequence[int]) -> Iterator[PackedTexture]:
     """Yield the textures `chosen` of `pack`, whose adapters lie as `packed_decoders` puts them."""
     tables = codec_of(pack.config).gpu_tables(pack.config)
-    adapter = tables.first_block + len(pack.decoders) * tables.decoder_blocks
+    adapter = len(pack.decoders) * tables.decoder_blocks
     for index in chosen:
         texture = pack.textures[index]
         pyramid = texture_levels(texture, pack.config)

@@ -97,7 +97,7 @@ class PackBuffers:
     def _fill_records(self) -> None:
         records = self._records
         records["decoder"] = -1
-        adapter = self._tables.first_block + len(self.pack.decoders) * self._tables.decoder_blocks
+        adapter = len(self.pack.decoders) * self._tables.decoder_blocks
         for slot, texture in self._textures(self.pack):
             self._tables.fill_record(records[slot], texture, int(self.latent_store.first_level[slot]), adapter)
             adapter += self._tables.adapter_blocks
@@ -150,7 +150,7 @@ class PackBuffers:
         self._fill_records()
         uploaded = 0
         for group in groups:
-            first = self._tables.first_block + group * self._tables.decoder_blocks
+            first = group * self._tables.decoder_blocks
             uploaded += self._write_weights(first, self._tables.decoder_data(pack.decoders[group]))
         size = self._records.itemsize
         for slot, texture in self.slots_of_groups(groups, pack).items():
@@ -280,7 +280,7 @@ class DecoderRanges:
 
     def _range(self, pack: Pack, decoder: int) -> bytes:
         if self._places_only:
-            start = self._tables.first_block + decoder * self._tables.decoder_blocks
+            start = decoder * self._tables.decoder_blocks
             return np.array([start, 0, 0, 0], "<i4").tobytes()
         return self._tables.decoder_data(pack.decoders[decoder])
 

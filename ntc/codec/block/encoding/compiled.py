@@ -11,8 +11,7 @@ from ntc.codec.block.codes import first_branches
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.quantizer import LOOKUP_CELLS, LOOKUP_RANGE
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.trellis import level_table
-from ntc.codec.block_trellis import BRANCHES, LARGEST_DEPTH, STATES, scale_values
+from ntc.codec.block.trellis import BRANCHES, LARGEST_DEPTH, STATES, level_table, scale_values
 from ntc.codec.compiling import Signatures, compiled_loop
 
 _SUBSETS = np.array([subset for branches in BRANCHES for _, subset in branches], np.int64)

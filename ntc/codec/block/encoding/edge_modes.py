@@ -15,7 +15,7 @@ from ntc.codec.block.encoding.masks import side_costs
 from ntc.codec.block.encoding.quantizer import expected_errors
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder, stored_scales
-from ntc.codec.block_trellis import scale_values
+from ntc.codec.block.trellis import scale_values
 
 COMPARED_BLOCKS = 2000
 """Of a group's sample, about."""

@@ -20,7 +20,7 @@ from ntc.codec.block.encoding.sharing import sizes_within
 from ntc.codec.block.encoding.tables import fit_decoder
 from ntc.codec.block.encoding.transform import Tables, one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block_storage import BlockCodes, stored_words
+from ntc.codec.block.storage import BlockCodes, stored_words
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import LatentLevel, latent_levels
 from ntc.codec.textures import SourceTexture

@@ -10,8 +10,8 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Sample, sample_textures
 from ntc.codec.block.encoding.transform import Basis, one_thread, projected
 from ntc.codec.block.model import BlockDecoder
+from ntc.codec.block.trellis import SCALE_STEPS_PER_OCTAVE, scale_values
 from ntc.codec.block.universal import FINE_BLOCKS, SetTables, scaled_decoder, set_config, set_tables
-from ntc.codec.block_trellis import SCALE_STEPS_PER_OCTAVE, scale_values
 from ntc.codec.maps import joint_maps
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture

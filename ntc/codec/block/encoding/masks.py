@@ -8,7 +8,7 @@ from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import channel_values, texture_codes
-from ntc.codec.block_storage import BlockCodes
+from ntc.codec.block.storage import BlockCodes
 from ntc.codec.latents import texture_levels
 
 SIDE_WORTH = 12.0

@@ -13,9 +13,8 @@ from ntc.codec.block.encoding.search import compiled
 from ntc.codec.block.encoding.transform import one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import decode_image, edge_values, image_of, texture_codes
-from ntc.codec.block.trellis import level_table
-from ntc.codec.block_storage import BlockCodes
-from ntc.codec.block_trellis import scale_values
+from ntc.codec.block.storage import BlockCodes
+from ntc.codec.block.trellis import level_table, scale_values
 from ntc.codec.latents import texture_levels
 from ntc.threads import mapped
 

@@ -10,7 +10,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import PreparedTexture, compared_blocks
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import block_values, texture_codes
-from ntc.codec.block_storage import BlockCodes
+from ntc.codec.block.storage import BlockCodes
 from ntc.codec.latents import latent_cell_count, texture_levels
 from ntc.codec.quality import psnr_of_mse
 

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from ntc.codec.block.trellis import level_table
-from ntc.codec.block_trellis import BRANCHES, LARGEST_DEPTH, STATES
+from ntc.codec.block.trellis import BRANCHES, LARGEST_DEPTH, STATES, level_table
 
 compiled: Any
 try:

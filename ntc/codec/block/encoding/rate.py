@@ -14,9 +14,9 @@ from ntc.codec.block.config import (
     BlockOptions,
 )
 from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS, reduction
+from ntc.codec.block.storage import DIRECTORY_RUN
+from ntc.codec.block.trellis import LARGEST_DEPTH
 from ntc.codec.block.universal import BANDS, FINE_BLOCKS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
-from ntc.codec.block_storage import DIRECTORY_RUN
-from ntc.codec.block_trellis import LARGEST_DEPTH
 from ntc.codec.encoding import BitsTarget, Sizes, SizeTarget, Target, TextureSet, common_channels
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import BASE_ALONE, is_material

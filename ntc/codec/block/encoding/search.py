@@ -11,8 +11,7 @@ from ntc.codec.block.codes import bit_places, joined_words, packed_codes, start_
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.model import BlockDecoder
-from ntc.codec.block.trellis import indices_of
-from ntc.codec.block_trellis import scale_values
+from ntc.codec.block.trellis import indices_of, scale_values
 
 compiled: Any
 try:

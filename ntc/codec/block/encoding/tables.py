@@ -19,7 +19,7 @@ from ntc.codec.block.encoding.rate import edge_blocks
 from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
 from ntc.codec.block.model import BlockDecoder, stored_scales
-from ntc.codec.block_trellis import scale_values
+from ntc.codec.block.trellis import scale_values
 
 MODE_ROUNDS = 6
 """Alternations between choosing a mode for each block and fitting the modes to their blocks."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Sample
 from ntc.codec.block.model import BlockDecoder, averaged_rows
-from ntc.codec.block_trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, scale_values
+from ntc.codec.block.trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, scale_values
 
 LARGEST_NUMBER = 127.0
 """Of a row of the basis."""

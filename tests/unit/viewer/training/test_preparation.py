@@ -74,17 +74,6 @@ def test_textures_are_trained_again_as_large_as_the_pack_has_them() -> None:
     assert [texture.size for texture in request.textures] == [(32, 16)]
 
 
-def test_a_pack_of_a_former_format_is_encoded_anew_as_a_whole(scene: Scene) -> None:
-    old = read_pack(Path("tests/unit/ntc/codec/block/format_1/colours.ntc"))
-    shown = [
-        replace(own, pixel_hash=image.pixel_hash) for own, image in zip(old.textures, scene.textures, strict=False)
-    ]
-    pack = replace(old, textures=tuple(shown))
-    request = checked_request(prepare(RetrainGroups(SETTINGS, frozenset({1})), scene, pack, JobReport()))
-    assert (request.codec.kind, request.start, request.dirty) == ("block", None, {0, 1})
-    assert request.grouping == pack.grouping
-
-
 def test_a_scene_is_encoded_in_blocks_at_full_size_and_the_bits_of_the_command_line(scene: Scene) -> None:
     request = prepare(EncodeScene(SETTINGS), scene, random_block_pack(), JobReport())
     assert request.start is None

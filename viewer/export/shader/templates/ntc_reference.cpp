@@ -59,7 +59,7 @@ void check(const char* path, const std::vector<ntc::uint>& words) {
     const std::uint64_t textures = words[NTC_WORD_TEXTURE_COUNT];
     check_section(path, "textures", words[NTC_WORD_TEXTURES], textures, sizeof(ntc_texture_record) / 4, total);
     check_section(path, "levels", words[NTC_WORD_LEVELS], levels, sizeof(ntc_level_record) / 4, total);
-    check_section(path, "decoders", words[NTC_WORD_DECODERS], NTC_SHARED_BLOCKS, 4, total);
+    check_section(path, "decoders", words[NTC_WORD_DECODERS], 0, 4, total);
     check_section(path, "latents", words[NTC_WORD_LATENTS], 0, NTC_CELL_WORDS, total);
     if (words[NTC_WORD_LATENTS] < words[NTC_WORD_DECODERS] || total > 0x7FFFFFFF)
         refuse(std::string(path) + ": sections lie in another order, or are too large");
@@ -71,7 +71,7 @@ void check(const char* path, const std::vector<ntc::uint>& words) {
             record.finest_level >= count)
             refuse(std::string(path) + ": texture " + std::to_string(i) + " names mips that are not there");
         const std::uint64_t blocks = (words[NTC_WORD_LATENTS] - words[NTC_WORD_DECODERS]) / 4;
-        if (record.decoder < 0 || NTC_SHARED_BLOCKS + (record.decoder + 1ull) * NTC_DECODER_BLOCKS > blocks ||
+        if (record.decoder < 0 || (record.decoder + 1ull) * NTC_DECODER_BLOCKS > blocks ||
             record.adapter < 0 || record.adapter + std::uint64_t(NTC_ADAPTER_BLOCKS) > blocks)
             refuse(std::string(path) + ": texture " + std::to_string(i) + " names a decoder that is not there");
     }

@@ -18,9 +18,8 @@ from ntc.codec.block.encoding.quantizer import TrellisQuantizer
 from ntc.codec.block.encoding.search import coded, coded_by_torch
 from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
 from ntc.codec.block.reference import image_of
-from ntc.codec.block.trellis import indices_of, level_table
-from ntc.codec.block_storage import BlockCodes
-from ntc.codec.block_trellis import BRANCHES, LARGEST_DEPTH, scale_values, share_out_bits
+from ntc.codec.block.storage import BlockCodes
+from ntc.codec.block.trellis import BRANCHES, LARGEST_DEPTH, indices_of, level_table, scale_values, share_out_bits
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain

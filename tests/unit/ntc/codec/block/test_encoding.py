@@ -24,9 +24,9 @@ from ntc.codec.block.encoding.sharing import (
     sizes_within,
 )
 from ntc.codec.block.model import block_parts
+from ntc.codec.block.storage import level_codes
 from ntc.codec.block.tensors import decoder_shapes, decoder_tensors, read_decoder
 from ntc.codec.block.universal import UNIVERSAL_CONFIG, VERSION, tables_path, universal_decoder
-from ntc.codec.block_storage import level_codes
 from ntc.codec.checks import check_textures
 from ntc.codec.config import UNIVERSAL, GroupingConfig
 from ntc.codec.encoding import (

@@ -12,11 +12,11 @@ from ntc.codec.block.codes import unpacked_codes
 from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.blocks import prepare_texture
 from ntc.codec.block.encoding.rate import config_for_bits, side_bits
-from ntc.codec.block.model import BlockTexture, block_parts
+from ntc.codec.block.model import block_parts
 from ntc.codec.block.start import mean_colour_pack
+from ntc.codec.block.storage import read_texture, texture_tensors
 from ntc.codec.block.torch_twin import TorchBlock
-from ntc.codec.block_storage import read_texture, texture_tensors
-from ntc.codec.block_trellis import scale_values
+from ntc.codec.block.trellis import scale_values
 from ntc.codec.codec import texture_fields
 from ntc.codec.encoding import texture_set
 from ntc.codec.grid.model import GridConfig
@@ -131,7 +131,7 @@ def test_axes_join_no_channels_of_different_planes() -> None:
     tensors = texture_tensors(texture, SETS)
     parts = tensors["latents.{}.axes"]
     assert parts.shape == (SETS.axis_numbers,) == (3 * 3 + 4 * 4 + 4 * 4,)
-    read = read_texture(tensors, texture_fields(source, 0), SETS, BlockTexture)
+    read = read_texture(tensors, texture_fields(source, 0), SETS)
     np.testing.assert_array_equal(read.axes, axes.axes)
     np.testing.assert_array_equal(parts[:9].reshape(3, 3), axes.axes[:3, :3])
 

@@ -1,4 +1,4 @@
-"""How textures of codec `block` lie in files of all its formats: codes in words, and tensors (docs/reference/pack-format.md).
+"""How textures of codec `block` lie in files: codes in words, and tensors (docs/reference/pack-format.md).
 
 Level after level: where blocks may take several sizes, a directory, then the codes of the level's blocks, row by row, without gaps.
 The directory has two words for each run of DIRECTORY_RUN blocks: where the run's first code begins, in words from the level's first
@@ -6,66 +6,25 @@ word, and the size classes of its blocks, two bits each, the first block's lowes
 "{}" in the name of a tensor is the number of a texture or decoder.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol, TypeVar
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.model import BlockTexture
 from ntc.codec.codec import Tensors, TensorShape
 from ntc.codec.gpu import StoredRows
-from ntc.codec.latents import LatentLevel, PyramidShape, PyramidTexture, texture_levels
-from ntc.codec.maps import BASE_ALONE, MapName, plane_channels
+from ntc.codec.latents import LatentLevel, texture_levels
+from ntc.codec.maps import BASE_ALONE, plane_channels
 
 Words = NDArray[np.uint32]
 DIRECTORY_RUN = 16
 """Blocks whose size classes one word of a level's directory holds."""
 WORD = np.dtype("<u4")
 LARGEST_NUMBER = 16.0
-"""Size at most of means, axes and basis scales in fp32: an encoder's are below 2, and no code decodes beyond fp32."""
-
-
-class BlockSizes(Protocol):
-    """Settings that decide about the sizes of codes."""
-
-    @property
-    def block_words(self) -> tuple[int, ...]:
-        """Words of a code, by size class."""
-
-
-class BlockShape(BlockSizes, PyramidShape, Protocol):
-    """Settings that decide about the tensors of a texture."""
-
-    @property
-    def output_channels(self) -> int:
-        """Channels that decoders write."""
-
-    @property
-    def maps(self) -> tuple[MapName, ...]:
-        """Maps of a material set."""
-
-    @property
-    def axis_numbers(self) -> int:
-        """Numbers of the axes of a texture."""
-
-
-class StoredTexture(PyramidTexture, Protocol):
-    """Parts of a texture that files hold."""
-
-    @property
-    def words(self) -> Words:
-        """[words] uint32: directories and codes of all levels."""
-
-    @property
-    def mean(self) -> NDArray[np.float32]:
-        """Means of the channels, float32."""
-
-    @property
-    def axes(self) -> NDArray[np.float32]:
-        """[channels, channels] float32."""
-
-
-Texture = TypeVar("Texture", bound=StoredTexture)
+"""Size at most of means and axes: an encoder's are below 2, and no code decodes beyond fp32."""
 
 
 class BlockCodes(NamedTuple):
@@ -77,12 +36,12 @@ class BlockCodes(NamedTuple):
     """[blocks] size class: which of `BlockConfig.block_words`."""
 
 
-def directory_words(blocks: int, config: BlockSizes) -> int:
+def directory_words(blocks: int, config: BlockConfig) -> int:
     """Words of the directory of a level of so many blocks."""
     return 2 * -(-blocks // DIRECTORY_RUN) if len(config.block_words) > 1 else 0
 
 
-def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: BlockSizes) -> Words:
+def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: BlockConfig) -> Words:
     """[words] uint32: the codes of all blocks of all `levels` as they are stored."""
     lengths = np.array(config.block_words, np.int64)[codes.sizes]
     parts: list[Words] = []
@@ -103,7 +62,7 @@ def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: Block
     return np.concatenate(parts).astype(np.uint32)
 
 
-def _level_sizes(words: Words, blocks: int, config: BlockSizes) -> NDArray[np.int64]:
+def _level_sizes(words: Words, blocks: int, config: BlockConfig) -> NDArray[np.int64]:
     """[blocks] size classes of a level whose stored words begin `words`. Raises ValueError where they end too early."""
     directory = directory_words(blocks, config)
     # Before anything of the size of the level is allocated.
@@ -115,7 +74,7 @@ def _level_sizes(words: Words, blocks: int, config: BlockSizes) -> NDArray[np.in
     return classes.reshape(-1)[:blocks].astype(np.int64)
 
 
-def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockSizes) -> tuple[StoredRows, ...]:
+def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockConfig) -> tuple[StoredRows, ...]:
     """Where each of `levels` lies in a texture's stored `words` [words] uint32.
 
     A mip of 0 rows lies in those of the next coarser one.
@@ -143,7 +102,7 @@ def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockSizes) 
     return tuple(found)
 
 
-def level_codes(words: Words, level: LatentLevel, config: BlockSizes) -> BlockCodes:
+def level_codes(words: Words, level: LatentLevel, config: BlockConfig) -> BlockCodes:
     """The codes of all blocks of a level; `words` begin with the level's directory."""
     sizes = _level_sizes(words, level.cells, config)
     lengths = np.array(config.block_words, np.int64)[sizes]
@@ -153,28 +112,28 @@ def level_codes(words: Words, level: LatentLevel, config: BlockSizes) -> BlockCo
     return BlockCodes(padded[begins[:, None] + np.arange(config.block_words[-1])], sizes)
 
 
-def _axes_shape(config: BlockShape) -> tuple[int, ...]:
+def _axes_shape(config: BlockConfig) -> tuple[int, ...]:
     """Of a texture's axes in a file: one matrix, or of material sets the matrices of all planes, one after the other."""
     channels = config.output_channels
     return (channels, channels) if config.maps == BASE_ALONE else (config.axis_numbers,)
 
 
-def texture_shapes(config: BlockShape, mean: tuple[int, ...]) -> dict[str, TensorShape]:
-    """Type and shape of the tensors of a texture: words of codes, `mean` and axes."""
+def texture_shapes(config: BlockConfig) -> dict[str, TensorShape]:
+    """Type and shape of the tensors of a texture: words of codes, means and axes."""
     return {
         "latents.{}": ("U8", (None, WORD.itemsize)),
-        "latents.{}.mean": ("F32", mean),
+        "latents.{}.mean": ("F32", (config.mips, config.output_channels)),
         "latents.{}.axes": ("F32", _axes_shape(config)),
     }
 
 
-def _plane_blocks(config: BlockShape) -> list[tuple[NDArray[np.intp], ...]]:
+def _plane_blocks(config: BlockConfig) -> list[tuple[NDArray[np.intp], ...]]:
     """By plane: what picks its part out of a matrix of channels."""
     planes = plane_channels(config.maps, config.output_channels).values()
     return [np.ix_(list(channels.values()), list(channels.values())) for channels in planes]
 
 
-def _axes_matrix(parts: NDArray[np.float32], config: BlockShape) -> NDArray[np.float32]:
+def _axes_matrix(parts: NDArray[np.float32], config: BlockConfig) -> NDArray[np.float32]:
     """[channels, channels] float32: `BlockTexture.axes` of its `parts` as files hold them."""
     axes, first = np.zeros((config.output_channels, config.output_channels), np.float32), 0
     for own in _plane_blocks(config):
@@ -184,7 +143,7 @@ def _axes_matrix(parts: NDArray[np.float32], config: BlockShape) -> NDArray[np.f
     return axes
 
 
-def texture_tensors(texture: StoredTexture, config: BlockShape) -> dict[str, NDArray[Any]]:
+def texture_tensors(texture: BlockTexture, config: BlockConfig) -> dict[str, NDArray[Any]]:
     """The tensors of a texture, contiguous. Of the axes, for each plane the rows of its part."""
     axes = np.concatenate([texture.axes[own].reshape(-1) for own in _plane_blocks(config)])
     words = np.ascontiguousarray(texture.words, WORD)
@@ -195,17 +154,15 @@ def texture_tensors(texture: StoredTexture, config: BlockShape) -> dict[str, NDA
     }
 
 
-def read_texture(
-    tensors: Tensors, known: Mapping[str, Any], config: BlockShape, kind: Callable[..., Texture]
-) -> Texture:
-    """The texture of these tensors and `known` facts, made by `kind`.
+def read_texture(tensors: Tensors, known: Mapping[str, Any], config: BlockConfig) -> BlockTexture:
+    """The texture of these tensors and `known` facts.
 
     Raises ValueError for directories, means or axes that no encoder writes; all codes are valid."""
     parts = tensors["latents.{}.axes"].reshape(-1)
-    check_numbers(tensors["latents.{}.mean"], "latents.{}.mean")
-    check_numbers(parts, "latents.{}.axes")
+    _check_numbers(tensors["latents.{}.mean"], "latents.{}.mean")
+    _check_numbers(parts, "latents.{}.axes")
     words = np.ascontiguousarray(tensors["latents.{}"]).view(WORD).reshape(-1)
-    texture = kind(
+    texture = BlockTexture(
         **known,
         words=words.astype(np.uint32, copy=False),
         mean=tensors["latents.{}.mean"],
@@ -218,7 +175,7 @@ def read_texture(
     return texture
 
 
-def check_numbers(array: NDArray[Any], name: str) -> None:
+def _check_numbers(array: NDArray[Any], name: str) -> None:
     """Raises ValueError, naming the tensor `name`, for a number that no encoder writes."""
     if float(np.abs(array).max(initial=0.0)) > LARGEST_NUMBER:
         raise ValueError(f"{name}: a number is beyond {LARGEST_NUMBER:g}")
