@@ -7,7 +7,7 @@ from typing import Annotated, Literal, get_args
 import tyro
 
 from lab.studies.settings import DISK_FORMATS, BlockSide, DiskFormat, ScaleName, StudySettings
-from ntc.codec.config import FeatureName, GroupingConfig, GroupingName
+from ntc.codec.config import GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.errors import InputError
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat
@@ -54,54 +54,6 @@ class BenchOptions(DecoderOptions):
     repeats: Annotated[int | None, in_words("N")] = None
     """Timed frames of each; figures are medians. Default: 3; with --thorough 5."""
     device: Gpu = None
-
-
-@dataclass(frozen=True)
-class ClusterStudyOptions:
-    """How divergence and likeness depend on the number of decoders, for every grouping: table, CSV, JSON and plot."""
-
-    out: Path
-    """Folder for clusters.md, clusters.csv, clusters.json and clusters.png."""
-    scene: OptionalScene = None
-    """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
-    pack: Packs = ()
-    """Packs to measure besides those found beside the scene (NAME.*.ntc)."""
-    clusters: tuple[int, ...] = (1, 2, 5, 10, 20)
-    """Numbers of groups to try; one group for each texture is added."""
-    features: tuple[FeatureName, ...] = ("low_level", "spectral")
-    """What textures are compared by: each in turn."""
-    clip_weights: Annotated[str | None, in_words("FILE|download")] = None
-    """Weights of --features clip: a file, or "download" to fetch them."""
-    views: Annotated[Path | None, in_words("FILE")] = None
-    """JSON file of cameras; every other one is held out. Default: the scene's own cameras."""
-    sampled_views: Annotated[int | None, in_words("N")] = None
-    """Look from this many places sampled in the scene too. Default: 24 where there are no cameras."""
-    spread_weight: float = GroupingConfig.spread_weight
-    """covisible: how much it counts that textures of a group are alike, against divergence."""
-    largest_share: float = GroupingConfig.largest_share
-    """covisible: no group holds more than this share of the textures."""
-    texture_size: int = 256
-    """Textures are reduced to at most this many texels a side before they are compared."""
-    seed: int = 0
-    """Seed of groupings and sampled places."""
-
-
-@dataclass(frozen=True)
-class FilteringStudyOptions:
-    """How well each path filters: against the supersampled originals, over distance, tilt and motion."""
-
-    out: Path
-    """Folder for filtering.md, filtering.csv, filtering.json and filtering.png."""
-    scene: OptionalScene = None
-    """glTF scene. `gallery`: the built-in spheres. Default: the built-in courtyard."""
-    pack: Packs = ()
-    """Packs to choose from besides those found beside the scene (NAME.*.ntc)."""
-    grouping: Annotated[str | None, in_words("NAME")] = None
-    """Grouping of the pack to look at. Default: all that --pack names; without it clustered, else the first pack."""
-    size: Size = (128, 96)
-    """Pixels of the pictures; the truth has 16 samples in each."""
-    frames: int = 10
-    """Of the moving camera, at least 2."""
 
 
 @dataclass(frozen=True)
@@ -165,29 +117,6 @@ class TrainingStudyOptions:
 
 
 @dataclass(frozen=True)
-class AblationStudyOptions(TrainingStudyOptions):
-    """What each part of the recipe is worth, at equal samples; with --codec block what each of its settings is, at equal bits."""
-
-    codec: Literal["block", "grid"] = "grid"
-    """The codec whose parts are changed."""
-    bits: float = 2.0
-    """Codec block: bits per texel of mip 0."""
-
-
-@dataclass(frozen=True)
-class FreezingStudyOptions(TrainingStudyOptions):
-    """Whether freezing the decoder helps, when, and gradually or at once."""
-
-
-@dataclass(frozen=True)
-class MlpSizeStudyOptions(TrainingStudyOptions):
-    """How wide the decoder must be, shared and not."""
-
-
-RecipeStudyOptions = AblationStudyOptions | FreezingStudyOptions | MlpSizeStudyOptions
-
-
-@dataclass(frozen=True)
 class RateStudyOptions:
     """Rate and distortion: both codecs beside BC1, BC7, ASTC, and beside files: JPEG, XUASTC, ETC1S, JPEG XL. All bytes count."""
 
@@ -218,26 +147,6 @@ class RateStudyOptions:
     """Whether JPEG XL, a bound without random access, is measured."""
     flip_every: int = 4
     """FLIP, which takes longest, is the mean over every so many textures."""
-    workers: Annotated[int | None, in_words("N")] = None
-    """Measure points side by side in so many processes, in one thread each. Default: one after the other, in this process."""
-    ray: Annotated[str | None, in_words("ADDRESS|auto")] = None
-    """Measure them on this Ray cluster (extra `ray`). Default: no cluster."""
-
-
-@dataclass(frozen=True)
-class MaterialStudyOptions:
-    """Whole materials: maps together against each alone, ASTC of each map at equal bits in all, and BC7 with BC5 (extra `lab`)."""
-
-    sources: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="SCENE ..."), tyro.conf.Positional]
-    """glTF scenes; their materials with normals and one more map are measured."""
-    out: Path
-    """Folder for materials.md, .csv, .json and .png."""
-    texture_size: int = 512
-    """Maps are reduced to at most this many texels a side."""
-    bits: tuple[float, ...] = (2.0, 4.0, 6.0, 8.0, 12.0)
-    """Bits per texel of mip 0 of all maps of a material together, all mips and tables counted."""
-    most: int = 16
-    """Materials at most: evenly chosen among all of them."""
 
 
 @dataclass(frozen=True)

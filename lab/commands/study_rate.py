@@ -1,23 +1,55 @@
 """`ntc-viewer study rate`: rate and distortion of this program's codecs beside the formats that users have today."""
 
-from itertools import count
-
-from rich.console import Console
+from pathlib import Path
 
 from lab.commands.options import RateStudyOptions
-from lab.commands.rate_points import Found, points_by_jobs, rate_study
 from lab.runner import StudyOutput, do_steps, write_figure
 from lab.studies.rate import RateStudy
 from lab.studies.rate_table import RatePoint, disk_figure, disk_rows, rate_figure, rate_table
+from ntc.codec.config import GroupingConfig
+from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
+from ntc.features import FeatureOptions
+from ntc.grouping import GroupingInputs, make_grouping
+from viewer.cli.encode import read_source
+from viewer.locations import blocks_cache, features_cache
 
 DISK_DECIBELS = tuple(float(each) for each in range(32, 46))
 """Mean PSNR at which sizes of files are compared."""
 
 
+def _textures(source: Path, side: int, most: int) -> tuple[SourceTexture, ...]:
+    """At most `most` RGB textures of a scene or folder, evenly among all of them, at most `side` texels large. Raises InputError."""
+    textures = [texture for texture in read_source(source, side).textures if texture.pixels.shape[2] == 3]
+    if not textures:
+        raise InputError(f"{source}: holds no texture of three channels")
+    if len(textures) > most:
+        textures = [textures[index * len(textures) // most] for index in range(most)]
+    return tuple(textures)
+
+
+def _study(options: RateStudyOptions) -> RateStudy:
+    """The study that `options` describe, with its textures. Raises InputError."""
+    textures = _textures(options.source, options.texture_size, options.most)
+    inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
+    clusters = min(options.clusters, len(textures))
+    groupings = [make_grouping(GroupingConfig(name, clusters), textures, inputs) for name in options.groupings]
+    return RateStudy(
+        textures,
+        groupings,
+        options.sides,
+        options.bits,
+        options.formats,
+        options.grid_steps,
+        options.disk_formats,
+        options.jpeg_xl,
+        options.flip_every,
+        options.out / "runs",
+        blocks_cache(),
+    )
+
+
 def _check(options: RateStudyOptions) -> None:
-    if options.workers is not None and options.ray is not None:
-        raise InputError("--workers and --ray exclude each other: a cluster has as many workers as it has cores")
     at_least_one = {
         "texture-size": options.texture_size,
         "most": options.most,
@@ -40,9 +72,9 @@ def study_rate(options: RateStudyOptions) -> int:
     """Run `ntc-viewer study rate`. Raises InputError for bad input."""
     _check(options)
     output = StudyOutput(options.out)
-    study = rate_study(options)
+    study = _study(options)
     textures, clusters = study.textures, min(options.clusters, len(study.textures))
-    points = _points(study) if options.workers is None and options.ray is None else _points_by_jobs(study, options)
+    points = _points(study)
     side = max(max(texture.size) for texture in textures)
     title = f"{options.source.stem}: {len(textures)} textures of at most {side} texels, {clusters} clusters"
     if options.grid_steps:
@@ -64,21 +96,6 @@ def study_rate(options: RateStudyOptions) -> int:
 def _points(study: RateStudy) -> list[RatePoint]:
     """Every point that can be had, with progress and ETA on standard error. Raises InputError where there is none."""
     points = do_steps(study.steps(), _line, skipped=True)
-    if not points:
-        raise InputError("study rate: no codec could be measured; the lines above say why")
-    return points
-
-
-def _points_by_jobs(study: RateStudy, options: RateStudyOptions) -> list[RatePoint]:
-    """The same, measured side by side."""
-    console, steps = Console(stderr=True, soft_wrap=True), study.steps()
-    done = count(1)
-
-    def tell(number: int, point: Found) -> None:
-        line = f"left out: {point}" if isinstance(point, str) else _line(point)
-        console.print(f"{next(done)}/{len(steps)} {steps[number][0]}: {line}", highlight=False)
-
-    points = points_by_jobs(options, tell)
     if not points:
         raise InputError("study rate: no codec could be measured; the lines above say why")
     return points

@@ -6,17 +6,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-import torch
 
 from lab.bench.stability_block_cases import block_cases
 from lab.bench.stability_cases import stability_cases
 from lab.commands import study_stability
-from lab.commands.options import RateStudyOptions
-from lab.commands.rate_points import PointJob, measured_point
-from lab.studies.rate_table import RatePoint
 from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
-from tests.support.textures import waves
 from viewer import cli
 from viewer.locations import builtin_scene_path
 from viewer.scene.images import read_image, write_png
@@ -38,37 +33,19 @@ def row_of_squares(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return scene
 
 
-@pytest.mark.parametrize("of", ["squares", pytest.param("the courtyard", marks=pytest.mark.nightly)])
-def test_groupings_are_studied(
-    of: str, row_of_squares: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out, groups = tmp_path / "o", 8
-    arguments = ["--out", str(out), "--features", "low_level"]
-    if of == "squares":
-        groups, views = 3, str(row_of_squares.with_name("views.json"))
-        arguments = [str(row_of_squares), "--views", views, "--largest-share", "0.4", *arguments]
-    assert cli.main(["study", "clusters", *arguments, "--clusters", str(groups)]) == 0
-    record = json.loads((out / "clusters.json").read_text())
-    rows = {row["grouping"]: row for row in record["rows"] if row["groups"] in (groups, 55)}
-    assert rows["covisible"]["held_out_cut_percent"] > rows["clustered"]["held_out_cut_percent"]
-    assert any(row["grouping"] == "pack clustered" and row["psnr_db"] > 20 for row in record["rows"])
-    assert (out / "clusters.csv").read_text().count("\n") == len(record["rows"]) + 1
-    assert f"| covisible | low_level | {groups} |" in (out / "clusters.md").read_text()
-    assert read_image(out / "clusters.png").shape[1] > 1000
-    assert "covisible" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["study"], "no such study"),
-        (["study", "nothing"], "study nothing: no such study (there are: clusters, "),
-        (["study", "clusters", "--out", "o", "--clusters", "0"], "--clusters 0: must be at least 1"),
-        (["study", "clusters", "--out", "o", "--features", "shape"], "shape"),
-        (["study", "clusters", "nowhere.glb", "--out", "o"], "nowhere.glb"),
+        (
+            ["study", "nothing"],
+            "study nothing: no such study (there are: paper-textures, paper-scenes, rate, stability)",
+        ),
+        (["study", "clusters", "--out", "o"], "study clusters: no such study (there are: paper-textures, "),
+        (["study", "paper-scenes", "nowhere.glb", "--out", "o"], "nowhere.glb"),
+        (["study", "rate", "nowhere.glb", "--out", "o", "--clusters", "0"], "--clusters 0: must be at least 1"),
         (["study", "stability", "--out", "o", "--texels", "0"], "--texels 0: must be at least 1"),
         (["study", "stability", "nowhere.glb", "--out", "o"], "nowhere.glb"),
-        (["study", "clusters", "--out", "o", "--views", "nowhere.json"], "nowhere.json"),
     ],
 )
 def test_bad_input_is_one_line(
@@ -117,7 +94,7 @@ def test_help_lists_the_studies(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stopped:
         cli.main(["study", "--help"])
     assert stopped.value.code == 0
-    assert "clusters" in capsys.readouterr().out
+    assert "paper-scenes" in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -148,37 +125,14 @@ def record(out: Path, name: str) -> dict[str, Any]:
     return found
 
 
-def test_an_ablation_of_blocks_changes_every_setting_at_equal_bits(tmp_path: Path) -> None:
-    # Large enough that tables leave words to share out.
-    for seed in range(2):
-        write_png(tmp_path / "in" / f"{seed}.png", waves(160, 160, seed=seed).pixels)
+def test_a_study_goes_on_where_it_was(tmp_path: Path, images: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "o"
-    assert cli.main([*study("ablation", tmp_path / "in", out), "--codec", "block", "--bits", "3"]) == 0
-    rows = {row["variant"]: row for row in record(out, "ablation-block")["rows"]}
-    assert {"best", "blocks of 4x4 texels", "half the coefficients", "8 modes", "two sizes of codes"} <= set(rows)
-    assert rows["best"]["mean_gain_db"] == 0.0
-    assert (
-        rows["mean words for 6 bits"]["mean_db"] > rows["best"]["mean_db"] > rows["mean words for 1.5 bits"]["mean_db"]
-    )
-    # Half the coefficients cannot take so many bits.
-    for name in ("best", "two sizes of codes", "8 modes", "balance 0: least mean square error"):
-        assert rows[name]["bits_per_texel"] == pytest.approx(3.0, abs=0.1), name
-
-
-def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
-    tmp_path: Path, images: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "o"
-    arguments = study("ablation", images, out)
+    arguments = study("paper-textures", images, out, "--groupings", "baseline", "single")
     assert cli.main(arguments) == 0
-    first = record(out, "ablation")
-    variants = [row["variant"] for row in first["rows"]]
-    assert variants[0] == "best"
-    assert variants[-1] == "paper"
-    assert {"without adapters", "hidden layers by Adam", "4 channels of 8 bits"} <= set(variants)
+    first = record(out, "paper-textures")
     assert all(row["mean_db"] > 3.0 for row in first["rows"])
     runs = {path: path.stat().st_mtime_ns for path in (out / "runs").iterdir()}
-    assert len(runs) == len(variants)
+    assert len(runs) == len(first["rows"]) == 6
     gone, broken = list(runs)[:2]
     gone.unlink()
     broken.write_text("{")
@@ -186,9 +140,10 @@ def test_an_ablation_trains_every_variant_and_goes_on_where_it_was(
     again = {path: path.stat().st_mtime_ns for path in (out / "runs").iterdir()}
     assert again.keys() == runs.keys()
     assert {path for path in runs if again[path] != runs[path]} == {gone, broken}
-    assert [row["mean_db"] for row in record(out, "ablation")["rows"]] == [row["mean_db"] for row in first["rows"]]
+    found = [row["mean_db"] for row in record(out, "paper-textures")["rows"]]
+    assert found == [row["mean_db"] for row in first["rows"]]
     capsys.readouterr()
-    assert cli.main([*arguments[:-2], "--steps", "0"]) == 2
+    assert cli.main([*arguments, "--steps", "0"]) == 2
     assert "--steps 0: must be at least 1" in capsys.readouterr().err
 
 
@@ -260,62 +215,9 @@ def test_rate_and_distortion(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     for wrong, line in (("--bits 0", "--bits 0: must be above 0"), ("--most 0", "--most 0: must be at least 1")):
         assert cli.main(["study", "rate", str(images), "--out", str(out), *wrong.split()]) == 2
         assert line in capsys.readouterr().err
-    # What a worker measures is the same.
-    options = RateStudyOptions(
-        images, out, 128, 16, 4, ("single",), (8,), (3.0, 1000.0), formats=(), disk_formats=(), jpeg_xl=False
-    )
-    threads = torch.get_num_threads()
-    point, refused = (measured_point(PointJob(options, number)) for number in range(2))
-    torch.set_num_threads(threads)
-    assert isinstance(point, RatePoint)
-    assert point.quality.mean_db == pytest.approx(rows["block 8x8, single", "3 bits"]["mean_db"])
-    assert isinstance(refused, str)
-
-
-@pytest.mark.parametrize(("name", "rows"), [("freezing", 14), ("mlp-size", 16)])
-def test_other_studies(tmp_path: Path, images: Path, name: str, rows: int) -> None:
-    out = tmp_path / "o"
-    assert cli.main(study(name, images, out)) == 0
-    assert len(record(out, name)["rows"]) == rows
 
 
 def test_a_folder_is_no_scene(tmp_path: Path, images: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(study("paper-scenes", images, tmp_path / "o")) == 2
     assert "is no scene; use study paper-textures" in capsys.readouterr().err
     assert not (tmp_path / "o").exists()
-
-
-def test_filtering(encoded_scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [
-        "study",
-        "filtering",
-        str(encoded_scene),
-        "--out",
-        str(tmp_path / "f"),
-        "--size",
-        "24x16",
-        "--frames",
-        "2",
-    ]
-    assert cli.main([*arguments, "--grouping", "single"]) == 0
-    record = json.loads((tmp_path / "f" / "filtering.json").read_text())
-    assert {row["sweep"] for row in record["rows"]} == {"shrinking", "tilting", "moving"}
-    assert {"reference", "deferred", "cached", "cached, anisotropic"} <= {row["way"] for row in record["rows"]}
-    by_way = {
-        way: [row["psnr_db"] for row in record["rows"] if row["way"] == way and row["sweep"] == "shrinking"]
-        for way in ("reference", "cached", "deferred")
-    }
-    # The originals are nearest to themselves, supersampled.
-    assert np.mean(by_way["reference"]) > np.mean(by_way["cached"])
-    flickers = [row["flicker"] for row in record["rows"] if row["sweep"] == "moving" and row["value"] == 1.0]
-    assert all(flicker >= 0.0 for flicker in flickers)
-    assert read_image(tmp_path / "f" / "filtering.png").shape[2] >= 3
-    ways = {row["way"] for row in record["rows"]}
-    assert {"deferred, 1 sample", "deferred, 16 samples"} <= ways
-    by_samples = [
-        np.mean([row["psnr_db"] for row in record["rows"] if row["way"] == f"deferred, {number}"])
-        for number in ("1 sample", "16 samples")
-    ]
-    assert by_samples[0] < by_samples[1]
-    assert cli.main([*arguments, "--frames", "1"]) == 2
-    assert "--frames 1: must be at least 2" in capsys.readouterr().err

@@ -128,10 +128,6 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
         ),
         _group("memory", "memory-mb worst-sizes", "bench street.glb --memory-mb 64"),
     ),
-    "study clusters": (
-        _group("usual options", "out pack clusters features clip-weights texture-size seed"),
-        _group("views", "views sampled-views spread-weight largest-share"),
-    ),
     "study paper-textures": (
         _group("usual options", "out groupings clusters blocks texture-size levels"),
         _TRAINING,
@@ -144,9 +140,7 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
     "study rate": (
         _group("usual options", "out bits sides groupings clusters texture-size most grid-steps"),
         _group("other formats", "formats disk-formats jpeg-xl flip-every"),
-        _group("processes", "workers ray"),
     ),
-    "study ablation": (_group("usual options", "out codec bits clusters texture-size levels"), _TRAINING),
 }
 """Groups by command, the usual options first. Shorter commands list their options in one box."""
 _INDENT, _WIDTH = 23, 78

@@ -1,13 +1,10 @@
-"""Figures of rate and distortion: what counts as bits and quality of a set, and codec `block` beside ASTC end to end."""
+"""Figures of rate and distortion: what counts as bits and quality of a set."""
 
-import json
 from pathlib import Path
 
 import numpy as np
-import OpenImageIO
 import pytest
 
-from lab.benchmarks import block_against_astc
 from lab.studies import hardware_formats
 from lab.studies.disk_formats import measured_disk_format, side_by_side
 from lab.studies.hardware_formats import FormatStudy
@@ -79,46 +76,6 @@ def test_points_make_a_table_and_a_plot() -> None:
     figure = rate_figure({"one": points, "another": points[:2]})
     assert [axes.get_title() for axes in figure.axes] == ["one", "one", "another", "another"]
     assert np.array_equal(figure.axes[0].lines[0].get_xdata(), [2.0, 4.0])
-
-
-@pytest.mark.slow
-def test_block_beside_astc_writes_record_table_and_plot(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("astc_encoder")
-    monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        for seed in range(3):
-            picture = OpenImageIO.ImageBuf(waves(64, seed))
-            assert picture.write(str(tmp_path / name / f"{seed}.png"))
-    record = tmp_path / "record.json"
-    sources = [str(tmp_path / "one"), str(tmp_path / "two")]
-    options = [
-        "--most",
-        "2",
-        "--groupings",
-        "single",
-        "--flip-every",
-        "2",
-        "--cache",
-        str(tmp_path / "kept"),
-        "--json",
-        str(record),
-    ]
-    assert block_against_astc.main([*sources, *options]) == 0
-    content = json.loads(record.read_text())
-    assert [(each["source"], each["textures"]) for each in content["sets"]] == [("one", 2), ("two", 2)]
-    points = content["sets"][0]["points"]
-    assert [point["curve"] for point in points] == ["ASTC"] * 3 + ["block, single"] * 3
-    assert all(point["ssim"] > 0.3 and point["flip"] < 0.5 for point in points)
-    first = content["sets"][0]["differences"][1]
-    assert first["mean_db"] == pytest.approx(points[4]["mean_db"] - points[1]["mean_db"])
-    assert "| single | astc-8x8 |" in record.with_suffix(".md").read_text()
-    assert record.with_suffix(".png").stat().st_size > 10_000
-    capsys.readouterr()
-    assert block_against_astc.main([str(tmp_path / "nothing")]) == 2
-    assert capsys.readouterr().err.startswith("error: ")
 
 
 @pytest.mark.parametrize("size", [(16, 16), (32, 4), (4, 32), (1, 1)])

@@ -1,1 +1,0 @@
-"""Benchmarks of libraries of encoded textures."""

@@ -1,1 +1,0 @@
-"""Whole materials: maps encoded together, each alone, and in the formats of graphics hardware."""
