@@ -7,7 +7,6 @@ import json
 import os
 import platform
 import re
-import statistics
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -25,9 +24,6 @@ from ntc.io import write_bytes, write_text
 from viewer.cli.table import Table
 from viewer.gl.context import GraphicsContext
 from viewer.gl.timer import PassTimer
-from viewer.scene.cameras_file import read_cameras
-from viewer.scene.model import Camera, Scene
-from viewer.state.framing import frame_all
 
 LOG_COLUMNS = 160
 """Width of a table that goes to a file."""
@@ -39,34 +35,11 @@ Report = Callable[[int, int], None]
 Step = Callable[[Report], Found]
 
 
-def size_of(text: str) -> tuple[int, int]:
-    """(width, height) of "1280x720"."""
-    width, _, height = text.partition("x")
-    return int(width), int(height)
-
-
 def options(description: str | None) -> argparse.ArgumentParser:
     """Options that every benchmark has. `description` is its docstring, whose first line the help shows."""
     parser = argparse.ArgumentParser(description=(description or "").split("\n")[0])
     parser.add_argument("--json", type=Path, help="write the record to this file")
     return parser
-
-
-def scene_options(description: str | None) -> argparse.ArgumentParser:
-    """Options that every benchmark of a scene has."""
-    parser = options(description)
-    parser.add_argument("scene", type=Path)
-    parser.add_argument("--cameras", type=Path, help="cameras.json; without it the scene's own cameras")
-    parser.add_argument("--camera", action="append", help="name of a camera; may be given again; default all")
-    parser.add_argument("--size", type=size_of, default=(1280, 720), metavar="WxH")
-    parser.add_argument("--frames", type=int, default=9, help="timed frames for each camera")
-    return parser
-
-
-def chosen_cameras(scene: Scene, file: Path | None, names: Sequence[str] | None) -> tuple[Camera, ...]:
-    """The cameras to measure. Raises InputError for a bad file."""
-    cameras = read_cameras(file) if file is not None else scene.cameras or (frame_all(scene),)
-    return tuple(camera for camera in cameras if not names or camera.name in names)
 
 
 def run(main: Callable[[], int | None]) -> None:
@@ -76,20 +49,6 @@ def run(main: Callable[[], int | None]) -> None:
     except InputError as error:
         sys.stderr.write(f"error: {error}\n")
         sys.exit(2)
-
-
-def median(values: Sequence[float]) -> float:
-    """Median, 0 without values."""
-    return statistics.median(values) if values else 0.0
-
-
-def processor_ms(action: Callable[[], object], finish: Callable[[], object]) -> float:
-    """Processor time of `action` in ms. `finish` waits for the GPU, before and after."""
-    finish()
-    start = time.process_time()
-    action()
-    finish()
-    return (time.process_time() - start) * 1e3
 
 
 def machine(context: GraphicsContext | None = None) -> dict[str, Any]:

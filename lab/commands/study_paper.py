@@ -1,17 +1,19 @@
 """`ntc-viewer study paper-textures` and `paper-scenes`: the paper's Tables 2, 3 and 4 again."""
 
 import sys
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+
+from matplotlib.figure import Figure
 
 from lab.commands.options import PaperScenesOptions, PaperStudyOptions
 from lab.commands.rendered_packs import RenderedPack, rendered_figure, rendered_table
-from lab.commands.study_output import StudyPage, describe, do_runs, training_steps, write_pages
-from lab.runner import Report, Step, StudyOutput
+from lab.runner import Report, Step, StudyOutput, do_steps
 from lab.studies.paper_tables import BEST, PAPER, gap_table, paper_runs
 from lab.studies.quality_table import quality_figure, quality_table
-from lab.studies.runs import Run, RunResult, block_compressed
+from lab.studies.runs import Run, RunResult, block_compressed, finished_run
+from lab.studies.settings import StudySettings
 from ntc.codec.config import GroupingConfig, GroupingName
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
@@ -19,11 +21,66 @@ from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from viewer.cli.encode import Source, read_source
+from viewer.cli.table import Table
 from viewer.locations import features_cache
+from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX
 
 TEXTURE_GROUPINGS: tuple[GroupingName, ...] = ("baseline", "clustered", "random", "category", "single")
 SCENE_GROUPINGS: tuple[GroupingName, ...] = ("baseline", "clustered", "random", "covisible", "single")
+
+
+@dataclass(frozen=True)
+class _Page:
+    """A table of a study, with its picture."""
+
+    name: str
+    """Name of the page's files."""
+    table: Table
+    figure: Figure
+
+
+def _training_steps(
+    runs: Sequence[Run],
+    textures: Sequence[SourceTexture],
+    folder: Path,
+    pack_file: Callable[[Run], Path | None] = lambda _run: None,
+) -> list[tuple[str, Step[RunResult]]]:
+    """(name, step) of each run of a study whose files lie in `folder`."""
+
+    def step(run: Run) -> Step[RunResult]:
+        return lambda report: finished_run(run, textures, folder / "runs", report, pack_file(run))
+
+    return [(f"{run.name}, {run.grouping.name}, seed {run.training.seed}", step(run)) for run in runs]
+
+
+def _title(source: Path, textures: Sequence[SourceTexture], settings: StudySettings, what: str) -> str:
+    """One line that describes the trainings."""
+    side = max(max(texture.size) for texture in textures)
+    length = (
+        "350 epochs" if settings.scale == "paper" else f"{settings.steps} steps of {settings.texels_per_texture} texels"
+    )
+    mips = "mip 0 alone" if settings.levels == 1 else "all mips"
+    seeds = counted(len(settings.seeds), "seed")
+    return f"{source.stem}: {len(textures)} textures of at most {side} texels, {what}, {length}, {mips}, {seeds}"
+
+
+def _write_pages(
+    output: StudyOutput,
+    title: str,
+    settings: StudySettings,
+    pages: Sequence[_Page],
+    results: Sequence[RunResult],
+) -> None:
+    """Write the files of every page. Records hold the settings, that of the first page also every run."""
+    for page in pages:
+        runs = {"runs": [asdict(result) for result in results]} if page is pages[0] else {}
+        output.write(page.name, title, page.table, page.figure, {"settings": asdict(settings), **runs})
+    output.end()
+
+
+def _seconds(result: RunResult) -> str:
+    return f"{result.seconds:.0f} s"
 
 
 def _groupings(
@@ -54,10 +111,10 @@ def study_paper_textures(options: PaperStudyOptions) -> int:
     inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
     groupings = _groupings(options.groupings or TEXTURE_GROUPINGS, options.clusters, textures, inputs)
     runs = paper_runs(groupings, _channels(textures), settings)
-    steps = [*training_steps(runs, textures, options.out), *(_blocks(textures, options.out) if options.blocks else [])]
-    results = do_runs(steps)
-    title = describe(options.source, textures, settings, _decoders(groupings))
-    write_pages(output, title, settings, _pages("paper-textures", results, title), results)
+    steps = [*_training_steps(runs, textures, options.out), *(_blocks(textures, options.out) if options.blocks else [])]
+    results = do_steps(steps, _seconds)
+    title = _title(options.source, textures, settings, _decoders(groupings))
+    _write_pages(output, title, settings, _pages("paper-textures", results, title), results)
     return 0
 
 
@@ -66,11 +123,11 @@ def _decoders(groupings: Sequence[Grouping]) -> str:
     return f"{' and '.join(str(count) for count in counts) or 'other'} clusters"
 
 
-def _pages(name: str, results: Sequence[RunResult], title: str) -> list[StudyPage]:
+def _pages(name: str, results: Sequence[RunResult], title: str) -> list[_Page]:
     table, gaps = quality_table(results), gap_table(results)
     return [
-        StudyPage(name, table, quality_figure(table, title)),
-        StudyPage(f"{name}-gaps", gaps, quality_figure(gaps, title)),
+        _Page(name, table, quality_figure(table, title)),
+        _Page(f"{name}-gaps", gaps, quality_figure(gaps, title)),
     ]
 
 
@@ -106,9 +163,10 @@ def study_paper_scenes(options: PaperScenesOptions) -> int:
             return None
         return options.out / "packs" / f"{run.name}.{run.grouping.name}{PACK_SUFFIX}"
 
-    steps = training_steps(runs, textures, options.out, pack_file)
-    results = do_runs([*steps, *(_blocks(textures, options.out) if options.blocks else [])])
-    title = describe(options.source, textures, settings, _decoders(groupings))
+    steps = _training_steps(runs, textures, options.out, pack_file)
+    steps += _blocks(textures, options.out) if options.blocks else []
+    results = do_steps(steps, _seconds)
+    title = _title(options.source, textures, settings, _decoders(groupings))
     pages = _pages("paper-scenes", results, title)
     packs = [
         RenderedPack(name, grouping.name, options.out / "packs" / f"{name}.{grouping.name}{PACK_SUFFIX}")
@@ -117,6 +175,6 @@ def study_paper_scenes(options: PaperScenesOptions) -> int:
     ]
     if source.scene is not None:
         table = rendered_table(source.scene, options.views, packs, options.size)
-        pages.append(StudyPage("paper-scenes-rendered", table, rendered_figure(table, title)))
-    write_pages(output, title, settings, pages, results)
+        pages.append(_Page("paper-scenes-rendered", table, rendered_figure(table, title)))
+    _write_pages(output, title, settings, pages, results)
     return 0

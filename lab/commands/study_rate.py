@@ -86,9 +86,9 @@ def study_rate(options: RateStudyOptions) -> int:
         "flip_every": options.flip_every,
         "disk": disk_rows(points, DISK_DECIBELS),
     }
-    output.write("rate", title, table, rate_figure({title: points}), facts)
+    output.write("rate", title, table, rate_figure(points, title), facts)
     if any(point.quality.file_bits_per_texel is not None for point in points):
-        write_figure(options.out / "rate_disk.png", disk_figure({title: points}))
+        write_figure(options.out / "rate_disk.png", disk_figure(points, title))
     output.end()
     return 0
 

@@ -1,15 +1,19 @@
-"""Textures as files that are small on disk: JPEG, and Basis Universal's XUASTC and ETC1S in KTX2, by Pillow and alktx2."""
+"""Textures as files that are small on disk: JPEG (Pillow), Basis Universal's XUASTC and ETC1S in KTX2 (alktx2), and JPEG XL
+(OpenImageIO, if its build has it), a bound without random access."""
 
 import io
+import tempfile
 import time
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import OpenImageIO
 from numpy.typing import NDArray
 from PIL import Image
 
-from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
+from lab.studies.set_quality import SetQuality, picture_quality, texel_count
 from lab.studies.settings import DiskFormat
 from ntc.codec.mips import mip_chain
 from ntc.codec.textures import SourceTexture
@@ -24,6 +28,10 @@ except ImportError:
 TITLES: dict[DiskFormat, str] = {"jpeg": "JPEG 4:2:0", "xuastc": "XUASTC", "etc1s": "ETC1S"}
 EFFORT = 6
 """Of alktx2, up to 10."""
+DISTANCES = (0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
+"""Settings of JPEG XL, from nearly exact to coarse; 1 is what a viewer just does not see."""
+JPEG_XL_EFFORT = 7
+"""Of 9; the encoder's own default."""
 SUBSAMPLING_420 = 2
 """Pillow's number of it."""
 
@@ -76,21 +84,44 @@ def disk_file(pixels: NDArray[np.uint8], name: DiskFormat, quality: int) -> tupl
     return _basis(pixels, name, quality)
 
 
-def measured_disk_format(
+def has_jpeg_xl() -> bool:
+    """Whether this build of OpenImageIO writes JPEG XL."""
+    return "jpegxl" in str(OpenImageIO.get_string_attribute("format_list")).split(",")
+
+
+def jpeg_xl(pixels: NDArray[np.uint8], distance: float) -> tuple[int, NDArray[np.uint8]]:
+    """(bytes of the file, what is read from it) of `pixels` [H, W, C] uint8. Raises InputError where it cannot be written."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "texture.jxl"
+        image = OpenImageIO.ImageBuf(np.ascontiguousarray(pixels))
+        image.specmod().attribute("jpegxl:distance", float(distance))
+        image.specmod().attribute("jpegxl:effort", JPEG_XL_EFFORT)
+        read = OpenImageIO.ImageBuf(str(file)).get_pixels(OpenImageIO.UINT8) if image.write(str(file)) else None
+        if read is None or read.shape != pixels.shape:
+            raise InputError(f"JPEG XL: OpenImageIO cannot write it ({image.geterror() or 'another size was read'})")
+        return file.stat().st_size, np.asarray(read)
+
+
+def jpeg_xl_files(pixels: NDArray[np.uint8], distance: float) -> tuple[int, NDArray[np.uint8]]:
+    """(bytes of a file for each mip, mip 0 as read) of the sRGB picture `pixels` [H, W, 3]. Raises InputError."""
+    files = [jpeg_xl(mip, distance) for mip in mip_chain(pixels, "srgb")]
+    return sum(size for size, _ in files), files[0][1]
+
+
+def measured_files(
     textures: Sequence[SourceTexture],
-    name: DiskFormat,
-    quality: int,
+    encode: Callable[[NDArray[np.uint8]], tuple[int, NDArray[np.uint8]]],
     flip_every: int,
     report: Callable[[int, int], None] = lambda _done, _of: None,
-) -> tuple[tuple[PictureQuality, ...], SetQuality]:
-    """Each texture's quality and the set's; bits are those of the files, all mips. Raises InputError."""
+) -> SetQuality:
+    """The quality of textures as `encode` stores them: it returns the bytes of all mips, and mip 0 as read. Raises InputError."""
     spent, stored, pictures = 0.0, 0, []
     for number, texture in enumerate(textures):
         began = time.process_time()
-        size, shown = disk_file(texture.pixels, name, quality)
+        size, shown = encode(texture.pixels)
         spent += time.process_time() - began
         stored += size
         pictures.append(picture_quality(texture.pixels, shown, number % flip_every == 0))
         report(number + 1, len(textures))
     bits = 8.0 * stored / texel_count([texture.size for texture in textures])
-    return tuple(pictures), SetQuality.of(pictures, bits, spent, bits)
+    return SetQuality.of(pictures, bits, spent, bits)

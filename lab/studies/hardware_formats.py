@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from lab.studies.set_quality import PictureQuality, SetQuality, capped_psnr_db, picture_quality, texel_count
-from ntc.codec.mips import mip_chain, mip_sizes
+from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
+from ntc.codec.mips import mip_sizes
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.io import write_text
@@ -33,14 +33,10 @@ class FormatStudy:
 
     folder: Path
     effort: Effort = "thorough"
-    mips: int = 1
-    """Mips whose PSNR is measured, from mip 0 on."""
 
     def measure(self, texture: SourceTexture, block_format: BlockFormat) -> FormatQuality:
         """Encode a texture, or read what an earlier call found. Raises InputError as `compress` does."""
         key = f"{VERSION} {hash_pixels(texture.pixels)} {block_format} {self.effort}"
-        if self.mips > 1:
-            key += f" {self.mips} mips, {texture.color_space}"
         path = self.folder / f"quality-{block_format}-{hashlib.sha256(key.encode()).hexdigest()[:32]}.json"
         kept = _kept(path)
         if kept is not None:
@@ -49,16 +45,12 @@ class FormatStudy:
         decoded = compress(texture.pixels, block_format, self.effort).decoded
         seconds = time.thread_time() - began
         truth = texture.pixels[..., : decoded.shape[2]]
-        coarse = []
-        for mip in mip_chain(texture.pixels, texture.color_space, texture.maps)[1 : self.mips]:
-            shown = compress(mip, block_format, self.effort).decoded
-            coarse.append(capped_psnr_db(mip[..., : shown.shape[2]], shown))
-        found = FormatQuality(replace(picture_quality(truth, decoded), coarse_db=tuple(coarse)), seconds)
+        found = FormatQuality(picture_quality(truth, decoded), seconds)
         with suppress(InputError):
             write_text(path, json.dumps(asdict(found)) + "\n")
         return found
 
-    def measure_all(
+    def measured(
         self,
         textures: Sequence[SourceTexture],
         block_format: BlockFormat,
@@ -83,8 +75,6 @@ class FormatStudy:
 def _kept(path: Path) -> FormatQuality | None:
     try:
         content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        quality = PictureQuality(**content["quality"])
-        quality = replace(quality, coarse_db=tuple(quality.coarse_db))
-        return FormatQuality(quality, float(content["cpu_seconds"]))
+        return FormatQuality(PictureQuality(**content["quality"]), float(content["cpu_seconds"]))
     except (OSError, ValueError, KeyError, TypeError):
         return None

@@ -7,9 +7,8 @@ from pathlib import Path
 
 from lab.runner import Report
 from lab.studies.block_codec import measured_block_codec
-from lab.studies.disk_formats import TITLES, measured_disk_format
+from lab.studies.disk_formats import DISTANCES, TITLES, disk_file, has_jpeg_xl, jpeg_xl_files, measured_files
 from lab.studies.hardware_formats import FormatStudy
-from lab.studies.jpeg_xl import DISTANCES, has_jpeg_xl, measured_jpeg_xl
 from lab.studies.rate_table import RatePoint
 from lab.studies.runs import Run, finished_run
 from lab.studies.set_quality import PictureQuality, SetQuality
@@ -67,21 +66,24 @@ class RateStudy:
         return steps
 
     def _format(self, name: BlockFormat, report: Report) -> RatePoint:
-        _, quality = FormatStudy(self.cache).measure_all(self.textures, name, report, self.flip_every)
+        _, quality = FormatStudy(self.cache).measured(self.textures, name, report, self.flip_every)
         return RatePoint("ASTC" if name.startswith("astc") else name.upper(), name, quality)
 
     def _disk(self, name: DiskFormat, quality: int, report: Report) -> RatePoint:
-        _, found = measured_disk_format(self.textures, name, quality, self.flip_every, report)
-        return RatePoint(TITLES[name], f"quality {quality}", found)
+        encode = partial(disk_file, name=name, quality=quality)
+        return RatePoint(
+            TITLES[name], f"quality {quality}", measured_files(self.textures, encode, self.flip_every, report)
+        )
 
     def _jpeg_xl(self, distance: float, report: Report) -> RatePoint:
         if not has_jpeg_xl():
             raise InputError("this build of OpenImageIO does not write JPEG XL")
-        _, quality = measured_jpeg_xl(self.textures, distance, self.flip_every, report)
+        encode = partial(jpeg_xl_files, distance=distance)
+        quality = measured_files(self.textures, encode, self.flip_every, report)
         return RatePoint("JPEG XL", f"distance {distance:g}", quality)
 
     def _block(self, name: str, grouping: Grouping, side: BlockSide, bits: float, _report: Report) -> RatePoint:
-        _, quality = measured_block_codec(self.textures, grouping, bits, self.flip_every, side)
+        quality = measured_block_codec(self.textures, grouping, bits, self.flip_every, side)
         if abs(quality.bits_per_texel - bits) > FARTHEST * bits:
             raise InputError(f"{quality.bits_per_texel:.2f} bits a texel are the nearest")
         return RatePoint(name, f"{bits:g} bits", quality)

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lab.studies.set_quality import SetQuality
@@ -49,53 +50,41 @@ def rate_table(points: Sequence[RatePoint]) -> Table:
     return Table([c for c in COLUMNS if any(row.get(c.key) is not None for row in rows)], rows)
 
 
-def rate_figure(panels: Mapping[str, Sequence[RatePoint]]) -> Figure:
-    """PSNR over bits a texel: a row of two plots for each set of textures, by its title."""
-    figure = Figure(figsize=(12, 4.4 * len(panels) + 0.8), layout="constrained")
-    grid = figure.subplots(len(panels), len(PLOTTED), squeeze=False)
-    names = list(dict.fromkeys(point.curve for points in panels.values() for point in points))
-    for (title, points), row in zip(panels.items(), grid, strict=True):
-        for axes, (key, label) in zip(row, PLOTTED, strict=True):
-            for number, name in enumerate(names):
-                line = sorted(
-                    (point.quality.bits_per_texel, getattr(point.quality, key))
-                    for point in points
-                    if point.curve == name
-                )
-                style = "--" if name.startswith(DASHED) else "-"
-                axes.plot(
-                    *zip(*line, strict=True), style, marker="o", markersize=3, color=f"C{number % 10}", label=name
-                )
-            axes.set_xlabel("bits per texel, all mips and tables")
-            axes.set_ylabel(label)
-            axes.set_title(title, fontsize=10)
-            axes.grid(alpha=0.3)
-    handles, labels = grid[0][0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+def rate_figure(points: Sequence[RatePoint], title: str) -> Figure:
+    """PSNR over bits a texel: two plots."""
+    figure = Figure(figsize=(12, 5.2), layout="constrained")
+    figure.suptitle(title, fontsize=10)
+    for axes, (key, label) in zip(figure.subplots(1, len(PLOTTED)), PLOTTED, strict=True):
+        _draw_curves(axes, points, "bits_per_texel", key)
+        axes.set_xlabel("bits per texel, all mips and tables")
+        axes.set_ylabel(label)
+    _add_legend(figure)
     return figure
 
 
-def disk_figure(panels: Mapping[str, Sequence[RatePoint]]) -> Figure:
-    """Mean PSNR over the bits of whole files: a plot for each set of textures, by its title."""
-    figure = Figure(figsize=(6.4 * len(panels), 5.2), layout="constrained")
-    grid = figure.subplots(1, len(panels), squeeze=False)[0]
-    names = list(dict.fromkeys(each.curve for points in panels.values() for each in points if _is_file(each)))
-    for (title, points), axes in zip(panels.items(), grid, strict=True):
-        for number, name in enumerate(names):
-            line = sorted(
-                (each.quality.file_bits_per_texel or 0.0, each.quality.mean_db)
-                for each in points
-                if each.curve == name and _is_file(each)
-            )
-            style = "--" if name.startswith(DASHED) else "-"
-            axes.plot(*zip(*line, strict=True), style, marker="o", markersize=3, color=f"C{number % 10}", label=name)
-        axes.set_xlabel("bits per texel of mip 0, whole files with all mips")
-        axes.set_ylabel(PLOTTED[0][1])
-        axes.set_title(title, fontsize=10)
-        axes.grid(alpha=0.3)
-    handles, labels = grid[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=4, fontsize=8)
+def disk_figure(points: Sequence[RatePoint], title: str) -> Figure:
+    """Mean PSNR over the bits of whole files."""
+    figure = Figure(figsize=(6.4, 5.2), layout="constrained")
+    figure.suptitle(title, fontsize=10)
+    axes = figure.subplots()
+    _draw_curves(axes, [point for point in points if _is_file(point)], "file_bits_per_texel", "mean_db")
+    axes.set_xlabel("bits per texel of mip 0, whole files with all mips")
+    axes.set_ylabel(PLOTTED[0][1])
+    _add_legend(figure)
     return figure
+
+
+def _draw_curves(axes: Axes, points: Sequence[RatePoint], bits: str, key: str) -> None:
+    for number, name in enumerate(dict.fromkeys(point.curve for point in points)):
+        own = [point.quality for point in points if point.curve == name]
+        line = sorted((getattr(quality, bits), getattr(quality, key)) for quality in own)
+        style = "--" if name.startswith(DASHED) else "-"
+        axes.plot(*zip(*line, strict=True), style, marker="o", markersize=3, color=f"C{number % 10}", label=name)
+    axes.grid(alpha=0.3)
+
+
+def _add_legend(figure: Figure) -> None:
+    figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, fontsize=8)
 
 
 def _is_file(point: RatePoint) -> bool:

@@ -9,16 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from lab.runner import Report
+from lab.studies.hardware_formats import FormatStudy
+from lab.studies.set_quality import texel_count
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.grid.training.config import TrainingConfig
-from ntc.codec.mips import mip_chain
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.quality import finite_or_none, psnr_db
+from ntc.codec.quality import finite_or_none
 from ntc.codec.textures import SourceTexture
 from ntc.io import write_text
-from ntc.metrics.block_compression import BlockFormat, compress
-from ntc.metrics.image_quality import flip, level_psnr, ssim
+from ntc.metrics.block_compression import BlockFormat, compressed_bytes
+from ntc.metrics.image_quality import flip, ssim
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import write_pack
 from ntc.torch_device import choose_device
@@ -38,12 +39,8 @@ class Run:
     grouping: Grouping
     codec: GridConfig
     training: TrainingConfig
-    level: int = 0
-    """The mip of the textures that is encoded as if it were the whole texture."""
     pictures: bool = False
     """Whether SSIM and FLIP are measured too, which takes longer than PSNR."""
-    every_level: bool = False
-    """Whether the PSNR of every latent level is measured."""
 
 
 @dataclass(frozen=True)
@@ -65,11 +62,6 @@ class RunResult:
     """SSIM of each texture; empty where it was not measured."""
     flip: tuple[float, ...] = ()
     """Mean FLIP of each texture; empty where it was not measured."""
-    level_psnr_db: tuple[tuple[float | None, ...], ...] = ()
-    """PSNR of each texture and level; empty where it was not measured."""
-    curve: tuple[tuple[int, float], ...] = ()
-    """(step, running PSNR of the samples in dB), a few times a second."""
-    latent_bits: int = 8
     multiply_adds: int = 0
     """Multiply-adds of one decode."""
 
@@ -80,9 +72,7 @@ def _settings(run: Run, textures: Sequence[SourceTexture]) -> dict[str, Any]:
         "grouping": {"name": run.grouping.name, "groups": list(run.grouping.groups)},
         "codec": asdict(run.codec),
         "training": asdict(run.training),
-        "level": run.level,
         "pictures": run.pictures,
-        "every_level": run.every_level,
         "textures": [[texture.pixel_hash, *texture.size] for texture in textures],
     }
 
@@ -96,10 +86,7 @@ def _kept(path: Path, settings: dict[str, Any]) -> RunResult | None:
         if content["settings"] != json.loads(json.dumps(settings)):
             return None
         result: dict[str, Any] = {
-            key: tuple(tuple(entry) if isinstance(entry, list) else entry for entry in value)
-            if isinstance(value, list)
-            else value
-            for key, value in content["result"].items()
+            key: tuple(value) if isinstance(value, list) else value for key, value in content["result"].items()
         }
         return RunResult(**result)
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -116,27 +103,12 @@ def _keep(path: Path, settings: dict[str, Any], result: RunResult) -> None:
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
 
-def _at_level(textures: Sequence[SourceTexture], level: int) -> list[SourceTexture]:
-    if level == 0:
-        return list(textures)
-    chains = [mip_chain(texture.pixels, texture.color_space) for texture in textures]
-    return [
-        replace(texture, pixels=chain[min(level, len(chain) - 1)])
-        for texture, chain in zip(textures, chains, strict=True)
-    ]
-
-
 def _measured(result: RunResult, run: Run, pack: Pack, textures: Sequence[SourceTexture]) -> RunResult:
-    if not (run.pictures or run.every_level):
+    if not run.pictures:
         return result
     codec = TorchGrid(pack, choose_device(run.training.device))
-    if run.every_level:
-        levels = [level_psnr(pack, index, texture, codec.decode_image) for index, texture in enumerate(textures)]
-        result = replace(result, level_psnr_db=tuple(tuple(finite_or_none(value) for value in row) for row in levels))
-    if run.pictures:
-        pairs = [(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)]
-        result = replace(result, ssim=tuple(ssim(a, b) for a, b in pairs), flip=tuple(flip(a, b) for a, b in pairs))
-    return result
+    pairs = [(texture.pixels, codec.decode_image(index)) for index, texture in enumerate(textures)]
+    return replace(result, ssim=tuple(ssim(a, b) for a, b in pairs), flip=tuple(flip(a, b) for a, b in pairs))
 
 
 def finished_run(
@@ -151,16 +123,13 @@ def finished_run(
     kept = _kept(path, settings)
     if kept is not None and (pack_file is None or pack_file.exists()):
         return kept
-    sources = _at_level(textures, run.level)
-    curve: list[tuple[int, float]] = []
 
     def listen(progress: TrainingProgress) -> None:
-        curve.append((progress.step, progress.mean_psnr_db))
         report(progress.step, progress.steps)
 
     state = path.with_suffix(".state")
     began = time.monotonic()
-    pack = encode_textures(sources, run.grouping, run.codec, run.training, listen, state=state)
+    pack = encode_textures(textures, run.grouping, run.codec, run.training, listen, state=state)
     seconds = time.monotonic() - began
     steps = int(pack.training["steps"])
     result = RunResult(
@@ -172,13 +141,11 @@ def finished_run(
         bits_per_texel=psnr_table(pack).bits_per_texel,
         seconds=seconds,
         texels=steps * run.training.texels_per_texture * len(textures),
-        curve=tuple(curve),
-        latent_bits=run.codec.latent_bits,
         multiply_adds=run.codec.multiply_adds,
     )
     if pack_file is not None:
         write_pack(pack_file, pack)
-    measured = _measured(result, run, pack, sources)
+    measured = _measured(result, run, pack, textures)
     _keep(path, settings, measured)
     return measured
 
@@ -186,40 +153,21 @@ def finished_run(
 def block_compressed(
     block_format: BlockFormat, textures: Sequence[SourceTexture], folder: Path, report: Report
 ) -> RunResult:
-    """The textures in a block format of graphics hardware, for comparison, kept in `folder` like a run.
+    """The textures in a block format of graphics hardware, for comparison; `folder` keeps what was measured.
 
     Raises InputError where its encoder is not installed.
     """
-    settings: dict[str, Any] = {
-        "name": block_format,
-        "textures": [[texture.pixel_hash, *texture.size] for texture in textures],
-    }
-    path = _path(folder, settings)
-    kept = _kept(path, settings)
-    if kept is not None:
-        return kept
-    began = time.monotonic()
-    decibels, similar, differences, bits = [], [], [], 0.0
-    for number, texture in enumerate(textures):
-        compressed = compress(texture.pixels, block_format)
-        channels = min(compressed.decoded.shape[2], texture.pixels.shape[2])
-        truth, decoded = texture.pixels[..., :channels], compressed.decoded[..., :channels]
-        decibels.append(finite_or_none(psnr_db(truth, decoded)))
-        similar.append(ssim(truth, decoded))
-        differences.append(flip(truth, decoded))
-        bits += compressed.bits_per_texel * texture.size[0] * texture.size[1]
-        report(number + 1, len(textures))
-    result = RunResult(
+    pictures, quality = FormatStudy(folder, "medium").measured(textures, block_format, report)
+    sizes = [texture.size for texture in textures]
+    return RunResult(
         name=block_format.upper(),
         grouping="-",
         groups=0,
         seed=0,
-        psnr_db=tuple(decibels),
-        bits_per_texel=bits / sum(texture.size[0] * texture.size[1] for texture in textures),
-        seconds=time.monotonic() - began,
+        psnr_db=tuple(picture.psnr_db for picture in pictures),
+        bits_per_texel=8.0 * sum(compressed_bytes(*size, block_format) for size in sizes) / texel_count(sizes),
+        seconds=quality.seconds,
         texels=0,
-        ssim=tuple(similar),
-        flip=tuple(differences),
+        ssim=tuple(picture.ssim for picture in pictures),
+        flip=tuple(picture.flip for picture in pictures if picture.flip is not None),
     )
-    _keep(path, settings, result)
-    return result

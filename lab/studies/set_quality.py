@@ -32,19 +32,12 @@ class PictureQuality:
     ssimulacra2: float | None = None
     jod: float | None = None
     """ColorVideoVDP. Both are measured with FLIP, where their packages are installed."""
-    coarse_db: tuple[float, ...] = ()
-    """PSNR of mips 1, 2, ..., where they were measured."""
-
-
-def capped_psnr_db(truth: NDArray[np.uint8], decoded: NDArray[np.uint8]) -> float:
-    """PSNR in dB; equal pictures count as if a single value were off by one step."""
-    return min(psnr_db(decoded, truth), psnr_of_mse(1.0 / truth.size))
 
 
 def picture_quality(truth: NDArray[np.uint8], decoded: NDArray[np.uint8], with_flip: bool = True) -> PictureQuality:
     """The quality of `decoded`, of the shape of `truth`. Raises InputError where FLIP is not installed."""
     return PictureQuality(
-        capped_psnr_db(truth, decoded),
+        min(psnr_db(decoded, truth), psnr_of_mse(1.0 / truth.size)),
         ssim(truth, decoded),
         flip(truth, decoded) if with_flip else None,
         ssimulacra2(truth, decoded) if with_flip and has_ssimulacra2() else None,

@@ -1,1 +1,1 @@
-"""Trials of the real window on a virtual screen: random input for a long time, and a newcomer's first minute."""
+"""A trial of the real window on a virtual screen, for a long time."""

@@ -2,7 +2,7 @@
 
     python -m lab.window_trials.monkey_window FOLDER --scene FILE --seed 1 --seconds 60 --journal FILE
 
-FOLDER holds the scenes and files that are dropped. Started by `lab.window_trials.monkey`.
+FOLDER holds the scenes and files that are dropped. Started by `lab.window_trials`.
 """
 
 import argparse

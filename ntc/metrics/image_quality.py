@@ -7,11 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from ntc.codec.latents import texture_levels
-from ntc.codec.mips import mip_chain
-from ntc.codec.model import Pack
-from ntc.codec.quality import psnr_db
-from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features.pixels import LUMA, as_rgb, check_image
 
@@ -101,18 +96,3 @@ def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DE
     """
     # Its own mean is a sum in single precision.
     return float(np.mean(flip_map(reference, test, pixels_per_degree), dtype=np.float64))
-
-
-def level_psnr(pack: Pack, texture_index: int, source: SourceTexture, decode: ImageDecoder) -> tuple[float, ...]:
-    """Return the PSNR in dB over 8-bit values of every latent level of a texture, finest first; infinity where equal.
-
-    Level l as `decode` decodes it, against mip l of `source`, which `pack` encodes.
-    Raises InputError for a source of another size or with other channels.
-    """
-    encoded = pack.textures[texture_index]
-    expected = (encoded.height, encoded.width, encoded.channels)
-    if source.pixels.shape != expected:
-        raise InputError(f"{source.name}: has shape {source.pixels.shape}; the pack has {expected}; encode it again")
-    levels = len(texture_levels(encoded, pack.config))
-    mips = mip_chain(source.pixels, source.color_space, source.maps)[:levels]
-    return tuple(psnr_db(decode(texture_index, level), mip) for level, mip in enumerate(mips))

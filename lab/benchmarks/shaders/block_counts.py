@@ -35,7 +35,6 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.gl.context import GraphicsContext, create_headless_context
-from viewer.inspect.gpu_estimate import LANE_INSTRUCTIONS, PIXELS
 from viewer.locations import shaders_folder
 from viewer.render.resources.layout import GROUP_SIDE, PAGE_SIDE, TILE_SIDE
 from viewer.render.resources.pack_buffers import codec_programs, scene_programs
@@ -57,8 +56,8 @@ class PackCodes:
     """What decides about the work of decoding a pack: the size, mode and decoder of each block's code."""
 
     def __init__(self, pack: Pack) -> None:
-        if not isinstance(pack.config, BlockConfig) or pack.config.format < 2:
-            raise InputError("trip counts are known of codec block, format 2, alone")
+        if not isinstance(pack.config, BlockConfig):
+            raise InputError("trip counts are known of codec block alone")
         self.pack, self.config = pack, pack.config
         self._tables = BlockTables(pack.config)
         self._kinds: dict[tuple[int, int], Array] = {}
@@ -70,26 +69,18 @@ class PackCodes:
         return tuple(own for own in found if min(own.width, own.height) >= TILE_SIDE)
 
     @cached_property
-    def work(self) -> tuple[Array, Array, Array]:
-        """Fours of the list, fours by component, and bits of the edge part of each code.
-
-        [decoders, sizes * modes, planes], the second with [4] more.
-        """
-        lists, fours, edges = list[Array](), list[Array](), list[Array]()
+    def work(self) -> tuple[Array, Array]:
+        """Fours of the list, and fours by component, of each code: [decoders, sizes * modes, planes], the second with [4] more."""
+        lists, fours = list[Array](), list[Array]()
         for decoder in self.pack.decoders:
             heads, blocks = self._tables.heads_and_lists(cast(BlockDecoder, decoder))
             words = heads.astype(np.int64)
             lists.append(words[:, 1])
-            edges.append(words[:, 3] & 3)
             ends = blocks[words[:, 0] + words[:, 1] - len(heads), :1] >> (8 * np.arange(4)) & 127
             ends = ends.astype(np.int64)
             fours.append(np.concatenate([ends[:, :1], ends[:, 1:] - ends[:, :-1]], axis=1))
         shape = (len(lists), -1, len(self.config.planes))
-        return (
-            np.stack(lists).reshape(shape),
-            np.stack(fours).reshape(*shape, 4),
-            np.stack(edges).reshape(shape),
-        )
+        return np.stack(lists).reshape(shape), np.stack(fours).reshape(*shape, 4)
 
     def levels(self, texture: BlockTexture) -> tuple[LatentLevel, ...]:
         """Levels of a texture."""
@@ -121,8 +112,6 @@ class PixelGroup:
     """Fours of the largest of them."""
     most_squares: int
     """Squares that are read of one of them, at most."""
-    edge_share: float
-    """Share of the codes that have an edge part."""
 
     def work_rounds(self, fours: int) -> int:
         """Return the rounds in which shared memory holds all codes, squares and coefficients, of these `fours` at once."""
@@ -167,7 +156,7 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
                 taps[lane, 4 * place + tap] = number, block, square
                 if (number, block) not in lanes[lane]:
                     lanes[lane].append((number, block))
-    lists, fours, edges = (own[texture.group, :, plane] for own in codes.work)
+    lists, fours = (own[texture.group, :, plane] for own in codes.work)
     most = max(map(len, lanes))
     steps = np.full((most, len(lanes)), NOTHING)
     for lane, read_codes in enumerate(lanes):
@@ -187,7 +176,6 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
         len(first),
         int(fours[kinds].sum(axis=1).max()),
         int(squares.max()),
-        float((edges[kinds[first]] > 0).mean()),
     )
 
 
@@ -255,8 +243,6 @@ class Tile:
     lists: Array
     fours: Array
     """[kinds, 4] fours by component; of `lists` [kinds] in the order of the list."""
-    edges: Array
-    """[kinds] bits of the edge part."""
 
     @property
     def squares(self) -> int:
@@ -277,8 +263,8 @@ def random_tile(codes: PackCodes, plane: int, random: np.random.Generator) -> Ti
     kinds = codes.kinds(texture, 0).reshape(level.height, level.width)
     rows, columns = (np.arange(across + 1) + corner[axis] for axis in (1, 0))
     page = kinds[np.ix_(rows % level.height, columns % level.width)]
-    lists, fours, edges = (own[texture.group, :, plane] for own in codes.work)
-    return Tile(page, lists, fours, edges)
+    lists, fours = (own[texture.group, :, plane] for own in codes.work)
+    return Tile(page, lists, fours)
 
 
 def _units(page: Array, inside: int, border: int) -> Array:
@@ -473,9 +459,6 @@ def rows(
         total = planes[None] if None in planes else sum(planes.values())
         row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod, **work}
         row |= {"base": round(planes["base"]), "all planes": round(total)}
-        is_frame = gpu == "navi32" and not path.startswith("cached")
-        for size, pixels in PIXELS.items():
-            row[f"floor ms, {size}"] = round(total * pixels / LANE_INSTRUCTIONS * 1e3, 2) if is_frame else None
         yield row
 
 

@@ -1,12 +1,13 @@
 """Figures of rate and distortion: what counts as bits and quality of a set."""
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from lab.studies import hardware_formats
-from lab.studies.disk_formats import measured_disk_format, side_by_side
+from lab.studies.disk_formats import disk_file, measured_files, side_by_side
 from lab.studies.hardware_formats import FormatStudy
 from lab.studies.rate_table import RatePoint, disk_figure, disk_rows, rate_figure, rate_table
 from lab.studies.set_quality import PictureQuality, SetQuality, picture_quality, texel_count
@@ -58,11 +59,11 @@ def test_a_set_has_means_and_the_worst() -> None:
 def test_a_format_is_measured_once_and_its_bits_count_all_mips(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("quicktex")
     textures = [texture(32, seed) for seed in range(2)]
-    pictures, quality = FormatStudy(tmp_path, "medium").measure_all(textures, "bc1")
+    pictures, quality = FormatStudy(tmp_path, "medium").measured(textures, "bc1")
     # 64 + 16 + 4 + 1 + 1 + 1 blocks of 64 bits for 1024 texels of mip 0.
     assert quality.bits_per_texel == pytest.approx(87 * 64 / 1024)
     monkeypatch.setattr(hardware_formats, "compress", lambda *_: pytest.fail("encoded again"))
-    assert FormatStudy(tmp_path, "medium").measure_all(textures, "bc1") == (pictures, quality)
+    assert FormatStudy(tmp_path, "medium").measured(textures, "bc1") == (pictures, quality)
 
 
 def test_points_make_a_table_and_a_plot() -> None:
@@ -73,8 +74,12 @@ def test_points_make_a_table_and_a_plot() -> None:
     table = rate_table(points)
     assert "FLIP" not in table.markdown()
     assert [row["bits_per_texel"] for row in table.rows] == [2.0, 4.0, 4.0]
-    figure = rate_figure({"one": points, "another": points[:2]})
-    assert [axes.get_title() for axes in figure.axes] == ["one", "one", "another", "another"]
+    figure = rate_figure(points, "a set")
+    assert figure.get_suptitle() == "a set"
+    assert [axes.get_ylabel() for axes in figure.axes] == [
+        "PSNR, mean of textures, dB",
+        "PSNR of the mean MSE, dB",
+    ]
     assert np.array_equal(figure.axes[0].lines[0].get_xdata(), [2.0, 4.0])
 
 
@@ -92,8 +97,7 @@ def test_files_hold_all_mips_and_sizes_are_compared_at_equal_quality() -> None:
     points = []
     for name in DISK_FORMATS:
         for quality in (10, 90):
-            pictures, found = measured_disk_format(textures, name, quality, 1)
-            assert len(pictures) == 2
+            found = measured_files(textures, partial(disk_file, name=name, quality=quality), 1)
             assert found.file_bits_per_texel == found.bits_per_texel
             points.append(RatePoint(name, str(quality), found))
     jpeg = [point.quality for point in points if point.curve == "jpeg"]
@@ -104,4 +108,4 @@ def test_files_hold_all_mips_and_sizes_are_compared_at_equal_quality() -> None:
     assert isinstance(bits, float)
     assert jpeg[0].bits_per_texel < bits < jpeg[1].bits_per_texel
     assert disk_rows(points, [90.0])[0]["jpeg"] is None
-    assert len(disk_figure({"textures": points}).axes) == 1
+    assert len(disk_figure(points, "textures").axes) == 1

@@ -1,14 +1,17 @@
-"""Random input to real windows for a long time: nothing may crash, no run be lost, no pack lie beside another scene.
+"""A long trial of real windows on a virtual screen: random input, and windows that nobody touches.
 
-    python -m lab.window_trials.monkey --seconds 1800 --seed 1 --json lab/benchmarks/results/monkey_llvmpipe.json
+    python -m lab.window_trials [SCENE ...] --seconds 1800 --seed 1 --json trial.json
 
-Windows are opened one after the other over the same files and settings, now and then two at once, and some of them are killed.
-After each: its exit status, every pack beside a scene against that scene, and every run that ended against the packs on the disk
-(accepted, or kept for the next start) and the runs that were discarded.
+Windows under random input are opened one after the other over the same files and settings, now and then two at once, and some of
+them are killed. Nothing may crash, no run be lost, no pack lie beside another scene. After each: its exit status, every pack beside
+a scene against that scene, and every run that ended against the packs on the disk (accepted, or kept for the next start) and the
+runs that were discarded.
+
+Between them, untouched windows open the built-in scene or one of SCENE with the packs beside it, by a random path, while images and
+what is read back from the GPU come late. Each must come to rest on the picture that `render` draws, and draw nothing while it rests.
+Needs Xvfb.
 """
 
-import argparse
-import json
 import random
 import shutil
 import signal
@@ -19,22 +22,33 @@ import time
 from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
+from lab.runner import options, run, write_record
 from lab.window_trials.run_journal import fingerprint, read_journal
 from lab.window_trials.virtual_display import remembering_in, virtual_display
 from ntc.errors import InputError
-from ntc.io import write_text
 from ntc.pack.file import read_pack
 from ntc.pack.match import require_match
 from tests.end_to_end.conftest import two_squares
+from tests.support.rest.plan import Plan
+from tests.support.rest.records import ALONE, Played, play
+from tests.support.rest.truth import Truth
 from viewer.scene.load import load_scene
 from viewer.state.pack_files import match_scene, packs_beside
+from viewer.state.view_state import PathChoice
 
 LONGEST_WINDOW = 90.0
 """Seconds of one window; the next one finds what it left."""
 KILLED_SHARE, TWO_SHARE = 0.2, 0.2
 SECONDS_TO_END = 60.0
+REST_SHARE = 0.25
+"""Share of rounds with a window that nobody touches."""
+SLOWEST = 2.0
+"""Seconds by which what such a window reads comes later at most."""
+IDLE_SECONDS, PATIENCE = 20.0, 180.0
+"""Seconds that it is watched at rest, and in which it must come to rest."""
+SIZE = (1280, 720)
 
 
 @dataclass
@@ -46,6 +60,8 @@ class Findings:
     killed: int = 0
     runs: int = 0
     """That ended with a pack."""
+    at_rest: int = 0
+    """Windows that nobody touched."""
     frames: int = 0
     """Of windows that were not killed."""
     slow_frames: dict[str, int] = field(default_factory=dict)
@@ -65,10 +81,11 @@ def _kind_of_slow(entry: dict[str, Any]) -> str:
 
 
 class Trial:
-    """Scenes, settings and journals in one folder."""
+    """Scenes, settings and journals in one folder. `scenes` are those of windows at rest besides the built-in one."""
 
-    def __init__(self, folder: Path, display: str, seed: int) -> None:
+    def __init__(self, folder: Path, display: str, seed: int, scenes: list[Path], truth: Truth) -> None:
         self._folder, self._display, self._random = folder, display, random.Random(seed)
+        self._rest_scenes, self._truth = [None, *scenes], truth
         self._files = folder / "files"
         self.findings = Findings()
         self._scenes = [self._make_scene(name, number) for number, name in enumerate(("red", "green", "blue"))]
@@ -88,20 +105,50 @@ class Trial:
         """Open windows until the time is over."""
         began = time.monotonic()
         while (left := seconds - (time.monotonic() - began)) > 5.0:
-            length = min(left, self._random.uniform(15.0, LONGEST_WINDOW))
-            windows = [self._start(length) for _ in range(2 if self._random.random() < TWO_SHARE else 1)]
-            if self._random.random() < KILLED_SHARE:
-                time.sleep(self._random.uniform(5.0, length))
-                windows[0].send_signal(signal.SIGKILL)
-                self.findings.killed += 1
-            for window in windows:
-                self._wait_for(window, length)
-            self._check_packs()
-            self._check_runs()
+            if self._random.random() < REST_SHARE:
+                self._watch_rest()
+            else:
+                self._open_windows(min(left, self._random.uniform(15.0, LONGEST_WINDOW)))
             self.findings.seconds = round(time.monotonic() - began, 1)
             sys.stdout.write(
                 f"{self.findings.seconds:7.0f} s, {self.findings.windows} windows, {self.findings.problems[-3:]}\n"
             )
+
+    def _open_windows(self, length: float) -> None:
+        windows = [self._start(length) for _ in range(2 if self._random.random() < TWO_SHARE else 1)]
+        if self._random.random() < KILLED_SHARE:
+            time.sleep(self._random.uniform(5.0, length))
+            windows[0].send_signal(signal.SIGKILL)
+            self.findings.killed += 1
+        for window in windows:
+            self._wait_for(window, length)
+        self._check_packs()
+        self._check_runs()
+
+    def _watch_rest(self) -> None:
+        scene, path = self._random.choice(self._rest_scenes), self._random.choice(get_args(PathChoice))
+        plan = Plan(
+            (*([] if scene is None else [str(scene)]), "--path", path),
+            slowest_read=self._random.uniform(0.0, SLOWEST),
+            slowest_answer=self._random.uniform(0.0, SLOWEST),
+            seed=self._random.randrange(1 << 30),
+            idle_seconds=IDLE_SECONDS,
+            patience=PATIENCE,
+        )
+        self.findings.at_rest += 1
+        with tempfile.TemporaryDirectory() as folder:
+            played = play(self._display, Path(folder), plan, SIZE, ALONE)
+        if problem := self._problem_at_rest(played):
+            self._add_problem(f"at rest: {plan.arguments}, seed {plan.seed}: {problem}")
+
+    def _problem_at_rest(self, played: Played) -> str:
+        """What is wrong with a window that nobody touched; empty for nothing."""
+        if played.problem or not played.rests:
+            return played.problem or "it does not rest"
+        if not self._truth.verdict(played.of("start")).is_right:
+            return "another picture than that of render"
+        frames = played.idle.frames if played.idle is not None else 0
+        return f"{frames} frames while it rests" if frames else ""
 
     def _start(self, seconds: float) -> subprocess.Popen[str]:
         seed, scene = self._random.randrange(1 << 30), self._random.choice(self._scenes)
@@ -170,20 +217,19 @@ class Trial:
 
 def main() -> int:
     """Run the trial; status 1 where there is a problem."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = options(__doc__)
+    parser.add_argument("scenes", nargs="*", type=Path, metavar="SCENE", help="opened by windows at rest")
     parser.add_argument("--seconds", type=float, default=1800.0)
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--json", type=Path)
     parser.add_argument("--keep", type=Path, help="folder for files and journals, which stays")
-    options = parser.parse_args()
-    folder = options.keep or Path(tempfile.mkdtemp(prefix="ntc-viewer-monkey-"))
+    given = parser.parse_args()
+    folder = given.keep or Path(tempfile.mkdtemp(prefix="ntc-viewer-trial-"))
     folder.mkdir(parents=True, exist_ok=True)
-    with virtual_display(1280, 720) as display:
-        trial = Trial(folder, display, options.seed)
-        trial.run(options.seconds)
-    if options.json is not None:
-        write_text(options.json, json.dumps(asdict(trial.findings), indent=1) + "\n")
-    if options.keep is None:
+    with virtual_display(*SIZE) as display, Truth() as truth:
+        trial = Trial(folder, display, given.seed, [scene.resolve() for scene in given.scenes], truth)
+        trial.run(given.seconds)
+    write_record(given.json, asdict(trial.findings))
+    if given.keep is None:
         shutil.rmtree(folder)
     for problem in trial.findings.problems:
         sys.stdout.write(f"{problem}\n")
@@ -191,4 +237,4 @@ def main() -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    run(main)

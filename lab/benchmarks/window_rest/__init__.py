@@ -1,1 +1,0 @@
-"""Starts of real windows that nobody touches: does each rest on the picture that `render` draws?"""
