@@ -44,6 +44,11 @@ def row_of_squares(tmp_path_factory: pytest.TempPathFactory) -> Path:
         (["study", "clusters", "--out", "o"], "study clusters: no such study (there are: paper-textures, "),
         (["study", "paper-scenes", "nowhere.glb", "--out", "o"], "nowhere.glb"),
         (["study", "rate", "nowhere.glb", "--out", "o", "--clusters", "0"], "--clusters 0: must be at least 1"),
+        (
+            ["study", "rate", "in", "--out", "o", "--workers", "2"],
+            "study rate --workers: there is no such option any more",
+        ),
+        (["study", "rate", "in", "--out", "o", "--ray=auto"], "leave it out, points are measured one after the other"),
         (["study", "stability", "--out", "o", "--texels", "0"], "--texels 0: must be at least 1"),
         (["study", "stability", "nowhere.glb", "--out", "o"], "nowhere.glb"),
     ],

@@ -39,6 +39,11 @@ COMPLETION = ("--tyro-write-completion", "--tyro-print-completion")
 SHELLS = ("bash", "zsh", "fish")
 OUTPUTS = ("out", "web", "report", "state", "json")
 """Names of the options that hold the path of a file or folder to write, in every command that has them."""
+REMOVED_OPTIONS = {
+    ("study rate", "--workers"): "leave it out, points are measured one after the other",
+    ("study rate", "--ray"): "leave it out, points are measured one after the other",
+}
+"""Options that earlier versions had, by command and name, with what to do instead."""
 
 
 @runtime_checkable
@@ -105,6 +110,7 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
     if arguments and arguments[0] in COMPLETION:
         _check_completion(arguments)
     words = _with_packs_merged(list(arguments) if named else ["view", *arguments])
+    _refuse_removed_options(words)
     everything, words = HELP_ALL in words, ["--help" if word == HELP_ALL else word for word in words]
     complaint, said = io.StringIO(), io.StringIO()
     try:
@@ -133,6 +139,15 @@ def _refuse_unknown_command(word: str, names: Sequence[str]) -> None:
     near = difflib.get_close_matches(word.lower(), names, n=1)
     remedy = f"did you mean {near[0]}?" if near else f"choose {', '.join(names)}, or name a scene"
     raise InputError(f"{word}: no such command, and no such file; {remedy}")
+
+
+def _refuse_removed_options(words: Sequence[str]) -> None:
+    """Raise InputError for an option of an earlier version. `words` begin with the command."""
+    command = " ".join(words[: 2 if words[0] == "study" else 1])
+    for word in words:
+        option = word.partition("=")[0]
+        if remedy := REMOVED_OPTIONS.get((command, option)):
+            raise InputError(f"{command} {option}: there is no such option any more; {remedy}")
 
 
 def _check_completion(arguments: Sequence[str]) -> None:
