@@ -1,7 +1,6 @@
-"""Similarity of pictures: SSIM and FLIP; PSNR of every mip of an encoded texture."""
+"""Similarity of pictures: SSIM and FLIP."""
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +10,6 @@ from ntc.errors import InputError
 from ntc.features.pixels import LUMA, as_rgb, check_image
 
 Image = NDArray[np.uint8]
-ImageDecoder = Callable[[int, int], Image]
-"""(texture index, level) -> [h, w, channels] uint8."""
 
 WINDOW_RADIUS = 5
 """Radius of SSIM's window of 11x11 texels."""

@@ -12,16 +12,12 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.grid.model import GridConfig, grid_parts
-from ntc.codec.grid.torch_twin import TorchGrid
-from ntc.codec.latents import texture_levels
-from ntc.codec.mips import mip_chain, srgb_to_linear
-from ntc.codec.model import Pack
+from ntc.codec.grid.model import grid_parts
+from ntc.codec.mips import srgb_to_linear
 from ntc.codec.quality import PsnrSummary, mean_square_error, psnr_db, worst_share_db
-from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent, divergence_map
-from ntc.metrics.image_quality import flip, level_psnr, ssim
+from ntc.metrics.image_quality import flip, ssim
 from ntc.metrics.metrics import psnr_table
 from tests.support.gltf_builder import noise
 
@@ -231,39 +227,6 @@ def test_worst_share_of_known_values() -> None:
     assert worst_share_db(values[:21]) == pytest.approx(80.5), "one and a bit is two"
     assert worst_share_db([math.inf, 30.0]) == 30.0
     assert worst_share_db([math.inf]) == math.inf
-
-
-def source_of(pack: Pack, index: int, pixels: Image) -> SourceTexture:
-    """`pixels` as the source of a texture of `pack`."""
-    texture = pack.textures[index]
-    return SourceTexture(texture.name, pixels, texture.pixel_hash, color_space=texture.color_space)
-
-
-@pytest.mark.parametrize("color_space", ["srgb", "linear"])
-def test_level_psnr_is_psnr_against_the_mips(color_space: Any) -> None:
-    pack = random_pack()
-    pack = replace(pack, textures=tuple(replace(texture, color_space=color_space) for texture in pack.textures))
-    decode = TorchGrid(pack, "cpu").decode_image
-    for index, texture in enumerate(pack.textures):
-        source = source_of(pack, index, noise(texture.height, texture.width, texture.channels))
-        measured = level_psnr(pack, index, source, decode)
-        mips = mip_chain(source.pixels, color_space)
-        assert len(measured) == len(texture_levels(texture, pack.config)) > 1
-        for level, value in enumerate(measured):
-            assert value == psnr_db(decode(index, level), mips[level])
-    # What is equal has an infinite one, and another size is refused.
-    first, *others = level_psnr(pack, 1, source_of(pack, 1, decode(1)), decode)
-    assert first == math.inf
-    assert all(math.isfinite(value) for value in others)
-    with pytest.raises(InputError, match="encode it again"):
-        level_psnr(pack, 0, source_of(pack, 0, noise(64, 32)), decode)
-
-
-@pytest.mark.parametrize(("side", "config"), [(1, GridConfig()), (64, GridConfig(levels=1))])
-def test_level_psnr_of_one_texel_and_of_a_single_level(side: int, config: GridConfig) -> None:
-    pack = random_pack(sizes=((side, side),), groups=(0,), config=config)
-    source = source_of(pack, 0, noise(side, side, pack.textures[0].channels))
-    assert len(level_psnr(pack, 0, source, TorchGrid(pack, "cpu").decode_image)) == 1
 
 
 def brute_map(ids: NDArray[np.int32], block: tuple[int, int]) -> NDArray[np.uint16]:
