@@ -137,8 +137,8 @@ class Trial:
         )
         self.findings.at_rest += 1
         with tempfile.TemporaryDirectory() as folder:
-            played = play(self._display, Path(folder), plan, SIZE, ALONE)
-        if problem := self._problem_at_rest(played):
+            problem = self._problem_at_rest(play(self._display, Path(folder), plan, SIZE, ALONE))
+        if problem:
             self._add_problem(f"at rest: {plan.arguments}, seed {plan.seed}: {problem}")
 
     def _problem_at_rest(self, played: Played) -> str:
