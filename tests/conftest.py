@@ -10,8 +10,6 @@ import pytest
 # Before numpy and torch are imported: tests run side by side, and threads of one that wait for another's core spin.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("LP_NUM_THREADS", "1")
-# Pictures must not wait for measurements, nor programs depend on them.
-os.environ["NTC_VIEWER_DECODER_VARIANT"] = "default"
 
 from tests.drivers.messages import own_session_folders
 from tests.shared_context import free_unreachable, share

@@ -79,11 +79,6 @@ def environments_cache() -> Path:
     return _cache_folder("environments")
 
 
-def variants_cache() -> Path:
-    """Return the cache folder of measured times of decoder variants."""
-    return _cache_folder("variants")
-
-
 def _installed_folder(name: str) -> Path:
     # A checkout has it at its top level, an installed wheel inside the package.
     package = Path(__file__).resolve().parent

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from lab.bench.float64_error import Float64Pixels, float64_pixels
 from lab.bench.interleaved import Progress, no_progress, spread_of, warm_up_rounds
+from ntc.codec.gpu import VariantName
 from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none, psnr_db
@@ -21,7 +22,6 @@ from ntc.metrics.image_quality import flip
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.render.resources.decoding_shaders import EVERYWHERE
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.view_state import (
     FILTERED_PATHS,
@@ -143,14 +143,14 @@ def bench_scene(
     config: SceneBenchConfig,
     progress: Progress = no_progress,
     compressed: Mapping[BlockFormat, CompressedTextures] | None = None,
-    variants: VariantChoice | None = None,
+    variant: VariantName | None = None,
 ) -> tuple[SceneBenchRow, ...]:
     """A row for each camera and slot; `compressed` holds the scene's textures in the formats of `config`, and the rest is the
     renderer's.
 
     Slots are timed interleaved, frame by frame; the first rounds warm up.
     """
-    renderer = Renderer(context, scene, variants=variants)
+    renderer = Renderer(context, scene, variant=variant)
     renderer.set_packs(packs)
     renderer.images.set_compressed(compressed or {})
     slots = bench_slots(list(packs), config)

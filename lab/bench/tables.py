@@ -2,16 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from typing import TypeVar, cast
+from typing import TypeVar
 
 import numpy as np
 
 from lab.bench.scene import SceneBenchRow
 from lab.bench.worst_case import WorstCaseRow
-from ntc.codec.model import Pack
 from viewer.cli.table import Cell, Column, Table
-from viewer.inspect.gpu_estimate import ESTIMATED_GPU, PIXELS, estimated_ms, estimated_tile_ms
-from viewer.state.view_state import DecodePath, Precision, Slot, TexelFilter
 
 Number = TypeVar("Number", int, float)
 OTHER_PASSES = ("cull", "visibility", "composite")
@@ -36,8 +33,6 @@ SCENE_COLUMNS = (
     Column("precision", "precision"),
     Column("filter", "filter"),
     Column("decode_ms", "decode ms"),
-    *(Column(f"estimated_{size}_ms", f"{size} on {ESTIMATED_GPU}, estimated ms", 1) for size in PIXELS),
-    Column("estimated_tile_us", f"a tile on {ESTIMATED_GPU}, estimated µs", 3),
     *(Column(f"{name}_ms", f"{name} ms") for name in OTHER_PASSES),
     Column("frame_ms", "frame ms"),
     Column("to_deferred", "times deferred fp32"),
@@ -82,28 +77,13 @@ def _most(values: Sequence[Number | None]) -> Number | None:
     return max((value for value in values if value is not None), default=None)
 
 
-def _estimates(row: SceneBenchRow, packs: Mapping[str, Pack]) -> dict[str, Cell]:
-    """Estimated times on a GPU; none for what is no pack, and where nobody has counted the instructions."""
-    if row.source not in packs:
-        return {}
-    pack = packs[row.source]
-    slot = Slot(row.source, cast(DecodePath, row.path), cast(Precision, row.precision), cast(TexelFilter, row.filter))
-    tile_ms = estimated_tile_ms(pack, slot)
-    times = {f"estimated_{size}_ms": milliseconds for size, milliseconds in estimated_ms(pack, slot).items()}
-    return {**times, "estimated_tile_us": None if tile_ms is None else 1e3 * tile_ms}
-
-
-def scene_table(rows: Sequence[SceneBenchRow], packs: Mapping[str, Pack]) -> Table:
-    """One row for each slot: means over the cameras, and whether no other is both faster and closer to the reference.
-
-    Slots of packs whose instructions were counted have estimated times on a GPU, too.
-    """
+def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
+    """One row for each slot: means over the cameras, and whether no other is both faster and closer to the reference."""
     slots = list(dict.fromkeys((row.source, row.path, row.precision, row.filter) for row in rows))
     table: list[dict[str, Cell]] = []
     for slot in slots:
         same = [row for row in rows if (row.source, row.path, row.precision, row.filter) == slot]
         largest = _most([row.float64_max for row in same])
-        estimates = _estimates(same[0], packs)
         table.append(
             {
                 "source": slot[0],
@@ -111,7 +91,6 @@ def scene_table(rows: Sequence[SceneBenchRow], packs: Mapping[str, Pack]) -> Tab
                 "precision": slot[2],
                 "filter": slot[3],
                 "decode_ms": _mean([row.decode_ms for row in same]),
-                **estimates,
                 "frame_ms": _mean([row.frame_ms for row in same]),
                 **{f"{name}_ms": _mean([row.passes_ms.get(name) for row in same]) for name in OTHER_PASSES},
                 "decoded_pixels": int(np.mean([row.decoded_pixels for row in same])),

@@ -28,7 +28,6 @@ from viewer.cli.sources import compress_scene, open_scene, packs_for
 from viewer.gl.context import GraphicsContext, create_headless_context
 from viewer.render.path_choice import drawable_paths, unsupported_paths
 from viewer.render.resources.decoding_shaders import supported_precisions
-from viewer.render.variants import VariantChoice
 from viewer.scene.json_text import counted
 from viewer.scene.model import Camera, Scene
 from viewer.state.framing import frame_all
@@ -41,7 +40,6 @@ LEAST_MEMORY_MB = 16
 def _check(options: BenchOptions) -> None:
     if options.json is not None and options.json.suffix != ".json":
         raise InputError(f"--json {options.json}: a record's name ends in .json")
-    VariantChoice(options.decoder_variant)
     if options.decoder_variant and options.what == "worst-case":
         raise InputError(f"--decoder-variant {options.decoder_variant}: only --what scene and all have it")
     if options.repeats is not None and options.repeats < 1:
@@ -219,9 +217,8 @@ def _bench_scene(
     name = opened.scene.name
     compressed = opened.compressed
     places = (opened.scene, opened.packs, opened.cameras)
-    variants = VariantChoice.of_environment(options.decoder_variant, print)
-    rows = bench_scene(context, *places, config, report(name), compressed, variants)
-    table = scene_table(rows, opened.packs)
+    rows = bench_scene(context, *places, config, report(name), compressed, options.decoder_variant)
+    table = scene_table(rows)
     width, height = config.size
     title = f"{name}: {counted(len(opened.cameras), 'camera')}, {width}x{height}, {context.info.renderer}"
     content = {

@@ -1,5 +1,4 @@
-"""`python -m lab.documentation`: write the generated parts of README and docs again, and files of the program that are made from
-records; name those that changed.
+"""`python -m lab.documentation`: write the generated parts of README and docs again; name the pages that changed.
 
 A generated part stands between `<!-- NAME -->` and `<!-- end of NAME -->`. What is outside of the marks is written by hand.
 """
@@ -11,7 +10,6 @@ from pathlib import Path
 
 from lab.documentation.api_page import api_page
 from lab.documentation.command_tables import command_table, key_table
-from lab.documentation.gpu_instructions import ESTIMATE_PARTS, GENERATED
 from lab.documentation.option_tables import option_tables, settings_table
 from lab.documentation.report_tables import REPORT_PARTS
 from ntc.io import write_text
@@ -25,7 +23,6 @@ PARTS: Mapping[str, Callable[[], str]] = {
     "keys": key_table,
     "options": option_tables,
     "settings": settings_table,
-    **ESTIMATE_PARTS,
     **REPORT_PARTS,
 }
 """Generated parts by the name in their marks."""
@@ -47,18 +44,12 @@ def generated(text: str) -> str:
     return re.sub(r"<!-- ([\w: ./-]+) -->\n.*?<!-- end of \1 -->", part, text, flags=re.DOTALL)
 
 
-def contents() -> Iterator[tuple[Path, str]]:
-    """Generated files of the program and pages, each with its content as it should be."""
-    for file, content in GENERATED.items():
-        yield file, content()
-    for page in pages():
-        yield page, generated(page.read_text(encoding="utf-8"))
-
-
 def main() -> None:
-    """Write all pages and generated files of the program, and name those that changed."""
-    for page, new in contents():
-        if not page.exists() or new != page.read_text(encoding="utf-8"):
+    """Write all pages, and name those that changed."""
+    for page in pages():
+        old = page.read_text(encoding="utf-8")
+        new = generated(old)
+        if new != old:
             write_text(page, new)
             sys.stdout.write(f"{page.relative_to(ROOT)}\n")
 

@@ -5,9 +5,9 @@ Renderers upload and bind it, exporters write it out. Each codec's own part is a
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import ClassVar, Final, Literal, NamedTuple, get_args
+from typing import ClassVar, Final, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,43 +17,30 @@ from ntc.codec.latents import LatentLevel, texture_levels
 from ntc.codec.maps import CODED_PLANES, plane_channels
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Pack
 
-WeightPlace = Literal["uniforms", "storage", "shared", "image"]
-"""Place of the weights that `run_decoders` reads: a uniform buffer, the storage buffer of all weights, a copy in shared memory, or an
-image. Decoders too large for uniform buffers or shared memory are read from storage."""
-LARGEST: Final = {"pixels": 32, "unrolled": 16, "chunk": 64}
+WeightPlace = Literal["uniforms", "storage", "image"]
+"""Place of the weights that `run_decoders` reads: a uniform buffer, the storage buffer of all weights, or an image. Decoders too large
+for uniform buffers are read from storage."""
 
 
 @dataclass(frozen=True)
 class DecoderVariant:
     """Settings of `run_decoders`, which decodes several pixels with one decoder. None of them changes a result."""
 
-    pixels: int = 1
+    pixels: int
     """Pixels that one invocation decodes: each weight is fetched once for all of them. More pixels take more registers."""
-    unrolled: int = 16
+    unrolled: int
     """Blocks of the first layer that are written out one after the other: where all are, hidden values are stored without a choice."""
-    weights: WeightPlace = "uniforms"
-    chunk: int = 4
-    """Weights that are fetched before they are multiplied, so that a pixel's sums stay in registers meanwhile."""
-    together: int = 1
+    weights: WeightPlace
+    together: int
     """Codec `block`. 1: a work group decodes each code that its pixels read once, for all, and path `deferred` all planes in one pass.
     0: each pixel decodes for itself, plane by plane."""
 
-    def __post_init__(self) -> None:
-        for name, largest in LARGEST.items():
-            if not 1 <= getattr(self, name) <= largest:
-                raise ValueError(f"{name} = {getattr(self, name)} is not within 1 to {largest}")
-        if self.together not in (0, 1):
-            raise ValueError(f"together = {self.together} is not 0 or 1")
-        if self.weights not in get_args(WeightPlace):
-            raise ValueError(f"weights = {self.weights} is none of {', '.join(get_args(WeightPlace))}")
 
-    def __str__(self) -> str:
-        return ",".join(f"{field.name}={getattr(self, field.name)}" for field in fields(self))
-
-
-SOFTWARE: Final = DecoderVariant(4, 1, "image", together=0)
+VariantName = Literal["software", "gpu"]
+SOFTWARE: Final = DecoderVariant(pixels=4, unrolled=1, weights="image", together=0)
 """Best on llvmpipe, which gathers a vector from a buffer, and from shared memory, number by number."""
-GPU: Final = DecoderVariant()
+GPU: Final = DecoderVariant(pixels=1, unrolled=16, weights="uniforms", together=1)
+VARIANTS: Final[Mapping[VariantName, DecoderVariant]] = {"software": SOFTWARE, "gpu": GPU}
 
 
 class DecodingBinding(IntEnum):
@@ -178,14 +165,6 @@ class GpuTables(ABC):
         data = b"".join([*decoders, *map(self.adapter_data, textures)])
         return data or bytes(self.block_bytes)
 
-    def coefficients(self, pack: Pack) -> float:
-        """Return the coefficients of a code of `pack`, all planes together, as a mean: what the time of decoding depends on.
-
-        0 for codecs without coefficients.
-        """
-        del pack
-        return 0.0
-
     @property
     def texture_record(self) -> np.dtype:
         """One encoded texture: std430. `decoder` is -1 for a texture that the pack does not hold; `adapter` is the first block of its
@@ -224,10 +203,6 @@ class GpuTables(ABC):
     @abstractmethod
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:
         """Return [rows, row_words] uint32: rows of the texture's latents."""
-
-    def shape_text(self) -> str:
-        """Return what the time of a decode depends on, in words: times that are measured for one pack serve all of the same shape."""
-        return self.settings.kind
 
     # GLSL.
 

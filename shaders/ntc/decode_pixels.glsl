@@ -11,7 +11,6 @@ ivec2 own_pixel(int p, out bool inside);
 #if SHARES_DECODERS
 // Decodes pixels 0 to PIXELS - 1. Pixels without a decoder get what their material's factor says.
 void decode_pixels() {
-    fetch_decoder();
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
     vec4 decoded[PIXELS];

@@ -1,6 +1,5 @@
 // The weights of one decoder: its range of the uniform buffer of all decoders, or its place among all weights.
-// DECODER_PLACE 0: the range holds the weights. 1: it holds the place, and weights are read from there. 2: the work group copies them to
-// shared memory first.
+// DECODER_PLACE 0: the range holds the weights. 1: it holds the place, and weights are read from there.
 #ifndef DECODER_PLACE
 #define DECODER_PLACE 0
 #endif
@@ -32,26 +31,7 @@ layout(std140, binding = UNIFORM_DECODER) uniform Decoder {
     ivec4 decoder_place;    // x: the decoder's first block among all weights
 };
 
-#if DECODER_PLACE == 1
 WEIGHT_T decoder_weight(int block) {
     return weight(decoder_place.x + block);
 }
-#else
-shared STORED_T decoder_blocks[DECODER_BLOCKS];
-
-WEIGHT_T decoder_weight(int block) {
-    return AS_WEIGHT(decoder_blocks[block]);
-}
 #endif
-#endif
-
-// All invocations of a work group call this before they run the decoder.
-void fetch_decoder() {
-#if DECODER_PLACE == 2
-    int step = int(gl_WorkGroupSize.x * gl_WorkGroupSize.y);
-    for (int block = int(gl_LocalInvocationIndex); block < DECODER_BLOCKS; block += step) {
-        decoder_blocks[block] = weights[decoder_place.x + block];
-    }
-    barrier();
-#endif
-}

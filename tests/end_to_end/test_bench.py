@@ -216,10 +216,9 @@ def test_candidates_take_turns() -> None:
         (["--decoders", "65"], "--decoders 65: must be 1 to 64"),
         (["--hidden-width", "260"], "--hidden-width 260: must be a multiple of 4"),
         (["--pack", "nowhere.ntc"], "nowhere.ntc"),
-        (["--decoder-variant", "rows=3"], "'rows=3' is none of"),
         (
-            ["--decoder-variant", "pixels=2", "--what", "worst-case"],
-            "--decoder-variant pixels=2: only --what scene and all",
+            ["--decoder-variant", "gpu", "--what", "worst-case"],
+            "--decoder-variant gpu: only --what scene and all",
         ),
         (["--views", "nowhere.json"], "nowhere.json"),
         (["--paths", "sideways"], "sideways"),
@@ -245,9 +244,9 @@ def test_bad_input_is_one_line_and_writes_nothing(
 def test_how_the_packs_of_a_scene_are_decoded_is_chosen_and_recorded(tmp_path: Path, scene_path: Path) -> None:
     out = tmp_path / "r.json"
     command = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "16x16"]
-    how = ["--decoder-variant", "pixels=2", "--precisions", "fp32"]
+    how = ["--decoder-variant", "gpu", "--precisions", "fp32"]
     assert cli.main([*command, *how, "--paths", "binned", "cached"]) == 0
-    assert recorded(out, "scene")["scene"]["settings"]["decoder_variant"] == "pixels=2"
+    assert recorded(out, "scene")["scene"]["settings"]["decoder_variant"] == "gpu"
 
 
 def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(

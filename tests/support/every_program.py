@@ -1,6 +1,5 @@
 """Every program that the renderer can assemble. None is compiled: for compilers other than the driver's, and for counts."""
 
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import Any, Final, get_args
@@ -24,7 +23,6 @@ from viewer.render.renderer import Renderer
 from viewer.render.resources.decoding_shaders import LEVELS
 from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.pack_buffers import scene_programs
-from viewer.render.variants import VariantMeasurement
 from viewer.scene.model import Camera, Light, Material, PlaneTexture, Scene, SceneTexture, SurfaceFactors
 from viewer.state.view_state import (
     BLOCKS,
@@ -50,8 +48,6 @@ SOME: Final = ("grid-adapters", "grid-sets", "block-4x4", "block-sets-one-decode
 """Packs of both codecs, of single maps and of sets, with decoders of their own and with one for all."""
 PLAIN: Final = "plain"
 """The scene with little."""
-TIMED: Final = ("grid-adapters", "block-4x4")
-"""Packs whose decoders are laid out in every variant that is measured on GPUs."""
 SIDE: Final = 16
 """Texels along a side of each texture."""
 TEXTURES: Final = 3
@@ -221,8 +217,6 @@ def every_program(context: GraphicsContext, sparse: bool = False) -> tuple[Assem
                     recorder.codec = name
                     for view in _decoding_views(name):
                         renderer.render(view)
-                    if name in TIMED:
-                        VariantMeasurement(graphics, pack).times(math.inf if number == 1 else 0.0)
                     for precision in _precisions(name):
                         decoder = GlTexelDecoder(graphics, pack, precision, emulated)
                         decoder.decode_texels(0, np.zeros((1, 2)), np.zeros(1))

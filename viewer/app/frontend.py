@@ -24,7 +24,7 @@ from viewer.inspect.slot_jobs import FormatEncoding, PrecisionSearch
 from viewer.locations import blocks_cache
 from viewer.render.frames import FrameTimes
 from viewer.render.path_choice import unsupported_paths
-from viewer.render.resources.decoding_shaders import unsupported_precisions
+from viewer.render.resources.decoding_shaders import fastest_first, unsupported_precisions
 from viewer.render.viewport import Viewport
 from viewer.state.event_handlers import (
     apply_event,
@@ -76,9 +76,7 @@ class Frontend:
         self.picture = Viewport(graphics, session, self._times, self.interface.background, emit)
         self.reader = FactsReader(graphics, session, self.picture, self._times)
         self._first_view = FirstView(self.interface.background, emit)
-        self._precision = PrecisionSearch(
-            self.interface.background, partial(self.picture.variants.precisions, graphics), emit
-        )
+        self._precision = PrecisionSearch(self.interface.background, fastest_first(graphics), emit)
         self._measuring: Iterator[Mapping[Side, SlotMeasurement]] | None = None
         """Measurement under way, a step in each frame."""
         self._recorded_at = -math.inf

@@ -8,16 +8,13 @@ import platform
 import sys
 from typing import Any
 
-from ntc.codec.registry import MODULES, codec_named
 from ntc.errors import InputError
 from viewer.cli.options import DoctorOptions
-from viewer.gl.context import ContextInformation, create_headless_context
+from viewer.gl.context import create_headless_context
 from viewer.gl.devices import find_devices
 from viewer.gl.systems import SYSTEM
-from viewer.locations import variants_cache
 from viewer.render.path_choice import drawable_paths
-from viewer.render.resources.decoding_shaders import default_variant
-from viewer.render.variants import kept_times
+from viewer.render.resources.decoding_shaders import variant_name
 
 PACKAGES = (
     "moderngl",
@@ -48,16 +45,6 @@ def _version(package: str) -> str:
         return "missing"
 
 
-def _measured(device: ContextInformation) -> list[str]:
-    """Return the fastest variant that was measured on this device, for each codec shape and precision."""
-    return [
-        f"{shape}: {precision} {times.nanoseconds[precision][variant]:.3f} ns a texel with {variant}"
-        for shape, times in kept_times(variants_cache(), device).items()
-        for precision in times.precisions
-        if (variant := times.fastest(precision)) is not None
-    ]
-
-
 def examine(device: str | None = None) -> dict[str, Any]:
     """Facts about this machine: Python, display, packages, devices, OpenGL on one of them."""
     findings: dict[str, Any] = {
@@ -74,8 +61,6 @@ def examine(device: str | None = None) -> dict[str, Any]:
     try:
         context = create_headless_context(device)
         information = context.info
-        settings = [codec_named(name).settings_type() for name in MODULES]
-        variants = dict.fromkeys(str(default_variant(context, each)) for each in settings)
         findings["opengl"] = {
             "renderer": information.renderer,
             "vendor": information.vendor,
@@ -86,9 +71,7 @@ def examine(device: str | None = None) -> dict[str, Any]:
             "anisotropy": context.features.anisotropy,
             "timer_queries": context.features.timer_queries,
             "weights_in_image": context.features.weights_in_image,
-            "decoder_variant": ", ".join(variants) + " where nothing is measured",
-            "measured_variants": _measured(context.info)
-            or ["none yet: a window, or render on a GPU, measures each codec once"],
+            "decoder_variant": variant_name(context),
             "half_arithmetic": context.features.half_arithmetic or "none (--precision fp32 and fp16 only)",
         }
     except InputError as error:

@@ -9,6 +9,7 @@ import tyro
 
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
 from ntc.codec.encoding import PresetName, RecipeName
+from ntc.codec.gpu import VariantName
 from ntc.codec.maps import MapWeightsName
 from ntc.codec.registry import CodecName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
@@ -180,9 +181,8 @@ class Subcommand:
 class DecoderOptions:
     """Options of decoding that change speed and no picture."""
 
-    decoder_variant: Annotated[str, in_words("NAME")] = ""
-    """Layout of decoders on the GPU: default, measured, or settings such as pixels=2,unrolled=16,weights=shared.
-    No picture depends on it. Default: NTC_VIEWER_DECODER_VARIANT, else the fastest that was measured on this GPU."""
+    decoder_variant: VariantName | None = None
+    """Layout of the decoding shaders. No picture depends on it. Default: `software` for a software renderer, else `gpu`."""
 
 
 @dataclass(frozen=True)

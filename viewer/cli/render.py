@@ -6,7 +6,6 @@ import math
 import sys
 from collections.abc import Sequence
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +27,7 @@ from viewer.inspect.measurement import MapError, MeasuredPicture, WholeDrawing, 
 from viewer.jobs.job import Background
 from viewer.lighting.panorama import load_panorama
 from viewer.render.frames import FrameResult, read_picture
+from viewer.render.resources.decoding_shaders import fastest_first
 from viewer.scene.images import write_png
 from viewer.scene.model import Pose, Scene
 from viewer.state.event_handlers import apply_event
@@ -226,8 +226,7 @@ def render(options: RenderOptions) -> int:
     with context.reset.watched():
         background = Background()
         drawing = WholeDrawing(context, session, background, lambda text: sys.stdout.write(f"{text}\n"))
-        fastest_first = partial(drawing.viewport.variants.precisions, context)
-        precision = resolve_precision(options.precision, session.packs.get(source), fastest_first)
+        precision = resolve_precision(options.precision, session.packs.get(source), fastest_first(context))
         view = replace(session.view, slot_a=replace(session.view.slot_a, precision=precision))
         apply_event(session, ViewChanged(view))
         drawing.draw((-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR)))

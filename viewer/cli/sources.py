@@ -3,7 +3,7 @@
 import math
 import os
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -142,18 +142,16 @@ def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
 
 
 def resolve_precision(
-    choice: PrecisionChoice, pack: Pack | None, fastest_first: Callable[[Pack], Sequence[Precision]] | None
+    choice: PrecisionChoice, pack: Pack | None, fastest_first: Sequence[Precision] = EVERYWHERE[::-1]
 ) -> Precision:
     """Return the precision that `choice` means for `pack`; for `auto` the chosen one and the reason are printed.
 
-    `fastest_first` gives those of the driver; without it `auto` chooses among the precisions that every driver supports.
+    `fastest_first` has the driver's precisions; by default those that every driver supports.
     """
     if choice != "auto":
         return choice
     if pack is None:
         return "fp32"
-    chosen = codec_of(pack.config).chosen_precision(
-        pack, EVERYWHERE[::-1] if fastest_first is None else fastest_first(pack)
-    )
+    chosen = codec_of(pack.config).chosen_precision(pack, fastest_first)
     sys.stdout.write(f"precision {chosen.precision}: {chosen.reason}\n")
     return chosen.precision

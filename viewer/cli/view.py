@@ -12,7 +12,6 @@ from viewer.cli.options import RenderOptions, ViewOptions
 from viewer.cli.render import render
 from viewer.cli.sources import choose_source, open_scene, resolve_precision
 from viewer.gl.systems import SYSTEM
-from viewer.render.variants import VariantChoice
 from viewer.script.directions import LARGEST_SIDE, SMALLEST_SIDE
 from viewer.script.script import Script, parse_exec, read_script
 from viewer.state.open_files import InitialView
@@ -51,9 +50,6 @@ def script_of(options: ViewOptions) -> Script:
 
 
 def _initial(options: ViewOptions, source: str, precision: PrecisionChoice) -> InitialView:
-    if options.decoder_variant:
-        # Refused before a window opens.
-        VariantChoice(options.decoder_variant)
     return InitialView(source, options.path, precision, options.filter, decoder_variant=options.decoder_variant)
 
 
@@ -67,7 +63,7 @@ def play_headless(options: ViewOptions, pictures: Path) -> int:
     scene = open_scene(options.scene)
     packs = packs_with(scene, options.pack, options.grouping)
     source = choose_source(packs, options.grouping, options.pack)
-    precision = resolve_precision(options.precision, packs.get(source), None)
+    precision = resolve_precision(options.precision, packs.get(source))
     initial = _initial(options, source, precision)
     app = HeadlessApp(scene, packs, options.size or (1280, 720), pictures, initial=initial, device=options.device)
     try:

@@ -1,6 +1,6 @@
 """Background jobs that slots wait for: encoding textures in a block format, and the search for the fastest precision."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -86,10 +86,8 @@ class FormatEncoding:
 class PrecisionSearch:
     """Search for `session.precision_searches`. It takes seconds for a large pack; no frame waits for it."""
 
-    def __init__(
-        self, background: Background, fastest_first: Callable[[Pack], Sequence[Precision]], emit: EmitEvent
-    ) -> None:
-        """Make the search; `fastest_first` gives the driver's precisions for a pack, on the thread of the OpenGL context."""
+    def __init__(self, background: Background, fastest_first: Sequence[Precision], emit: EmitEvent) -> None:
+        """Make the search among the driver's precisions, the fastest first."""
         self._background, self._fastest_first, self._emit = background, fastest_first, emit
 
     def step(self, session: Session) -> None:
@@ -100,7 +98,7 @@ class PrecisionSearch:
             if slot.source == REFERENCE or pack is None:
                 self._emit(PrecisionFound(side, None))
                 continue
-            job = self._background.submit(("precision", pack), partial(self._found, pack, self._fastest_first(pack)))
+            job = self._background.submit(("precision", pack), partial(self._found, pack))
             if not job.done:
                 continue
             if error := job.future.exception():
@@ -111,5 +109,5 @@ class PrecisionSearch:
             self._emit(PrecisionFound(side, chosen.precision))
             self._emit(Notification(f"{slot.source}: precision {chosen.precision}: {chosen.reason}"))
 
-    def _found(self, pack: Pack, fastest_first: Sequence[Precision], _report: JobReport) -> ChosenPrecision:
-        return codec_of(pack.config).chosen_precision(pack, fastest_first)
+    def _found(self, pack: Pack, _report: JobReport) -> ChosenPrecision:
+        return codec_of(pack.config).chosen_precision(pack, self._fastest_first)

@@ -32,6 +32,7 @@ from viewer.render.passes.reference import ReferencePass
 from viewer.render.passes.visible_latents import VisibleLatentsPass
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.coverage import PackedCoverage, packed_coverage
+from viewer.render.resources.decoding_shaders import decoder_variant
 from viewer.render.resources.divergence_maps import CountedGrouping
 from viewer.render.resources.latent_store import LatentUpdate
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs
@@ -112,7 +113,7 @@ class GpuPack:
         """Upload the pack. Raises GpuMemoryError."""
         pack, match = opened.pack, opened.match
         self.context, self.pack, self.match = context, pack, match
-        self._variant = context.variants.variant(context.graphics, pack, precision)
+        self._variant = decoder_variant(context.graphics, context.variant)
         self.programs = codec_programs(context.programs, pack, self._variant)
         self.version = opened.version
         """Number of the version that is drawn; `pack` is that version."""

@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass, field
 
+from ntc.codec.gpu import VariantName
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.render.tile_cache.budget import TileBudget
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Scene
 
 
@@ -28,5 +28,5 @@ class RenderContext:
     """Limit of GPU memory for the latents of a pack. None: all of them are uploaded at once."""
     emulate_half: bool = False
     """Round in single precision what the driver cannot compute in halves: for tests and studies."""
-    variants: VariantChoice = field(default_factory=VariantChoice)
-    """Choice of the decoding shaders' layout for each pack."""
+    variant: VariantName | None = None
+    """Variant of the decoding shaders. None: that of the renderer (`decoder_variant`)."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.gpu import VariantName
 from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
@@ -33,7 +34,6 @@ from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import BlendSamplesPass, SlotDrawer
 from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Scene
 from viewer.state.compare_layout import shown_slots
 from viewer.state.view_state import REFERENCE, Slot, ViewState
@@ -60,7 +60,7 @@ class Renderer:
         latents: LatentBudget | None = None,
         emulate_half: bool = False,
         update_bytes: int = UPDATE_BYTES,
-        variants: VariantChoice | None = None,
+        variant: VariantName | None = None,
     ) -> None:
         """Open the scene. `update_bytes`: upload budget of a frame for packs that replace others; for the rest see RenderContext.
 
@@ -90,7 +90,7 @@ class Renderer:
                 self.tile_budget,
                 latents or LatentBudget(),
                 emulate_half,
-                variants or VariantChoice(),
+                variant,
             )
             self.images = ImageSources(shared)
             self._compositor = Compositor(shared, divergence_stage)

@@ -22,7 +22,6 @@ from viewer.render.frames import FrameResult, FrameTimes, read_picture
 from viewer.render.pass_scheduler import ToCome
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
 from viewer.state.message_log import details_of
@@ -52,8 +51,6 @@ class Viewport:
         """`times` and `background` are cleared when another scene is drawn. `emit` reports what cannot be drawn."""
         self._context, self._session, self._emit = context, session, emit
         self._times, self._background = times, background
-        self.variants = VariantChoice.of_environment(session.decoder_variant, lambda text: emit(Notification(text)))
-        """Choice of the decoding shaders' variant on this device."""
         self._scene: Scene | None = None
         self._packs: Mapping[str, Pack] | None = None
         self._compressed: Mapping[BlockFormat, CompressedTextures] | None = None
@@ -204,7 +201,7 @@ class Viewport:
             try:
                 with self._context.memory.transaction():
                     textures = session.scene.textures
-                    made = Renderer(self._context, session.scene, tile_cache=tiles, variants=self.variants)
+                    made = Renderer(self._context, session.scene, tile_cache=tiles, variant=session.decoder_variant)
                     thumbnails = Thumbnails(self._context, lambda texture_id: textures[texture_id].pixels)
             except InputError as error:
                 self._context.reset.check_after(error)

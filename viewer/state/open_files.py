@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ntc.codec.config import PrecisionChoice
+from ntc.codec.gpu import VariantName
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.metrics.block_compression import named_format
@@ -56,8 +57,8 @@ class InitialView:
     """Texel filter of slot A; None takes the one of the settings."""
     material_view: MaterialView = "lit"
     lighting: Lighting = DEFAULT_LIGHTING
-    decoder_variant: str = ""
-    """Layout of decoders on the GPU (`VariantChoice`); empty takes the one of the environment."""
+    decoder_variant: VariantName | None = None
+    """Layout of the decoding shaders; None: that of the renderer."""
 
 
 def new_session(

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 
 from msgspec import Meta
 
+from ntc.codec.gpu import VariantName
 from ntc.codec.model import Pack
 from ntc.io import numbered_path
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, named_format
@@ -261,8 +262,8 @@ class Session:
     """Slots whose fastest precision is being searched."""
     seeks_first_view: bool = False
     """True while a first view inside the scene is searched, which may show more than a view of all of it."""
-    decoder_variant: str = ""
-    """Layout of decoders on the GPU (`VariantChoice`) from the command line; empty takes the one of the environment."""
+    decoder_variant: VariantName | None = None
+    """Layout of the decoding shaders, from the command line; None: that of the renderer."""
     unsupported: Mapping[str, str] = field(default_factory=dict)
     """Precisions and decode paths that the graphics driver lacks, each with the reason in a line."""
     previous_views: Mapping[str, PreviousView] = field(default_factory=dict)

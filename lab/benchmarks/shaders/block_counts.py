@@ -446,18 +446,13 @@ def rows(
     distinct = list(dict.fromkeys(own.program.texts for own in programs))
     first = [next(own.program for own in programs if own.program.texts == texts) for texts in distinct]
     told = dict(zip(distinct, compiled(find_compiler(gpu), first), strict=True))
-    coefficients = BlockTables(codes.config).plane_coefficients(codes.pack)
-    work = {
-        "planes": len(coefficients),
-        "base coefficients": round(coefficients[0], 2),
-        "coefficients": round(sum(coefficients), 2),
-    }
     totals: dict[tuple[str, float], dict[Plane | None, float]] = {}
     for own in programs:
         totals.setdefault((own.path, own.lod), {})[own.plane] = counted(own, told[own.program.texts], codes)
     for (path, lod), planes in totals.items():
         total = planes[None] if None in planes else sum(planes.values())
-        row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod, **work}
+        row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod}
+        row["planes"] = len(codes.config.planes)
         row |= {"base": round(planes["base"]), "all planes": round(total)}
         yield row
 
@@ -468,9 +463,7 @@ def main() -> int:
     parser.add_argument("packs", nargs="+", type=Path, metavar="PACK")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--gpu", action="append", choices=tuple(GPUS), help="may be given again; default all")
-    parser.add_argument(
-        "--together", action="append", type=int, choices=(0, 1), help="as in --decoder-variant; default both"
-    )
+    parser.add_argument("--together", action="append", type=int, choices=(0, 1), help="1: by work groups; default both")
     options = parser.parse_args()
     context = create_headless_context()
     try:

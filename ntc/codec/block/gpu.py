@@ -24,7 +24,6 @@ from numpy.typing import NDArray
 from ntc.codec.block.codes import bit_places, edge_places
 from ntc.codec.block.config import COLOUR_BITS, LARGEST_SIZES, BlockConfig
 from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block.reference import texture_codes
 from ntc.codec.block.storage import DIRECTORY_RUN, level_rows
 from ntc.codec.block.trellis import (
     DEEP_CURVE,
@@ -39,7 +38,7 @@ from ntc.codec.gpu import GpuTables, StoredRows, TextureFields, defines_by_plane
 from ntc.codec.latents import texture_levels
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.mips import srgb_channels
-from ntc.codec.model import Decoder, EncodedTexture, Pack
+from ntc.codec.model import Decoder, EncodedTexture
 
 Words = NDArray[np.uint32]
 AT_ONCE = 4
@@ -50,10 +49,6 @@ STRIP_WORDS = 4
 """Words of a column or row of texels that work groups decode at once."""
 MOST_TOGETHER = 256
 """Coefficients at most of a code that a work group decodes: an order has a byte for each place."""
-MOST_COUNTED = 16
-"""Textures of a pack whose coefficients are counted."""
-MOST_CODES = 4096
-"""Codes of a texture that are looked at."""
 PLACE_MASK = 1023
 """Bits of an entry that name a place in a code."""
 STEPS_ORIGIN = 2 * SCALE_ORIGIN - min(LEVEL_STEPS)
@@ -271,36 +266,6 @@ class BlockTables(GpuTables):
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> Words:
         return np.ascontiguousarray(cast(BlockTexture, texture).words[rows, None], "<u4")
-
-    def coefficients(self, pack: Pack) -> float:
-        return sum(self.plane_coefficients(pack))
-
-    def plane_coefficients(self, pack: Pack) -> tuple[float, ...]:
-        """Return the coefficients with bits of a code of `pack` by plane, as means over some of its textures."""
-        textures = cast("tuple[BlockTexture, ...]", pack.textures)[:: -(-len(pack.textures) // MOST_COUNTED) or 1]
-        # [textures, planes]
-        means = [self._mean_coefficients(own, cast(BlockDecoder, pack.decoders[own.group])) for own in textures]
-        return tuple(np.mean(means, axis=0).tolist()) if means else (0.0,) * len(self._config.planes)
-
-    def _mean_coefficients(self, texture: BlockTexture, decoder: BlockDecoder) -> list[float]:
-        """Return the coefficients with bits of a code of `texture` by plane, as a mean."""
-        config = self._config
-        levels = texture_levels(texture, config)
-        number = next(
-            (n for n, level in enumerate(levels) if level.width * level.height <= MOST_CODES), len(levels) - 1
-        )
-        stored = texture_codes(texture, config, number)
-        modes = stored.codes[:, 0] & np.uint32(config.modes - 1)
-        has_bits, (_, plane) = decoder.depths(config) > 0, self._places_of_channels()
-        counts = [has_bits[..., plane[decoder.channels] == own].sum(axis=-1) for own in range(len(config.planes))]
-        return [float(count[stored.sizes, modes].mean()) for count in counts]
-
-    def shape_text(self) -> str:
-        config = self._config
-        words = ", ".join(map(str, config.block_words))
-        return (
-            f"{config.kind} {config.block_side}x{config.block_side}, {config.coefficients} coefficients, {words} words"
-        )
 
     def defines(self) -> list[str]:
         config = self._config

@@ -167,6 +167,10 @@ def _add_outputs(config: GridConfig, layout: NetworkLayout, channels: Mapping[in
     return found
 
 
+CHUNK = 4
+"""Weights that are fetched before they are multiplied, so that a pixel's sums stay in registers meanwhile."""
+
+
 def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
     """Return the include `generated/shared_decoder.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are
     bound alone, so that their addresses do not depend on the pixel.
@@ -190,8 +194,8 @@ def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
     def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
         """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
         lines = []
-        for first in range(0, len(values[0]), variant.chunk):
-            numbers = range(first, min(first + variant.chunk, len(values[0])))
+        for first in range(0, len(values[0]), CHUNK):
+            numbers = range(first, min(first + CHUNK, len(values[0])))
             lines.append("        {")
             lines += [f"          MUL_T w{i - first} = MUL_T(decoder_weight({row} + {i}));" for i in numbers]
             lines += [
@@ -304,14 +308,6 @@ class GridTables(GpuTables):
         packed = packed_cells(cast(GridTexture, texture).latents[rows], self._config.latent_bits)
         padding = 4 * self.row_words - packed.shape[1]
         return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")
-
-    def shape_text(self) -> str:
-        config = self._config
-        layers = "-".join(str(inputs) for _, inputs in config.layer_shapes)
-        adapters = (
-            " with adapters and outputs" if config.adapter_output else " with adapters" if config.adapters else ""
-        )
-        return f"{layers}-{config.output_channels}{adapters}, {config.latent_channels} x {config.latent_bits} bits"
 
     def defines(self) -> list[str]:
         config = self._config

@@ -79,7 +79,6 @@ void main() {
 }
 #elif SHARES_DECODERS
 void main() {
-    fetch_decoder();
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
     vec4 decoded[PIXELS];

@@ -114,15 +114,14 @@ COMPUTED += [
     for name in (
         "passes/decode_deferred/decode_shared.comp",
         "passes/decode_binned/decode.comp",
-        "passes/time_decoder/decode.comp",
     )
     for precision in PRECISIONS
-    for place in (0, 1, 2)
+    for place in (0, 1)
 ]
 COMPUTED += [
     ("passes/decode_cached/decode.comp", {**precision, "DECODER_PLACE": place, "BY_SQUARES": 0})
     for precision in PRECISIONS
-    for place in (0, 1, 2)
+    for place in (0, 1)
 ]
 COMPUTED += [
     (f"passes/decode_binned/{name}.comp", {"PRECISION_FP16": 0, "VERTEX_COLORS": 1})

@@ -14,7 +14,7 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.gpu import trellis_subsets
 from ntc.codec.block.trellis import BRANCHES
 from ntc.codec.config import WrapMode
-from ntc.codec.gpu import SOFTWARE, DecoderVariant
+from ntc.codec.gpu import GPU, SOFTWARE
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
 from tests.support.packs.parity import largest_difference
@@ -163,7 +163,7 @@ def test_pictures_of_every_level_agree(default: Codec) -> None:
 def test_tables_in_a_buffer_and_in_an_image_decode_alike(
     graphics: GraphicsContext, in_image: bool, together: int
 ) -> None:
-    variant = DecoderVariant(weights="image" if in_image else "storage", together=together)
+    variant = replace(GPU, weights="image" if in_image else "storage", together=together)
     pack = random_block_pack(SIZES[:3], GROUPS[:3], SHAPES["default"])
     decoder = GlTexelDecoder(graphics, pack, variant=variant)
     random = np.random.default_rng(5)

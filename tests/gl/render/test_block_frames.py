@@ -12,7 +12,7 @@ from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import block_parts
-from ntc.codec.gpu import SOFTWARE, StoredRows
+from ntc.codec.gpu import StoredRows, VariantName
 from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
@@ -22,12 +22,11 @@ from tests.support.picture_scenes import WHITE, scene_of, straight_camera, textu
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.render.resources.latent_store import LatentBudget, LatentStore
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Material, Sampler
 from viewer.state.view_state import DecodePath, Slot, ViewState
 
 CONFIG = BlockConfig(block_words=(2, 3, 6), mean_words=3.0, modes=8, coefficients=60)
-VARIANTS = {"alone": str(replace(SOFTWARE, together=0)), "together": str(replace(SOFTWARE, together=1))}
+VARIANTS: dict[str, VariantName] = {"alone": "software", "together": "gpu"}
 """Each pixel decodes its codes for itself, or work groups decode them together."""
 GROUPINGS = {"two groups": (0, 1, 0), "one decoder": (0, 0, 0)}
 
@@ -42,11 +41,12 @@ def packs() -> dict[str, Pack]:
 @pytest.fixture(scope="module", params=VARIANTS)
 def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, packs: dict[str, Pack]) -> Iterator[Renderer]:
     """All cases, one quad behind the other."""
-    variants = VariantChoice(VARIANTS[request.param])
     materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
     made = Renderer(
-        graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]), variants=variants
+        graphics,
+        scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]),
+        variant=VARIANTS[request.param],
     )
     made.set_packs(packs)
     yield made

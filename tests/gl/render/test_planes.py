@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.gpu import VariantName
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, Plane, ShownMap, plane_channels
 from ntc.codec.mips import srgb_to_linear
@@ -28,7 +29,6 @@ from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Material, PlaneTexture, Sampler, Scene, SceneTexture
 from viewer.state.view_state import REFERENCE, DecodePath, MaterialView, Slot, TexelFilter, ViewState
 
@@ -83,7 +83,7 @@ def packs() -> dict[str, Pack]:
     }
 
 
-def renderer_of_cases(graphics: GraphicsContext, packs: dict[str, Pack], variant: str) -> Renderer:
+def renderer_of_cases(graphics: GraphicsContext, packs: dict[str, Pack], variant: VariantName) -> Renderer:
     """All cases, one quad behind the other."""
     materials = []
     for layer, case in enumerate(CASES.values()):
@@ -94,7 +94,7 @@ def renderer_of_cases(graphics: GraphicsContext, packs: dict[str, Pack], variant
         materials.append(Material("m", base, WHITE, sampler, surface=planes["surface"], emission=planes["emission"]))
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
     textures = [set_of(2 * w, 2 * h, maps) for (w, h), maps in zip(SIZES, KINDS, strict=True)]
-    made = Renderer(graphics, scene_of(parts, materials, textures), variants=VariantChoice(variant))
+    made = Renderer(graphics, scene_of(parts, materials, textures), variant=variant)
     made.set_packs(packs)
     return made
 
@@ -219,7 +219,7 @@ def test_one_pass_decodes_what_passes_of_single_planes_do(
     views: list[tuple[MaterialView, bool]] = [("lit", False), ("normal", True), ("orm", True), ("lit", True)]
     found = []
     for variant in VARIANTS.values():
-        renderer, planes = Renderer(graphics, scene, variants=VariantChoice(variant)), []
+        renderer, planes = Renderer(graphics, scene, variant=variant), []
         renderer.set_packs({"p": packs["block"]})
         for view, whole in views:
             frame = renderer.render(ViewState(straight_camera(), SIZE, slot, material_view=view), whole)

@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 
 from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
-from ntc.codec.gpu import SOFTWARE, DecoderVariant
+from ntc.codec.gpu import GPU, SOFTWARE, DecoderVariant
 from ntc.codec.grid.model import GridConfig
-from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
 from viewer.render.passes.decode import DecodeBinnedPass, DecodeDeferredPass
 from viewer.render.resources.color_target import ColorTarget
-from viewer.render.resources.decoding_shaders import CANDIDATES, parsed_variant
 from viewer.render.resources.layout import scene_includes
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs
 from viewer.render.resources.visibility_buffer import PlaneReading, SurfaceContent, VisibilityInputs, VisibilityTarget
@@ -34,7 +32,7 @@ ADAPTED = GridConfig(
     output_channels=4,
 )
 LEAST = GridConfig(hidden_width=4, positional_octaves=1)
-ODD = DecoderVariant(3, 2, "image", 7), DecoderVariant(4, 1, "storage"), DecoderVariant(3, 2, "shared", 7)
+OTHERS = GPU, DecoderVariant(3, 2, "image", 0), DecoderVariant(4, 1, "storage", 0), DecoderVariant(2, 16, "storage", 1)
 
 
 def decoded(
@@ -71,7 +69,7 @@ def decoded(
 def test_variants_give_the_same_numbers(graphics: GraphicsContext, codec: GridConfig, precision: Precision) -> None:
     expected = decoded(graphics, codec, precision, SOFTWARE)[0]
     assert expected.std() > 0.01
-    for variant in (*CANDIDATES, *ODD):
+    for variant in OTHERS:
         for picture in decoded(graphics, codec, precision, variant):
             np.testing.assert_allclose(picture, expected, atol=1e-6, rtol=0.0, err_msg=str(variant))
 
@@ -79,31 +77,15 @@ def test_variants_give_the_same_numbers(graphics: GraphicsContext, codec: GridCo
 @pytest.mark.parametrize("precision", ["fp16-arithmetic", "fp16-accumulate"])
 def test_variants_compute_alike_in_halves(graphics: GraphicsContext, precision: Precision) -> None:
     expected = decoded(graphics, LEAST, precision, SOFTWARE)[0]
-    for picture in decoded(graphics, LEAST, precision, CANDIDATES[3]):
+    for picture in decoded(graphics, LEAST, precision, DecoderVariant(2, 16, "uniforms", 1)):
         np.testing.assert_allclose(picture, expected, atol=1e-6, rtol=0.0)
 
 
-def test_a_decoder_beyond_shared_memory_and_uniform_buffers_is_read_from_storage(graphics: GraphicsContext) -> None:
+def test_a_decoder_beyond_uniform_buffers_is_read_from_storage(graphics: GraphicsContext) -> None:
     small = replace(graphics, features=replace(graphics.features, uniform_block_bytes=64))
     expected = decoded(graphics, PLAIN, "fp32", SOFTWARE)[0]
-    for context, codec in ((small, PLAIN), (graphics, GridConfig(hidden_width=92, positional_octaves=1))):
-        wanted = expected if codec is PLAIN else decoded(context, codec, "fp32", SOFTWARE)[0]
-        variant = DecoderVariant(1, 1, "uniforms" if codec is PLAIN else "shared")
-        ranges = DecoderRanges(context, square_pack(3, 1, 16, codec), "fp32", variant)
-        assert ranges.defines == {"DECODER_PLACE": 1}
-        ranges.release()
-        for picture in decoded(context, codec, "fp32", variant):
-            np.testing.assert_allclose(picture, wanted, atol=1e-6, rtol=0.0)
-
-
-@pytest.mark.parametrize(
-    "text", ["pixels=0", "pixels=33", "chunk=0", "unrolled=17", "weights=disk", "pixels=many", "colour=1"]
-)
-def test_settings_out_of_range_are_refused(text: str) -> None:
-    with pytest.raises(InputError, match=text.partition("=")[0]):
-        parsed_variant(text)
-
-
-def test_a_variant_is_read_as_it_is_written() -> None:
-    for variant in CANDIDATES:
-        assert parsed_variant(str(variant)) == variant
+    ranges = DecoderRanges(small, square_pack(3, 1, 16, PLAIN), "fp32", GPU)
+    assert ranges.defines == {"DECODER_PLACE": 1}
+    ranges.release()
+    for picture in decoded(small, PLAIN, "fp32", GPU):
+        np.testing.assert_allclose(picture, expected, atol=1e-6, rtol=0.0)

@@ -12,7 +12,6 @@ from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.config import WrapMode
-from ntc.codec.gpu import SOFTWARE
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
@@ -31,7 +30,6 @@ from viewer.render.resources import layout
 from viewer.render.tile_cache import decode_cached
 from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts
 from viewer.render.tile_cache.decode_cached import PAGE_BYTES
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
 from viewer.state.view_state import Anisotropy, Slot, ViewState
@@ -77,18 +75,17 @@ def pack(request: pytest.FixtureRequest) -> Pack:
     return made
 
 
-@pytest.fixture(scope="module", params=[0, 1], ids=["alone", "together"])
+@pytest.fixture(scope="module", params=["software", "gpu"], ids=["alone", "together"])
 def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
     """All cases, one quad behind the other; codes are decoded by each invocation, or by work groups."""
-    if request.param and not isinstance(pack.config, BlockConfig):
+    if request.param == "gpu" and not isinstance(pack.config, BlockConfig):
         pytest.skip("decoded alone")
-    variants = VariantChoice(str(replace(SOFTWARE, together=request.param)))
     materials = [
         Material("m", case.texture, (0.9, 1.0, 0.7, 1.0), replace(case.sampler, wrap=case.wrap))
         for case in CASES.values()
     ]
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
-    made = Renderer(graphics, scene_of(parts, materials, [texture(w, h, w) for w, h in SIZES]), variants=variants)
+    made = Renderer(graphics, scene_of(parts, materials, [texture(w, h, w) for w, h in SIZES]), variant=request.param)
     made.set_packs({"p": pack})
     yield made
     made.release()

@@ -7,18 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_block_pack, random_pack
-from ntc.codec.block.config import BlockConfig
-from ntc.codec.grid.model import GridConfig
-from ntc.codec.grid.training.config import recipe_codec
+from lab.bench.random_pack import random_pack
 from ntc.pack.match import PackMatch
 from viewer.inspect import costs
-from viewer.inspect.gpu_estimate import PIXELS, estimate_lines, estimated_ms, estimated_tile_ms
 from viewer.inspect.picture_warnings import picture_warnings, scene_warnings
 from viewer.inspect.place_content import BlockPlace, block_content
 from viewer.locations import assets_folder
 from viewer.render.pass_scheduler import ToCome
-from viewer.render.tile_cache.budget import TileCounts
 from viewer.scene.load import load_scene
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
@@ -95,57 +90,6 @@ def test_a_pack_that_is_smaller_and_one_of_another_version() -> None:
 
 def test_a_preview() -> None:
     assert "preview: 50% of the pixels along each side" in texts(PackMatch(tuple(range(COUNT)), (), ()), 0.5)
-
-
-def test_estimated_times_follow_the_coefficients_the_filter_and_the_path() -> None:
-    packs = [random_block_pack([(64, 64)], (0,), BlockConfig(coefficients=count)) for count in (20, 90)]
-    few, many = (estimated_ms(pack, Slot("p")) for pack in packs)
-    assert 0.2 < few["1080p"] < many["1080p"] < 2.0
-    assert many["4K"] == pytest.approx(4 * many["1080p"])
-    assert estimated_ms(packs[1], Slot("p", filter="stochastic"))["4K"] < many["4K"]
-    # Each pixel decodes for itself.
-    assert estimated_ms(packs[1], Slot("p", "forward"))["4K"] > 2 * many["4K"]
-    assert estimated_ms(packs[1], Slot("p", "cached")) == estimated_ms(packs[1], Slot("p", "on-load")) == {}
-    tile_ms = estimated_tile_ms(packs[1], Slot("p", "cached"))
-    # A tile has 32x32 texels, which take less than pixels that are filtered.
-    assert tile_ms is not None
-    assert 0 < tile_ms < 32 * 32 * many["1080p"] / PIXELS["1080p"]
-    assert estimated_tile_ms(packs[1], Slot("p")) is None
-
-
-def test_estimated_times_of_networks_are_those_of_the_shape_that_was_counted() -> None:
-    several, shared = (
-        random_pack(((32, 32),) * 2, groups, recipe_codec("best", 3, None)) for groups in ((0, 1), (0, 0))
-    )
-    assert estimated_ms(shared, Slot("p"))["1080p"] < estimated_ms(several, Slot("p"))["1080p"]
-    for path in ("forward", "deferred", "binned"):
-        assert estimated_ms(several, Slot("p", path, "fp16-accumulate"))["1080p"] > 0.5
-        assert estimated_ms(several, Slot("p", path, filter="stochastic")) == {}
-    assert estimated_tile_ms(several, Slot("p", "cached")) is not None
-    other = random_pack(((32, 32),) * 2, (0, 1), GridConfig(hidden_width=16))
-    assert estimated_ms(other, Slot("p")) == {}
-    assert estimated_tile_ms(other, Slot("p", "cached")) is None
-
-
-def test_lines_of_estimates_tell_what_nobody_has_counted() -> None:
-    packs = {"p": random_block_pack([(64, 64)], (0,), BlockConfig()), "other": random_pack()}
-    auto, cached, loaded = Slot("p", "auto"), Slot("p", "cached"), Slot("p", "on-load")
-    tiles = {cached: TileCounts(resident=130, waiting=0, starved=0, kept=30, decoded=400, evicted=0)}
-    heading, *lines = estimate_lines(
-        packs, (auto, cached, loaded, auto, Slot()), {auto: "deferred", cached: "cached"}, tiles
-    )
-    assert "estimated" in heading
-    assert "not measured" in heading
-    milliseconds = estimated_ms(packs["p"], Slot("p"))
-    assert lines[0] == (
-        f"p, deferred, filter exact: {milliseconds['1080p']:.1f} ms at 1080p, {milliseconds['4K']:.1f} ms at 4K"
-    )
-    tile_ms = estimated_tile_ms(packs["p"], cached)
-    assert tile_ms is not None
-    assert lines[1] == f"p, cached: {100 * tile_ms:.3f} ms for the 100 tiles that the last view lacked"
-    assert lines[2] == "p, on-load: no estimate, for its instructions were not counted"
-    assert len(lines) == 3
-    assert estimate_lines(packs, (Slot(),), {}, {}) == []
 
 
 def test_absent_formats_are_named_with_the_line_that_installs_them(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,11 +1,8 @@
-"""Settings of the decoding shaders: precision, and the variant that suits a device."""
+"""Settings of the decoding shaders: precision, and the variant that suits a renderer."""
 
-from dataclasses import fields, replace
-from typing import Final
+from dataclasses import replace
 
-from ntc.codec.gpu import GPU, SOFTWARE, DecoderVariant
-from ntc.codec.model import CodecSettings
-from ntc.codec.registry import codec_of
+from ntc.codec.gpu import VARIANTS, DecoderVariant, VariantName
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import EXTENSION
@@ -62,45 +59,14 @@ def precision_defines(
     return defines
 
 
-NVIDIA: Final = DecoderVariant(pixels=2)
-"""Variant for NVIDIA: two pixels of 64 hidden values fit the 255 registers of an invocation."""
-NVIDIA_HIDDEN: Final = 64
-CANDIDATES: Final = (
-    GPU,
-    NVIDIA,
-    replace(GPU, weights="shared"),
-    replace(NVIDIA, weights="shared"),
-    replace(GPU, unrolled=1),
-    replace(GPU, weights="storage"),
-)
-"""Variants that are measured on a GPU, the most promising first."""
+def variant_name(context: GraphicsContext) -> VariantName:
+    """Return the variant that suits a renderer: `software` where it runs on the CPU and with OpenGL 4.1, else `gpu`."""
+    return "software" if context.info.is_software or not context.features.compute else "gpu"
 
 
-def default_variant(context: GraphicsContext, config: CodecSettings) -> DecoderVariant:
-    """Return the variant of the device's class for a codec: the choice where nothing has been measured."""
-    if context.info.is_software or not context.features.compute:
-        return SOFTWARE if context.features.weights_in_image else replace(SOFTWARE, weights="uniforms")
-    tables = codec_of(config).gpu_tables(config)
-    if "nvidia" in context.info.vendor.lower() and tables.shares_decoders:
-        return NVIDIA if 4 * tables.loop_length <= NVIDIA_HIDDEN else GPU
-    return GPU
-
-
-def parsed_variant(text: str) -> DecoderVariant:
-    """Parse the text of a variant; settings that are not named are those of GPU. Raises InputError."""
-    kinds = {field.name: str if field.name == "weights" else int for field in fields(DecoderVariant)}
-    given: dict[str, int | str] = {}
-    for part in text.split(","):
-        name, _, value = part.partition("=")
-        if name.strip() not in kinds:
-            raise InputError(
-                f"decoder variant {text!r}: {part!r} is none of {', '.join(f'{kind}=...' for kind in kinds)}"
-            )
-        try:
-            given[name.strip()] = kinds[name.strip()](value.strip())
-        except ValueError:
-            raise InputError(f"decoder variant {text!r}: {part!r} is not a number") from None
-    try:
-        return DecoderVariant(**given)  # type: ignore[arg-type]
-    except ValueError as error:
-        raise InputError(f"decoder variant {text!r}: {error}") from error
+def decoder_variant(context: GraphicsContext, name: VariantName | None = None) -> DecoderVariant:
+    """Return the variant with this name, as this driver can have it; None: that of `variant_name`."""
+    variant, features = VARIANTS[name or variant_name(context)], context.features
+    # OpenGL 4.1 reads buffers as textures anyway.
+    in_image = features.weights_in_image and (variant.weights == "image" or not features.compute)
+    return replace(variant, weights="image" if in_image else "uniforms")

@@ -14,7 +14,7 @@ from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
-from viewer.render.resources.decoding_shaders import default_variant, precision_defines
+from viewer.render.resources.decoding_shaders import decoder_variant, precision_defines
 from viewer.render.resources.latent_store import LatentBudget, LatentImage, LatentStore
 from viewer.render.resources.layout import scene_includes
 from viewer.state.view_state import Precision
@@ -39,7 +39,7 @@ class PackBuffers:
         on_demand: LatentBudget | None = None,
         rescale: bool = True,
     ) -> None:
-        """Upload the pack; `variant` is what the programs are generated for; None: the default of the device.
+        """Upload the pack; `variant` is what the programs are generated for; None: that of the renderer.
 
         Without `rescale` weights are stored as they are, even if halves overflow: for measuring what rescaling is worth.
         """
@@ -53,7 +53,7 @@ class PackBuffers:
         """Value of the decoding shaders' uniform of that name."""
         self.decodes_quads = self._tables.decodes_quads
         """True where tiles are decoded four texels at a time (shaders/passes/decode_cached/decode.comp)."""
-        self.variant = variant or default_variant(context, pack.config)
+        self.variant = variant or decoder_variant(context)
         self.shares_decoders = self._tables.shares_decoders
         """True where programs read one decoder at a time, whose range is bound."""
         self.decodes_together = bool(self._tables.together_shader and self.variant.together)
@@ -246,8 +246,6 @@ def codec_programs(factory: ProgramFactory, pack: Pack, variant: DecoderVariant)
 
 LARGEST_ALIGNMENT = 256
 """Largest alignment of a buffer range in bytes that an implementation may ask for (OpenGL 4.3, table 23.57)."""
-SHARED_BYTES = 1 << 15
-"""Shared memory in bytes that every implementation has (OpenGL 4.3, table 23.64)."""
 
 
 class DecoderRanges:
@@ -256,23 +254,19 @@ class DecoderRanges:
     def __init__(
         self, context: GraphicsContext, pack: Pack, precision: Precision, variant: DecoderVariant | None = None
     ) -> None:
-        """Upload the pack; `variant` is what the programs are generated for; None: the default of the device."""
+        """Upload the pack; `variant` is what the programs are generated for; None: that of the renderer."""
         codec = codec_of(pack.config)
         tables = codec.gpu_tables(pack.config, precision)
-        variant = variant or default_variant(context, pack.config)
+        variant = variant or decoder_variant(context)
         self.pixels = variant.pixels
         self._memory, self._tables = context.memory, tables
-        blocks, block_bytes = tables.decoder_blocks, tables.block_bytes
+        blocks = tables.decoder_blocks
         # Halves are read in pairs of blocks, and there may be an odd number of those.
         stored = blocks * 16 if precision == "fp32" else (blocks + 1) // 2 * 16
-        fits = {
-            "uniforms": stored <= context.features.uniform_block_bytes,
-            "shared": blocks * block_bytes <= SHARED_BYTES,
-        }
-        place = variant.weights if tables.shares_decoders and fits.get(variant.weights, True) else "storage"
-        self.defines = {"DECODER_PLACE": {"uniforms": 0, "shared": 2}.get(place, 1)}
+        fits = stored <= context.features.uniform_block_bytes
+        self._places_only = not (tables.shares_decoders and variant.weights == "uniforms" and fits)
+        self.defines = {"DECODER_PLACE": int(self._places_only)}
         """Defines of the shaders that read ranges (shaders/ntc/decoder_weights.glsl)."""
-        self._places_only = place != "uniforms"
         self._size = 16 if self._places_only else stored
         self._stride = -(-self._size // LARGEST_ALIGNMENT) * LARGEST_ALIGNMENT
         self._count = len(pack.decoders)

@@ -1,15 +1,11 @@
 """Panel "Timings": where the time of a frame goes, and what was left out."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from viewer.inspect.frame_times import axis_top, beyond_text, frame_ticks
-from viewer.inspect.gpu_estimate import estimate_lines
 from viewer.render.frames import FrameHistory
-from viewer.state.compare_layout import shown_slots
 from viewer.ui.controls import copy_button
 from viewer.ui.facts import FrameFacts, UiFrame
 
@@ -76,14 +72,10 @@ class TimingsPlot:
             imgui.text_disabled(self._beyond)
 
 
-def timings_text(facts: FrameFacts, estimates: Sequence[str] = ()) -> str:
+def timings_text(facts: FrameFacts) -> str:
     """Return all figures of the panel as text for the clipboard."""
     rows = [f"{name}: {figure}" for name, figure in (times(facts) | counts(facts)).items()]
-    return "\n".join([facts.renderer, f"medians by {facts.timer}", *rows, *estimates])
-
-
-def _estimates(ui: UiFrame) -> list[str]:
-    return estimate_lines(ui.session.packs, shown_slots(ui.session.view), ui.facts.paths, ui.facts.tiles)
+    return "\n".join([facts.renderer, f"medians by {facts.timer}", *rows])
 
 
 def times(facts: FrameFacts) -> dict[str, str]:
@@ -118,7 +110,7 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     imgui.text_wrapped(ui.facts.renderer)
     imgui.text_disabled(f"medians by {ui.facts.timer}")
     imgui.same_line()
-    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts, _estimates(ui)))
+    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts))
     if ui.facts.history is not None:
         plot.draw(ui.facts.history, ui)
     if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):
@@ -135,5 +127,3 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
             imgui.table_next_column()
             imgui.text_wrapped(figure)
         imgui.end_table()
-    for line in _estimates(ui):
-        imgui.text_wrapped(line)

@@ -103,10 +103,10 @@ def test_info_shows_bounds_of_every_precision(tmp_path: Path) -> None:
 
 
 def test_auto_takes_halves_where_they_do_not_show(capsys: pytest.CaptureFixture[str]) -> None:
-    assert resolve_precision("auto", random_pack(config=HALVES), None) == "fp16"
+    assert resolve_precision("auto", random_pack(config=HALVES)) == "fp16"
     assert "precision fp16: " in capsys.readouterr().out
-    assert resolve_precision("auto", None, None) == "fp32"
-    assert resolve_precision("fp16-arithmetic", None, None) == "fp16-arithmetic"
+    assert resolve_precision("auto", None) == "fp32"
+    assert resolve_precision("fp16-arithmetic", None) == "fp16-arithmetic"
 
 
 def test_table_as_markdown() -> None:
