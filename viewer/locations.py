@@ -35,9 +35,8 @@ def _data_folder(name: str) -> Path:
     return Path(given, name)
 
 
-def kept_runs_folder() -> Path:
-    """Return the folder of runs that are neither accepted nor discarded: in NTC_VIEWER_DATA_DIR, else in the platform's data
-    folder."""
+def unsaved_runs_folder() -> Path:
+    """Return the folder of autosaved runs: in NTC_VIEWER_DATA_DIR, else in the platform's data folder."""
     return _data_folder("runs")
 
 

@@ -64,7 +64,7 @@ def play(script: Path, folder: Path, display: str) -> Path:
     shutil.copy(assets_folder() / "gallery.glb", work / "my-scene.glb")
     lines = script.read_text().replace("drop assets/", f"drop {assets_folder()}/")
     played = folder / script.name
-    played.write_text(f"{lines}\nwindow.close\n")
+    played.write_text(f"{lines}\nfile.quit\n")
     command = [sys.executable, "-m", "viewer", "view", "--script", str(played), "--out", str(made)]
     environment = {**remembering_in(folder / f"{script.stem} state", display), "PYTHONPATH": str(IMAGES.parents[1])}
     subprocess.run(command, cwd=work, env=environment, check=True)

@@ -22,13 +22,11 @@ from viewer.app.imgui_window import ImguiWindow
 from viewer.app.window_app import WindowApp, WindowContent
 from viewer.commands import bindings
 from viewer.commands.keys import Chord, parse_chord
-from viewer.locations import kept_runs_folder
 from viewer.scene.load import load_scene
 from viewer.script.directions import MODIFIER_KEYS
 from viewer.state.open_files import InitialView
 from viewer.state.pack_files import open_packs, packs_beside
-from viewer.training.kept_runs import KeptRuns
-from viewer.training.live_training import Decision
+from viewer.training import run_store
 from viewer.training.run_log import Run
 from viewer.ui.picture_input import imgui_key
 
@@ -54,7 +52,6 @@ class MonkeyWindow(WindowApp):
         """What is to be let go, and when."""
         self._known: dict[tuple[str, int], bool] = {}
         """Whether each run that was written down had been discarded, by scene and number."""
-        self._write_down_decisions()
         self._actions = {
             self._press_a_key: 30,
             self._click_a_widget: 30,
@@ -76,8 +73,7 @@ class MonkeyWindow(WindowApp):
             let_go()
             self._held.remove((at, let_go))
         if now >= self._ends:
-            # What a session manager does: no question is answered.
-            self.run("window.close")
+            self.run("file.quit")
         elif now >= self._next_action:
             self._next_action = now + self._random.expovariate(1.0 / SECONDS_BETWEEN_ACTIONS)
             (action,) = self._random.choices(list(self._actions), list(self._actions.values()))
@@ -109,25 +105,6 @@ class MonkeyWindow(WindowApp):
     def _write_run(self, run: Run, scene: str, discarded: bool) -> None:
         assert run.pack is not None
         self._journal.write("run", scene=scene, run=run.number, pack=fingerprint(run.pack), discarded=discarded)
-
-    def _write_down_decisions(self) -> None:
-        """Runs that end, or are discarded, with their scene or at the next start."""
-        leave, discard, training = self.training.leave_scene, self.training.waiting.discard, self.training
-        kept = KeptRuns(kept_runs_folder())
-
-        def leave_scene(decision: Decision) -> None:
-            undecided, scene = training.log.undecided_runs, self.session.scene_key
-            leave(decision)
-            for run in undecided:
-                self._write_run(run, scene, decision == "discard")
-
-        def discard_waiting(key: str) -> None:
-            pack = kept.read(key)
-            discard(key)
-            self._journal.write("run", scene=key, run=0, pack=fingerprint(pack), discarded=True)
-
-        training.leave_scene = leave_scene  # type: ignore[method-assign]
-        training.waiting.discard = discard_waiting  # type: ignore[method-assign]
 
     def _later(self, seconds: float, let_go: Callable[[], None]) -> None:
         self._held.append((time.monotonic() + seconds, let_go))
@@ -218,6 +195,8 @@ def main() -> None:
         scene, open_packs(packs_beside(options.scene)), InitialView(), pictures=options.folder / "pictures"
     )
     journal = Journal(options.journal)
+    # The trial looks for every run that ended.
+    run_store.MOST_FILES = 1_000_000
     app = MonkeyWindow(content, files, options.seed, options.seconds, journal)
     try:
         app.show()

@@ -7,7 +7,7 @@ from pathlib import Path
 from viewer.commands import COMMANDS
 from viewer.commands.command import Command, Context, Parameter
 
-LEFT_OUT = frozenset({"window.close", "file.quit"})
+LEFT_OUT = frozenset({"file.quit"})
 """Commands that end the window: a trial ends it in its own way."""
 TEXTS = {
     "texture": ("0", "1", "worst"),

@@ -123,7 +123,7 @@ def errors(context: Context) -> list[str]:
 
 
 def finished(context: Context, seed: int = 7) -> Pack:
-    """A training has ended, and waits to be accepted."""
+    """A training has ended, and is not saved."""
     assert context.session.scene.path is not None
     hashes = [texture.pixel_hash for texture in context.session.scene.textures]
     pack = random_pack(((16, 16), (16, 16)), (0, 1), hashes=hashes, seed=seed)
@@ -142,9 +142,7 @@ def settle(context: Context) -> None:
         time.sleep(0.005)
 
 
-def accept(context: Context, *path: Path) -> None:
-    """Accept the last run, in place of a file of that name."""
-    run_or_notify(context, "training.accept", *path)
-    if context.session.window.question is not None:
-        run_or_notify(context, "question.answer", "Replace")
+def keep(context: Context, *path: Path) -> None:
+    """Keep the last run."""
+    run_or_notify(context, "training.keep", *path)
     settle(context)

@@ -179,7 +179,7 @@ def fail_in_a_panel(scene_path: Path, pictures: Path) -> None:
         raise RuntimeError("a mistake of this program")
 
     Thumbnails.__getitem__ = fails  # type: ignore[method-assign, assignment]
-    script = parse_script("wait frames 5\nwindow.panel Textures on\nwait frames 30\nwindow.close", "broken")
+    script = parse_script("wait frames 5\nwindow.panel Textures on\nwait frames 30\nfile.quit", "broken")
     packs = open_packs(packs_beside(scene_path))
     run_window(WindowContent(load_scene(scene_path), packs, InitialView(), script, size=(900, 500), pictures=pictures))
 

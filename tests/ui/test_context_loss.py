@@ -94,7 +94,7 @@ def test_losses_before_anything_is_drawn(display: str, scene_path: Path, tmp_pat
 
 
 def test_a_script_plays_on(display: str, scene_path: Path, tmp_path: Path) -> None:
-    lines = "wait frames 60; expect toast uploaded again; size 320x240; wait frames 5; screenshot a.png; window.close"
+    lines = "wait frames 60; expect toast uploaded again; size 320x240; wait frames 5; screenshot a.png; file.quit"
     ran = play(display, tmp_path, "50", str(scene_path), "--exec", lines, "--size", "400x300", "--out", "out")
     assert (ran.returncode, ran.stderr) == (0, "")
     assert read_image(tmp_path / "out" / "a.png").shape == (240, 320, 3)
@@ -115,7 +115,7 @@ def test_lost_again_and_again_is_one_line_and_a_view_to_go_on_with(
     assert kept.suffix == ".json"
     command = shlex.split(line[line.index("ntc-viewer view") :])
     # What the line says to type, after which the same view is saved again.
-    again = play(display, tmp_path, "", *command[2:], "--exec", f"view.save {tmp_path / 'again.json'}; window.close")
+    again = play(display, tmp_path, "", *command[2:], "--exec", f"view.save {tmp_path / 'again.json'}; file.quit")
     assert again.returncode == 0, again.stderr
     assert json.loads((tmp_path / "again.json").read_text()) == json.loads(kept.read_text())
     assert json.loads(kept.read_text())["divider"] == 0.25

@@ -18,7 +18,7 @@ from viewer.ui.widgets import Area
 
 TILES = 8
 """Along each wall of the court."""
-CLOSED_AT_ONCE = "wait frames 3; expect label 'Got it'; click 'Got it'; wait frames 2; window.close"
+CLOSED_AT_ONCE = "wait frames 3; expect label 'Got it'; click 'Got it'; wait frames 2; file.quit"
 
 
 def settings(folder: Path) -> ViewerSettings:

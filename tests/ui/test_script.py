@@ -275,7 +275,7 @@ def test_a_line_that_opens_a_file_ends_when_it_is_open(app: DrivenApp, tmp_path:
 
 
 def test_closing_ends_a_script(app: DrivenApp) -> None:
-    play(app, "window.close", "expect source nothing-of-the-kind")
+    play(app, "file.quit", "expect source nothing-of-the-kind")
     assert app.is_closing
 
 

@@ -11,7 +11,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from imgui_bundle import imgui
 
 from ntc.codec.encoding import BitsTarget
 from ntc.codec.model import Pack
@@ -143,52 +142,10 @@ def test_a_drag_on_the_rate_curve_encodes_a_texture_anew(app: DrivenApp) -> None
     assert app.training.log.runs[-1].title.startswith("picture 1 at ")
 
 
-def test_quitting_while_encoding_offers_what_is_true(app: DrivenApp) -> None:
+def test_quitting_while_encoding_asks_nothing(app: DrivenApp) -> None:
     run_line(app.context, "training.encode single auto 32 600s best grid")
     app.run("file.quit")
-    question = app.session.window.question
-    assert question is not None
-    assert [choice.label for choice in question.choices] == ["Stop the run", "Cancel"]
-    assert "no pack to save yet" in question.text
-    app.settle()
-    app.click("Stop the run")
-    assert app.training.active is None
     assert app.is_closing
-
-
-def test_quitting_says_what_keep_saves_and_what_is_lost(app: DrivenApp, folder: Path) -> None:
-    def asked(*labels: str) -> str:
-        app.run("file.quit")
-        app.settle()
-        question = app.session.window.question
-        assert question is not None
-        assert [choice.label for choice in question.choices] == list(labels)
-        return question.text
-
-    # Undecided alone, beside an encoding without a pack, and beside one with a pack so far.
-    run(app, "training.encode single auto 32 1s")
-    assert asked("Keep", "Discard", "Cancel").startswith("This run is not saved yet:\n  run 1: encode single, done, ")
-    app.click("Cancel")
-    run_line(app.context, "training.encode single auto 32 600s best grid")
-    undecided, lost = asked("Keep", "Discard", "Cancel").splitlines()[1:], "what it has done so far is lost."
-    assert [line.partition(", ")[0] for line in undecided] == [
-        "  run 1: encode single",
-        "Keep writes the pack beside scene.glb.",
-        "run 2: encode single",
-    ]
-    assert undecided[-1].endswith(lost)
-    app.click("Cancel")
-    wait(app, lambda training: training.active is not None and training.active.pack_so_far() is not None)
-    text = asked("Keep", "Discard", "Cancel")
-    assert text.startswith("These runs are not saved yet:")
-    assert "it ends with what it has so far" in text
-    assert lost not in text
-    app.run("training.pause")
-    app.click("Cancel")
-    assert "run 2: encode single, paused; it ends" in asked("Keep", "Discard", "Cancel")
-    app.click("Keep")
-    assert app.is_closing
-    assert len(list(folder.glob("scene.*.ntc"))) == 2
 
 
 def messages(app: DrivenApp) -> str:
@@ -213,7 +170,7 @@ def picture_at_rest(app: DrivenApp) -> np.ndarray:
 @pytest.mark.parametrize(
     ("codec", "budget"), [pytest.param("grid", "30steps", marks=pytest.mark.nightly), ("block", "1s")]
 )
-def test_encode_accept_retrain_discard(
+def test_encode_keep_retrain_discard(
     app: DrivenApp, folder: Path, monkeypatch: pytest.MonkeyPatch, codec: str, budget: str
 ) -> None:
     """The way of a user: the offer, the picture, the file, one group again, back; and the log of it."""
@@ -231,33 +188,33 @@ def test_encode_accept_retrain_discard(
     assert session.view.slot_b.source == REFERENCE
     training = wait(app, lambda t: t.active is None)
     assert [r.outcome for r in training.log.runs] == ["done"]
-    assert training.log.undecided == 1
+    assert training.log.chosen == 1
     assert training.curves is not None
     assert training.curves.seconds
     assert (picture_at_rest(app) != before).any()
 
     with pytest.raises(InputError, match=r"ends in \.ntc"):
-        run_line(app.context, "training.accept pack.zip")
+        run_line(app.context, "training.keep pack.zip")
     (folder / "file").write_text("no folder")
-    run_line(app.context, f"training.accept {folder / 'file' / 'pack.ntc'}")
+    run_line(app.context, f"training.keep {folder / 'file' / 'pack.ntc'}")
     wait(app, lambda t: not t.saving)
     assert "cannot be written" in messages(app)
-    assert training.log.undecided == 1
+    assert training.log.chosen == 1
     if os.geteuid() != 0:  # root may write anywhere
         folder.chmod(stat.S_IRUSR | stat.S_IXUSR)
-        run_line(app.context, "training.accept")
+        run_line(app.context, "training.keep")
         wait(app, lambda t: not t.saving)
         folder.chmod(stat.S_IRWXU)
-        assert training.log.undecided == 1
+        assert training.log.chosen == 1
 
-    app.click("Accept")
+    app.click("Keep")
     wait(app, lambda t: not t.saving)
     written = folder / "scene.baseline.ntc"
     assert str(written) in messages(app)
     first = read_pack(written)
     assert first.config.kind == codec
     assert [t.psnr_db for t in first.textures] == [t.psnr_db for t in session.packs["baseline"].textures]
-    with pytest.raises(InputError, match="no finished run"):
+    with pytest.raises(InputError, match="no unsaved run"):
         run_line(app.context, "training.discard")
 
     trains = codec == "grid"
@@ -296,7 +253,7 @@ def test_encode_accept_retrain_discard(
     assert "run 2" not in session.packs
     app.click("run 2 into B")
     assert session.view.slot_b.source == "run 2"
-    assert [r.fate for r in training.log.runs] == ["done, accepted", "done, discarded"]
+    assert [r.fate for r in training.log.runs] == ["done, kept", "done, discarded"]
 
     run(app, f"training.move 1 0 {budget}")
     assert session.packs["run 3"].grouping.groups == (0, 0)
@@ -359,16 +316,11 @@ def test_cancel_while_preparing(app: DrivenApp) -> None:
 def test_another_scene_ends_the_training(app: DrivenApp, folder: Path) -> None:
     other = two_squares(6).write(folder / "other.glb")
     run_line(app.context, "training.encode single auto 32 600s")
-    app.run("file.open", other)
-    app.settle()
-    assert "run 1: encode single, under way" in getattr(app.session.window.question, "text", "")
-    app.press(imgui.Key.escape)
-    assert app.session.scene.path == folder / "scene.glb"
     app.drop(other)
-    app.click("Stop the run")
+    app.settle()
+    assert "training was stopped because another scene was opened" in messages(app)
     training = app.training
     assert training.active is None
-    assert app.session.window.question is None
     assert app.session.scene.path == other
     assert not list(folder.glob("*.ntc"))
     assert app.session.view.slot_a.source == REFERENCE
@@ -390,7 +342,7 @@ REFUSED = [
     ("training.move 0 1", "no pack"),
     ("training.pause", "no training is under way"),
     ("training.cancel", "no training is under way"),
-    ("training.accept", "no finished run"),
+    ("training.keep", "no unsaved run"),
     ("training.show 3 a", "no such run"),
 ]
 
@@ -411,7 +363,7 @@ def test_a_script_waits_for_a_run(app: DrivenApp, folder: Path) -> None:
     lines = ("training.encode category auto 32 1s", "wait trained", "expect training idle", "expect source 'run 1'")
     app.play(parse_script("\n".join(lines), "test"))
     assert app.training.log.runs[-1].pack is not None
-    app.play(parse_script(f"training.accept {folder / 'kept.ntc'}\nwait trained", "test"))
+    app.play(parse_script(f"training.keep {folder / 'kept.ntc'}\nwait trained", "test"))
     assert (folder / "kept.ntc").is_file()
 
 
@@ -431,8 +383,8 @@ def test_the_status_bar_shows_a_run_and_cancels_it(app: DrivenApp) -> None:
 
 
 def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
-    """A click on Cancel that comes as the run ends must not accept or discard anything."""
-    labels = ("Cancel", "Accept", "Discard")
+    """A click on Cancel that comes as the run ends must not keep or discard anything."""
+    labels = ("Cancel", "Keep", "Discard")
     run_line(app.context, "training.encode category auto 32 2s")
     app.settle()
     places = {label: app.widgets.centre(label) for label in labels}
@@ -444,9 +396,9 @@ def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
     app.settle()
     assert {label: app.widgets.centre(label) for label in labels} == places
     app.click("Cancel")
-    assert training.log.undecided == 1
+    assert training.log.chosen == 1
     assert any(line.startswith("PSNR of mip 0, 2 textures: ") for line in figures_of_run(training.log.runs[-1]))
-    run_line(app.context, "training.accept")
+    run_line(app.context, "training.keep")
     wait(app, lambda t: not t.saving)
     run_line(app.context, "training.anew 0 2")
     run = training.active

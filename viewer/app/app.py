@@ -10,11 +10,11 @@ from viewer.app.frontend import Frontend
 from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
-from viewer.locations import kept_runs_folder
+from viewer.locations import unsaved_runs_folder
 from viewer.script.script import Script, play_script
 from viewer.script.stage import Stage, Turn
 from viewer.state.session import Session
-from viewer.training.kept_runs import KeptRuns
+from viewer.training.run_store import UnsavedRuns
 from viewer.ui.theme import Appearance
 from viewer.ui.widgets import WidgetRects
 
@@ -24,13 +24,13 @@ class App(Stage):
 
     prepares_ahead = False
     """True where a person may start an encoding at any moment; for scripts and tests the processes would be wasted."""
-    keeps_runs = False
-    """True where undecided runs are kept in the user's data folder."""
+    autosaves_runs = False
+    """True where runs are autosaved in the user's data folder."""
 
     def __init__(self, graphics: GraphicsContext, session: Session) -> None:
         self.session = session
-        kept = KeptRuns(kept_runs_folder()) if self.keeps_runs else None
-        self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text, kept)
+        unsaved = UnsavedRuns(unsaved_runs_folder()) if self.autosaves_runs else None
+        self.context = Context(session, imgui.get_clipboard_text, imgui.set_clipboard_text, unsaved)
         self.training = self.context.training
         self.effects = Effects(self.context)
         self.frontend = self._frontend(graphics)

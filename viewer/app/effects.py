@@ -30,7 +30,6 @@ from viewer.commands.effects import (
     TakePicture,
     WriteText,
 )
-from viewer.commands.leaving import asks_about_runs
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.jobs.job import Job
@@ -109,15 +108,7 @@ class Opening:
         elif isinstance(found, Scene):
             show_variant(context.session, found)
         elif isinstance(effect, OpenScene) and isinstance(found, ReadScene):
-            what = f"{effect.path.name} is opened"
-            # Runs may have begun during the reading.
-            if effect.decision is None and asks_about_runs(context, what, "file.open-leaving", effect.path):
-                return
             open_scene(context.session, found)
-            if effect.decision is not None:
-                context.training.leave_scene(effect.decision)
-            if effect.then is not None:
-                run(context, effect.then.command_id, *effect.then.values)
 
     def note_shown(self) -> None:
         """Note that a frame has shown `work`."""

@@ -353,7 +353,7 @@ class Frontend:
             # Before the first report only the passing seconds show that the training works.
             passed = int(time.monotonic() - run.began) if run.progress is None else 0
             under_way = (run.state, run.progress, run.notes, passed)
-        decided = (log.runs, log.undecided, training.saving, training.plan, training.rates.version)
+        decided = (log.runs, log.chosen, training.saving, training.plan, training.rates.version)
         return (*under_way, self.session.window.log.count, *decided)
 
     def _figures_are_wanted(self) -> bool:

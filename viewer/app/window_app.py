@@ -64,7 +64,7 @@ class WindowApp(App):
     """Session in a window, which is opened again where its OpenGL context is lost."""
 
     prepares_ahead = True
-    keeps_runs = True
+    autosaves_runs = True
 
     def __init__(self, content: WindowContent) -> None:
         folder = config_folder()

@@ -9,11 +9,11 @@ from ntc.errors import InputError
 from viewer.commands import (
     animation,
     camera,
+    closing,
     compare,
     edit,
     files,
     inspection,
-    leaving,
     materials,
     overlay,
     training,
@@ -25,7 +25,7 @@ from viewer.commands.keys import Bindings, bind_keys
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
-_MODULES = (edit, compare, inspection, overlay, materials, animation, camera, files, leaving, training, window)
+_MODULES = (edit, compare, inspection, overlay, materials, animation, camera, files, closing, training, window)
 _ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
 COMMANDS = tuple(command for command in _ALL if command.help)
 """Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have none."""
@@ -33,6 +33,12 @@ BY_ID = {command.id: command for command in _ALL}
 """Commands and gestures by id."""
 NEXT = {command.steps: command.id for command in COMMANDS if command.steps}
 """Commands that take the next choice, by the id of the command that takes a given one."""
+REPLACED = {
+    "training.accept": "training.keep",
+    "training.kept-back": "training.show, training.keep or training.discard",
+    "window.close": "file.quit",
+}
+"""Commands of earlier versions, and those that took their place."""
 PICTURE_HINTS = (
     ("left drag", "orbit; look around when flying"),
     ("right or middle drag", "pan"),
@@ -52,6 +58,8 @@ def find_command(command_id: str) -> Command:
     for command in COMMANDS:
         if command.id == command_id:
             return command
+    if command_id in REPLACED:
+        raise InputError(f"{command_id!r}: is no longer a command; use {REPLACED[command_id]}")
     near = difflib.get_close_matches(command_id, [command.id for command in COMMANDS])
     hint = f"; did you mean {' or '.join(near)}?" if near else "; `help.keys` or F1 shows all"
     raise InputError(f"{command_id!r}: no such command{hint}")
@@ -62,13 +70,13 @@ def run(context: Context, command_id: str, *values: Any) -> None:
 
     Raises InputError for wrong values, and where a file cannot be read or written.
     """
-    command, session, training = BY_ID[command_id], context.session, context.training
-    before = present_state(session, training)
+    command, session = BY_ID[command_id], context.session
+    before = present_state(session)
     try:
         effect = command.run(context, values)
         if not command.id.startswith("edit."):
             title = command.title.lower() or command.id.partition(".")[0]
-            context.history.note(command.id, title, before, present_state(session, training), session.scene)
+            context.history.note(command.id, title, before, present_state(session), session.scene)
         if effect is not None:
             context.perform(effect)
     except OSError as error:

@@ -19,8 +19,8 @@ from viewer.state.session import Session
 from viewer.state.setting import Arg as Arg
 from viewer.state.setting import Setting
 from viewer.state.view_state import Side
-from viewer.training.kept_runs import KeptRuns
 from viewer.training.live_training import LiveTraining
+from viewer.training.run_store import UnsavedRuns
 
 SWITCH = {"on": True, "off": False}
 Name = TypeVar("Name", bound=str)
@@ -36,10 +36,10 @@ class Context:
         session: Session,
         read_clipboard: Callable[[], str] = str,
         write_clipboard: Callable[[str], object] = len,
-        kept: KeptRuns | None = None,
+        unsaved: UnsavedRuns | None = None,
     ) -> None:
-        """Make a context. Without clipboard functions copied text is lost, without `kept` undecided runs are."""
-        self.session, self.training = session, LiveTraining(partial(apply_event, session), kept)
+        """Make a context. Without clipboard functions copied text is lost, without `unsaved` runs are not autosaved."""
+        self.session, self.training = session, LiveTraining(partial(apply_event, session), unsaved)
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
         self.history = History()
         self.perform: Callable[[Effect], object] = lambda _effect: None

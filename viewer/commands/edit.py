@@ -7,13 +7,13 @@ from viewer.state.event_handlers import notify
 @command(
     "edit.undo",
     "Undo",
-    "undo the last change of view, settings or panels, or the discarding of a run; a drag counts as one change",
+    "undo the last change of view, settings or panels; a drag counts as one change",
     "Ctrl+Z",
     unavailable=unless(lambda context: context.history.can_undo(context.session), "there is nothing to undo"),
     icon="rotate-left",
 )
 def undo(context: Context) -> None:
-    title = context.history.undo(context.session, context.training)
+    title = context.history.undo(context.session)
     notify(context.session, f"undone: {title}")
 
 
@@ -27,5 +27,5 @@ def undo(context: Context) -> None:
     icon="rotate-right",
 )
 def redo(context: Context) -> None:
-    title = context.history.redo(context.session, context.training)
+    title = context.history.redo(context.session)
     notify(context.session, f"redone: {title}")

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 from viewer.state.view_state import PictureAlone
-from viewer.training.live_training import Decision
 
 PictureKind = Literal["window", PictureAlone]
 
@@ -29,10 +28,6 @@ class OpenScene(Effect):
     """Read a scene beside the frames, then open it."""
 
     path: Path
-    decision: Decision | None = None
-    """Decision about the undecided runs of the scene before; None where the user was not asked."""
-    then: RunCommand | None = None
-    """Command to run when the scene is open."""
 
 
 @dataclass(frozen=True)

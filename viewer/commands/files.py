@@ -20,7 +20,6 @@ from viewer.commands.effects import (
     TakePicture,
     WriteText,
 )
-from viewer.commands.leaving import asks_about_runs
 from viewer.commands.materials import use_environment
 from viewer.export import EXPORT_NAMES, EXPORTS, ExportKind
 from viewer.export.images import missing_ktx2
@@ -49,10 +48,7 @@ def open_any(context: Context, file: OpenedFile = Path()) -> Effect | None:
         return None
     if file.suffix.lower() in (PACK_SUFFIX, *PANORAMA_SUFFIXES) or is_library(file):
         return RunCommand("file.open-now", (file,), f"opening {file.name}")
-    if not asks_about_runs(context, f"{file.name} is opened", "file.open-leaving", file):
-        return OpenScene(file)
-    context.session.window.file_dialog = False
-    return None
+    return OpenScene(file)
 
 
 @gesture("file.open-now", "Open...")
@@ -73,7 +69,7 @@ def _exported_pack(session: Session) -> tuple[str, Path]:
         raise InputError("no pack is open; encode the scene first (training.encode)")
     path = session.packs[name].path
     if path is None:
-        raise InputError(f"{name} is not in a file; accept the run first (training.accept)")
+        raise InputError(f"{name} is not in a file; keep the run first (training.keep)")
     return name, path
 
 

@@ -9,7 +9,6 @@ from typing import Any
 from viewer.scene.model import Scene
 from viewer.state.session import Session
 from viewer.state.view_state import Slot
-from viewer.training.live_training import LiveTraining
 
 SECONDS_TOGETHER = 1.0
 """Time within which repetitions of one command, as by a drag, count as one change."""
@@ -29,19 +28,17 @@ NAMES = (
     *(f"window.{name}" for name in ("open_panels", "show_panels", "flickers")),
 )
 """Attributes of the session that can be undone. Each holds an immutable value."""
-DISCARDED = "discarded"
-"""Numbers of the training runs that were discarded."""
 _read = attrgetter(*NAMES)
 
 
-def present_state(session: Session, training: LiveTraining) -> tuple[Any, ...]:
-    """Return references to all values that can be undone, in the order of NAMES, and the discarded runs."""
-    return (*_read(session), training.discarded)
+def present_state(session: Session) -> tuple[Any, ...]:
+    """Return references to all values that can be undone, in the order of NAMES."""
+    return tuple(_read(session))
 
 
 def _changed(before: tuple[Any, ...], after: tuple[Any, ...]) -> Iterator[tuple[str, Any, Any]]:
     """Yield (name, value before, value after) of each difference; only different objects are compared."""
-    for name, old, new in zip((*NAMES, DISCARDED), before, after, strict=True):
+    for name, old, new in zip(NAMES, before, after, strict=True):
         if old is new:
             continue
         if name in VALUES:
@@ -94,33 +91,29 @@ class History:
             values, self._done = {**last.values, **together}, self._done[:-1]
         self._done = (*self._done, Change(command_id, title, values, now))[-MOST_CHANGES:]
 
-    def undo(self, session: Session, training: LiveTraining) -> str:
+    def undo(self, session: Session) -> str:
         """Undo the last change, which must exist, and return its title."""
         change, self._done = self._done[-1], self._done[:-1]
         self._undone = (*self._undone, change)
-        _restore(session, training, {name: (new, old) for name, (old, new) in change.values.items()})
+        _restore(session, {name: (new, old) for name, (old, new) in change.values.items()})
         return change.title
 
-    def redo(self, session: Session, training: LiveTraining) -> str:
+    def redo(self, session: Session) -> str:
         """Redo the change that was undone last, which must exist, and return its title."""
         change, self._undone = self._undone[-1], self._undone[:-1]
         self._done = (*self._done, replace(change, when=0.0))
-        _restore(session, training, change.values)
+        _restore(session, change.values)
         return change.title
 
 
-def _restore(session: Session, training: LiveTraining, values: Mapping[str, tuple[Any, Any]]) -> None:
+def _restore(session: Session, values: Mapping[str, tuple[Any, Any]]) -> None:
     """Set each attribute in `values` (present value, wanted value) to the wanted value."""
-    # First, so that slots can show the packs of these runs again.
-    present, wanted = values.get(DISCARDED, (frozenset(), frozenset()))
-    for number in wanted ^ present:
-        training.set_discarded(number, number in wanted)
     if "view.camera" in values:
         session.navigation.motion = None
     for path, (_, value) in values.items():
         group, _, name = path.rpartition(".")
         # A slot whose source was closed stays as it is.
-        if path == DISCARDED or (isinstance(value, Slot) and value.source not in session.open_sources):
+        if isinstance(value, Slot) and value.source not in session.open_sources:
             continue
         if group in VALUES:
             setattr(session, group, replace(getattr(session, group), **{name: value}))

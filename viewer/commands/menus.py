@@ -20,7 +20,7 @@ ORDER: Final[dict[str, str]] = {
     "Overlay": "overlay.toggle overlay.kind | overlay.block overlay.next-block | "
     "overlay.palette overlay.next-palette overlay.scale overlay.opacity",
     "Train": "training.encode | training.retrain training.move training.regroup | "
-    "training.pause training.resume training.cancel | training.accept training.discard training.kept-back | training.ahead",
+    "training.pause training.resume training.cancel | training.keep training.discard | training.ahead",
     "Window": "window.panels window.column window.panel window.stack log.panel | "
     "window.theme window.ui-scale window.layout-reset",
     "Help": "help.first-steps | help.keys help.glossary | help.palette",
@@ -30,7 +30,7 @@ ORDER: Final[dict[str, str]] = {
 _TYPED = (
     "camera.look camera.next-mode camera.turntable compare.flicker errors.by errors.highlight errors.sort light.sun "
     "light.sun-azimuth light.sun-elevation light.sun-strength light.turn pixel.keep texture.clear texture.select training.anew "
-    "training.choose training.measure-rates training.show view.magnify window.close window.dismiss"
+    "training.choose training.measure-rates training.show view.magnify window.dismiss"
 )
 ONLY_TYPED: Final = frozenset(_TYPED.split())
 """Commands without a menu item: panels or the mouse do the same."""

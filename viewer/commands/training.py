@@ -1,27 +1,23 @@
-"""Commands: encode and train in the background, and decide about runs, those of earlier windows included."""
+"""Commands: encode and train in the background, and keep, discard or show runs."""
 
 from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated
 
 from ntc.codec.config import GroupingName
 from ntc.codec.encoding import RecipeName
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_named, codec_of
 from ntc.errors import InputError
-from ntc.io import numbered_path
 from viewer.commands.command import Arg, Context, command, field_command, gesture, unless
-from viewer.commands.effects import Effect, OpenScene, RaisePanel, RunCommand
+from viewer.commands.effects import Effect, RaisePanel
 from viewer.commands.inspection import named_texture
-from viewer.commands.leaving import DISCARD, ask, asks_about_runs
-from viewer.state.event_handlers import notify, point_out
+from viewer.state.event_handlers import point_out
 from viewer.state.pack_files import base_pack_name, match_scene
-from viewer.state.session import CANCEL, Choice, Question
 from viewer.state.view_state import REFERENCE, Side, is_image_source
-from viewer.training.live_training import Decision, LiveTraining
+from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import EncodeAnew, EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
-from viewer.training.run_keeper import checked_path
 from viewer.training.settings import (
     ALL,
     AUTO,
@@ -263,27 +259,26 @@ def _not_pausable(context: Context) -> str:
     return reasons.get(context.training.state, "the training is already paused or cancelled")
 
 
-def _none_to_decide(context: Context) -> str:
+def _no_unsaved_run(context: Context) -> str:
     if context.training.saving:
-        return "the pack is being written"
-    return "" if context.training.log.undecided is not None else "no finished run waits to be accepted or discarded"
+        return "a pack is being written"
+    return "" if context.training.log.unsaved_runs else "there is no unsaved run"
 
 
-def _none_to_accept(context: Context) -> str:
-    if context.training.saving:
-        return "the pack is being written"
-    return "" if context.training.undecided_runs else "no finished run waits to be accepted or discarded"
+def _no_run_to_keep(context: Context) -> str:
+    discarded = any(run.discarded and run.pack is not None for run in context.training.log.runs)
+    return "" if discarded and not context.training.saving else _no_unsaved_run(context)
 
 
-@command("training.pause", "Pause training", "pause the training", unavailable=_not_pausable, icon="pause")
+@command("training.pause", "Pause run", "pause the run", unavailable=_not_pausable, icon="pause")
 def pause(context: Context) -> None:
     context.training.pause()
 
 
 @command(
     "training.resume",
-    "Resume training",
-    "continue a paused training",
+    "Resume run",
+    "continue a paused run",
     unavailable=unless(lambda context: context.training.state in ("paused", "pausing"), "no training is paused"),
     icon="play",
 )
@@ -293,8 +288,8 @@ def resume(context: Context) -> None:
 
 @command(
     "training.cancel",
-    "Cancel training",
-    "stop the training; its last result stays visible",
+    "Cancel run",
+    "end the run; its pack stays if each group has had a result",
     unavailable=unless(lambda context: context.training.active, "no training is under way"),
     icon="xmark",
 )
@@ -302,41 +297,29 @@ def cancel(context: Context) -> None:
     context.training.cancel()
 
 
-@command("training.accept", "Accept run", "save the pack of a run to a file", unavailable=_none_to_accept, icon="check")
-def accept(
-    context: Context,
-    file: PackFile = Path(),
-    run: Annotated[int, Arg("number of the run in the log; 0 takes the one that the panel Training asks about")] = 0,
-) -> None:
-    training, session = _runs(context), context.session
-    if run:
-        training.choose_run(run)
-    if file == Path() or not checked_path(file, session.scene.path).exists():
-        training.accept(None if file == Path() else file, session.packs.values())
-        return
-    other = numbered_path(file)
-    choices = (
-        Choice(f"Write {other.name}", "training.accept", (other,)),
-        Choice("Replace", "training.accept-over", (file,)),
-        Choice(CANCEL),
-    )
-    ask(session, Question(f"Replace {file.name}?", f"{file} is there already.", choices))
+RunNumber = Annotated[int, Arg("number of the run in the list; 0 takes the run that the panel Training asks about")]
 
 
-@gesture("training.accept-over")
-def accept_over(context: Context, file: Path) -> None:
-    _runs(context).accept(file, context.session.packs.values())
+@command(
+    "training.keep",
+    "Keep run",
+    "write the pack of a run beside the scene; a number is added to a name that is taken",
+    unavailable=_no_run_to_keep,
+    icon="check",
+)
+def keep(context: Context, file: PackFile = Path(), run: RunNumber = 0) -> None:
+    _runs(context).keep(run, None if file == Path() else file)
 
 
 @command(
     "training.discard",
     "Discard run",
-    "discard the last run, and show what was shown before it",
-    unavailable=_none_to_decide,
+    "delete the pack of a run; until the window closes, Keep still writes it",
+    unavailable=_no_unsaved_run,
     icon="trash",
 )
-def discard(context: Context) -> None:
-    _runs(context).discard()
+def discard(context: Context, run: RunNumber = 0) -> None:
+    _runs(context).discard(run)
 
 
 @command("training.show", "Show run", "show the pack of a run in slot A or B")
@@ -346,69 +329,8 @@ def show(
     name, session = _runs(context).open_run(run), context.session
     slot = session.view.slots[side]
     path = "cached" if is_image_source(slot.source) else slot.path
-    view = session.view.with_slot(side, replace(slot, source=name, path=path))
-    session.view = view if view.compare in (side, "wipe") else replace(view, compare=side)
-
-
-Action = Annotated[
-    Literal["open", "keep", "discard"], Arg("open its scene and show it, save its pack beside the scene, or remove it")
-]
-
-
-@command(
-    "training.kept-back",
-    "Restore unsaved run",
-    "open, keep or discard a run that was undecided when its window closed",
-    unavailable=unless(lambda context: context.training.waiting.runs, "there is no unsaved run"),
-)
-def decide(
-    context: Context,
-    action: Action,
-    number: Annotated[
-        int, Arg("number in the list of the panel Training, 1 is the newest", minimum=1, maximum=1e6)
-    ] = 1,
-) -> Effect | None:
-    runs = context.training.waiting.runs
-    if number > len(runs):
-        raise InputError(f"number {number}: the number of unsaved runs is {len(runs)}")
-    run = runs[number - 1]
-    if action == "keep":
-        notify(context.session, f"wrote {context.training.waiting.write(run.key)}")
-    elif action == "discard":
-        choices = (Choice(CANCEL), Choice(DISCARD, "training.discard-kept-back", (run.key,)))
-        # Escape takes the last choice.
-        ask(context.session, Question(f"Discard {run.line}?", "Its pack is deleted.", choices[::-1]))
-    elif run.is_of(context.session.scene.path):
-        return RunCommand("training.show-kept-back", (run.key,))
-    elif not asks_about_runs(context, f"{run.scene_name} is opened", "training.open-kept-back", run.key):
-        return RunCommand("training.open-kept-back", (run.key, "later"))
-    return None
-
-
-@gesture("training.discard-kept-back")
-def discard_kept(context: Context, key: str) -> None:
-    context.training.waiting.discard(key)
-
-
-@gesture("training.open-kept-back")
-def open_leaving(context: Context, key: str, decision: Decision) -> Effect:
-    """Open the scene of an undecided run, then show the run."""
-    run = context.training.waiting[key]
-    if not run.scene_path:
-        raise InputError(f"{run.line}: its scene was not read from a file")
-    return OpenScene(Path(run.scene_path), decision, RunCommand("training.show-kept-back", (key,)))
-
-
-@gesture("training.show-kept-back", "Restore unsaved run")
-def show_kept(context: Context, key: str) -> Effect:
-    """Show an undecided run of the open scene in slot A."""
-    session = context.session
-    name = context.training.adopt(key, session.scene)
     if {slot.source for slot in session.view.slots.values()} == {REFERENCE}:
         # As when a training begins: A and B are both visible.
         session.view = replace(session.view, compare="wipe")
-    slot = session.view.slot_a
-    path = "cached" if is_image_source(slot.source) else slot.path
-    view = session.view.with_slot("a", replace(slot, source=name, path=path))
-    session.view = view if view.compare in ("a", "wipe") else replace(view, compare="a")
-    return RaisePanel("Training")
+    view = session.view.with_slot(side, replace(slot, source=name, path=path))
+    session.view = view if view.compare in (side, "wipe") else replace(view, compare=side)

@@ -76,15 +76,14 @@ PROPERTIES: dict[str, Callable[[Stage], str]] = {
     "panels": lambda stage: _switch(stage.session.window.show_panels),
     "help": lambda stage: _switch(stage.session.window.show_help),
     "palette": lambda stage: _switch(stage.session.window.palette is not None),
-    "question": lambda stage: stage.session.window.question.title if stage.session.window.question else "",
     "moving": lambda stage: _switch(stage.session.is_moving),
     "training": lambda stage: stage.context.training.state,
     "waiting": lambda stage: _switch(not stage.is_settled),
     "toast": lambda stage: " | ".join(toast.text for toast in stage.session.window.toasts),
     "label": lambda stage: " | ".join(stage.widgets.labels()),
 }
-"""Properties by name. `toast`, `label` and `question` need only contain the expected text."""
-CONTAIN = ("toast", "label", "question")
+"""Properties by name. `toast` and `label` need only contain the expected text."""
+CONTAIN = ("toast", "label")
 
 
 def expect(name: str, value: str, stage: Stage) -> None:

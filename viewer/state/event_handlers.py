@@ -82,7 +82,7 @@ def _showing(slot: Slot, old: str, new: str) -> Slot:
 
 
 @_apply.register
-def _run_started(event: events.RunStarted, session: Session) -> None:
+def _pack_shown(event: events.PackShown, session: Session) -> None:
     view = session.view
     previous = PreviousView(view.slot_a, view.slot_b, view.compare)
     session.previous_views = {**session.previous_views, event.name: previous}

@@ -47,18 +47,17 @@ class PackClosed(Event):
 
 @dataclass(frozen=True)
 class PackRenamed(Event):
-    """New name of an open pack whose run was accepted into a file. No effect where the name is taken."""
+    """New name of an open pack whose run was written to a file. No effect where the name is taken."""
 
     name: str
     new_name: str
 
 
 @dataclass(frozen=True)
-class RunStarted(Event):
-    """First pack of a training run: slot A shows it, slot B keeps what it shows."""
+class PackShown(Event):
+    """Request to show an open pack in slot A; slot B keeps what it shows. When the pack is closed, both go back."""
 
     name: str
-    """Name under which the run's pack is open."""
 
 
 @dataclass(frozen=True)

@@ -106,7 +106,7 @@ def _once(paths: Iterable[Path]) -> tuple[Path, ...]:
 def packs_beside(scene_path: Path) -> tuple[Path, ...]:
     """Return the packs beside a scene file: `NAME.ntc` and `NAME.*.ntc`, in alphabetical order.
 
-    For a built-in scene, packs that the user has accepted follow.
+    For a built-in scene, packs that the user has kept follow.
     """
     folders = dict.fromkeys((scene_path.parent, packs_folder(scene_path)))
     return tuple(path for folder in folders for path in _packs_in(folder, scene_path.stem))

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from msgspec import Meta
 
@@ -20,33 +20,6 @@ from viewer.state.motion import AnimationPlayback, Motion
 from viewer.state.setting import Arg, Setting
 from viewer.state.settings import ViewerSettings, with_last_pack
 from viewer.state.view_state import REFERENCE, CompareMode, DecodedMaps, Side, Slot, ViewState
-
-CANCEL = "Cancel"
-
-
-@dataclass(frozen=True)
-class Choice:
-    """Answer to a question, with the command that carries it out."""
-
-    label: str
-    """Text of the button, one or two words."""
-    command: str = ""
-    """Id of the command; "" only closes the question."""
-    values: tuple[Any, ...] = ()
-    """Values of the command's parameters."""
-
-
-@dataclass(frozen=True)
-class Question:
-    """Question of the window before an action that cannot be undone. Everything else waits; Escape takes the last choice."""
-
-    title: str
-    """Title in one line."""
-    text: str
-    """Explanation in one or more lines."""
-    choices: tuple[Choice, ...]
-    """Answers; the first is the safe one, the last changes nothing."""
-
 
 ErrorsBy = Literal["texture", "decoder"]
 ErrorColumn = Literal["name", "decoder", "pixels", "psnr", "mean", "max"]
@@ -209,8 +182,6 @@ class WindowState:
     """True where the card of first steps is shown."""
     file_dialog: bool = False
     """True where the dialog for opening a file is shown."""
-    question: Question | None = None
-    """Question that must be answered before anything else; None for none."""
     palette: str | None = None
     """Id of the command whose arguments the palette asks for; "" while it lists all; None while it is closed."""
     show_other: bool = False

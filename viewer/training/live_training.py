@@ -2,49 +2,50 @@
 
 import math
 import time
-from collections.abc import Container, Iterable
+from collections.abc import Container
 from concurrent.futures import CancelledError
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
+from ntc.pack.file import read_pack
+from ntc.pack.match import require_match
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
 from ntc.worker.process import Failed, Paused, Resumed
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
-from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackUpdated, RunStarted
-from viewer.state.pack_files import unused_name
-from viewer.training.kept_runs import KeptRuns
+from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackShown, PackUpdated
+from viewer.state.pack_files import match_scene, pack_figures, unused_name
 from viewer.training.preparation import AheadPreparation, EncodeScene, TrainingJob, job_title, prepare
 from viewer.training.rates import MOST_SAMPLED, Rates, chosen_textures
-from viewer.training.run_keeper import RunKeeper, WaitingRuns
 from viewer.training.run_log import ActiveRun, Curves, Run, RunLog, State
+from viewer.training.run_store import RunStore, UnsavedRuns
 from viewer.training.settings import TrainingSettings
 
 SECONDS_BETWEEN_TICKS = 0.1
 """A window at rest draws a frame so often while a run is under way."""
 SECONDS_BETWEEN_UPDATES = 1.0
 """Snapshots that come sooner are shown together: every new version of a pack costs several frames."""
+SECONDS_BETWEEN_AUTOSAVES = 60.0
+"""The pack of a run under way is autosaved so often, from its first complete snapshot on."""
 SECONDS_TO_STOP = 3.0
 SECONDS_TO_END = 20.0
-Decision = Literal["keep", "discard", "later"]
 
 
 class LiveTraining:
     """The training of one window. All calls belong to one thread; none of them waits."""
 
-    def __init__(self, emit: EmitEvent, kept: KeptRuns | None = None) -> None:
-        """`emit` receives messages, and packs as they are trained; undecided runs outlive the program in `kept`."""
+    def __init__(self, emit: EmitEvent, unsaved: UnsavedRuns | None = None) -> None:
+        """`emit` receives messages, and packs as they are trained. Runs are autosaved in `unsaved`; without it they end with the
+        program."""
         self._emit = emit
-        self._keeper = RunKeeper(kept, emit)
-        self.waiting = WaitingRuns(kept)
-        """Runs that windows before this one have left."""
+        self._store = RunStore(unsaved, emit)
         self.log = RunLog()
-        """Ended runs of the scene."""
+        """Ended runs of the scene, with unsaved ones of earlier windows."""
         self.active: ActiveRun | None = None
         """The run under way. To be read only."""
         self.curves: Curves | None = None
@@ -71,8 +72,8 @@ class LiveTraining:
 
     @property
     def saving(self) -> bool:
-        """True if a pack is being written."""
-        return self._keeper.accepts
+        """True if a pack is being written that the user keeps."""
+        return self._store.keeps
 
     @property
     def process_id(self) -> int | None:
@@ -93,7 +94,7 @@ class LiveTraining:
         self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
         if isinstance(job, EncodeScene) and (forecast := self.rates.forecast(job.settings, scene)) is not None:
             self.active.expected_seconds = forecast.seconds
-        self.log.undecided = None
+        self.log.chosen = None
         self.curves = self.active.curves
         worker, ahead, pace = self._worker, self._ahead, self.rates.pace
 
@@ -108,30 +109,22 @@ class LiveTraining:
         self._preparation = Job(begin).start("prepare training")
 
     def enter(self, scene: Scene) -> None:
-        """Make `scene` the open one. Undecided runs of another scene wait in the data folder, if there is one."""
+        """Make `scene` the open one, and list its unsaved runs. A run of another scene ends; its autosave stays."""
         if self._scene is scene:
             return
         was_under_way = self.active is not None
         if self._scene is not None:
-            self.leave_scene("later")
+            self.leave_scene()
         self._scene = scene
+        if self._store.unsaved is not None:
+            self.log = RunLog(self._store.unsaved.of(scene))
+            if count := len(self.log.runs):
+                runs = counted(count, "unsaved run")
+                self._emit(Notification(f"{runs} of this scene: show, keep or discard in panel Training"))
         # Numbers of textures mean others in another scene.
         self.plan = replace(self.plan, only=None)
         if was_under_way:
             self._emit(Notification("training was stopped because another scene was opened"))
-        if line := self.waiting.look(scene):
-            self._emit(Notification(line))
-
-    def adopt(self, key: str, scene: Scene) -> str:
-        """Make a waiting run one of this scene's, and open its pack; returns its name. Raises InputError."""
-        self.enter(scene)
-        if self.active is not None:
-            raise InputError("training: a run is under way; wait until it ends, or cancel it first (training.cancel)")
-        run = self.waiting.adopted(key, self.log.next_number, scene)
-        self._keeper.take_over(run, key)
-        self.log.add(run)
-        self._emit(PackUpdated(run.name, run.pack) if run.pack is not None else PackClosed(run.name))
-        return run.name
 
     def prepare_ahead(self, scene: Scene) -> None:
         """Start the process, and prepare the encoding that a scene without a pack is offered, so that it begins at once when it is
@@ -177,104 +170,69 @@ class LiveTraining:
             raise InputError("training: the run has not started yet; wait, or cancel it")
         return self.active
 
-    def accept(self, path: Path | None, packs: Iterable[Pack]) -> None:
-        """Write the undecided run's pack to `path`, or where its scene has its packs; `packs` are those that are open.
+    def keep(self, number: int, path: Path | None) -> None:
+        """Write the pack of run `number`, 0 for the chosen one, to `path`; None: where its scene has its packs.
 
-        Raises InputError where no run is undecided, and for a path that no pack can have. Other errors of writing are notified.
+        Raises InputError where there is no such unsaved run, for a pack that cannot be read, and for a path that no pack can have.
+        Errors of writing are notified.
         """
-        self._require_not_saving()
-        run, scene = self.log.undecided_run(), self._scene
-        assert run.pack is not None
+        if self.saving:
+            raise InputError("training: a pack is being written; try again in a moment")
+        run, scene = self.log.unsaved_run(number), self._scene
         assert scene is not None
-        self._keeper.accept(run, scene, path, tuple(packs))
+        self._store.keep(run, scene, self._pack_of(run), path)
 
-    def choose_run(self, number: int) -> None:
-        """Let a run be the one to accept or discard next. Raises InputError where there is no such run, or it is decided."""
-        if not self.log[number].is_undecided:
-            raise InputError(f"run {number}: is decided already ({self.log[number].fate})")
-        self.log.undecided = number
-
-    def discard(self) -> None:
-        """Close the undecided run's pack. Raises InputError where no run is undecided."""
-        self._require_not_saving()
-        run = self.log.undecided_run()
-        self.log.change(replace(run, discarded=True))
-        # An older run would stand under the mouse: it is decided in the list of runs.
-        self.log.undecided = None
-        self._keeper.forget(run.number)
+    def discard(self, number: int) -> None:
+        """Close the pack of run `number`, 0 for the chosen one, and delete its file. It stays in memory until the scene is closed, or
+        newer runs replace it. Raises InputError where there is no such unsaved run."""
+        run = self.log.unsaved_run(number)
+        with suppress(InputError):
+            self._pack_of(run)
+        self.log.change(replace(self.log[run.number], autosave=None, discarded=True))
+        if self.log.chosen == run.number:
+            self.log.chosen = None
+        self._store.discard(run.autosave)
         self._emit(PackClosed(run.name))
 
-    @property
-    def discarded(self) -> frozenset[int]:
-        """Numbers of the runs that were discarded."""
-        return frozenset(run.number for run in self.log.runs if run.discarded)
-
-    def set_discarded(self, number: int, discarded: bool) -> None:
-        """Undo the discarding of a run whose pack is still there, or do it again. No effect where that is so already."""
-        run = next((run for run in self.log.runs if run.number == number), None)
-        if run is None or run.pack is None or run.saved is not None or run.discarded == discarded:
-            return
-        self.log.undecided = number
-        if discarded:
-            self.discard()
-        elif self._scene is not None:
-            self.log.change(replace(run, discarded=False))
-            self._keeper.keep(run, self._scene)
-            self._emit(PackUpdated(run.name, run.pack))
-
     def open_run(self, number: int) -> str:
-        """Open the pack of a run; returns its name. Raises InputError where there is no such run, or it has no pack."""
+        """Open the pack of a run; returns its name. Raises InputError where there is no such run, or its pack cannot be read."""
         run = self.log[number]
-        if run.pack is None:
-            raise InputError(f"run {number}: has no pack ({run.fate}); train it again")
-        self._emit(PackUpdated(run.name, run.pack))
-        if self.active is None and not self.saving and run.saved is None:
-            self.log.undecided = number
+        self._emit(PackUpdated(run.name, self._pack_of(run)))
+        if self.active is None and not self.saving and run.is_unsaved:
+            self.log.chosen = number
         return run.name
 
-    def _require_not_saving(self) -> None:
-        if self.saving:
-            raise InputError("training: the pack is being written already")
+    def _pack_of(self, run: Run) -> Pack:
+        """Return the pack of a run, from its file where it is not in memory. Raises InputError."""
+        if run.pack is not None:
+            return run.pack
+        if run.file is None or self._scene is None:
+            raise InputError(f"run {run.number}: has no pack ({run.fate}); train it again")
+        pack = read_pack(run.file)
+        require_match(pack, match_scene(pack, self._scene), self._scene.name)
+        known = pack_figures(pack).psnr_db
+        self.log.change(replace(run, pack=pack, groups=pack.grouping.group_count, psnr_db=known))
+        return pack
 
-    @property
-    def undecided_runs(self) -> tuple[Run, ...]:
-        """Runs whose packs are neither accepted (or about to be written) nor discarded."""
-        return tuple(run for run in self.log.undecided_runs if not self._keeper.is_accepting(run.number))
-
-    def leave_scene(self, decision: Decision) -> None:
-        """End the run under way as far as it is, and decide about all runs: the scene is about to be closed.
-
-        `keep` writes their packs beside their scene, `later` leaves them in the data folder, if there is one.
-        """
-        scene, run = self._scene, self.active
+    def leave_scene(self) -> None:
+        """End the run under way as far as it is: the scene is about to be closed."""
+        run = self.active
         if run is not None:
             if self._preparation is not None:
                 self._abandon(self._preparation)
             else:
                 self._worker.close()
             self.active = None
-            pack = run.pack_so_far()
-            self.log.add(run.ended("ended early", pack, ()))
-        for undecided in self.undecided_runs:
-            self._decide(undecided, scene, decision)
+            if (pack := run.pack_so_far()) is not None:
+                self._store.autosave(pack, run.scene, run.autosave)
         self._scene = None
-        self.log = RunLog(self.log.next_number)
+        self.log = RunLog()
         self.curves = None
-
-    def _decide(self, run: Run, scene: Scene | None, decision: Decision) -> None:
-        assert scene is not None
-        assert run.pack is not None
-        if decision == "discard":
-            self._keeper.forget(run.number)
-            return
-        self._keeper.keep(run, scene)
-        if decision == "keep" and scene.path is not None:
-            self._keeper.accept(run, scene, None, ())
 
     @property
     def is_due(self) -> bool:
         """True if a window at rest should draw a frame, because there may be news."""
-        busy = self.active is not None or self._keeper.busy or self.rates.is_busy
+        busy = self.active is not None or self._store.busy or self.rates.is_busy
         return busy and time.monotonic() - self._last_tick >= SECONDS_BETWEEN_TICKS
 
     def tick(self, scene: Scene, shown: frozenset[str], names: Container[str] = ()) -> None:
@@ -287,7 +245,7 @@ class LiveTraining:
             for name in self.log.drop_old_packs(shown):
                 self._emit(PackClosed(name))
         self.enter(scene)
-        self._take_saved(names)
+        self._take_kept(shown, names)
         self._ahead.forget_other(scene)
         self.rates.enter(scene)
         self.rates.tick(may_start=self.active is None)
@@ -343,9 +301,16 @@ class LiveTraining:
 
     def _publish_snapshots(self, run: ActiveRun) -> None:
         is_new = run.groups_seen and run.pack is not run.published and run.is_showable
-        self._keeper.keep_so_far(run)
+        self._autosave(run)
         if is_new and run.pack is not None and time.monotonic() - run.published_at >= SECONDS_BETWEEN_UPDATES:
             self._publish(run, run.pack)
+
+    def _autosave(self, run: ActiveRun) -> None:
+        if run.pack is run.autosaved or time.monotonic() - run.autosaved_at < SECONDS_BETWEEN_AUTOSAVES:
+            return
+        if (pack := run.pack_so_far()) is not None:
+            run.autosaved, run.autosaved_at = run.pack, time.monotonic()
+            run.autosave = self._store.autosave(pack, run.scene, run.autosave)
 
     def _publish(self, run: ActiveRun, pack: Pack) -> None:
         is_first = run.published is None
@@ -353,49 +318,51 @@ class LiveTraining:
         self._emit(PackUpdated(run.name, pack))
         if is_first:
             run.first_picture_seconds = run.published_at - run.began
-            self._emit(RunStarted(run.name))
+            self._emit(PackShown(run.name))
 
     def _take_finished(self, run: ActiveRun, finished: Finished) -> None:
         lines = tuple(outcome.line() for outcome in finished.outcomes)
         if finished.pack is None:
             pack = run.pack_so_far()
             self._end(run, "cancelled", pack, lines)
-            rest = "its latest pack is kept: accept or discard it" if pack is not None else "it made no pack"
+            rest = "keep or discard its latest pack" if pack is not None else "it made no pack"
             self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
         if run.request is not None and run.progress is not None:
             self.rates.pace.note_run(run.request, run.progress.elapsed_seconds)
         worse = sum(outcome.kept_old for outcome in finished.outcomes)
         groups = counted(len(finished.outcomes), "group")
-        kept = f"; {worse} of {groups} left unchanged: training gave no better result" if worse else ""
+        unchanged = f"; {worse} of {groups} left unchanged: training gave no better result" if worse else ""
         self._end(run, finished.reason, finished.pack, lines)
-        self._emit(Notification(f"{run.name} ({job_title(run.job)}): {finished.reason}{kept}. Accept or discard it"))
+        self._emit(Notification(f"{run.name} ({job_title(run.job)}): {finished.reason}{unchanged}. Keep or discard it"))
 
     def _end(self, run: ActiveRun, outcome: str, pack: Pack | None, lines: tuple[str, ...] = ()) -> None:
         """Log the run; one that made no pack is closed."""
         self.active = None
+        if pack is None and run.published is not None:
+            self._emit(PackClosed(run.name))
         if pack is not None:
             self._publish(run, pack)
-        elif run.published is not None:
-            self._emit(PackClosed(run.name))
-        ended = run.ended(outcome, pack, lines)
-        self.log.add(ended)
-        self._keeper.keep(ended, run.scene)
+            run.autosave = self._store.autosave(pack, run.scene, run.autosave)
+        self.log.add(run.ended(outcome, pack, lines))
         self._packs_to_drop = True
 
-    def _take_saved(self, names: Container[str]) -> None:
-        saved = self._keeper.take_saved()
-        if saved is not None and saved.run.number in self.log and saved.scene is self._scene:
-            run, path = self.log[saved.run.number], saved.pack.path
+    def _take_kept(self, shown: frozenset[str], names: Container[str]) -> None:
+        for kept in self._store.take_kept():
+            if kept.scene is not self._scene:
+                continue
+            run, path = self.log[kept.run.number], kept.pack.path
             assert path is not None
-            name = unused_name(saved.pack.grouping.name, path, names)
-            self.log.change(replace(run, pack=saved.pack, saved=path, open_as=name))
-            if self.log.undecided == run.number:
-                self.log.undecided = None
-            self._emit(PackUpdated(run.name, saved.pack))
+            name = unused_name(kept.pack.grouping.name, path, names)
+            changed = replace(run, pack=kept.pack, saved=path, autosave=None, discarded=False, open_as=name)
+            self.log.change(changed)
+            if self.log.chosen == run.number:
+                self.log.chosen = None
+            self._emit(PackUpdated(run.name, kept.pack))
             self._emit(PackRenamed(run.name, name))
-        if self._keeper.leave(self.log.first_number) and self._scene is not None:
-            self.waiting.look(self._scene)
+            if run.name not in shown:
+                # Otherwise an older pack of this grouping would look like the one that was written.
+                self._emit(PackShown(name))
 
     def _abandon(self, preparation: Job[TrainingRequest]) -> None:
         """The thread of `preparation` may be using the worker: both are left to end, and there is a new worker."""
@@ -410,10 +377,10 @@ class LiveTraining:
         self._stopping.append(Job(end).start("end training"))
 
     def close(self) -> None:
-        """End the process and the threads; packs that are being written are finished, and undecided ones kept."""
+        """End the process and the threads; packs that are being written are finished, and the run under way is autosaved."""
         if self._scene is not None:
-            self.leave_scene("later")
-        self._keeper.close()
+            self.leave_scene()
+        self._store.close()
         for job in self._stopping:
             job.join(SECONDS_TO_STOP)
         self._ahead.end()

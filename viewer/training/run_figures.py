@@ -7,7 +7,7 @@ from viewer.scene.json_text import counted
 from viewer.training.run_log import ActiveRun, Curves, Run, mean_of_psnr
 
 LINES_SHOWN = 3
-"""Number of groups whose result is shown beside the question whether to keep a run; the log has all."""
+"""Number of groups whose result is shown above the list of runs, which has all."""
 
 
 def psnr_before(run: ActiveRun) -> float | None:

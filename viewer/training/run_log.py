@@ -2,6 +2,8 @@
 
 import math
 import time
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal
@@ -43,13 +45,17 @@ class Run:
     lines: tuple[str, ...] = ()
     """Outcome of each group, a line each."""
     pack: Pack | None = field(default=None, repr=False)
-    """None where the run made none, or so many runs followed that it was dropped."""
+    """None where the run made none, and where it is in a file alone."""
+    autosave: Path | None = None
+    """File of its pack in the data folder; None without one."""
     saved: Path | None = None
-    """The file that it was written to."""
+    """File that its pack was written to when the user kept it."""
     discarded: bool = False
     """True if the user discarded the run."""
+    earlier: bool = False
+    """True for a run of an earlier window."""
     open_as: str = ""
-    """Name under which its pack is open since it was accepted; "" before that."""
+    """Name under which its pack is open since the user kept it; "" before that."""
 
     @property
     def name(self) -> str:
@@ -57,14 +63,24 @@ class Run:
         return self.open_as or f"run {self.number}"
 
     @property
-    def is_undecided(self) -> bool:
-        """True if the run made a pack that was neither accepted nor discarded."""
-        return self.pack is not None and self.saved is None and not self.discarded
+    def file(self) -> Path | None:
+        """File of its pack; None without one."""
+        return self.saved or self.autosave
+
+    @property
+    def has_pack(self) -> bool:
+        """True if its pack is in memory or in a file."""
+        return self.pack is not None or self.file is not None
+
+    @property
+    def is_unsaved(self) -> bool:
+        """True if the run made a pack that the user neither kept nor discarded."""
+        return self.has_pack and self.saved is None and not self.discarded
 
     @property
     def fate(self) -> str:
-        """Outcome of the run and the decision about its pack: `done, accepted`."""
-        decision = "accepted" if self.saved is not None else "discarded" if self.discarded else ""
+        """Outcome of the run and the decision about its pack: `done, kept`."""
+        decision = "kept" if self.saved is not None else "discarded" if self.discarded else ""
         return f"{self.outcome}, {decision}" if decision else self.outcome
 
 
@@ -110,26 +126,36 @@ class Curves:
         return np.array(curve, np.float64)
 
 
+def earlier_run(number: int, file: Path) -> Run:
+    """Return the run of an earlier window whose autosaved pack is `file`."""
+    then = time.localtime(file.stat().st_mtime)
+    clock = time.strftime("%H:%M" if then[:3] == time.localtime()[:3] else "%Y-%m-%d %H:%M", then)
+    grouping = file.stem.rpartition(".")[2]
+    return Run(number, f"{grouping} of {clock}", "", 0, f"autosaved {clock}", 0.0, None, autosave=file, earlier=True)
+
+
 class RunLog:
     """The ended runs of one scene."""
 
-    def __init__(self, first_number: int = 1) -> None:
-        """`first_number` is that of the first run."""
+    def __init__(self, autosaved: Iterable[Path] = ()) -> None:
+        """Begin with the runs of earlier windows, whose files are given, oldest first."""
         self.runs: tuple[Run, ...] = ()
         """Oldest first."""
-        self.undecided: int | None = None
-        """Number of the run that is to be accepted or discarded next."""
-        self.first_number = first_number
+        self.chosen: int | None = None
+        """Number of the unsaved run that the panel asks about; None for none."""
+        for number, file in enumerate(autosaved, 1):
+            with suppress(FileNotFoundError):
+                self.runs = (*self.runs, earlier_run(number, file))
 
     @property
     def next_number(self) -> int:
         """Number of the run that begins next."""
-        return self.runs[-1].number + 1 if self.runs else self.first_number
+        return self.runs[-1].number + 1 if self.runs else 1
 
     @property
-    def undecided_runs(self) -> tuple[Run, ...]:
-        """All whose packs were neither accepted nor discarded."""
-        return tuple(run for run in self.runs if run.is_undecided)
+    def unsaved_runs(self) -> tuple[Run, ...]:
+        """Runs whose packs the user neither kept nor discarded."""
+        return tuple(run for run in self.runs if run.is_unsaved)
 
     def __contains__(self, number: int) -> bool:
         return any(run.number == number for run in self.runs)
@@ -141,30 +167,30 @@ class RunLog:
                 return run
         raise InputError(f"run {number}: there is no such run; runs so far: {len(self.runs)}")
 
-    def undecided_run(self) -> Run:
-        """Return the run that is to be accepted or discarded. Raises InputError where there is none."""
-        if self.undecided is None:
-            raise InputError("training: no finished run waits to be accepted or discarded")
-        return self[self.undecided]
+    def unsaved_run(self, number: int = 0) -> Run:
+        """Return a run by its number, 0 for the chosen one. Raises InputError where it has no pack, and where it is kept already."""
+        if not number and self.chosen is None:
+            raise InputError("training: the panel Training asks about no run; name the number of an unsaved run")
+        run = self[number or self.chosen or 0]
+        if run.saved is not None or not run.has_pack:
+            raise InputError(f"run {run.number}: " + (f"is kept in {run.saved}" if run.saved else "has no pack"))
+        return run
 
     def add(self, run: Run) -> None:
         """Add a run that has ended."""
-        old = [known.number for known in self.runs if not known.is_undecided][: len(self.runs) + 1 - MOST_RUNS]
+        old = [known.number for known in self.runs if not known.is_unsaved][: len(self.runs) + 1 - MOST_RUNS]
         self.runs = (*(known for known in self.runs if known.number not in old), run)
-        self.choose_undecided()
+        self.chosen = run.number if run.is_unsaved else None
 
     def change(self, changed: Run) -> None:
         """Replace the run of the same number."""
         self.runs = tuple(changed if run.number == changed.number else run for run in self.runs)
 
-    def choose_undecided(self) -> None:
-        """Let the newest run that is undecided be the one to accept or discard next."""
-        self.undecided = max((run.number for run in self.undecided_runs), default=None)
-
     def drop_old_packs(self, shown: frozenset[str]) -> tuple[str, ...]:
-        """Drop the packs of old runs that were decided, but for the names in `shown`; returns the names of those that were dropped."""
+        """Drop the packs of old runs from memory, but for the names in `shown` and unsaved ones without a file; returns the names of
+        those that were dropped."""
         old = [run for run in self.runs if run.pack is not None][:-MOST_PACKS]
-        dropped = [run for run in old if run.name not in shown and not run.is_undecided]
+        dropped = [run for run in old if run.name not in shown and (run.file is not None or run.discarded)]
         for run in dropped:
             self.change(replace(run, pack=None))
         return tuple(run.name for run in dropped)
@@ -205,9 +231,11 @@ class ActiveRun:
     """`pack` as it was published last."""
     published_at: float = -math.inf
     """Monotonic seconds."""
-    kept: Pack | None = None
-    """`pack` as it was kept in the data folder last."""
-    kept_at: float = -math.inf
+    autosave: Path | None = None
+    """File of its pack in the data folder; None before the first one."""
+    autosaved: Pack | None = None
+    """`pack` as it was autosaved last."""
+    autosaved_at: float = -math.inf
     """Monotonic seconds."""
 
     @property
@@ -280,4 +308,5 @@ class ActiveRun:
             mean_of_psnr(known) if known else None,
             (*lines, *self.notes),
             pack,
+            self.autosave,
         )

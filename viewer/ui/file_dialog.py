@@ -94,14 +94,12 @@ class FileDialog:
         if opening:
             self._begin(ui)
         place_dialog(size, *SIZE)
-        on_top = ui.session.window.question is None
-        if on_top:
-            # In every frame: a click on a panel would put it in front of the dialog.
-            imgui.set_next_window_focus()
+        # In every frame: a click on a panel would put it in front of the dialog.
+        imgui.set_next_window_focus()
         _, stays = imgui.begin("Open a scene, a pack or a panorama###open", True, DIALOG_FLAGS)
         self._content(ui)
         imgui.end()
-        if not stays or (on_top and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
+        if not stays or imgui.is_key_pressed(imgui.Key.escape, repeat=False):
             ui.emit("window.close-layer", "window.file_dialog")
 
     def _begin(self, ui: UiFrame) -> None:

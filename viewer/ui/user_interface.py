@@ -28,7 +28,6 @@ from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
 from viewer.ui.panels.training import EncodeOffer
 from viewer.ui.picture_input import PictureInput
-from viewer.ui.question_window import QuestionWindow
 from viewer.ui.status_bar import draw_status_bar
 from viewer.ui.widgets import Area, WidgetRects, ui_scale
 
@@ -50,7 +49,6 @@ class UserInterface:
         self._palette = Palette()
         self._sheets = make_sheets()
         self._warnings = PictureWarnings()
-        self._question = QuestionWindow()
         self._offer = EncodeOffer()
         self._first_run_card = FirstRunCard()
         self._file_dialog = FileDialog()
@@ -109,7 +107,7 @@ class UserInterface:
         ui.rects.begin(explanation)
         # Before the panels: a list that this frame's Escape closes still owns the key.
         popup_is_open, window = imgui.is_popup_open("", imgui.PopupFlags_.any_popup), session.window
-        list_is_open = popup_is_open or window.palette is not None or window.file_dialog or window.question is not None
+        list_is_open = popup_is_open or window.palette is not None or window.file_dialog
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
         bar = draw_menu_bar(ui) if session.window.show_panels else 0.0
@@ -145,13 +143,10 @@ class UserInterface:
             sheet.draw(ui, size, bar)
         self._file_dialog.draw(ui, size)
         self._palette.draw(ui, size)
-        escape = (
-            popup_is_open and session.window.question is None and imgui.is_key_pressed(imgui.Key.escape, repeat=False)
-        )
+        escape = popup_is_open and imgui.is_key_pressed(imgui.Key.escape, repeat=False)
         # A list may have closed itself on this key.
         if escape and imgui.is_popup_open("", imgui.PopupFlags_.any_popup):
             imgui.internal.close_popup_to_level(0, True)
-        self._question.draw(ui, size)
         low = min(beside_card.bottom, above_offer.bottom)
         draw_toasts(session.window.toasts, Area(beside_card.left, beside_card.top, beside_card.right, low))
         self._input.handle(session, area, ui.emit, keys=not list_is_open)

@@ -89,7 +89,7 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], str]] = {
     "figures": (
         WINDOW,
         """window.panel Timings off; window.panel Log off; compare.live on; compare.mode side-by-side; wait seconds 15; shot live
-        window.close; expect source never-reached""",
+        file.quit; expect source never-reached""",
     ),
     "open": (
         ALONE,
@@ -157,7 +157,7 @@ def played(name: str, text: str, options: tuple[str, ...] = ("--size", "480x270"
             kept.append(rest)
         else:
             lines.append(line)
-    script = "; ".join([*lines, "wait settled"] if "window.close" not in lines else lines)
+    script = "; ".join([*lines, "wait settled"] if "file.quit" not in lines else lines)
     return Run(name, ("view", "--headless", "--out", "OUT", *options, "--exec", script), tuple(kept))
 
 

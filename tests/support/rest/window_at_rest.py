@@ -120,7 +120,7 @@ class RestingWindow:
         elif self._plan.idle_seconds > 0.0:
             self._watched_since = time.monotonic(), time.process_time()
         else:
-            self._app.run("window.close")
+            self._app.run("file.quit")
 
     def _go_on(self, stage: Stage) -> None:
         self._frames, self._waits_since, self._figures = 0, None, []
@@ -169,7 +169,7 @@ class RestingWindow:
     def _end_watching(self, now: float, since: float, processor: float) -> None:
         idle = Idle(now - since, self._frames_at_rest, time.process_time() - processor)
         write_rest(self._folder, self._number, idle)
-        self._app.run("window.close")
+        self._app.run("file.quit")
 
 
 def main() -> int:

@@ -77,7 +77,7 @@ def test_a_pack_that_is_encoded_and_accepted(start: Start, check: Check, tmp_pat
     scene = write_wall(tmp_path / "scene.glb", side=SMALL)
     stages = (
         Stage("encoded", (f"training.encode clustered auto {SMALL} 30s best block 4",)),
-        Stage("accepted", ("training.accept",)),
+        Stage("accepted", ("training.keep",)),
     )
     played = start(str(scene), stages=stages, settings={**ALONE, "prepare_encoding": True})
     assert list(tmp_path.glob("scene.*.ntc"))

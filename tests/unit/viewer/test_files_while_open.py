@@ -98,13 +98,13 @@ def test_loading_a_spoilt_view(context: Context, tmp_path: Path, spoil: Spoil) -
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "a\0b", "~", "/dev/null/x", "."])
-@pytest.mark.parametrize("command", ["view.load", "view.save", "training.accept"])
+@pytest.mark.parametrize("command", ["view.load", "view.save", "training.keep"])
 def test_names_that_no_file_can_have(
     context: Context, command: str, name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     finished(context)
-    run_or_notify(context, command, name if command != "training.accept" else f"{name}.ntc")
+    run_or_notify(context, command, name if command != "training.keep" else f"{name}.ntc")
     settle(context)
     if name != "." and not (command != "view.load" and name == "~"):
         assert len(errors(context)) == 1

@@ -30,7 +30,7 @@ class Sheet:
         hint: str,
     ) -> None:
         """Make a sheet. `label` names it for scripts, `rows` gives (word, meaning) and ("", heading), `layer` is one of
-        `commands.leaving.LAYERS`."""
+        `commands.closing.LAYERS`."""
         self._title, self._label, self._rows = title, label, rows
         self._is_open, self._layer, self._hint = is_open, layer, hint
         self._text = ""

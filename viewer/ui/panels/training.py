@@ -24,30 +24,6 @@ from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
 from viewer.ui.widgets import Area, branch, card, card_room, cells, combo, counted, em, grid, headings, shortened
 
-ACTIONS = (("open", "Open"), ("keep", "Keep"), ("discard", "Discard"))
-
-
-def draw_kept_runs(ui: UiFrame) -> None:
-    """Draw the undecided runs of earlier windows, with buttons to open, keep or discard each."""
-    runs = ui.training.waiting.runs
-    if not runs:
-        return
-    imgui.text_wrapped("Unsaved runs of earlier windows:")
-    ui.rects.note("kept back")
-    for number, run in enumerate(runs, 1):
-        imgui.text_wrapped(run.line)
-        quality = f", {run.psnr_db:.2f} dB" if run.psnr_db is not None else ""
-        if imgui.is_item_hovered():
-            ui.rects.tip("\n".join((run.title, run.settings, f"{run.outcome}{quality}", run.scene_path)))
-        width = (imgui.get_content_region_avail().x - grid(len(ACTIONS) - 1)) / len(ACTIONS)
-        for index, (action, title) in enumerate(ACTIONS):
-            if index:
-                imgui.same_line(0.0, grid(1))
-            label, size = f"{action} kept back {number}", ImVec2(width, 0.0)
-            command_button(ui, f"{title}##kept{number}", "training.kept-back", action, number, label=label, size=size)
-    imgui.separator()
-
-
 PLOT_LINES = 8.5
 """Height of a plot in lines of text."""
 FIT = implot.AxisFlags_.auto_fit
@@ -143,20 +119,18 @@ class TrainingPanel:
     def __init__(self) -> None:
         self._forms = TrainingForms()
         self._curves = TrainingCurves()
-        self._path = ""
 
     def draw(self, ui: UiFrame) -> None:
         """Draw the content of the panel."""
         run, log = ui.training.active, ui.training.log
-        if run is not None or log.undecided is not None:
-            self._run(run, None if run is not None else log.undecided_run(), ui)
+        if run is not None or log.chosen is not None:
+            self._run(run, None if run is not None else log[log.chosen or 0], ui)
         if run is not None:
             names = [texture.name for texture in run.request.textures] if run.request is not None else []
             self._curves.draw(run.curves, names, run.codec_kind, ui)
         else:
-            if log.undecided is not None:
+            if log.chosen is not None:
                 imgui.separator()
-            draw_kept_runs(ui)
             name = base_pack_name(ui.session.view, ui.session.packs)
             self._forms.draw(ui.session.packs[name] if name is not None else None, name or "", ui)
             if ui.training.curves is not None and len(ui.training.curves.seconds) > 1:
@@ -187,18 +161,14 @@ class TrainingPanel:
         ui.rects.note("training state", _state(run, ended))
         half = (room - style.item_spacing.x) / 2.0
         waits = run is not None and run.state in ("paused", "pausing")
-        size, undecided = ImVec2(half, 0.0), "" if ended is not None else "the run has not ended"
+        size, under_way = ImVec2(half, 0.0), "" if ended is not None else "the run has not ended"
         command_button(ui, "Resume" if waits else "Pause", f"training.{'resume' if waits else 'pause'}", size=size)
         imgui.same_line()
         cancelled = "it is being cancelled" if run is not None and run.state == "cancelling" else ""
         command_button(ui, "Cancel", "training.cancel", missing=cancelled, size=size)
-        command_button(ui, "Accept", "training.accept", self._path.strip(), missing=undecided, size=size)
+        command_button(ui, "Keep", "training.keep", missing=under_way, size=size)
         imgui.same_line()
-        command_button(ui, "Discard", "training.discard", missing=undecided, size=size)
-        if ended is not None:
-            imgui.set_next_item_width(-1)
-            self._path = imgui.input_text_with_hint("##file", "file (default: beside the scene)", self._path)[1]
-            ui.rects.note("file")
+        command_button(ui, "Discard", "training.discard", missing=under_way, size=size)
         for line in figures_under_way(run) if run is not None else figures_of_run(ended) if ended is not None else ():
             imgui.text_wrapped(line)
             ui.rects.note("training figure")
@@ -259,11 +229,11 @@ def _log(ui: UiFrame) -> None:
                 *run.lines[:12],
             )
             ui.rects.tip("\n".join(about))
-        cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", duration(run.seconds))
+        cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", "-" if run.earlier else duration(run.seconds))
         imgui.table_next_column()
         for side in ("a", "b"):
             name = side.upper()
-            missing = "the run has no pack" if run.pack is None else ""
+            missing = "" if run.has_pack else "the run has no pack"
             missing = missing or (f"slot {name} shows it" if shown[side] == run.name else "")
             label = f"run {run.number} into {name}"
             values = (run.number, side)
@@ -271,10 +241,13 @@ def _log(ui: UiFrame) -> None:
                 ui, f"{name}##{run.number}", "training.show", *values, label=label, missing=missing, small=True
             )
             imgui.same_line()
-        if run.is_undecided:
-            command_button(
-                ui, "Keep", "training.accept", Path(), run.number, label=f"keep run {run.number}", small=True
-            )
+        if run.has_pack and run.saved is None:
+            label = f"keep run {run.number}"
+            command_button(ui, f"Keep##{run.number}", "training.keep", Path(), run.number, label=label, small=True)
+            imgui.same_line()
+        if run.is_unsaved:
+            label = f"discard run {run.number}"
+            command_button(ui, f"Discard##{run.number}", "training.discard", run.number, label=label, small=True)
         else:
             imgui.new_line()
     imgui.end_table()
@@ -302,7 +275,7 @@ class EncodeOffer:
             self._answered_for = ui.session.scene
         if (
             ui.session.packs
-            or ui.training.log.runs
+            or any(not run.earlier for run in ui.training.log.runs)
             or ui.session.scene is self._answered_for
             or not ui.session.scene.textures
         ):
@@ -324,10 +297,9 @@ class EncodeOffer:
             return area
         with card("##offer", rooms[self._corner], at_bottom=bool(self._corner[1])):
             imgui.text_wrapped("This scene has no pack.")
-            kept = ui.training.waiting.of(ui.session.scene)
-            if kept:
-                title, number = f"Open the unsaved run of {kept[0].clock}", ui.training.waiting.runs.index(kept[0]) + 1
-                command_button(ui, title, "training.kept-back", "open", number, label="Open what was kept back")
+            if unsaved := ui.training.log.unsaved_runs:
+                title, values = f"Show the unsaved run {unsaved[-1].title}", (unsaved[-1].number, "a")
+                command_button(ui, title, "training.show", *values, label="Show unsaved run")
             self._form.draw(ui)
             command_button(ui, "Encode it now", "training.encode", missing=self._form.problem)
             imgui.same_line()

@@ -14,7 +14,7 @@ from viewer.capture.pictures import with_color_bar
 from viewer.scene.model import AnimationFacts, Camera, Material, Pose, title_of
 from viewer.state.camera import NEAREST_SHARE, clip_distances
 from viewer.state.event_handlers import apply_event, expire_pointing, point_out
-from viewer.state.events import PackClosed, PackUpdated, RunStarted
+from viewer.state.events import PackClosed, PackShown, PackUpdated
 from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turntable, between, chosen_animation
 from viewer.state.navigation import FASTER_STEP, NEAR_SHARE, fly, fly_speed, kept_in_sight
 from viewer.state.open_files import InitialView, new_session
@@ -226,7 +226,7 @@ def test_a_pack_is_replaced_and_the_same_one_again_changes_nothing(session: Sess
 def test_closing_a_run_shows_what_was_shown_before(session: Session) -> None:
     before = session.view
     apply_event(session, PackUpdated("run 1", pack(1)))
-    apply_event(session, RunStarted("run 1"))
+    apply_event(session, PackShown("run 1"))
     assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 1", REFERENCE)
     apply_event(session, PackClosed("run 1"))
     assert session.view == before
@@ -235,14 +235,14 @@ def test_closing_a_run_shows_what_was_shown_before(session: Session) -> None:
 
 def test_a_run_is_shown_beside_what_b_shows(session: Session) -> None:
     apply_event(session, PackUpdated("run 1", pack(1)))
-    apply_event(session, RunStarted("run 1"))
+    apply_event(session, PackShown("run 1"))
     session.view = replace(session.view, wipe_position=0.28).with_source("b", "run 1")
     apply_event(session, PackUpdated("run 2", pack(2)))
-    apply_event(session, RunStarted("run 2"))
+    apply_event(session, PackShown("run 2"))
     assert (session.view.slot_a.source, session.view.slot_b.source) == ("run 2", "run 1")
     assert session.view.wipe_position == 0.5, "A was a sliver"
     session.view = replace(session.view, wipe_position=0.7, compare="b")
-    apply_event(session, RunStarted("run 3"))
+    apply_event(session, PackShown("run 3"))
     assert session.view.wipe_position == 0.7
     assert session.view.compare == "wipe"
 

@@ -24,7 +24,7 @@ from tests.support.scenes import built
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.state.events import Event, Notification, PackClosed, PackUpdated, RunStarted
+from viewer.state.events import Event, Notification, PackClosed, PackShown, PackUpdated
 from viewer.training import preparation as module
 from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import (
@@ -311,15 +311,15 @@ def test_a_run_is_a_sequence_of_events(
     tick_until(training, own_scene, lambda: training.active is None)
     first = updates(events)[0]
     assert first.name == "run 1"
-    assert isinstance(events[1], RunStarted)
+    assert isinstance(events[1], PackShown)
     assert events[1].name == "run 1"
     assert isinstance(events[-1], Notification)
-    assert "Accept or discard it" in events[-1].text
+    assert "Keep or discard it" in events[-1].text
     encoded = updates(events)[-1].pack
     assert encoded.config.kind == settings.codec_kind
     assert training.log[1].pack is encoded
 
-    training.accept(tmp_path / "out.ntc", (encoded,))
+    training.keep(0, tmp_path / "out.ntc")
     tick_until(training, own_scene, lambda: not training.saving)
     assert read_pack(tmp_path / "out.ntc").grouping.groups == encoded.grouping.groups
     assert changed_groups(encoded, updates(events)[-1].pack) == frozenset()
@@ -329,10 +329,10 @@ def test_a_run_is_a_sequence_of_events(
     assert base is not None
     training.start(RetrainGroups(settings, frozenset((1,))), own_scene, ("run 1", base))
     tick_until(training, own_scene, lambda: training.active is None)
-    assert [event.name for event in events if isinstance(event, RunStarted)] == ["run 2"]
+    assert [event.name for event in events if isinstance(event, PackShown)] == ["run 2"]
     packs = [event.pack for event in updates(events)]
     assert all(changed_groups(*pair) <= {1} for pair in pairwise(packs))
-    training.discard()
+    training.discard(0)
     assert [event.name for event in events if isinstance(event, PackClosed)] == ["run 2"]
 
 

@@ -1,4 +1,4 @@
-"""Runs belong to their scene, are accepted only over files that are as they were, and outlive their window."""
+"""Runs belong to their scene, replace no file, and outlive their window as autosaved packs."""
 
 import errno
 import os
@@ -14,23 +14,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ntc.codec.encoding import TimeBudget
 from ntc.codec.grid.model import grid_parts
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.pack.file import read_pack, write_pack
+from ntc.pack.file import read_pack
 from tests.support.spoilt_files import (
     SECONDS,
     PromptEffects,
-    Spoil,
-    accept,
     emptied,
     errors,
     finished,
     garbage,
+    keep,
     open_context,
-    pack_of,
     settle,
-    truncated,
     write_scene,
 )
 from viewer import locations
@@ -40,9 +38,9 @@ from viewer.state.event_handlers import apply_event
 from viewer.state.events import PackRenamed
 from viewer.state.open_files import open_scene, read_scene
 from viewer.state.pack_files import packs_beside
-from viewer.training.kept_runs import FACTS_FILE, PACK_FILE, KeptRun, KeptRuns, scene_stamp
+from viewer.training import run_store
 from viewer.training.preparation import EncodeScene
-from viewer.training.run_keeper import save_numbered
+from viewer.training.run_store import UnsavedRuns, save_numbered
 from viewer.training.settings import TrainingSettings
 
 
@@ -71,78 +69,41 @@ def same_latents(file: Path, pack: Pack) -> None:
     np.testing.assert_array_equal(grid_parts(read_pack(file)).textures[0].latents, grid_parts(pack).textures[0].latents)
 
 
-def answer(context: Context, label: str) -> None:
-    run_or_notify(context, "question.answer", label)
-
-
 def packs_in(path: Path) -> list[str]:
     return sorted(file.name for file in path.parent.glob("*.ntc"))
 
 
 def test_a_pack_is_written_beside_the_scene_that_it_was_trained_on(context: Context, path: Path, other: Path) -> None:
     pack = finished(context)
+    run_or_notify(context, "training.keep")
     run_or_notify(context, "file.open", other)
-    assert context.session.scene.path == path
-    answer(context, "Keep")
     assert context.session.scene.path == other
     settle(context)
     assert packs_in(other) == ["scene.single.ntc"]
     assert packs_in(path) == ["scene.random.ntc", "scene.single.ntc"]
     same_latents(path.with_name("scene.random.ntc"), pack)
     assert set(context.session.packs) == {"random"}
-    run_or_notify(context, "training.accept")
-    assert "no finished run" in errors(context)[-1]
+    run_or_notify(context, "training.keep")
+    assert "there is no unsaved run" in errors(context)[-1]
 
 
 def test_a_scene_that_is_opened_behind_its_back_gets_no_pack(context: Context, path: Path, other: Path) -> None:
     finished(context)
     open_scene(context.session, read_scene(other))
-    accept(context)
+    context.training.tick(context.session.scene, frozenset())
+    keep(context)
     run_or_notify(context, "training.show", 1, "a")
-    assert "no finished run waits" in errors(context)[0]
+    assert "there is no unsaved run" in errors(context)[0]
     assert "no such run" in errors(context)[1]
     assert (packs_in(path), packs_in(other)) == (["scene.single.ntc"], ["scene.single.ntc"])
-
-
-def test_cancel_leaves_all_as_it_is_and_discard_writes_nothing(context: Context, path: Path, other: Path) -> None:
-    finished(context)
-    for run_in_question in ("Cancel", "escape"):
-        run_or_notify(context, "file.open", other)
-        question = context.session.window.question
-        assert question is not None
-        assert "run 1: retrain 1 group (0), done" in question.text
-        if run_in_question == "Cancel":
-            answer(context, "Cancel")
-        else:
-            run_line(context, "window.dismiss")
-        assert context.session.window.question is None
-        assert context.session.scene.path == path
-        assert context.training.log.undecided == 1
-    run_or_notify(context, "file.open", other)
-    answer(context, "Discard")
-    settle(context)
-    assert context.session.scene.path == other
-    assert packs_in(path) == ["scene.single.ntc"]
 
 
 def test_a_scene_that_cannot_be_opened_ends_nothing(context: Context, path: Path, tmp_path: Path) -> None:
     finished(context)
     run_or_notify(context, "file.open", tmp_path / "absent.gltf")
-    answer(context, "Discard")
     assert errors(context)
     assert context.session.scene.path == path
-    assert context.training.log.undecided == 1
-
-
-def test_a_run_that_is_being_accepted_is_not_asked_about(context: Context, path: Path, other: Path) -> None:
-    finished(context)
-    run_or_notify(context, "training.accept")
-    run_or_notify(context, "file.open", other)
-    assert context.session.window.question is None
-    assert context.session.scene.path == other
-    settle(context)
-    assert packs_in(path) == ["scene.random.ntc", "scene.single.ntc"]
-    assert set(context.session.packs) == {"random"}
+    assert context.training.log.chosen == 1
 
 
 def test_packs_that_are_written_at_once_replace_none_of_each_other(context: Context, path: Path) -> None:
@@ -153,32 +114,30 @@ def test_packs_that_are_written_at_once_replace_none_of_each_other(context: Cont
     assert all(file is not None and read_pack(file).textures for file in written)
 
 
-def test_quitting_asks(context: Context, path: Path) -> None:
-    effects = PromptEffects(context)
-    run_line(context, "file.quit")
-    assert effects.is_closing
+def test_quitting_asks_nothing(context: Context) -> None:
     effects = PromptEffects(context)
     finished(context)
     run_line(context, "file.quit")
-    assert not effects.is_closing
-    answer(context, "Keep")
     assert effects.is_closing
-    context.training.close()
-    assert packs_in(path) == ["scene.random.ntc", "scene.single.ntc"]
 
 
-def test_runs_get_other_numbers_in_every_scene(context: Context, other: Path) -> None:
-    finished(context)
-    run_or_notify(context, "file.open", other)
-    answer(context, "Discard")
-    finished(context)
-    assert context.training.log.undecided == 2
+@pytest.mark.parametrize(
+    ("line", "use"),
+    [
+        ("training.accept", "use training.keep"),
+        ("training.kept-back open 1", "use training.show, training.keep or training.discard"),
+        ("window.close", "use file.quit"),
+    ],
+)
+def test_commands_of_earlier_versions_say_what_to_use(context: Context, line: str, use: str) -> None:
+    with pytest.raises(InputError, match=use):
+        run_line(context, line)
 
 
-def test_an_accepted_pack_is_open_under_the_name_that_it_would_have(context: Context, path: Path) -> None:
+def test_the_slot_shows_the_pack_that_was_kept(context: Context, path: Path) -> None:
     finished(context)
     run_line(context, "slot.source a 'run 1'")
-    accept(context)
+    keep(context)
     assert set(context.session.packs) == {"random", "scene.random"}
     assert context.session.view.slot_a.source == "scene.random"
     assert context.training.log[1].name == "scene.random"
@@ -186,34 +145,33 @@ def test_an_accepted_pack_is_open_under_the_name_that_it_would_have(context: Con
     apply_event(context.session, PackRenamed("random", "scene.random"))
     assert set(context.session.packs) == {"random", "scene.random"}
     finished(context, 9)
-    accept(context)
+    keep(context)
     assert set(context.session.packs) == {"random", "scene.random", "scene.random-2"}
     assert packs_in(path) == ["scene.random-2.ntc", "scene.random.ntc", "scene.single.ntc"]
+    assert context.session.view.slot_a.source == "scene.random-2", "not the older pack of this grouping"
+    finished(context, 10)
+    run_or_notify(context, "training.keep", Path(), 2)
+    assert f"run 2: is kept in {path.with_name('scene.random-2.ntc')}" in errors(context)[-1]
 
 
-def test_a_file_is_replaced_only_where_that_is_said(context: Context, path: Path) -> None:
-    finished(context)
-    file = path.with_name("scene.single.ntc")
+def test_no_file_is_replaced(context: Context, path: Path) -> None:
+    pack, file = finished(context), path.with_name("scene.single.ntc")
     before = file.read_bytes()
-    run_or_notify(context, "training.accept", file)
-    answer(context, "Write scene.single-2.ntc")
-    settle(context)
+    keep(context, file)
     assert file.read_bytes() == before
-    assert read_pack(path.with_name("scene.single-2.ntc")).textures
+    same_latents(path.with_name("scene.single-2.ntc"), pack)
 
 
 def test_a_pack_is_not_written_where_another_scene_would_open_it(context: Context, path: Path, other: Path) -> None:
     finished(context)
     before = packs_in(other)
     for name in (f"{other.stem}.ntc", f"{other.stem}.random.ntc", packs_beside(other)[0].name):
-        run_or_notify(context, "training.accept", other.with_name(name))
-        settle(context)
+        keep(context, other.with_name(name))
         assert f"would open with {other.name}" in errors(context)[-1]
     assert packs_in(other) == before
-    assert context.session.window.question is None
     # A name that no scene there has is free.
-    accept(context, other.with_name("kept.ntc"))
-    assert other.with_name("kept.ntc").is_file()
+    keep(context, other.with_name("elsewhere.ntc"))
+    assert other.with_name("elsewhere.ntc").is_file()
 
 
 def test_saved_views_are_numbered(context: Context, path: Path) -> None:
@@ -241,72 +199,20 @@ def test_escape_closes_what_is_on_top_and_never_the_window(context: Context) -> 
     assert not effects.is_closing
 
 
-def test_a_pack_that_is_as_it_was_opened_is_replaced(context: Context, path: Path) -> None:
-    pack, file = finished(context), path.with_name("scene.single.ntc")
-    accept(context, file)
-    assert errors(context) == []
-    same_latents(file, pack)
-    assert context.training.log.undecided is None
-    # What was written last is known too.
-    finished(context, 8)
-    accept(context, file)
-    assert errors(context) == []
-
-
-@pytest.mark.parametrize("spoil", [emptied, garbage, truncated], ids=lambda spoil: spoil.__name__)
-def test_a_pack_that_others_have_changed_is_not_replaced(context: Context, path: Path, spoil: Spoil) -> None:
-    pack, file = finished(context), path.with_name("scene.single.ntc")
-    spoil(file)
-    changed = file.read_bytes()
-    accept(context, file)
-    assert len(errors(context)) == 1
-    assert "has changed since it was opened" in errors(context)[0]
-    assert file.read_bytes() == changed
-    assert context.training.log.undecided == 1
-    accept(context)
-    written = path.with_name("scene.random.ntc")
-    assert len(errors(context)) == 1
-    same_latents(written, pack)
-
-
-def test_another_pack_in_its_place_is_not_replaced(context: Context, path: Path) -> None:
-    finished(context)
-    file = path.with_name("scene.single.ntc")
-    write_pack(file, pack_of(path, 3))
-    changed = file.read_bytes()
-    accept(context, file)
-    assert "has changed since it was opened" in errors(context)[0]
-    assert file.read_bytes() == changed
-    # Opened again, it is what the user knows.
-    run_or_notify(context, "file.open", file)
-    accept(context, file)
-    assert len(errors(context)) == 1
-    assert file.read_bytes() != changed
-
-
-def test_a_pack_that_is_gone_is_written_anew(context: Context, path: Path) -> None:
-    finished(context)
-    file = path.with_name("scene.single.ntc")
-    file.unlink()
-    accept(context, file)
-    assert errors(context) == []
-    assert read_pack(file).textures
-
-
 def test_the_scene_folder_is_gone(context: Context, path: Path, tmp_path: Path) -> None:
     finished(context)
     scene_folder = path.parent
     shutil.rmtree(scene_folder)
     scene_folder.write_text("a file")
-    accept(context)
+    keep(context)
     assert len(errors(context)) == 1
-    assert context.training.log.undecided == 1
+    assert context.training.log.chosen == 1
     scene_folder.unlink()
-    accept(context, tmp_path / "other" / "pack.ntc")
+    keep(context, tmp_path / "other" / "pack.ntc")
     assert (tmp_path / "other" / "pack.ntc").is_file()
 
 
-def test_accepting_onto_a_full_disk(context: Context, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_keeping_onto_a_full_disk(context: Context, path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     finished(context)
     fsync = os.fsync
 
@@ -315,37 +221,16 @@ def test_accepting_onto_a_full_disk(context: Context, path: Path, monkeypatch: p
 
     monkeypatch.setattr(os, "fsync", full)
     before = sorted(path.parent.iterdir())
-    accept(context)
+    keep(context)
     assert len(errors(context)) == 1
     assert "No space left on device" in errors(context)[0]
     assert sorted(path.parent.iterdir()) == before
-    assert context.training.log.undecided == 1
+    assert context.training.log.chosen == 1
     assert context.training.log[1].pack is not None
     monkeypatch.setattr(os, "fsync", fsync)
-    accept(context, path.with_name("elsewhere.ntc"))
+    keep(context, path.with_name("elsewhere.ntc"))
     assert read_pack(path.with_name("elsewhere.ntc")).textures
-    assert context.training.log.undecided is None
-
-
-KILLED = """
-import os, signal, sys
-from pathlib import Path
-from tests.support.spoilt_files import PromptEffects
-from tests.support.spoilt_files import pack_of
-from tests.unit.viewer.training.test_runs import facts_of
-from viewer.training.kept_runs import KeptRuns
-kept, scene = KeptRuns(Path(sys.argv[1])), Path(sys.argv[2])
-kept.write(kept.new_key(), pack_of(scene, 5), facts_of(scene))
-assert not KeptRuns(Path(sys.argv[1])).waiting(), "while its window is open, a run is its own"
-os.kill(os.getpid(), signal.SIGKILL)
-"""
-
-
-def facts_of(scene: Path) -> KeptRun:
-    stamp = scene_stamp(scene)
-    return KeptRun(
-        "scene", str(scene.resolve()), stamp, "retrain 1 group (0)", "quick", "done", 2, 1.0, 30.0, 2, time.time()
-    )
+    assert context.training.log.chosen is None
 
 
 @pytest.fixture
@@ -356,187 +241,225 @@ def folder(tmp_path: Path) -> Path:
 def window(path: Path, folder: Path) -> Context:
     """A window on a scene, as it is after its first frame."""
     opened = open_context(path)
-    context = Context(opened.session, kept=KeptRuns(folder))
+    context = Context(opened.session, unsaved=UnsavedRuns(folder))
     PromptEffects(context)
     context.training.tick(context.session.scene, frozenset())
     return context
 
 
-def end_run(context: Context, seed: int = 7) -> None:
-    """A training has ended, and is kept."""
-    finished(context, seed)
-    training = context.training
-    training._keeper.keep(training.log.undecided_run(), context.session.scene)
-    wait_until_written(context)
-
-
 def wait_until_written(context: Context) -> None:
     began = time.monotonic()
-    while context.training._keeper.busy:
+    while context.training._store.busy:
         context.training.tick(context.session.scene, frozenset(), context.session.packs)
         assert time.monotonic() - began < SECONDS
         time.sleep(0.005)
+
+
+def end_run(context: Context, seed: int = 7) -> Pack:
+    """A training has ended, and is autosaved."""
+    pack, training = finished(context, seed), context.training
+    run = training.log.runs[-1]
+    training.log.change(replace(run, autosave=training._store.autosave(pack, context.session.scene, None)))
+    wait_until_written(context)
+    return pack
 
 
 def messages(context: Context) -> str:
     return "\n".join(entry.text for entry in context.session.window.log)
 
 
-def waiting(context: Context) -> list[int]:
-    return [run.number for run in context.training.waiting.runs]
+def unsaved(context: Context) -> list[int]:
+    return [run.number for run in context.training.log.unsaved_runs]
 
 
-def test_a_run_of_a_killed_window_is_found_again(path: Path, folder: Path) -> None:
-    ended = subprocess.run([sys.executable, "-c", KILLED, str(folder), str(path)], check=False)
-    assert ended.returncode == -signal.SIGKILL
+def autosaved(folder: Path) -> list[str]:
+    return sorted(file.name.partition(".")[2] for file in folder.glob("*.ntc"))
+
+
+KILLED = """
+import os, signal, sys, time
+from pathlib import Path
+from tests.unit.viewer.training.test_runs import window
+from viewer.training.preparation import EncodeScene
+from viewer.training.settings import TrainingSettings, parse_budget
+context = window(Path(sys.argv[1]), Path(sys.argv[2]))
+training, scene = context.training, context.session.scene
+settings = TrainingSettings("baseline", codec="grid", texture_size=16, budget=parse_budget("600s"))
+training.start(EncodeScene(settings), scene, None)
+while training.active.autosave is None or training._store.busy:
+    training.tick(scene, frozenset(), context.session.packs)
+    time.sleep(0.01)
+os.kill(training.process_id, signal.SIGKILL)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.process
+def test_the_last_snapshot_of_a_killed_window_is_listed(path: Path, folder: Path) -> None:
+    arguments = [sys.executable, "-c", KILLED, str(path), str(folder)]
+    assert subprocess.run(arguments, check=False).returncode == -signal.SIGKILL
+    (file,) = folder.glob("*.ntc")
     context = window(path, folder)
-    assert "undecided runs of an earlier session: scene run 2" in messages(context)
-    run_line(context, "training.kept-back open")
+    assert "1 unsaved run of this scene" in messages(context)
+    assert context.training.log.chosen is None
+    run_line(context, "training.show 1 a")
     assert context.session.view.slot_a.source == "run 1"
-    assert context.training.log.undecided == 1
-    accept(context)
-    written = read_pack(path.with_name("scene.random.ntc"))
-    np.testing.assert_array_equal(
-        grid_parts(written).textures[0].latents, grid_parts(pack_of(path, 5)).textures[0].latents
-    )
-    assert list(folder.iterdir()) == []
+    pack = context.session.packs["run 1"]
+    assert pack.training["ended_early"]
+    assert context.training.log[1].psnr_db is None or context.training.log[1].psnr_db > 0.0
+    written = file.read_bytes()
+    keep(context)
+    assert path.with_name("scene.baseline.ntc").read_bytes() == written
+    assert autosaved(folder) == []
 
 
-def test_a_window_that_is_closed_at_once_leaves_its_runs_and_a_decided_one_leaves_none(
-    path: Path, folder: Path
-) -> None:
+def test_a_closed_window_leaves_its_runs_to_the_next_one_of_the_scene(path: Path, other: Path, folder: Path) -> None:
     first = window(path, folder)
-    end_run(first)
+    pack = end_run(first)
+    run_line(first, "file.quit")
+    first.training.close()
+    assert packs_in(path) == ["scene.single.ntc"]
+    assert unsaved(window(other, folder)) == []
     second = window(path, folder)
-    assert waiting(second) == []
-    run_line(first, "window.close")
-    first.training.close()
-    third = window(path, folder)
-    assert waiting(third) == [1]
-    run_line(third, "training.kept-back keep")
-    assert path.with_name("scene.random.ntc").is_file()
-    assert list(folder.iterdir()) == []
-    end_run(third, 8)
-    run_line(third, "training.discard")
-    assert list(folder.iterdir()) == []
-
-
-def test_a_run_goes_to_one_of_two_windows(path: Path, folder: Path) -> None:
-    first = window(path, folder)
-    end_run(first)
-    first.training.close()
-    second, third = window(path, folder), window(path, folder)
-    assert waiting(second) == waiting(third) == [1]
-    run_line(second, "training.kept-back open")
-    for action in ("open", "keep"):
-        run_or_notify(third, "training.kept-back", action)
-    assert "is open in another window" in errors(third)[0]
-    assert "there is no unsaved run" in errors(third)[1]
-    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
-
-
-def test_a_run_goes_back_to_its_own_scene_alone(path: Path, folder: Path, tmp_path: Path) -> None:
-    first = window(path, folder)
-    end_run(first)
-    first.training.close()
-    (tmp_path / "other").mkdir()
-    other = write_scene(tmp_path / "other", 1)
-    second = window(other, folder)
-    finished(second)
-    run_line(second, "training.kept-back open")
-    assert second.session.scene.path == other
-    run_or_notify(second, "question.answer", "Keep")
-    assert second.session.scene.path == path
-    assert second.session.view.slot_a.source == "run 2"
+    assert unsaved(second) == [1]
+    run_line(second, "training.keep '' 1")
     settle(second)
-    assert sorted(file.name for file in other.parent.glob("*.ntc")) == ["scene.random.ntc", "scene.single.ntc"]
-    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
+    same_latents(path.with_name("scene.random.ntc"), pack)
+    assert second.session.view.slot_a.source == "scene.random"
+    assert autosaved(folder) == []
 
 
-def test_a_scene_that_has_changed_gets_no_pack_of_its_earlier_self(path: Path, folder: Path, tmp_path: Path) -> None:
+def test_a_discarded_run_is_deleted_and_can_be_kept_until_the_window_closes(path: Path, folder: Path) -> None:
+    first = window(path, folder)
+    end_run(first)
+    end_run(first, 8)
+    assert autosaved(folder) == ["random-2.ntc", "random.ntc"]
+    run_line(first, "training.discard")
+    wait_until_written(first)
+    assert (autosaved(folder), unsaved(first), first.training.log.chosen) == (["random.ntc"], [1], None)
+    assert "run 2" not in first.session.packs
+    run_line(first, "training.keep '' 2")
+    settle(first)
+    assert path.with_name("scene.random.ntc").is_file()
+    assert first.training.log[2].fate == "done, kept"
+    first.training.close()
+    second = window(path, folder)
+    run_line(second, "training.discard 1")
+    run_line(second, "training.show 1 a")
+    wait_until_written(second)
+    assert (autosaved(folder), unsaved(second)) == ([], [])
+    assert unsaved(window(path, folder)) == []
+
+
+def test_two_windows_of_a_scene_write_other_files_and_share_what_is_there(path: Path, folder: Path) -> None:
+    first, second = window(path, folder), window(path, folder)
+    end_run(first)
+    end_run(second, 8)
+    assert autosaved(folder) == ["random-2.ntc", "random.ntc"]
+    third = window(path, folder)
+    assert unsaved(third) == [1, 2]
+    for context in (first, third):
+        run_or_notify(context, "training.keep", Path(), 1)
+        settle(context)
+    assert packs_in(path) == ["scene.random.ntc", "scene.single.ntc"]
+    assert len(errors(third)) == 1, "the first window has written it"
+    assert autosaved(folder) == ["random-2.ntc"]
+
+
+def test_another_scene_lists_its_own_runs(path: Path, other: Path, folder: Path) -> None:
+    context = window(path, folder)
+    end_run(context)
+    run_or_notify(context, "file.open", other)
+    context.training.tick(context.session.scene, frozenset())
+    assert (context.session.scene.path, unsaved(context)) == (other, [])
+    run_or_notify(context, "file.open", path)
+    context.training.tick(context.session.scene, frozenset())
+    assert unsaved(context) == [1]
+    assert context.training.log[1].earlier
+
+
+def test_a_scene_that_has_changed_gets_no_pack_of_its_earlier_self(path: Path, other: Path, folder: Path) -> None:
     first = window(path, folder)
     end_run(first)
     first.training.close()
     # Other pictures, so that no texture is the same.
-    (tmp_path / "other").mkdir()
-    for file in write_scene(tmp_path / "other", 1).parent.iterdir():
+    for file in other.parent.iterdir():
         file.replace(path.parent / file.name)
     second = window(path, folder)
-    run_or_notify(second, "training.kept-back", "keep")
-    run_or_notify(second, "training.kept-back", "open")
-    assert "has changed since" in errors(second)[0]
-    assert "made for another scene" in errors(second)[1]
-    assert waiting(second) == [1]
-    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
+    run_or_notify(second, "training.show", 1, "a")
+    run_or_notify(second, "training.keep", Path(), 1)
+    assert "made for another scene" in errors(second)[0]
+    assert packs_in(path) == ["scene.single.ntc"]
+    run_line(second, "training.discard 1")
+    wait_until_written(second)
+    assert autosaved(folder) == []
 
 
-def test_what_cannot_be_written_when_the_window_closes_is_kept_back(
-    path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    context = window(path, folder)
-    end_run(context)
-
-    def full(destination: Path, _pack: object) -> None:
-        raise InputError(f"{destination}: cannot be written")
-
-    monkeypatch.setattr("viewer.training.run_keeper.write_pack", full)
-    effects = PromptEffects(context)
-    run_line(context, "file.quit")
-    run_or_notify(context, "question.answer", "Keep")
-    assert effects.is_closing
-    context.training.close()
-    assert sorted(file.name for file in path.parent.glob("*.ntc")) == ["scene.single.ntc"]
-    assert waiting(window(path, folder)) == [1]
-
-
-def test_discarding_for_good_asks_first(path: Path, folder: Path) -> None:
+def test_what_is_no_pack_is_refused_and_a_full_disk_is_said_once(path: Path, folder: Path) -> None:
     first = window(path, folder)
     end_run(first)
-    first.training.close()
+    end_run(first)
+    spoilt, empty = sorted(folder.glob("*.ntc"))
+    garbage(spoilt)
+    emptied(empty)
     second = window(path, folder)
-    run_line(second, "training.kept-back discard")
-    run_line(second, "window.dismiss")
-    assert waiting(second) == [1]
-    run_line(second, "training.kept-back discard")
-    run_or_notify(second, "question.answer", "Discard")
-    assert waiting(second) == []
-    assert list(folder.iterdir()) == []
-
-
-def test_what_is_no_run_is_passed_over_and_a_full_disk_is_said_once(path: Path, folder: Path) -> None:
-    kept = KeptRuns(folder)
-    key = kept.new_key()
-    kept.write(key, pack_of(path), facts_of(path))
-    kept.release(key)
-    for spoilt in (FACTS_FILE, PACK_FILE):
-        other = kept.new_key()
-        kept.write(other, pack_of(path), replace(facts_of(path), number=9))
-        (folder / other / spoilt).write_bytes(b"?") if spoilt == FACTS_FILE else (folder / other / spoilt).unlink()
-        kept.release(other)
-    assert [run.number for run in kept.waiting()] == [2]
+    assert unsaved(second) == [1]
+    run_or_notify(second, "training.show", 1, "a")
+    assert errors(second)
     (folder.parent / "file").write_text("")
     context = window(path, folder.parent / "file" / "runs")
     end_run(context)
     end_run(context)
-    assert [line for line in errors(context) if "runs will be lost" in line] == errors(context)
     assert len(errors(context)) == 1
+    assert "runs will be lost" in errors(context)[0]
+
+
+def test_the_oldest_runs_are_deleted_beyond_the_limits(
+    path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    context = window(path, folder)
+    monkeypatch.setattr(run_store, "MOST_FILES", 3)
+    packs = [end_run(context, seed) for seed in range(5)]
+    for file, pack in zip(UnsavedRuns(folder).of(context.session.scene), packs[2:], strict=True):
+        same_latents(file, pack)
+    monkeypatch.setattr(run_store, "MOST_BYTES", 1)
+    end_run(context)
+    assert len(autosaved(folder)) == 1, "the newest stays"
 
 
 @pytest.mark.process
-def test_a_run_under_way_is_kept_as_far_as_it_is(path: Path, folder: Path) -> None:
+def test_a_run_under_way_is_autosaved_and_stays_when_the_window_closes(path: Path, folder: Path) -> None:
+    context = window(path, folder)
+    training, scene = context.training, context.session.scene
+    settings = TrainingSettings("baseline", codec="grid", texture_size=16, budget=TimeBudget(600.0))
+    training.start(EncodeScene(settings), scene, None)
+    began = time.monotonic()
+    while training.active is not None and training.active.autosave is None:
+        training.tick(scene, frozenset(), context.session.packs)
+        assert time.monotonic() - began < 100.0
+        time.sleep(0.01)
+    training.close()
+    (file,) = folder.glob("*.ntc")
+    assert read_pack(file).training["ended_early"]
+    assert unsaved(window(path, folder)) == [1]
+
+
+@pytest.mark.process
+def test_a_run_that_ends_is_autosaved_as_it_is_kept(path: Path, folder: Path) -> None:
     context = window(path, folder)
     training, scene = context.training, context.session.scene
     training.start(EncodeScene(TrainingSettings("baseline", texture_size=16)), scene, None)
     began = time.monotonic()
-    while not (training.log.runs and not training._keeper.busy):
+    while not (training.log.runs and not training._store.busy):
         training.tick(scene, frozenset(), context.session.packs)
         assert time.monotonic() - began < 100.0
         time.sleep(0.01)
-    # It was killed here.
-    (place,) = folder.iterdir()
-    assert read_pack(place / PACK_FILE).textures
+    (file,) = folder.glob("*.ntc")
+    written = file.read_bytes()
+    keep(context)
+    assert path.with_name("scene.baseline.ntc").read_bytes() == written
+    assert list(folder.iterdir()) == []
     training.close()
-    assert [run.title for run in KeptRuns(folder).waiting()] == ["encode baseline"]
 
 
 @pytest.fixture
@@ -551,33 +474,19 @@ def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return assets
 
 
-def test_an_accepted_pack_lies_in_the_data_folder_and_is_opened_with_the_scene(installed: Path, tmp_path: Path) -> None:
+def test_a_kept_pack_lies_in_the_data_folder_and_is_opened_with_the_scene(installed: Path, tmp_path: Path) -> None:
     before = sorted(installed.iterdir())
     scene_path, packs = installed / "scene.gltf", tmp_path / "data" / "packs"
     context = open_context(scene_path)
     for _ in range(2):
         finished(context)
-        accept(context)
+        keep(context)
     assert errors(context) == []
     assert sorted(installed.iterdir()) == before
     written = (packs / "scene.random-2.ntc", packs / "scene.random.ntc")
     assert packs_beside(scene_path) == (installed / "scene.single.ntc", *written)
     run_or_notify(context, "file.open", scene_path)
     assert {pack.path for pack in context.session.packs.values()} == set(packs_beside(scene_path))
-
-
-def test_leaving_says_where_the_pack_is_kept(installed: Path, tmp_path: Path) -> None:
-    context = open_context(installed / "scene.gltf")
-    finished(context)
-    other = tmp_path / "other"
-    other.mkdir()
-    run_or_notify(context, "file.open", write_scene(other, 1))
-    question = context.session.window.question
-    assert question is not None
-    assert "in the data folder" in question.text
-    run_or_notify(context, "question.answer", "Keep")
-    settle(context)
-    assert (tmp_path / "data" / "packs" / "scene.random.ntc").is_file()
 
 
 def test_the_same_file_elsewhere_keeps_its_packs_beside_it(installed: Path, tmp_path: Path) -> None:
