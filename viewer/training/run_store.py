@@ -43,7 +43,7 @@ def _new_file(path: Path) -> Path:
         except FileExistsError:
             if free.parent.is_dir():
                 continue
-            raise InputError(f"{free.parent}: is no folder; choose a writable folder") from None
+            raise InputError(f"{free}: cannot be written (its folder is a file); choose a writable folder") from None
         except OSError as error:
             raise InputError(f"{free}: cannot be written ({error.strerror}); choose a writable folder") from error
         return free
