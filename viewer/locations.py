@@ -40,11 +40,6 @@ def unsaved_runs_folder() -> Path:
     return _data_folder("runs")
 
 
-def pace_file() -> Path:
-    """Return the file that remembers how fast this machine encodes: in NTC_VIEWER_DATA_DIR, else in the platform's data folder."""
-    return _data_folder("pace.json")
-
-
 def packs_folder(scene_path: Path) -> Path:
     """Return the folder of new packs of a scene: beside it; for a built-in scene in the user's data folder.
 

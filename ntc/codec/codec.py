@@ -16,7 +16,6 @@ from ntc.codec.encoding import (
     EncodingChoices,
     EncodingOptions,
     EncodingTask,
-    Sizes,
     TextureSet,
 )
 from ntc.codec.gpu import GpuTables
@@ -270,14 +269,6 @@ class Codec(ABC):
     def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
         """Return the options of one of many jobs, which has one core to itself."""
         return self.options_for(choices)
-
-    def encoding_work(
-        self, groups: Sequence[Sizes], settings: CodecSettings, options: EncodingOptions, ships: bool
-    ) -> float:
-        """Return how much work it is to encode groups of textures of these sizes on this machine: in proportion to the time, in a unit
-        of the codec's own. `ships`: their decoder is the one that ships with the program."""
-        del options, ships
-        return float(sum(width * height for sizes in groups for width, height in sizes) * settings.output_channels)
 
     def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:
         """Return the least and most bits per texel of mip 0 that the latents of a texture of `size` can take in a pack of these

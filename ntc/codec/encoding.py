@@ -237,25 +237,21 @@ class Figures:
 
     share: float
     """Progress of the encoding in [0, 1]; a single large texture moves it."""
+    passes: float
+    """Planned work as a number of texels, each counted once for each pass over it. Measuring the quality of a texture is one pass."""
     step: int
     steps: int
-    """Steps of training or textures, as planned now."""
+    """Steps of training or textures: the one under way and all that are planned now. A step of training counts when it is done."""
     texels: int
     """Texels encoded or sampled since the beginning."""
     losses: Mapping[int, float]
     """Mean square error by group, values in [0, 1]. Groups not yet begun are missing."""
     psnr_db: Mapping[int, float]
     """PSNR in dB by texture, of those begun (`Codec.psnr_title` says of what)."""
-    work: str = "step"
-    """Unit of `step`: steps, or textures with the work on them."""
+    work: str = "training step"
+    """Phase of the work and unit of `step`: `encoding texture` 5 of 13."""
     freezing_scale: float = 1.0
     """Scale of the decoder's updates: 1 free, 0 frozen."""
-    work_done: float | None = None
-    """Work that is done, in proportion to time, in a unit of the codec's own; None: `share` says it."""
-    work_planned: float = 1.0
-    """All work that is planned now, in the unit of `work_done`."""
-    seconds_left: float | None = None
-    """Time left in seconds, where the codec knows better than by the share of the work done."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -131,8 +131,6 @@ class TrainingRequest:
     """Groups of `grouping` to train. None: those whose textures do not form a group of `start`, or all without it. Others
     must be groups of `start`."""
     seconds_between_snapshots: float = 2.0
-    expected_seconds: float | None = None
-    """Forecast of the time that the whole training takes in seconds; None without one."""
 
 
 def checked_request(request: TrainingRequest) -> TrainingRequest:
@@ -175,12 +173,17 @@ EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingProgress(Figures):
-    """One report of a training under way. Its `seconds_left` is None while nothing is known of it."""
+    """One report of a training under way. Its `share` counts the measuring of results too, and never falls."""
 
     elapsed_seconds: float
     """Time of training in seconds, without pauses."""
     note: str = ""
     """A line for a log, or nothing."""
+
+    @property
+    def phase(self) -> str:
+        """Return the work under way as text: `measuring texture 5 of 13`, or without counts where it has no steps."""
+        return f"{self.work} {self.step} of {self.steps}" if self.steps else self.work
 
     @property
     def ktexels_per_second(self) -> float:

@@ -44,7 +44,6 @@ from ntc.training.messages import (
     TrainingRequest,
     unchanged_groups,
 )
-from ntc.training.time_left import TimeLeft
 
 SECONDS_BETWEEN_REPORTS = 0.25
 SECONDS_BETWEEN_SAVES = 60.0
@@ -90,9 +89,22 @@ class Trainer:
         """Groups of which a snapshot is due."""
         self._shown: tuple[int, ...] = ()
         """Groups of which a snapshot was taken."""
-        self._time_left = TimeLeft(host.seconds(), request.expected_seconds)
+        self._share = 0.0
+        """Progress in the last report."""
+        self._to_measure = self._measured_members()
+        """Textures whose quality is measured, each as often as it is."""
+        self._measured = 0
+        """Number of these that were measured."""
+        self._is_measuring = False
         self._began = self._last_save = host.seconds()
         self._next_snapshot = self._began
+
+    def _measured_members(self) -> tuple[int, ...]:
+        """Return the textures that are measured here: those that training gives, and what groups held before."""
+        members = [self._request.grouping.members(group) for group in self._groups]
+        old = [each for group, each in zip(self._groups, members, strict=True) if group in self._old_numbers]
+        trained = members if codec_of(self._request.codec).trains else []
+        return tuple(index for each in (*trained, *old) for index in each)
 
     @property
     def settings(self) -> CodecSettings:
@@ -148,9 +160,6 @@ class Trainer:
         the codec's work raises."""
         self._began = self._last_save = self._last_report = self._host.seconds()
         self._next_snapshot = self._began + self._request.seconds_between_snapshots
-        before = self._encoder.figures()
-        done = before.share if before.work_done is None else before.work_done
-        self._time_left = TimeLeft(self._began, self._request.expected_seconds, done)
         with closing(self._encoder.pieces()) as pieces:
             while True:
                 if self._state_path is not None:
@@ -162,6 +171,7 @@ class Trainer:
                 self._take_snapshots(piece)
                 for found in self._encoder.encoded(piece.ended):
                     self._end_group(found)
+        self._report("", is_last=True)
         outcomes = tuple(self._outcomes[group] for group in self._groups)
         return Ended(self._reason(outcomes), outcomes, self._record())
 
@@ -181,13 +191,17 @@ class Trainer:
             self._host.progress(self._progress(self._encoder.figures(), now, note))
 
     def _progress(self, figures: Figures, now: float, note: str) -> TrainingProgress:
-        if figures.work_done is None:
-            self._time_left.advance(now, figures.share)
-        else:
-            self._time_left.advance(now, figures.work_done, figures.work_planned)
-        left = self._time_left.left(now) if figures.seconds_left is None else figures.seconds_left
+        if self._to_measure:
+            texels = [math.prod(self._request.textures[index].size) for index in self._to_measure]
+            done = figures.share * figures.passes + sum(texels[: self._measured])
+            figures = replace(figures, share=done / (figures.passes + sum(texels)))
+        if self._is_measuring:
+            count = len(self._to_measure)
+            figures = replace(figures, work="measuring texture", step=self._measured + 1, steps=count)
+        # What is planned may grow.
+        self._share = max(self._share, min(figures.share, 1.0))
         elapsed = max(now - self._began, 1e-6)
-        return TrainingProgress(**{**vars(figures), "seconds_left": left}, elapsed_seconds=elapsed, note=note)
+        return TrainingProgress(**{**vars(figures), "share": self._share}, elapsed_seconds=elapsed, note=note)
 
     def _take_snapshots(self, piece: Piece) -> None:
         """Send the snapshots that are due, until the next piece of work is; skip groups whose last one was not yet taken."""
@@ -221,13 +235,11 @@ class Trainer:
         textures, decoder, start, before = found.textures, found.decoder, self._request.start, None
         kept_old = False
         if any(texture.psnr_db is None for texture in textures):
-            textures = self._encoder.measured(textures, decoder, found.members)
+            textures = self._measure(textures, decoder, found.members)
         after = _mean_square(textures)
         if start is not None and found.group in self._old_numbers:
             old_decoder = start.decoders[self._old_numbers[found.group]]
-            old = self._encoder.measured(
-                tuple(start.textures[index] for index in found.members), old_decoder, found.members
-            )
+            old = self._measure(tuple(start.textures[index] for index in found.members), old_decoder, found.members)
             before = _mean_square(old)
             kept_old = after > before and not self._encoder.replaces
             if kept_old:
@@ -236,6 +248,19 @@ class Trainer:
         self._send(found, textures, decoder, final=True)
         before_db = None if before is None else psnr_of_mse(before)
         self._outcomes[found.group] = GroupOutcome(found.group, before_db, psnr_of_mse(after), kept_old)
+
+    def _measure(
+        self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
+    ) -> tuple[EncodedTexture, ...]:
+        """Return `textures` with the quality of their mip 0, measured one after the other."""
+        measured: list[EncodedTexture] = []
+        self._is_measuring = True
+        for texture, index in zip(textures, members, strict=True):
+            self._report("", is_last=False)
+            measured += self._encoder.measured((texture,), decoder, (index,))
+            self._measured += 1
+        self._is_measuring = False
+        return tuple(measured)
 
     def _reason(self, outcomes: Sequence[GroupOutcome]) -> EndReason:
         budget = self._request.budget

@@ -374,7 +374,7 @@ def test_the_status_bar_shows_a_run_and_cancels_it(app: DrivenApp) -> None:
     place = app.widgets.centre("cancel work")
     wait(app, lambda t: t.active is None or t.active.progress)
     app.frame()
-    assert "left" in app.widgets.explanation("work")
+    assert " of " in app.widgets.explanation("work"), "the phase with its count"
     assert app.widgets.centre("cancel work") == place, "a button stays where it is"
     app.click("cancel work")
     wait(app, lambda t: t.active is None)
@@ -406,7 +406,7 @@ def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
     wait(app, lambda t: t.active is None)
     run.add_progress(
         TrainingProgress(
-            share=1.0, step=1, steps=1, texels=1000, losses={}, psnr_db={0: 30.0}, seconds_left=0.0, elapsed_seconds=1.0
+            share=1.0, passes=1.0, step=1, steps=1, texels=1000, losses={}, psnr_db={0: 30.0}, elapsed_seconds=1.0
         )
     )
     change = figures_under_way(run)[0]

@@ -9,7 +9,6 @@ import moderngl
 
 from ntc.errors import InputError
 from ntc.io import numbered_path, write_bytes
-from ntc.training.time_left import TimeLeft
 from viewer.app.exporting import Exporting
 from viewer.capture.film import Film, read_pixels
 from viewer.commands import run
@@ -35,6 +34,7 @@ from viewer.gl.program import ShaderError
 from viewer.jobs.job import Job
 from viewer.render.viewport import Viewport
 from viewer.scene.images import write_png
+from viewer.scene.json_text import time_left
 from viewer.scene.model import Scene
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
@@ -60,7 +60,8 @@ class Opening:
         """Job that reads files for the first of `_waiting`."""
         self._is_shown = False
         """True where a frame has shown what is waiting."""
-        self._time_left = TimeLeft(0.0)
+        self._began = 0.0
+        """Monotonic seconds at which the reading began."""
 
     def add(self, effect: Slow) -> None:
         """Add an effect to the queue."""
@@ -81,7 +82,7 @@ class Opening:
         while self._is_shown and self._waiting:
             effect, job = self._waiting[0], self._job
             if job is None and not isinstance(effect, RunCommand):
-                self._job, self._time_left = self._read(effect).start("opening"), TimeLeft(time.monotonic())
+                self._job, self._began = self._read(effect).start("opening"), time.monotonic()
                 return
             if job is not None and not job.done:
                 return
@@ -124,9 +125,9 @@ class Opening:
         """Present and waiting work, for the status bar."""
         found = [Work(_title(effect)) for effect in self._waiting]
         if self._job is not None:
-            share, now = self._job.report.share, time.monotonic()
-            self._time_left.advance(now, share)
-            found[0] = Work(found[0].title, share or None, self._time_left.left(now), "file.cancel-opening")
+            share = self._job.report.share
+            left = time_left(time.monotonic() - self._began, share)
+            found[0] = Work(found[0].title, share or None, left, "file.cancel-opening")
         return tuple(found)
 
 

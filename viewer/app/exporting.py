@@ -7,10 +7,9 @@ import time
 from collections.abc import Iterator
 
 from ntc.errors import InputError
-from ntc.training.time_left import TimeLeft
 from viewer.commands.effects import Export
 from viewer.jobs.job import Job, JobReport
-from viewer.scene.json_text import duration
+from viewer.scene.json_text import duration, time_left
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.ui.facts import Work
@@ -30,7 +29,6 @@ class Exporting:
         self._export: Export | None = None
         self._job: Job[subprocess.CompletedProcess[str]] | None = None
         self._began = 0.0
-        self._left = TimeLeft(0.0)
 
     @property
     def is_under_way(self) -> bool:
@@ -50,8 +48,7 @@ class Exporting:
             return
         share = job.report.share
         if share > 0.0:
-            self._left.advance(now, share)
-            yield Work(export.title, share, self._left.left(now), CANCEL)
+            yield Work(export.title, share, time_left(now - self._began, share), CANCEL)
         else:
             yield Work(f"{export.title}, {duration(now - self._began)}", None, None, CANCEL)
 
@@ -60,7 +57,6 @@ class Exporting:
         if self._job is not None:
             raise InputError("file.export: another export is under way; cancel it first")
         self._export, self._began = export, time.monotonic()
-        self._left = TimeLeft(self._began)
         self._job = Job(lambda report: _run(export, report)).start("export")
 
     def cancel(self) -> None:

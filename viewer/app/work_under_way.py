@@ -4,9 +4,8 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 
 from ntc.metrics.block_compression import BlockFormat
-from ntc.training.time_left import TimeLeft
 from viewer.render.pass_scheduler import ToCome
-from viewer.scene.json_text import duration
+from viewer.scene.json_text import duration, time_left
 from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
@@ -15,11 +14,11 @@ from viewer.ui.panels.training import STATES
 
 
 class WorkUnderWay:
-    """Work in the background, with the time left of each piece since it was seen first."""
+    """Work in the background, with the time left of each piece."""
 
     def __init__(self) -> None:
-        self._left: dict[str, TimeLeft] = {}
-        """By title."""
+        self._began: dict[str, float] = {}
+        """Monotonic seconds at which work was seen first, by title."""
 
     def read(
         self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, to_come: Sequence[ToCome]
@@ -39,10 +38,9 @@ class WorkUnderWay:
     def _formats(self, encoding: Mapping[BlockFormat, float]) -> Iterator[Work]:
         now = time.monotonic()
         titles = {f"encoding {name}": share for name, share in encoding.items()}
-        self._left = {title: self._left.get(title) or TimeLeft(now) for title in titles}
+        self._began = {title: self._began.get(title, now) for title in titles}
         for title, share in titles.items():
-            self._left[title].advance(now, share)
-            yield Work(title, share, self._left[title].left(now), "slot.leave-format")
+            yield Work(title, share, time_left(now - self._began[title], share), "slot.leave-format")
 
 
 def training_work(training: LiveTraining) -> Iterator[Work]:
@@ -52,8 +50,8 @@ def training_work(training: LiveTraining) -> Iterator[Work]:
         state = STATES[run.state]
         if progress is None:
             state = f"{state or 'starting'}, {duration(time.monotonic() - run.began)}"
-        elif not progress.steps:
-            state = state or progress.work
+        elif not state:
+            state = progress.phase
         share = progress.share if progress is not None and progress.steps else None
         left = run.seconds_left if not state else None
         # A run that is being cancelled cannot be cancelled again.

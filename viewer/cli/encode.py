@@ -40,7 +40,7 @@ from ntc.training.compiling import CompilingAhead
 from ntc.training.encode import chosen_request, encode_request
 from ntc.training.messages import TrainingProgress
 from viewer.cli.options import EncodeOptions
-from viewer.cli.progress import TerminalProgress, time_left_text
+from viewer.cli.progress import TerminalProgress
 from viewer.cli.sources import load_with_progress
 from viewer.encoding.report import report_lines, write_report
 from viewer.encoding.whole_run import Asked, RunProgress, RunResult, encode_to_library
@@ -52,7 +52,6 @@ from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX, scene_file
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
-from viewer.training.pace import Pace
 
 KEPT_SUFFIX = ".jobs"
 """Suffix of the library that keeps finished jobs beside a pack until the pack is finished."""
@@ -375,11 +374,11 @@ class _EncodingProgress(TerminalProgress):
             self.show(progress.share, progress.work)
             return
         quality = f"  PSNR {progress.mean_psnr_db:.2f} dB" if progress.psnr_db else ""
-        rate = f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s{time_left_text(progress.seconds_left)}"
+        rate = f"{progress.ktexels_per_second / 1e3:.2f} Mtexel/s"
         if progress.note:
             self.print(progress.note)
         if self.console.is_terminal or not progress.note:
-            self.show(progress.share, f"{progress.work} {progress.step}/{progress.steps}{quality}  {rate}")
+            self.show(progress.share, f"{progress.phase}{quality}  {rate}")
 
     def of_jobs(self, progress: RunProgress) -> None:
         """Show the progress over all jobs."""
@@ -389,7 +388,7 @@ class _EncodingProgress(TerminalProgress):
         speed = progress.texels_per_second
         rate = f"{speed / 1e6:.2f} Mtexel/s" if progress.phase == "encoding" else f"{speed:.1f} images/s"
         failed = f", {progress.failures} failed" if progress.failures else ""
-        status = f"{progress.done}/{progress.of} textures{failed}  {rate}{time_left_text(progress.seconds_left)}"
+        status = f"{progress.done}/{progress.of} textures{failed}  {rate}"
         self.show(progress.share, status, progress.phase)
 
 
@@ -477,9 +476,7 @@ def _encode_compiled(options: EncodeOptions, compiling: CompilingAhead) -> tuple
     console.print(f"{counted(len(textures), 'texture')}, {decoders} ({grouping.name}), {how}", highlight=False)
     # Written where a training diverges to NaN.
     rescued_state = options.out.with_name(f"{options.out.name}.state")
-    pace = Pace()
     request = chosen_request(textures, grouping, codec, choices)
-    request = replace(request, expected_seconds=pace.expected_seconds(request))
     with _EncodingProgress() as report, deferred_interrupt() as interrupted:
         try:
             compiling.wait(report.of_training, partial(_check_interrupt, interrupted))
@@ -490,8 +487,6 @@ def _encode_compiled(options: EncodeOptions, compiling: CompilingAhead) -> tuple
             raise KeyboardInterrupt from None
         stopped = interrupted() and not codec.trains
     seconds = time.monotonic() - began
-    if not stopped:
-        pace.note_run(request, seconds)
     write_or_rescue(options.out, pack)
     if stopped:
         console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)

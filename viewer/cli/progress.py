@@ -6,16 +6,10 @@ from typing import Self
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from ntc.training.time_left import TimeLeft
-from viewer.scene.json_text import duration
+from viewer.scene.json_text import duration, time_left
 
 LINES_PER_PHASE = 20
 """Lines of each phase where standard error is no terminal."""
-
-
-def time_left_text(seconds: float | None) -> str:
-    """Return `  12 s left`; "" while that is unknown."""
-    return "" if seconds is None else f"  {duration(seconds)} left"
 
 
 class TerminalProgress:
@@ -33,7 +27,8 @@ class TerminalProgress:
         )
         self._bar = Progress(*columns, console=self.console, transient=True)
         self._task = self._bar.add_task(title, total=None, status="")
-        self._time_left = TimeLeft(time.monotonic())
+        self._began: tuple[str, float, float] | None = None
+        """(name of the phase, seconds, share) when the phase began."""
 
     def __enter__(self) -> Self:
         if self.console.is_terminal:
@@ -46,19 +41,23 @@ class TerminalProgress:
 
     def progress(self, done: int, of: int) -> None:
         """Show that `done` of `of` steps are done."""
-        now, share = time.monotonic(), done / max(of, 1)
-        self._time_left.advance(now, share)
-        steps = f"{done} of {of} {self._unit}" if self._unit else ""
-        self.show(share, f"{steps}{time_left_text(self._time_left.left(now))}".strip())
+        self.show(done / max(of, 1), f"{done} of {of} {self._unit}" if self._unit else "")
 
     def show(self, share: float, status: str, phase: str = "") -> None:
-        """Show `share` of the work, 0 to 1, and a text beside it. `phase` names the part of the work."""
-        step = (phase, int(share * LINES_PER_PHASE))
+        """Show `share` of the work, 0 to 1, a text and the time left beside it. `phase` names a part of the work that has a share of
+        its own."""
+        now = time.monotonic()
+        if self._began is None or self._began[0] != phase:
+            self._began = (phase, now, share)
+        left = time_left(now - self._began[1], share, self._began[2])
+        status = status if left is None else f"{status}  {duration(left)} left".strip()
+        # Rounded down: all is done at 100 %.
+        step, shown = (phase, int(share * LINES_PER_PHASE)), int(100.0 * share) / 100.0
         if self.console.is_terminal:
-            self._bar.update(self._task, description=phase or self._title, total=1.0, completed=share, status=status)
+            self._bar.update(self._task, description=phase or self._title, total=1.0, completed=shown, status=status)
         elif self._lines and (phase != self._last[0] or step > self._last):
             self._last = step
-            self.print(f"{phase} {share:4.0%}  {status}" if phase else f"{share:4.0%}  {status}")
+            self.print(f"{phase} {shown:4.0%}  {status}" if phase else f"{shown:4.0%}  {status}")
 
     def print(self, line: str) -> None:
         """Print a line above the bar."""

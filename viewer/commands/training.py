@@ -157,7 +157,7 @@ def choose(
 @command(
     "training.measure-rates",
     "Measure what bits give",
-    "measure the quality of a texture at several bitrates, and the speed of this machine",
+    "measure the quality of a texture at several bitrates",
 )
 def measure_rates(
     context: Context,

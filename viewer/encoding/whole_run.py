@@ -25,7 +25,6 @@ from ntc.grouping.category import read_labels
 from ntc.library.index import ImageFile, StoredTexture
 from ntc.library.reading import settings_key
 from ntc.library.writer import LibraryWriter
-from ntc.training.time_left import TimeLeft
 from viewer.encoding.work import (
     Encoded,
     EncodeJob,
@@ -222,8 +221,6 @@ class RunProgress:
     of: int
     share: float
     """Progress of the work, 0 to 1: by texels where they are known."""
-    seconds_left: float | None
-    """None while it is unknown."""
     texels_per_second: float
     failures: int
     note: str = ""
@@ -282,14 +279,12 @@ class _Run:
         self.asked, self.executor, self.writer, self.result = asked, executor, writer, result
         self._listen, self.stopped = listen, stopped
         self._began = time.monotonic()
-        self._time_left = TimeLeft(self._began)
         self._phase: Phase = "looking at"
         self._done = self._of = self._weight_done = self._weight = 0
 
     def begin(self, phase: Phase, textures: int, weight: int) -> None:
         """Begin a phase of so many textures, and so much work."""
         self._phase, self._began = phase, time.monotonic()
-        self._time_left = TimeLeft(self._began)
         self._done, self._of, self._weight_done, self._weight = 0, textures, 0, weight
 
     def advance(self, textures: int, weight: int, note: str = "") -> None:
@@ -299,12 +294,8 @@ class _Run:
         now = time.monotonic()
         seconds = max(now - self._began, 1e-6)
         share = self._weight_done / max(self._weight, 1)
-        self._time_left.advance(now, share)
-        left = self._time_left.left(now)
         failures = len(self.result.failed)
-        self._listen(
-            RunProgress(self._phase, self._done, self._of, share, left, self._weight_done / seconds, failures, note)
-        )
+        self._listen(RunProgress(self._phase, self._done, self._of, share, self._weight_done / seconds, failures, note))
 
     def tried_again(self, problem: str) -> None:
         """Report that a job is begun once more."""

@@ -34,6 +34,21 @@ def duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
 
 
+LEAST_SHARE = 0.1
+"""Share of the work from which on the time left is told."""
+
+
+def time_left(seconds: float, share: float, first: float = 0.0) -> float | None:
+    """Return the time left in seconds of work that came from `first` to `share`, 0 to 1, in `seconds`: at the mean speed so far. None
+    before a tenth is done."""
+    return seconds * (1.0 - share) / (share - first) if share - first >= LEAST_SHARE else None
+
+
+def percent(share: float) -> str:
+    """Return the progress of work under way as text: `34 %`, never 100 %."""
+    return f"{min(int(100.0 * share), 99)} %"
+
+
 def describe(value: Any) -> str:
     """Return a JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
     if isinstance(value, list):

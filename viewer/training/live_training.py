@@ -1,6 +1,5 @@
 """Training beside the window: prepares a run, passes its snapshots on as events, keeps the log. No OpenGL, no torch, no session."""
 
-import math
 import time
 from collections.abc import Container
 from concurrent.futures import CancelledError
@@ -21,7 +20,7 @@ from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackShown, PackUpdated
 from viewer.state.pack_files import match_scene, pack_figures, unused_name
 from viewer.training.preparation import AheadPreparation, EncodeScene, TrainingJob, job_title, prepare
-from viewer.training.rates import MOST_SAMPLED, Rates, chosen_textures
+from viewer.training.rates import Rates, sampled_textures
 from viewer.training.run_log import ActiveRun, Curves, Run, RunLog, State
 from viewer.training.run_store import RunStore, UnsavedRuns
 from viewer.training.settings import TrainingSettings
@@ -92,11 +91,9 @@ class LiveTraining:
         self.enter(scene)
         name, pack = base if base is not None and not isinstance(job, EncodeScene) else (None, None)
         self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
-        if isinstance(job, EncodeScene) and (forecast := self.rates.forecast(job.settings, scene)) is not None:
-            self.active.expected_seconds = forecast.seconds
         self.log.chosen = None
         self.curves = self.active.curves
-        worker, ahead, pace = self._worker, self._ahead, self.rates.pace
+        worker, ahead = self._worker, self._ahead
 
         def begin(report: JobReport) -> TrainingRequest:
             # No other code uses the worker until this job is done.
@@ -104,7 +101,7 @@ class LiveTraining:
             worker.warm_up()
             request = request or prepare(job, scene, pack, report)
             report.check()
-            return worker.start(replace(request, expected_seconds=pace.expected_seconds(request)))
+            return worker.start(request)
 
         self._preparation = Job(begin).start("prepare training")
 
@@ -138,8 +135,7 @@ class LiveTraining:
         if texture is not None:
             self.rates.want(scene, [texture])
             return
-        ids = sorted(chosen_textures(self.plan, scene), key=lambda index: -math.prod(scene.textures[index].size))
-        self.rates.want(scene, reversed(ids[:MOST_SAMPLED]), self.plan.chosen_maps)
+        self.rates.want(scene, reversed(sampled_textures(self.plan, scene)), self.plan.chosen_maps)
 
     def pause(self) -> None:
         """Pause the run. Raises InputError where none trains."""
@@ -328,8 +324,6 @@ class LiveTraining:
             rest = "keep or discard its latest pack" if pack is not None else "it made no pack"
             self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
-        if run.request is not None and run.progress is not None:
-            self.rates.pace.note_run(run.request, run.progress.elapsed_seconds)
         worse = sum(outcome.kept_old for outcome in finished.outcomes)
         groups = counted(len(finished.outcomes), "group")
         unchanged = f"; {worse} of {groups} left unchanged: training gave no better result" if worse else ""

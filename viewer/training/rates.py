@@ -1,19 +1,27 @@
 """What bits are worth: the quality of a texture by its bits, measured beside the frames, and forecasts of whole encodings.
 
-A part of the texture is encoded, in a process of its own, at a few bitrates. How long that takes tells how fast this machine is.
+A part of the texture is encoded, in a process of its own, at a few bitrates.
 """
 
 import math
-import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Literal
 
 import numpy as np
 
-from ntc.codec.config import UNIVERSAL
-from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, Target, TextureSet, texture_set
-from ntc.codec.maps import MAP_CHANNELS, MapName, joint_maps
+from ntc.codec.encoding import (
+    BitsTarget,
+    EncodingChoices,
+    QualityTarget,
+    SizeTarget,
+    Target,
+    TextureSet,
+    TimeBudget,
+    texture_set,
+)
+from ntc.codec.maps import MapName
 from ntc.codec.model import Grouping
 from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.registry import codec_named
@@ -23,10 +31,9 @@ from ntc.metrics.metrics import bits_with_mips
 from ntc.worker.process import FunctionProcess
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.images import reduced_size
-from viewer.scene.json_text import counted, duration
+from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import MapChoice, has_source, source_maps, source_texture
-from viewer.training.pace import Pace
+from viewer.scene.source_textures import MapChoice, has_source, source_texture
 from viewer.training.settings import TrainingSettings
 
 RATE_CODEC = "block"
@@ -38,6 +45,10 @@ PART_SIDE, TILE_SIDE = 384, 64
 EXACT_DB = 99.0
 """PSNR in dB that stands for no error."""
 NICENESS = 19
+TEXELS_OF_MINUTES = 1 << 27
+"""Texels of all maps from which on an encoding in codec `block` takes minutes, on about two cores."""
+SECONDS_OF_MINUTES = 60.0
+"""Budget in seconds from which on a training takes minutes."""
 MOST_SAMPLED = 4
 """Textures that a forecast measures, the largest first."""
 
@@ -50,8 +61,6 @@ class RatePoint:
     """Stored bits per texel of mip 0, mips and tables included."""
     psnr_db: float
     """PSNR of mip 0 in dB, all maps together; EXACT_DB where it is exact."""
-    seconds_per_work: float
-    """Seconds for a unit of work (`Codec.encoding_work`)."""
     by_map: Mapping[MapName, float]
     """PSNR in dB by map; EXACT_DB where it is exact."""
     normal_degrees: float | None = None
@@ -150,9 +159,7 @@ def rate_point(job: PointJob) -> RatePoint:
     codec, choices = codec_named(RATE_CODEC), EncodingChoices(target=BitsTarget(job.bits))
     settings = codec.settings_for(job.whole, choices)
     options = codec.live_options_for(choices)
-    began = time.perf_counter()
     pack = encode_textures([job.part], Grouping("baseline", (0,)), settings, options)
-    seconds = time.perf_counter() - began
     (texture,) = pack.textures
     known = zip(texture.maps, texture.map_psnr_db or (texture.psnr_db,), strict=True)
     latent_bits = 8.0 * codec.texture_bytes(texture, settings).latents / (texture.width * texture.height)
@@ -161,7 +168,6 @@ def rate_point(job: PointJob) -> RatePoint:
     return RatePoint(
         latent_bits + share * (bits_with_mips(pack) - latent_bits),
         min(texture.psnr_db or 0.0, EXACT_DB),
-        seconds / codec.encoding_work([[job.part.size]], settings, options, ships=False),
         {name: min(psnr, EXACT_DB) for name, psnr in known if psnr is not None},
         texture.normal_degrees[0] if texture.normal_degrees is not None else None,
         latent_bits,
@@ -191,13 +197,14 @@ class Forecast:
     size: tuple[int, int]
     """Width and height in texels of the largest texture."""
     same_size: bool
+    time: Literal["seconds", "minutes"]
+    """Order of the time of encoding."""
     megabytes: float | None = None
     psnr_db: float | None = None
-    seconds: float | None = None
     bits: float | None = None
 
     def line(self) -> str:
-        """Return `5 maps of 2048x2048 -> about 2.1 MB, about 39.3 dB, about 12 s on this machine`."""
+        """Return `5 maps of 2048x2048 -> about 2.1 MB, about 39 dB, takes seconds`."""
         of = "" if self.same_size else "up to "
         what = f"{counted(self.maps, 'map')} of {of}{self.size[0]}x{self.size[1]}"
         parts = [
@@ -205,12 +212,9 @@ class Forecast:
             f"about {self.megabytes:.0f} MB" if self.megabytes is not None and self.megabytes >= 10 else "",
             f"{self.bits:.1f} bits per texel" if self.bits is not None else "",
             f"about {self.psnr_db:.0f} dB" if self.psnr_db is not None else "",
-            f"about {duration(max(1.0, float(f'{self.seconds:.2g}')))} on this machine"
-            if self.seconds is not None
-            else "",
+            f"takes {self.time}",
         ]
-        known = ", ".join(part for part in parts if part)
-        return f"{what} -> {known}" if known else what
+        return f"{what} -> {', '.join(part for part in parts if part)}"
 
 
 def chosen_textures(settings: TrainingSettings, scene: Scene) -> tuple[int, ...]:
@@ -223,11 +227,16 @@ def chosen_textures(settings: TrainingSettings, scene: Scene) -> tuple[int, ...]
     )
 
 
+def sampled_textures(settings: TrainingSettings, scene: Scene) -> tuple[int, ...]:
+    """Return the textures whose curves a forecast is made of: the largest that an encoding takes, the largest first."""
+    ids = sorted(chosen_textures(settings, scene), key=lambda index: -math.prod(scene.textures[index].size))
+    return tuple(ids[:MOST_SAMPLED])
+
+
 class Rates:
     """Rate curves of the open scene's textures, and forecasts. Called from the window's thread; never waits."""
 
     def __init__(self) -> None:
-        self.pace = Pace()
         self.version = 0
         """Rises with each new point."""
         self._scene: Scene | None = None
@@ -236,6 +245,8 @@ class Rates:
         self._wanted: list[tuple[int, MapChoice]] = []
         self._asked: set[tuple[int, MapChoice]] = set()
         """Keys that were ever asked for in this scene."""
+        self._ended: set[tuple[int, MapChoice]] = set()
+        """Keys whose curves have all their points, or cannot be measured."""
         self._job: Job[None] | None = None
         self._key: tuple[int, MapChoice] | None = None
         self._forecasts: dict[TrainingSettings, Forecast | None] = {}
@@ -272,7 +283,7 @@ class Rates:
         if scene is self._scene:
             return
         self._scene = scene
-        self._curves, self._problems, self._wanted, self._asked = {}, {}, [], set()
+        self._curves, self._problems, self._wanted, self._asked, self._ended = {}, {}, [], set(), set()
         self._stop()
 
     def _stop(self) -> None:
@@ -307,12 +318,10 @@ class Rates:
             self._points = len(found.points)
             self._curves[key] = found
             self.version += 1
-            if len(found.points) > 1:
-                # The first one has things done for the first time.
-                self.pace.note_part(RATE_CODEC, min(point.seconds_per_work for point in found.points))
         if job.done:
             if job.problem and key not in self._curves:
                 self._problems[key] = job.problem
+            self._ended.add(key)
             self._job = self._key = None
             self.version += 1
 
@@ -339,7 +348,7 @@ class Rates:
 
     def forecast(self, settings: TrainingSettings, scene: Scene) -> Forecast | None:
         """Return what an encoding of `scene` would give, as far as it is known; None where it has no textures."""
-        known = (scene, self.version, self.pace.seconds_per_work(codec_named(RATE_CODEC)))
+        known = (scene, self.version)
         if known != self._forecast_for:
             self._forecasts, self._forecast_for = {}, known
         if settings not in self._forecasts:
@@ -356,17 +365,16 @@ class Rates:
         texels = [width * height for width, height in sizes]
         names = [scene.textures[index].maps if maps == "all" else ("base",) for index in ids]
         largest = max(sizes, key=lambda size: size[0] * size[1])
-        found = Forecast(len(ids), sum(map(len, names)), largest, len(set(sizes)) == 1)
+        map_texels = sum(count * len(own) for count, own in zip(texels, names, strict=True))
+        found = Forecast(len(ids), sum(map(len, names)), largest, len(set(sizes)) == 1, _time(settings, map_texels))
         codec = codec_named(settings.codec_kind)
         target = settings.target or codec.target_of(max(names, key=len))
         curves = {index: curve for index in ids if (curve := self.curve(index, maps)) is not None}
+        if not all((index, maps) in self._ended for index in sampled_textures(settings, scene)):
+            # The first curves alone would promise too much or too little.
+            curves = {}
         if target is not None:
             found = _with_target(found, target, curves, dict(zip(ids, texels, strict=True)))
-        pace = self.pace.seconds_per_work(codec)
-        if pace is not None:
-            own = [source_maps(scene.textures[index], maps) for index in ids]
-            work = _work(settings, list(zip(sizes, own, strict=True)))
-            found = replace(found, seconds=None if work is None else pace * work)
         return found
 
     def close(self) -> None:
@@ -376,28 +384,12 @@ class Rates:
             self._process.close()
 
 
-def group_count(settings: TrainingSettings, textures: int) -> int:
-    """Return about how many groups an encoding of so many textures makes."""
-    if settings.strategy in ("single", UNIVERSAL):
-        return 1
-    if settings.strategy == "baseline":
-        return textures
-    return min(textures, settings.clusters or max(1, round(math.sqrt(textures))))
-
-
-def _work(settings: TrainingSettings, textures: Sequence[tuple[tuple[int, int], tuple[MapName, ...]]]) -> float | None:
-    """Return the work of an encoding of textures of these sizes and maps before its groups are known: about as many textures are in
-    each. None where the target is out of reach."""
-    codec, count = codec_named(settings.codec_kind), group_count(settings, len(textures))
-    sizes = [size for size, _ in textures]
-    maps, channels = joint_maps((own, sum(MAP_CHANNELS[name] for name in own)) for _, own in textures)
-    ships = settings.strategy == UNIVERSAL
-    try:
-        config = codec.settings_for(TextureSet(sizes, 0 if ships else count, channels, maps=maps), settings.choices)
-    except InputError:
-        return None
-    groups = [sizes[first::count] for first in range(count)]
-    return codec.encoding_work(groups, config, codec.live_options_for(settings.choices), ships)
+def _time(settings: TrainingSettings, texels: int) -> Literal["seconds", "minutes"]:
+    """Return the order of the time of an encoding of so many texels of all maps."""
+    if codec_named(settings.codec_kind).trains:
+        budget = settings.budget
+        return "seconds" if isinstance(budget, TimeBudget) and budget.seconds < SECONDS_OF_MINUTES else "minutes"
+    return "seconds" if texels < TEXELS_OF_MINUTES else "minutes"
 
 
 def _with_target(

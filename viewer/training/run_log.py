@@ -15,6 +15,7 @@ from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_of_mse
 from ntc.errors import InputError
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, ended_pack
+from viewer.scene.json_text import time_left
 from viewer.scene.model import Scene
 from viewer.training.preparation import TrainingJob, job_title, settings_text
 
@@ -212,8 +213,6 @@ class ActiveRun:
     began: float
     """Monotonic seconds."""
     state: State = "preparing"
-    expected_seconds: float | None = None
-    """Forecast of the time of the encoding in seconds, made when the run began; None without one."""
     request: TrainingRequest | None = None
     """None while it is prepared."""
     pack: Pack | None = None
@@ -221,8 +220,6 @@ class ActiveRun:
     groups_seen: frozenset[int] = frozenset()
     """Groups of which a snapshot has come."""
     progress: TrainingProgress | None = None
-    progress_at: float = 0.0
-    """Monotonic seconds at which `progress` came."""
     first_picture_seconds: float | None = None
     """Time in seconds from the request to the first snapshot."""
     curves: Curves = field(default_factory=Curves)
@@ -250,7 +247,7 @@ class ActiveRun:
 
     def add_progress(self, progress: TrainingProgress) -> None:
         """Take in a report of the worker."""
-        self.progress, self.progress_at = progress, time.monotonic()
+        self.progress = progress
         self.curves.add(progress)
         if progress.note:
             self.notes = (*self.notes, progress.note)[-MOST_NOTES:]
@@ -263,11 +260,8 @@ class ActiveRun:
 
     @property
     def seconds_left(self) -> float | None:
-        """Time left in seconds; None while it is unknown. It runs on between two reports of the worker."""
-        if self.progress is None:
-            return self.expected_seconds
-        left = self.progress.seconds_left
-        return None if left is None else max(left - (time.monotonic() - self.progress_at), 0.0)
+        """Time left in seconds; None while it is unknown."""
+        return None if self.progress is None else time_left(self.progress.elapsed_seconds, self.progress.share)
 
     @property
     def is_showable(self) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.scene.json_text import duration
+from viewer.scene.json_text import duration, percent
 from viewer.state.message_log import MessageLog
 from viewer.ui.facts import UiFrame, Work
 from viewer.ui.theme import ERROR_ICON, with_icon
@@ -54,7 +54,7 @@ def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
 
 def work_text(work: Work) -> str:
     """Return work as text: `encoding bc7: 34 %, 12 s left`."""
-    share = f": {work.share:.0%}".replace("%", " %") if work.share is not None else ""
+    share = f": {percent(work.share)}" if work.share is not None else ""
     left = f", {duration(work.seconds_left)} left" if work.seconds_left is not None else ""
     return work.title + share + left
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ntc.codec.block import storage
 from ntc.codec.block import tensors as files
 from ntc.codec.block.config import BlockConfig, BlockOptions
-from ntc.codec.block.encoding.rate import bits_of_words, encoding_work, settings_for_target, words_of_bits
+from ntc.codec.block.encoding.rate import bits_of_words, settings_for_target, words_of_bits
 from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block.reference import decode_alpha, decode_image, lookup_values
@@ -28,7 +28,6 @@ from ntc.codec.encoding import (
     EncodingOptions,
     EncodingTask,
     QualityTarget,
-    Sizes,
     SizeTarget,
     TextureSet,
 )
@@ -37,7 +36,6 @@ from ntc.codec.maps import BASE_ALONE, MapName, is_material
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
-from ntc.threads import most_threads
 
 PREVIEW_SIDE: Final = 128
 """Texels along one side of the textures that the window shows first."""
@@ -193,12 +191,6 @@ class BlockCodec(Codec):
 
     def job_options_for(self, choices: EncodingChoices) -> EncodingOptions:
         return BlockOptions(choices.seed, threads=1)
-
-    def encoding_work(
-        self, groups: Sequence[Sizes], settings: CodecSettings, options: EncodingOptions, ships: bool
-    ) -> float:
-        own = cast(BlockOptions, options)
-        return encoding_work(groups, cast(BlockConfig, settings), own, ships, own.threads or most_threads())
 
     def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:
         return _range_of_bits(cast(BlockConfig, settings), size)

@@ -91,7 +91,8 @@ class TwoColorsEncoder(Encoder):
             errors.setdefault(self._found[index].group, []).append(mse_of_psnr(decibels) / 255.0**2)
         return Figures(
             share=self._done / max(1, self._blocks),
-            step=len(found),
+            passes=float(self._blocks * SIDE * SIDE),
+            step=min(len(found) + 1, len(self._members)),
             steps=len(self._members),
             texels=self._done * SIDE * SIDE,
             losses={group: float(np.mean(own)) for group, own in errors.items()},

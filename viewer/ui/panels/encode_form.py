@@ -227,6 +227,6 @@ class EncodeForm(GroupingFields):
         imgui.text_wrapped(forecast.line())
         ui.rects.note("forecast")
         if rates.is_busy:
-            imgui.text_disabled("measuring this machine and the textures ...")
+            imgui.text_disabled("measuring what bits give ...")
         elif forecast.psnr_db is None and codec_named(plan.codec_kind).default_target is not None:
             command_button(ui, "Measure what bits give", "training.measure-rates", small=True)

@@ -10,7 +10,7 @@ from imgui_bundle import ImVec2, imgui, implot
 from numpy.typing import NDArray
 
 from ntc.codec.registry import codec_named
-from viewer.scene.json_text import duration
+from viewer.scene.json_text import duration, percent
 from viewer.state.framing import emptiest
 from viewer.state.pack_files import base_pack_name, pack_figures
 from viewer.state.view_state import REFERENCE
@@ -198,9 +198,7 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
         return f"{state or progress.work}, {duration(progress.elapsed_seconds)}"
     left = run.seconds_left
     rest = state or (f"{duration(left)} left" if left is not None else f"{duration(progress.elapsed_seconds)} so far")
-    # The work that is under way: 1 of 1, not 0 of 1.
-    step = min(progress.step + (0 if codec_named(run.codec_kind or "block").trains else 1), progress.steps)
-    return f"{progress.work} {step} of {progress.steps}, {progress.share:.0%}, {rest}".replace("%,", " %,")
+    return f"{progress.phase}, {percent(progress.share)}, {rest}"
 
 
 def _log(ui: UiFrame) -> None:

@@ -14,7 +14,6 @@ from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, p
 from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import keep_coverage, mask_words, side_costs
 from ntc.codec.block.encoding.own_codes import equal_words, own_words
-from ntc.codec.block.encoding.rate import CHOICES_WORK, CODES_WORK, TYPICAL_KINDS, judging_work
 from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
 from ntc.codec.block.encoding.tables import fit_decoder
@@ -45,7 +44,7 @@ def encode_texture(
     mips per code in place of as many as `config` says, it takes as many bytes.
 
     `prepared` is `source` in blocks, and `choices` are those of these, where that is known. `threads` change no byte. `worked` is
-    called often, with the work that was done since, in blocks (`rate.encoding_work`); what it raises ends the encoding.
+    called often, with the blocks that a pass was over since; what it raises ends the encoding.
     """
     texture = prepared or prepare_texture(source, config, code_mips)
     words = equal_words(words, source.size, code_mips, config)
@@ -76,26 +75,19 @@ def texture_choices(
     worked: Callable[[float], None] = lambda _: None,
     threads: int = 1,
     first: Choices | None = None,
-    expect: Callable[[float], None] | None = None,
 ) -> Choices:
-    """Choices for all blocks of `texture`; the `first` of them may be known. `threads` and `worked` as `encode_texture` has them.
-
-    `expect` is told how much more work than planned, or less, there is with the kinds of edge parts that pay."""
+    """Choices for all blocks of `texture`; the `first` of them may be known. `threads` and `worked` as `encode_texture` has them."""
     with one_thread():
         tables = Tables.of(decoder, config)
         kinds = paying_kinds(texture, tables, decoder, config)
-        worked(judging_work(len(texture.texels)))
         known = 0 if first is None else len(first.errors)
-        work = CHOICES_WORK * (TYPICAL_KINDS if expect is None else len(kinds))
-        if expect is not None:
-            expect((work - CHOICES_WORK * TYPICAL_KINDS) * (len(texture.texels) - known))
         starts = range(known, len(texture.texels), BLOCKS_AT_ONCE)
 
         def choices_of(start: int) -> Choices:
             worked(0.0)
             blocks = texture.normalised(slice(start, start + BLOCKS_AT_ONCE))
             found = block_choices(blocks, texture.axes, tables, decoder, config, kinds)
-            worked(work * len(blocks))
+            worked(len(blocks))
             return found
 
         found = mapped(choices_of, starts, threads)
@@ -146,7 +138,7 @@ def _codes(
         size, rows = run
         blocks, candidates = texture.normalised(rows), modes[rows].astype(np.int64)
         found[rows] = _best_codes(blocks, candidates, size, texture.axes, tables, decoder, config)
-        worked(CODES_WORK * len(rows))
+        worked(len(rows))
 
     mapped(write, runs, threads)
     return found

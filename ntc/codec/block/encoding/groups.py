@@ -14,18 +14,7 @@ from ntc.codec.block.encoding.encoder import encode_texture, texture_choices
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful, loses_much
-from ntc.codec.block.encoding.rate import (
-    CHOICES_WORK,
-    CODES_WORK,
-    MEASURE_WORK,
-    SAMPLING_WORK,
-    TYPICAL_KINDS,
-    block_count,
-    fitting_work,
-    judging_work,
-    redone_work,
-    sharing_work,
-)
+from ntc.codec.block.encoding.rate import block_count
 from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
@@ -63,15 +52,10 @@ def fitted_group(
 ) -> FittedGroup:
     """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled. `worked`
     is told the share of the work that was done since; `threads` change nothing. `kept` gets the textures in blocks."""
-    members, ships = grouping.members(group), grouping.name == UNIVERSAL
-    sizes = [textures[index].size for index in members]
-    whole = fitting_work(sizes, config, ships)
+    members = grouping.members(group)
     samples = sample_textures([textures[index] for index in members], config, seed, threads=threads, kept=kept)
-    sampling, sharing = SAMPLING_WORK * block_count(sizes, config) / whole, sharing_work(sizes, config) / whole
-    worked(sampling)
-    decoder = _decoder(samples, grouping, config, seed, lambda share: worked((1.0 - sampling - sharing) * share))
+    decoder = _decoder(samples, grouping, config, seed, worked)
     curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
-    worked(sharing)
     return FittedGroup(group, members, decoder, tuple(curves))
 
 
@@ -126,26 +110,6 @@ def encoding_record(seed: int) -> dict[str, Any]:
     }
 
 
-class Redone:
-    """Work of encoding a texture again with fewer mips per code."""
-
-    def __init__(self, planned: float = 0.0, expect: Callable[[float], None] = lambda _: None) -> None:
-        """`planned`: the work that is planned for it already. `expect` is told of more work, or of less."""
-        self.left, self.expect = planned, expect
-
-    def plan(self, work: float) -> None:
-        """Set the work, once it is known."""
-        if work != self.left:
-            self.expect(work - self.left)
-        self.left = work
-
-    def take(self, work: float) -> float:
-        """Return how much of `work` counts as work that was done. The last bit of what is left is taken at the end."""
-        taken = min(work, self.left)
-        self.left -= taken
-        return taken
-
-
 def encode_member(
     source: SourceTexture,
     words: float,
@@ -155,43 +119,33 @@ def encode_member(
     threads: int = 1,
     prepared: PreparedTexture | None = None,
     has_own_codes: bool = True,
-    redone: Redone | None = None,
+    expect: Callable[[float], None] = lambda _: None,
 ) -> BlockTexture:
-    """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the work
-    that was done since it was called last, in blocks. `threads` work on it and change no byte.
+    """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the
+    blocks that a pass was over since it was called last. `threads` work on it and change no byte.
 
     Where `has_own_codes`, a texture whose derived mips are below mip 0 has fewer mips per code, in as many bytes, if that is better.
-    `redone` counts that work.
+    `expect` is told how much more work that is.
     """
-    redone = redone or Redone()
     decoder, group = fitted.decoder, fitted.group
     prepared = prepared or prepare_texture(source, config)
-    choices = texture_choices(prepared, decoder, config, worked, threads, expect=redone.expect)
+    choices = texture_choices(prepared, decoder, config, worked, threads)
     found = encode_texture(source, decoder, config, words, group, worked, threads, prepared, choices=choices)
     measured = _measured(found, source, fitted, config, threads)
     code_mips = None
     if has_own_codes and is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
         quality = MipQuality.of(found, prepared, decoder, config)
         code_mips = quality.fewer_mips(config)
-    redone.plan(0.0 if code_mips is None else redone_work(source.size, config))
-    worked(MEASURE_WORK * block_count([source.size], config))
+    worked(block_count([source.size], config))
     if code_mips is None:
         return measured
 
     again = prepare_texture(source, config, code_mips)
-    blocks = len(again.texels)
-    # What is not told, such as preparing, is spread over the rest.
-    told = judging_work(blocks) + (TYPICAL_KINDS * CHOICES_WORK + CODES_WORK) * blocks
-    spread = redone.left / told
-
-    def worked_again(work: float) -> None:
-        worked(redone.take(spread * work))
-
     # Blocks of mip 0 come first, and suit the same modes as long as mip 1 is derived from them.
     same = choices.of_first(texture_levels(found, config)[0].cells) if again.axes.has_derived else None
-    chosen = texture_choices(again, decoder, config, worked_again, threads, same)
-    other = encode_texture(source, decoder, config, words, group, worked_again, threads, again, code_mips, chosen)
-    worked(redone.take(redone.left))
+    expect(2 * len(again.texels) - (len(same.errors) if same is not None else 0))
+    chosen = texture_choices(again, decoder, config, worked, threads, same)
+    other = encode_texture(source, decoder, config, words, group, worked, threads, again, code_mips, chosen)
     if not MipQuality.of(other, again, decoder, config).is_better(quality):
         return measured
     other = _measured(other, source, fitted, config, threads)

@@ -1,7 +1,6 @@
 """The settings of codec `block` that come to a target: bits a texel, a size, or a quality. Needs no torch."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -11,9 +10,8 @@ from ntc.codec.block.config import (
     LARGEST_SET_WORDS,
     LARGEST_WORDS,
     BlockConfig,
-    BlockOptions,
 )
-from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS, reduction
+from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS
 from ntc.codec.block.storage import DIRECTORY_RUN
 from ntc.codec.block.trellis import LARGEST_DEPTH
 from ntc.codec.block.universal import BANDS, FINE_BLOCKS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
@@ -72,130 +70,30 @@ def block_count(sizes: Sizes, config: BlockConfig) -> int:
     return sum(latent_cell_count(*size, config) for size in sizes)
 
 
-# `python -m lab.benchmarks.encoding_work` measures the parts of encodings and fits these constants to them, but for those of gains,
-# of corrections, of previews and of threads.
-FIT_WORK, SAMPLING_WORK = 1.15, 0.12
-"""Time to fit tables to a sampled block, and to make a block ready for sampling, as multiples of the time to encode one."""
-EDGE_BLOCKS = 156
-"""Sampled blocks, per channel and per CHANNEL_COEFFICIENTS coefficients, that take as much time as edge parts, whose time does not
-depend on the number of blocks."""
-GAINS_WORK = 0.05
-"""Time to fit the gains of tables that ship to a sampled block, likewise."""
-TYPICAL_KINDS = 2
-"""Kinds of edge parts, modes without them counted as one, among which modes of a texture are chosen where that is not known yet."""
-CHOICES_WORK, CODES_WORK, MEASURE_WORK = 0.17, 0.32, 0.34
-"""Shares of the time to encode a block: choices for each of TYPICAL_KINDS, codes, and the measure of the quality."""
 JUDGED_BLOCKS = 1024
-"""Most blocks of a texture by which kinds of edge parts are judged, and by which words are shared out."""
-JUDGING_WORK, SHARING_WORK = 1.15, 0.8
-"""Time for each of these blocks to judge kinds, and to share words out, as multiples of the time to encode a block."""
-REDONE_WORK = 1.15
-"""Time to encode a texture again with fewer mips per code, as a multiple of the time to encode its blocks once."""
-REDONE_SHARE, DOUBTFUL_SHARE = 0.15, 0.66
-"""Share of all textures that are encoded so, and of those whose tables and averages let one expect it."""
-CORRECTIONS_WORK = 1.2
-"""Time to encode textures again until they have a quality, as a multiple of the time to encode them once."""
+"""Most blocks of a texture by which kinds of edge parts are judged."""
+TEXTURE_PASSES = 3.0
+"""Passes over the blocks of a texture: choices, codes, and the measure of the quality."""
 PREVIEW_TIMES = 48
 """Texels of a group, as a multiple of those of its preview, from which on it has one."""
-CHANNEL_COEFFICIENTS = 26.0
-"""Coefficients that take as much time as a channel."""
-THREAD_GAIN = 0.5
-"""What each thread besides the first adds to the speed of encoding, on two cores that no other program uses: 0.65 where each encodes a
-texture, 0.36 where they share one."""
 FEW_TEXTURES = 8
 """Up to so many textures are encoded one after the other, each by all threads."""
 
 
-def channel_work(config: BlockConfig) -> float:
-    """Time to encode a block, as a multiple of that of a channel."""
-    return config.output_channels + config.coefficients / CHANNEL_COEFFICIENTS
-
-
-def edge_blocks(config: BlockConfig) -> float:
-    """Sampled blocks that take as much time as the edge parts of a group."""
-    return EDGE_BLOCKS * channel_work(config)
-
-
-def fitting_work(sizes: Sizes, config: BlockConfig, ships: bool) -> float:
-    """Time to fit a group of textures of these sizes, in units of the time to encode a block. `ships`: gains alone are fitted."""
-    blocks = block_count(sizes, config)
-    fitting = (GAINS_WORK if ships else FIT_WORK) * (edge_blocks(config) + min(SAMPLED_BLOCKS, blocks))
-    return fitting + SAMPLING_WORK * blocks + sharing_work(sizes, config)
-
-
-def sharing_work(sizes: Sizes, config: BlockConfig) -> float:
-    """Time to share words out among textures of these sizes, in units of the time to encode a block."""
-    return SHARING_WORK * sum(min(JUDGED_BLOCKS, block_count([size], config)) for size in sizes)
-
-
-def judging_work(blocks: float) -> float:
-    """Time to find the kinds of edge parts of a texture of so many blocks, in units of the time to encode a block."""
-    return JUDGING_WORK * min(JUDGED_BLOCKS, blocks)
-
-
-def redone_work(size: tuple[int, int], config: BlockConfig) -> float:
-    """Time to encode a texture of `size` again with fewer mips per code, in units of the time to encode a block."""
-    return REDONE_WORK * block_count([size], config)
-
-
 def texture_work(size: tuple[int, int], config: BlockConfig) -> float:
-    """Time to encode a texture of `size`, in units of the time to encode a block."""
-    blocks = block_count([size], config)
-    return blocks + judging_work(blocks)
+    """Work of encoding a texture of `size`: its blocks, counted once for each pass."""
+    return TEXTURE_PASSES * block_count([size], config)
 
 
-def thread_speed(threads: int) -> float:
-    """Speed of so many threads, as a multiple of that of one."""
-    return 1.0 + THREAD_GAIN * (threads - 1)
-
-
-def encoding_speed(threads: int, of: int, textures: int) -> float:
-    """Speed of so many threads at `of` textures that are encoded at once, as a multiple of that of one thread. `textures`: all that
-    are to be encoded; where they are many, each takes a thread."""
-    return thread_speed(threads if textures <= FEW_TEXTURES else min(threads, of))
-
-
-def _previews(groups: Sequence[Sizes], side: int) -> list[Sizes]:
-    """Sizes of the reduced textures of the groups that have a preview."""
-    found: list[Sizes] = []
-    for sizes in groups:
-        factors = [reduction(size, side) for size in sizes]
-        small = [(width // each, height // each) for (width, height), each in zip(sizes, factors, strict=True)]
-        if has_preview(sizes, small):
-            found.append(small)
-    return found
+def fitting_work(sizes: Sizes, config: BlockConfig) -> float:
+    """Work of fitting tables to textures of these sizes: sampled blocks count as those of a texture that is encoded."""
+    return TEXTURE_PASSES * min(SAMPLED_BLOCKS, block_count(sizes, config))
 
 
 def has_preview(sizes: Sizes, small: Sizes) -> bool:
     """Return whether a group of textures of these sizes is shown first as textures of `small` sizes."""
     texels, few = (sum(width * height for width, height in each) for each in (sizes, small))
     return texels >= PREVIEW_TIMES * few
-
-
-def encoding_work(
-    groups: Sequence[Sizes], config: BlockConfig, options: BlockOptions, ships: bool, threads: int
-) -> float:
-    """Time to encode groups of textures of these sizes by so many threads, in units of the time in which one thread encodes a block,
-    per channel and per CHANNEL_COEFFICIENTS coefficients.
-
-    Where a quality is asked for, tables are fitted twice, and some textures are encoded again. `ships`: no tables are fitted.
-    """
-    to_quality = options.quality_db is not None
-    runs = [groups]
-    if options.preview_side is not None and not to_quality:
-        runs.append(_previews(groups, options.preview_side))
-    work = 0.0
-    for each in runs:
-        at_once = 1 if options.groups_apart and not to_quality else min(threads, len(each))
-        fits = sum(fitting_work(sizes, config, ships) for sizes in each)
-        work += (2.0 if to_quality else 1.0) * fits / thread_speed(at_once)
-        count = sum(map(len, each))
-        for sizes in each:
-            textures = sum(texture_work(size, config) for size in sizes)
-            redone = REDONE_SHARE * sum(redone_work(size, config) for size in sizes)
-            again = CORRECTIONS_WORK * textures if to_quality else redone
-            work += (textures + again) / encoding_speed(threads, count if to_quality else len(sizes), count)
-    return channel_work(config) * work
 
 
 def words_of_bits(bits: float, size: tuple[int, int], config: BlockConfig) -> float:

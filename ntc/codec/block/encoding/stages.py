@@ -3,7 +3,7 @@
 Where a quality is asked for, textures are corrected until they have it.
 """
 
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, cast
@@ -14,31 +14,17 @@ from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.blocks import PreparedTexture, reduced
 from ntc.codec.block.encoding.groups import (
     FittedGroup,
-    Redone,
     encode_member,
     encoding_record,
     fitted_group,
     shared_words,
 )
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
-from ntc.codec.block.encoding.own_codes import is_doubtful
 from ntc.codec.block.encoding.progress import WorkCount
-from ntc.codec.block.encoding.rate import (
-    CORRECTIONS_WORK,
-    DOUBTFUL_SHARE,
-    FEW_TEXTURES,
-    REDONE_SHARE,
-    encoding_speed,
-    fitting_work,
-    has_preview,
-    redone_work,
-    texture_work,
-    thread_speed,
-)
+from ntc.codec.block.encoding.rate import FEW_TEXTURES, fitting_work, has_preview, texture_work
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
-from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
 from ntc.codec.model import Decoder, EncodedTexture
 from ntc.codec.quality import measured_texture, mse_of_psnr
@@ -46,8 +32,6 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads, mapped, most_threads
 
-FORECAST_DB = 3.0
-"""dB of PSNR that textures may have above what their rate curves promise."""
 MOST_KEPT = 1 << 28
 """Values of all textures of a task up to which they stay in blocks from when tables are fitted until they are encoded."""
 HIGHEST_PSNR_DB = 120.0
@@ -67,13 +51,9 @@ class BlockEncoder(Encoder):
         self._found: dict[int, BlockTexture] = {}
         self._work, self._step, self._steps = "", 0, 0
         self._count = WorkCount()
-        """In units of the time in which one thread encodes a block."""
+        """In blocks, each counted once for each pass over it."""
         self._threads_each = 1
         """Threads that encode one texture."""
-        self._textures = 0
-        """Textures that are to be encoded."""
-        self._redone: dict[int, float] = {}
-        """Work of textures that will probably be encoded again."""
         self._kept: dict[SourceTexture, PreparedTexture] = {}
         """Textures in blocks that wait to be encoded."""
         self._ended: set[int] = set()
@@ -89,10 +69,7 @@ class BlockEncoder(Encoder):
             yield from self._correct(self._options.quality_db)
             return
         members = [index for group in self._task.groups for index in self._task.grouping.members(group)]
-        self._textures = len(members)
-        for group in self._task.groups:
-            self._count.expect(self._textures_work(self._task.grouping.members(group)))
-            self._expect_redone(self._task.grouping.members(group))
+        self._count.expect(self._textures_work(members))
         if self._given is None:
             self._count.expect(sum(map(self._fitting_work, self._task.groups)))
         if self._options.preview_side is not None:
@@ -103,7 +80,6 @@ class BlockEncoder(Encoder):
                 self._work, self._step, self._steps = "encoding texture", len(self._found), len(members)
                 encode = partial(self._encoded, fitted)
                 parts = list(zip(fitted.members, words, strict=True))
-                self._expect_doubtful(fitted, words)
                 sizes = self._pixels(fitted.members)
                 for index, found in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
                     yield self._done(index, found)
@@ -117,7 +93,6 @@ class BlockEncoder(Encoder):
         """Encode the textures of `words` anew, with so many words a block, under the decoders that the task starts from."""
         assert self._task.start is not None
         start = block_parts(self._task.start)
-        self._textures = 1
         self._count.expect(self._textures_work(tuple(words)))
         self._threads_for(1)
         self._work, self._steps = "encoding texture", len(words)
@@ -209,64 +184,31 @@ class BlockEncoder(Encoder):
     def _encoded(self, fitted: FittedGroup, part: tuple[int, float]) -> BlockTexture:
         index, words = part
         source = self._task.textures[index]
-        prepared, speed = self._kept.pop(source, None), self._speed(len(fitted.members))
         return encode_member(
             source,
             words,
             fitted,
             self._config,
-            self._worked_at(speed),
+            self._worked,
             self._threads_each,
-            prepared,
-            has_own_codes=self._options.own_codes,
-            redone=Redone(self._redone.pop(index, 0.0), lambda work: self._count.expect(work / speed)),
+            self._kept.pop(source, None),
+            self._options.own_codes,
+            self._count.expect,
         )
 
-    def _worked_at(self, speed: float) -> Callable[[float], None]:
-        """Return `_worked` for work that is done at so many times the speed of one thread."""
-        return lambda work: self._worked(work / speed)
-
     def _worked(self, work: float) -> None:
-        """In the thread of a texture. Appending to a list is atomic."""
+        """In the thread of a texture."""
         self._count.add(work)
         self._task.interruption()
 
-    def _speed(self, at_once: int) -> float:
-        """Speed at which so many textures are encoded, as a multiple of that of one thread."""
-        return encoding_speed(self._most_threads, at_once, self._textures)
-
     def _textures_work(self, members: Sequence[int]) -> float:
-        """Work of encoding textures once, at once."""
-        work = sum(texture_work(self._task.textures[index].size, self._config) for index in members)
-        return work / self._speed(len(members))
+        """Work of encoding textures once."""
+        return sum(texture_work(self._task.textures[index].size, self._config) for index in members)
 
     def _fitting_work(self, group: int) -> float:
         """Work of fitting a group once."""
-        task, most = self._task, self._most_threads
-        one_by_one = self._options.groups_apart and self._options.quality_db is None
-        at_once = 1 if one_by_one else min(most, len(task.groups))
-        sizes = [task.textures[index].size for index in task.grouping.members(group)]
-        return fitting_work(sizes, self._config, task.grouping.name == UNIVERSAL) / thread_speed(at_once)
-
-    def _expect_redone(self, members: Sequence[int]) -> None:
-        """Expect, before tables are known, that some of a group's `members` are encoded again with fewer mips per code."""
-        if not self._options.own_codes:
-            return
-        for index in members:
-            self._redone[index] = REDONE_SHARE * redone_work(self._task.textures[index].size, self._config)
-            self._count.expect(self._redone[index] / self._speed(len(members)))
-
-    def _expect_doubtful(self, fitted: FittedGroup, words: Sequence[float]) -> None:
-        """Expect that of those members for which it seems to pay."""
-        for index, curve, own in zip(fitted.members, fitted.curves, words, strict=True):
-            source = self._task.textures[index]
-            prepared = self._kept.get(source)
-            if index not in self._redone or prepared is None:
-                continue
-            doubtful = is_doubtful(curve.psnr_at(own) + FORECAST_DB, prepared.derived_errors)
-            work = DOUBTFUL_SHARE * redone_work(source.size, self._config) if doubtful else 0.0
-            self._count.expect((work - self._redone[index]) / self._speed(len(fitted.members)))
-            self._redone[index] = work
+        task = self._task
+        return fitting_work([task.textures[index].size for index in task.grouping.members(group)], self._config)
 
     def _done(self, index: int, found: BlockTexture) -> Piece:
         """The piece of a texture that is finished."""
@@ -285,8 +227,8 @@ class BlockEncoder(Encoder):
         task = self._task
         fitting = sum(map(self._fitting_work, task.groups))
         every = range(len(task.textures))
-        self._textures = len(every)
-        to_correct = CORRECTIONS_WORK * self._textures_work(every)
+        # Tables are fitted twice, and each texture may be corrected.
+        to_correct = self._textures_work(every)
         self._count.expect(2.0 * fitting + self._textures_work(every) + to_correct)
         self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
         self._config = self.settings = config_for_quality(task, target_db, self._options.seed)
@@ -294,9 +236,9 @@ class BlockEncoder(Encoder):
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         paced_threads = self._threads_for(len(task.textures))
-        worked = self._worked_at(self._speed(len(every)))
+        threads, reports = self._threads_each, (self._worked, self._count.expect)
         members = {
-            index: Member(task.textures[index], each, curve, self._config, target_db, worked, self._threads_each)
+            index: Member(task.textures[index], each, curve, self._config, target_db, *reports, threads)
             for each in fitted
             for index, curve in zip(each.members, each.curves, strict=True)
         }
@@ -309,7 +251,7 @@ class BlockEncoder(Encoder):
             for work in ("encoding texture", "correcting texture"):
                 due = [index for index in members if index not in tries or not members[index].suits(tries[index])]
                 if tries:
-                    self._count.expect(CORRECTIONS_WORK * self._textures_work(due) - to_correct)
+                    self._count.expect(self._textures_work(due) - to_correct)
                 self._work, self._step, self._steps = work, 0, len(due)
                 try:
                     for index, found in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):
@@ -334,9 +276,8 @@ class BlockEncoder(Encoder):
         sizes = [self._task.textures[index].size for index in found]
         return Figures(
             share=self._count.share,
-            work_done=self._count.done,
-            work_planned=self._count.planned,
-            step=self._step,
+            passes=self._count.planned * self._config.block_side**2,
+            step=min(self._step + 1, self._steps),
             steps=self._steps,
             texels=sum(width * height for width, height in sizes),
             losses={group: float(np.mean(values)) for group, values in sorted(by_group.items())},

@@ -15,7 +15,6 @@ from ntc.codec.block.encoding.edge_modes import with_edge_modes
 from ntc.codec.block.encoding.edges import fitted_edges
 from ntc.codec.block.encoding.masks import mixed_blocks
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
-from ntc.codec.block.encoding.rate import edge_blocks
 from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
 from ntc.codec.block.model import BlockDecoder, stored_scales
@@ -23,10 +22,6 @@ from ntc.codec.block.trellis import scale_values
 
 MODE_ROUNDS = 6
 """Alternations between choosing a mode for each block and fitting the modes to their blocks."""
-BASIS_WORK = 0.16
-"""Share of the time to fit tables, edge parts not counted: basis and coefficients. Modes take the rest."""
-CLASSES_WORK = 0.2
-"""Share of the time to fit modes: first classes. MODE_ROUNDS take the rest."""
 CLASS_ROUNDS = 12
 """Rounds of the clustering that the first modes come from."""
 MODE_FEATURES = 64
@@ -77,7 +72,7 @@ def _modes(
     leading = torch.argsort(squares.mean(0), descending=True, stable=True)[:MODE_FEATURES]
     energies = torch.log(squares[:, leading] + 1e-4).numpy()
     scales = _fitted_scales(squares, first_classes(energies, modes, random), modes)
-    worked(CLASSES_WORK)
+    worked(1.0 / (MODE_ROUNDS + 1))
     middle = len(config.block_words) // 2
     for _ in range(MODE_ROUNDS):
         depths = torch.from_numpy(replace(decoder, scales=scales).depths(config)[middle].astype(np.int64))
@@ -85,7 +80,7 @@ def _modes(
         expected = expected_errors(coefficients, depths[None], values)[:, 0]
         chosen = best_modes(coefficients, expected, depths, values).numpy()
         scales = _fitted_scales(squares, chosen, modes)
-        worked((1.0 - CLASSES_WORK) / MODE_ROUNDS)
+        worked(1.0 / (MODE_ROUNDS + 1))
     return scales
 
 
@@ -100,8 +95,8 @@ def fit_decoder(
         basis = fitted_basis(rests, config)
         blocks = np.concatenate([sample.blocks for sample in rests])
         coefficients = projected(torch.from_numpy(blocks), basis.projections(config))
-        bare = len(blocks) / (len(blocks) + edge_blocks(config))
-        worked(BASIS_WORK * bare)
+        # Basis, modes and edge parts count alike.
+        worked(1.0 / 3.0)
         share = float(mixed.mean())
         with_parts = round(config.modes * min(max(share, LEAST_MASK_SHARE), LARGEST_MASK_SHARE)) if mixed.any() else 0
         scales = np.zeros((config.modes, config.coefficients), np.uint8)
@@ -115,10 +110,10 @@ def fit_decoder(
             if own.any():
                 part = replace(decoder, scales=scales[modes], edges=edges[modes])
                 of_blocks = coefficients if own.all() else coefficients[torch.from_numpy(own)]
-                done = partial(_part_done, worked, (1.0 - BASIS_WORK) * bare * float(own.mean()))
+                done = partial(_part_done, worked, float(own.mean()) / 3.0)
                 scales[modes] = _modes(of_blocks, part, config, random, done)
         decoder = with_edge_modes(decoder, samples, config)
-        worked(1.0 - bare)
+        worked(1.0 / 3.0)
         return decoder
 
 

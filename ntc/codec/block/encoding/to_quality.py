@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.block.config import LARGEST_SET_WORDS, LARGEST_SIZES, LARGEST_WORDS, BlockConfig
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.groups import FittedGroup, encode_member, fitted_groups
-from ntc.codec.block.encoding.rate import FEWEST_COEFFICIENTS, config_for_words, largest_words
+from ntc.codec.block.encoding.rate import FEWEST_COEFFICIENTS, config_for_words, largest_words, texture_work
 from ntc.codec.block.encoding.sharing import ROUNDING_ERROR, RateCurve, best_block_words, price_at_error
 from ntc.codec.block.encoding.tables import coefficient_energies, rate_curve
 from ntc.codec.block.model import BlockTexture
@@ -64,7 +64,8 @@ class Member:
     config: BlockConfig
     target_db: float
     worked: Callable[[float], None]
-    """As `encode_member` takes it."""
+    expect: Callable[[float], None]
+    """As `encode_member` takes them."""
     threads: int = 1
 
     def encode(self, asked_db: float) -> Try:
@@ -79,9 +80,12 @@ class Member:
     def correct(self, first: Try) -> Try:
         """The encoding of the fewest words that is at least as good as asked for; where there is none, the best."""
         tries, best = [first], first
-        for _ in range(CORRECTIONS):
+        for number in range(CORRECTIONS):
             if self.suits(tries[-1]):
                 break
+            if number:
+                # One correction was planned.
+                self.expect(texture_work(self.source.size, self.config))
             found = self.encode(_next_asked(tries, self.target_db + 0.5 * TOLERANCE_DB))
             if len(found.texture.words) == len(tries[-1].texture.words):
                 # Codes have no size between, or none beyond.

@@ -97,6 +97,8 @@ STEPS_BEFORE_SNAPSHOT = 50
 """After so many steps a batch looks like something, however little time has passed."""
 LEAST_STEPS = 10
 """Before so many steps it does not, however long they take."""
+PASSES_OF_TRAINING = 3.0
+"""Passes over a sampled texel: forwards, backwards, and the update of latents."""
 RATE_OF_RETRAINING = 0.5
 """Factor of all rates when a training continues from a pack: full rates first undo much of what it holds."""
 
@@ -148,11 +150,11 @@ class GridEncoder(Encoder):
         """The batch that trains."""
         self._report: StepReport | None = None
         self._texels = 0
-        self._began = self._last_plan = task.seconds()
+        self._last_plan = task.seconds()
 
     def pieces(self) -> Generator[Piece]:
         """Raises TrainingFailedError when numbers overflow again and again."""
-        self._began = self._last_plan = self._task.seconds()
+        self._last_plan = self._task.seconds()
         for number, batch in enumerate(self._batches):
             self._number = number
             stepper = RollbackStepper(batch, self._rates[number], self._dropped[number])
@@ -194,18 +196,15 @@ class GridEncoder(Encoder):
                 if math.isfinite(loss):
                     by_group.setdefault(self._task.grouping.groups[index], []).append(loss)
                     by_texture[index] = -10.0 * math.log10(max(loss, 1e-12))
-        left = None
-        if isinstance(self._task.budget, TimeBudget):
-            left = max(0.0, self._task.budget.seconds - (self._task.seconds() - self._began))
         return Figures(
             share=done / max(1, steps),
+            passes=0.0 if self._report is None else PASSES_OF_TRAINING * steps * self._report.texels,
             step=done,
             steps=steps,
             texels=self._texels,
             losses={group: float(np.mean(values)) for group, values in sorted(by_group.items())},
             psnr_db=by_texture,
             freezing_scale=1.0 if self._report is None else self._report.freezing,
-            seconds_left=left,
         )
 
     def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:

@@ -264,10 +264,16 @@ def test_progress_ends_with_the_last_step(per_group: int | None) -> None:
         textures, own_decoders(2), SMALL, replace(SHORT, texels_per_group=per_group), progress=reports.append
     )
     assert reports[-1].step == reports[-1].steps == pack.training["steps"] == 12 * (1 if per_group is None else 2)
-    assert reports[-1].seconds_left == 0.0
-    assert [report.step for report in reports] == sorted(report.step for report in reports)
+    trained = [report.step for report in reports if report.work == "training step"]
+    assert trained == sorted(trained)
+    measured = [(report.step, report.steps) for report in reports if report.work == "measuring texture"]
+    shares = [report.share for report in reports]
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    assert all(report.share < 1.0 for report in reports[:-1]), "not before the last texture is measured"
+    assert set(measured) <= {(1, 2), (2, 2)}
     for report in reports:
-        values = (report.mean_psnr_db, report.ktexels_per_second, report.seconds_left or 0.0, *report.losses.values())
+        values = (report.mean_psnr_db, report.ktexels_per_second, *report.losses.values())
         assert np.isfinite(values).all()
         assert report.freezing_scale == 1.0
 

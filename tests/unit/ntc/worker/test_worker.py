@@ -87,7 +87,7 @@ def test_from_nothing_it_gives_what_training_gives_bit_by_bit(
 
     last = [report for report in reports if isinstance(report, TrainingProgress)][-1]
     steps = 120 if case.from_nothing is FROM_NOTHING else len(TEXTURES)
-    assert (last.step, last.steps, last.seconds_left) == (steps, steps, 0.0)
+    assert (last.step, last.steps, last.share) == (steps, steps, 1.0)
     assert set(last.losses) == {0, 1}
     assert set(last.psnr_db) == {0, 1, 2, 3}
     assert all(math.isfinite(value) for value in (*last.losses.values(), *last.psnr_db.values()))

@@ -64,7 +64,7 @@ def test_sarif_names_rule_level_and_reason() -> None:
 
 def curve_of(*points: tuple[float, Mapping[MapName, float]]) -> RateCurve:
     """A curve of these bits and qualities in dB by map."""
-    return RateCurve(tuple(RatePoint(bits, min(by_map.values()), 1e-6, by_map) for bits, by_map in points), 1 << 10)
+    return RateCurve(tuple(RatePoint(bits, min(by_map.values()), by_map) for bits, by_map in points), 1 << 10)
 
 
 def test_the_page_escapes_names_and_tells_the_bits_that_mend() -> None:

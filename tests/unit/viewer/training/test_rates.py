@@ -1,6 +1,5 @@
 """Targets as they are typed, curves of quality by bits, and forecasts of encodings."""
 
-import json
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -8,16 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.config import GroupingName
-from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, StepBudget, Target, texture_set
-from ntc.codec.registry import codec_named
+from ntc.codec.encoding import (
+    BitsTarget,
+    QualityTarget,
+    SizeTarget,
+    StepBudget,
+    Target,
+    TimeBudget,
+    texture_set,
+)
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from tests.end_to_end.conftest import two_squares
-from viewer.locations import builtin_scene_path
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.scene.source_textures import MapChoice, source_textures
 from viewer.training.rates import Forecast, PointJob, RateCurve, RatePoint, Rates, chosen_textures, part_of, rate_point
 from viewer.training.settings import TrainingSettings, parse_target, target_text, with_setting
 
@@ -76,16 +79,15 @@ def test_a_part_has_tiles_of_the_whole_texture() -> None:
     assert part_of(_noise(64), 128, 64).size == (64, 64)
 
 
-def test_more_bits_give_more_quality_and_the_work_is_timed() -> None:
+def test_more_bits_give_more_quality() -> None:
     texture = _noise(64)
     whole = texture_set([texture], 1)
     few, many = (rate_point(PointJob(texture, whole, bits)) for bits in (4.0, 8.0))
     assert few.psnr_db < many.psnr_db
     assert few.by_map == {"base": few.psnr_db}
-    assert few.seconds_per_work > 0.0
 
 
-CURVE = RateCurve(tuple(RatePoint(bits, db, 1e-6, {}) for bits, db in ((2.0, 34.0), (4.0, 38.0), (8.0, 44.0))), 1 << 20)
+CURVE = RateCurve(tuple(RatePoint(bits, db, {}) for bits, db in ((2.0, 34.0), (4.0, 38.0), (8.0, 44.0))), 1 << 20)
 
 
 def test_a_curve_answers_both_ways() -> None:
@@ -98,71 +100,47 @@ def test_a_curve_answers_both_ways() -> None:
     assert CURVE.megabytes(8.0) == pytest.approx((1 << 20) / 1e6)
 
 
-def test_a_forecast_says_what_a_target_gives(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NTC_VIEWER_DATA_DIR", str(tmp_path))
-    rates, settings = Rates(), TrainingSettings()
+def test_a_forecast_says_what_a_target_gives(scene: Scene) -> None:
+    rates, settings = Rates(), TrainingSettings(target=BitsTarget(4.0))
     rates.enter(scene)
+    rates._curves[0, "all"] = CURVE
+    rates._ended.add((0, "all"))
     first = rates.forecast(settings, scene)
     assert first is not None
-    assert (first.maps, first.psnr_db, first.seconds) == (2, None, None)
-    rates._curves[0, "all"] = CURVE
-    rates.pace.note_part("block", 1e-5)
-    at_bits = rates.forecast(replace(settings, target=BitsTarget(4.0)), scene)
+    assert (first.maps, first.psnr_db, first.time) == (2, None, "seconds"), "not before all curves are measured"
+    rates._ended.add((1, "all"))
+    rates.version += 1
+    at_bits = rates.forecast(settings, scene)
     at_quality = rates.forecast(replace(settings, target=QualityTarget(38.0)), scene)
     assert at_bits is not None
     assert at_quality is not None
     assert at_bits.psnr_db == pytest.approx(38.0)
     assert at_quality.bits == pytest.approx(4.0)
     assert at_quality.megabytes == pytest.approx(at_bits.megabytes)
-    assert at_bits.seconds is not None
-    assert 0.0 < at_bits.seconds < (at_quality.seconds or 0.0)
-    # Another window of this machine knows the speed.
-    assert json.loads((tmp_path / "pace.json").read_text()) == {"block": {"part": 1e-5, "run": None, "correction": 1.0}}
-    again = Rates().forecast(replace(settings, target=BitsTarget(4.0)), scene)
-    assert again is not None
-    assert again.seconds == at_bits.seconds
 
 
-@pytest.mark.parametrize("strategy", ["single", "baseline", "universal"])
-@pytest.mark.parametrize("maps", ["base", "all"])
-def test_an_encoding_takes_the_work_that_was_forecast(
-    strategy: GroupingName, maps: MapChoice, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scene = load_scene(builtin_scene_path())
-    # The last texture alone has an emissive map, before the occlusion that the others have.
-    few = (*scene.textures[:2], scene.textures[-1])
-    scene = replace(scene, textures=few)
-    settings, rates = TrainingSettings(strategy=strategy, maps=maps), Rates()
-    monkeypatch.setattr(rates.pace, "seconds_per_work", lambda _codec: 1.0)
-    forecast = rates.forecast(settings, scene)
-    sources = source_textures(scene, None, maps)
-    count = len(few) if strategy == "baseline" else 1
-    codec, ships = codec_named("block"), strategy == "universal"
-    config = codec.settings_for(texture_set(sources, 0 if ships else count), settings.choices)
-    groups = [[source.size for source in sources[first::count]] for first in range(count)]
-    assert forecast is not None
-    assert forecast.seconds == pytest.approx(
-        codec.encoding_work(groups, config, codec.live_options_for(settings.choices), ships)
-    )
+def test_the_time_of_an_encoding_is_told_as_seconds_or_minutes(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
+    def time_of(settings: TrainingSettings) -> str:
+        found = Rates().forecast(settings, scene)
+        assert found is not None
+        return found.time
 
-
-def test_no_time_is_forecast_for_a_target_out_of_reach(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    rates = Rates()
-    monkeypatch.setattr(rates.pace, "seconds_per_work", lambda _codec: 1.0)
-    forecast = rates.forecast(TrainingSettings(target=BitsTarget(900.0)), scene)
-    assert forecast is not None
-    assert forecast.seconds is None
+    assert time_of(TrainingSettings()) == "seconds"
+    assert time_of(TrainingSettings(codec="grid", budget=TimeBudget(30.0))) == "seconds"
+    assert time_of(TrainingSettings(codec="grid", budget=TimeBudget(60.0))) == "minutes"
+    assert time_of(TrainingSettings(codec="grid", budget=StepBudget(5))) == "minutes"
+    monkeypatch.setattr("viewer.training.rates.TEXELS_OF_MINUTES", 4)
+    assert time_of(TrainingSettings()) == "minutes"
 
 
 def test_the_line_of_a_forecast() -> None:
-    found = Forecast(1, 5, (2048, 2048), True, 2.1, 39.3, 41.7)
-    assert found.line() == "5 maps of 2048x2048 -> about 2.1 MB, about 39 dB, about 42 s on this machine"
-    assert Forecast(9, 23, (512, 512), False).line() == "23 maps of up to 512x512"
+    found = Forecast(1, 5, (2048, 2048), True, "minutes", 2.1, 39.3)
+    assert found.line() == "5 maps of 2048x2048 -> about 2.1 MB, about 39 dB, takes minutes"
+    assert Forecast(9, 23, (512, 512), False, "seconds").line() == "23 maps of up to 512x512 -> takes seconds"
 
 
 @pytest.mark.process
-def test_curves_are_measured_beside_the_frames(scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("NTC_VIEWER_DATA_DIR", str(tmp_path))
+def test_curves_are_measured_beside_the_frames(scene: Scene) -> None:
     rates = Rates()
     rates.want(scene, [0])
     rates.want(scene, [0])
@@ -176,13 +154,6 @@ def test_curves_are_measured_beside_the_frames(scene: Scene, tmp_path: Path, mon
         curve = rates.curve(0)
         assert curve is not None
         assert len(curve.points) > 1
-        assert rates.pace.seconds_per_work(codec_named("block"))
         assert ticks > 20, "ticks do not wait for what is measured"
     finally:
         rates.close()
-
-
-def test_encoding_work_counts_texels_where_a_codec_does_not_say() -> None:
-    grid = codec_named("grid")
-    options = grid.options_for(EncodingChoices())
-    assert grid.encoding_work([[(4, 4)], [(8, 8)]], grid.settings_type(), options, ships=False) == 80 * 3
