@@ -70,7 +70,7 @@ def _settings(budget: str, recipe: RecipeName) -> TrainingSettings:
 def _start(context: Context, job: TrainingJob) -> Effect:
     session = context.session
     name = base_pack_name(session.view, session.packs)
-    context.training.start(job, session.scene, None if name is None else (name, session.packs[name]))
+    context.training.start(job, session.scene, None if name is None else session.packs[name])
     # The panel shows the progress.
     return RaisePanel("Training")
 

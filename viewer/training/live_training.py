@@ -79,8 +79,8 @@ class LiveTraining:
         """Id of the training process, where there is one."""
         return self._worker.process_id
 
-    def start(self, job: TrainingJob, scene: Scene, base: tuple[str, Pack] | None) -> None:
-        """Begin a run; it goes on from the open pack `base` (name, pack), unless the scene is encoded from nothing.
+    def start(self, job: TrainingJob, scene: Scene, base: Pack | None) -> None:
+        """Begin a run; it goes on from the pack `base`, unless the scene is encoded from nothing.
 
         Raises InputError where another run is under way, and where there is no pack to go on from.
         """
@@ -89,8 +89,8 @@ class LiveTraining:
         if base is None and not isinstance(job, EncodeScene):
             raise InputError("training: no pack is open to continue from; encode the scene first (training.encode)")
         self.enter(scene)
-        name, pack = base if base is not None and not isinstance(job, EncodeScene) else (None, None)
-        self.active = ActiveRun(self.log.next_number, job, scene, name, time.monotonic())
+        pack = None if isinstance(job, EncodeScene) else base
+        self.active = ActiveRun(self.log.next_number, job, scene, time.monotonic())
         self.log.chosen = None
         self.curves = self.active.curves
         worker, ahead = self._worker, self._ahead

@@ -208,8 +208,6 @@ class ActiveRun:
     number: int
     job: TrainingJob
     scene: Scene
-    base_name: str | None
-    """Name of the open pack that it goes on from; None for an encoding from nothing."""
     began: float
     """Monotonic seconds."""
     state: State = "preparing"

@@ -327,7 +327,7 @@ def test_a_run_is_a_sequence_of_events(
     events.clear()
     base = training.log[1].pack
     assert base is not None
-    training.start(RetrainGroups(settings, frozenset((1,))), own_scene, ("run 1", base))
+    training.start(RetrainGroups(settings, frozenset((1,))), own_scene, base)
     tick_until(training, own_scene, lambda: training.active is None)
     assert [event.name for event in events if isinstance(event, PackShown)] == ["run 2"]
     packs = [event.pack for event in updates(events)]

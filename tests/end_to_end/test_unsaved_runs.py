@@ -1,0 +1,100 @@
+"""An autosaved run is no pack of its scene: every command takes the pack that the user kept, and none where none was kept."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from ntc.pack.file import read_pack
+from tests.end_to_end.conftest import two_squares
+from viewer import cli
+from viewer.locations import DATA_FOLDER_VARIABLE, unsaved_runs_folder
+from viewer.scene.load import load_scene
+from viewer.training.run_store import UnsavedRuns
+
+
+@pytest.fixture(scope="module")
+def encoded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with scene.glb and its packs `single`, of 6 bits, and `baseline`, of 2 bits, apart from it."""
+    folder = tmp_path_factory.mktemp("encoded")
+    scene = two_squares().write(folder / "scene.glb")
+    for grouping, bits in (("single", "6"), ("baseline", "2")):
+        out = ("--out", str(folder / f"{grouping}.ntc"))
+        assert cli.main(["encode", str(scene), *out, "--grouping", grouping, "--bits", bits]) == 0
+    return folder
+
+
+@pytest.fixture
+def scene(encoded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A scene with an autosaved run in grouping `baseline`, newer than all else."""
+    monkeypatch.setenv(DATA_FOLDER_VARIABLE, str(tmp_path / "data"))
+    monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
+    path = Path(shutil.copy(encoded / "scene.glb", tmp_path / "scene.glb"))
+    unsaved, pack, loaded = UnsavedRuns(unsaved_runs_folder()), read_pack(encoded / "baseline.ntc"), load_scene(path)
+    unsaved.write(unsaved.new_file(loaded, pack), pack)
+    assert len(unsaved.of(loaded)) == 1
+    return path
+
+
+@pytest.fixture
+def kept(scene: Path, encoded: Path) -> Path:
+    """The same scene with a kept pack in grouping `single`."""
+    shutil.copy(encoded / "single.ntc", scene.with_name("scene.single.ntc"))
+    return scene
+
+
+def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert cli.main(list(arguments)) == 2
+    return capsys.readouterr().err
+
+
+def view(scene: Path, expected: str) -> int:
+    out = ("--headless", "--out", str(scene.parent / "pictures"), "--size", "160x120")
+    return cli.main(["view", str(scene), *out, "--exec", f"expect source {expected}"])
+
+
+def test_view_shows_the_kept_pack(kept: Path) -> None:
+    assert view(kept, "single") == 0
+
+
+def test_view_shows_the_reference_where_none_was_kept(scene: Path) -> None:
+    assert view(scene, "reference") == 0
+
+
+def test_render_draws_the_kept_pack(kept: Path, encoded: Path) -> None:
+    pictures = []
+    for name, options in (("beside", ()), ("named", ("--pack", str(encoded / "single.ntc")))):
+        out = kept.parent / name
+        assert cli.main(["render", str(kept), "--out", str(out), "--size", "96x64", *options]) == 0
+        pictures.append((out / "color.png").read_bytes())
+    assert pictures[0] == pictures[1]
+
+
+def test_render_has_no_pack_where_none_was_kept(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out = str(scene.parent / "out")
+    assert "baseline" in refusal(capsys, "render", str(scene), "--out", out, "--grouping", "baseline")
+
+
+def test_check_measures_the_kept_pack(kept: Path, encoded: Path) -> None:
+    report = kept.parent / "report"
+    command = ["check", str(kept), "--size", "96x64", "--views", "1"]
+    assert cli.main([*command, "--out", str(report), "--pack", str(encoded / "single.ntc")]) == 0
+    # The autosaved run is worse.
+    against = ("--against", str(report / "report.json"))
+    assert cli.main([*command, *against, "--pack", str(encoded / "baseline.ntc")]) == 1
+    assert cli.main([*command, *against]) == 0
+
+
+def test_check_has_no_pack_where_none_was_kept(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "has no pack to check" in refusal(capsys, "check", str(scene))
+
+
+def test_export_writes_the_kept_pack(kept: Path) -> None:
+    out = kept.parent / "export" / "scene.gltf"
+    assert cli.main(["export", str(kept), "--out", str(out)]) == 0
+    (pack,) = out.parent.glob("*.ntc")
+    assert read_pack(pack).grouping.name == "single"
+
+
+def test_export_has_no_pack_where_none_was_kept(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert "no pack lies beside it" in refusal(capsys, "export", str(scene), "--out", str(scene.parent / "a.gltf"))
