@@ -161,7 +161,7 @@ def refused() -> Iterable[Run]:
         file.open missing.glb | view.load WORK/bad/wrong.json | camera.turntable 0 | camera.play | camera.bookmark '' | key Q+Q
         file.screenshot-picture shown a.jpg | pixel.keep 4000 4000 | overlay.opacity 3 | compare.divider nan | view.magnify 0.2
         training.retrain 0,99 | training.encode clustered 0 | texture.flat nowhere | errors.highlight texture 999 | size 10x10
-        window.panel Nowhere | view.paste | training.accept | training.show 3 a | camera.go nowhere | compare.flicker -1
+        window.panel Nowhere | view.paste | KEEP | training.show 3 a | camera.go nowhere | compare.flicker -1
     """
     for call in calls.replace("BAD", "WORK/bad").split("\n"):
         if call.strip():

@@ -19,7 +19,8 @@ PATIENCE = (8, 24, 72, 150)
 
 @dataclass(frozen=True)
 class Run:
-    """One call of the program. OUT in an argument becomes the folder of what is kept, WORK that of inputs."""
+    """One call of the program. OUT in an argument becomes the folder of what is kept, WORK that of inputs, KEEP the command that
+    writes a run."""
 
     name: str
     arguments: tuple[str, ...]
@@ -91,6 +92,8 @@ class Program:
             out = scratch / "out"
             out.mkdir()
             words = {"OUT": out, "WORK": self.work, "BUILTIN": self.work / "builtin", "PATIENCE": patience}
+            autosaves = (self.repository / "viewer" / "training" / "run_store.py").exists()
+            words["KEEP"] = "training.keep" if autosaves else "training.accept"
             arguments = [re.sub("|".join(words), lambda word: str(words[word[0]]), text) for text in run.arguments]
             ran = self.start(arguments, scratch)
             text = f"exit status {ran.returncode}\n{ran.stdout}{ran.stderr}".replace(str(out), "OUT")

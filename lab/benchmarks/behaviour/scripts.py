@@ -102,28 +102,28 @@ SCRIPTS: dict[str, tuple[tuple[str, ...], str]] = {
 TRAINING: dict[str, tuple[tuple[str, ...], str]] = {
     "encode": (
         ALONE,
-        """window.panels; training.encode category auto 32 20steps paper; wait seconds PATIENCE; training.accept OUT/encoded.ntc
+        """window.panels; training.encode category auto 32 20steps paper; wait seconds PATIENCE; KEEP OUT/encoded.ntc
         wait seconds 2; snap encoded; kept encoded.ntc; compare.mode b; training.show 1 b; snap shown""",
     ),
     "retrain": (
         SMALL,
         """window.panels; slot.source a category; training.retrain 0 10steps; wait seconds PATIENCE
-        training.accept OUT/retrained.ntc; wait seconds 2; snap retrained; kept retrained.ntc""",
+        KEEP OUT/retrained.ntc; wait seconds 2; snap retrained; kept retrained.ntc""",
     ),
     "anew": (
         ALONE,
-        """window.panels; training.encode category; wait seconds PATIENCE; training.accept OUT/encoded.ntc; wait seconds 2
-        training.anew 0 1.5; wait seconds PATIENCE; training.accept OUT/anew.ntc; wait seconds 2; snap anew; kept anew.ntc""",
+        """window.panels; training.encode category; wait seconds PATIENCE; KEEP OUT/encoded.ntc; wait seconds 2
+        training.anew 0 1.5; wait seconds PATIENCE; KEEP OUT/anew.ntc; wait seconds 2; snap anew; kept anew.ntc""",
     ),
     "move": (
         SMALL,
         """window.panels; slot.source a category; training.move 0 new 10steps paper; wait seconds PATIENCE
-        training.accept OUT/moved.ntc; wait seconds 2; snap moved; kept moved.ntc""",
+        KEEP OUT/moved.ntc; wait seconds 2; snap moved; kept moved.ntc""",
     ),
     "regroup": (
         SMALL,
         """window.panels; slot.source a single; training.regroup clustered 2 10steps; wait seconds PATIENCE; wait seconds 3
-        training.accept OUT/regrouped.ntc; wait seconds 2; snap regrouped; kept regrouped.ntc""",
+        KEEP OUT/regrouped.ntc; wait seconds 2; snap regrouped; kept regrouped.ntc""",
     ),
     "cancel": (
         SMALL,
