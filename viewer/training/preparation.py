@@ -177,7 +177,7 @@ def _grouping_config(settings: TrainingSettings) -> GroupingConfig:
 def _check_clusters(settings: TrainingSettings, textures: tuple[SourceTexture, ...]) -> None:
     if settings.clusters is not None and settings.clusters > len(textures):
         raise InputError(
-            f"k {settings.clusters}: the scene has {counted(len(textures), 'texture')}; choose at most as many groups"
+            f"groups {settings.clusters}: the scene has {counted(len(textures), 'texture')}; choose at most as many groups"
         )
 
 

@@ -22,6 +22,7 @@ from ntc.codec.encoding import (
 from ntc.codec.model import Pack
 from ntc.codec.registry import MODULES, SUMMARIES, chosen_codec, codec_named
 from ntc.errors import InputError
+from viewer.scene.json_text import counted
 from viewer.scene.source_textures import MapChoice
 from viewer.state.setting import Arg, field_args
 
@@ -121,7 +122,7 @@ def read_clusters(text: str) -> int | None:
     if text == AUTO:
         return None
     if not text.isdecimal() or not 1 <= int(text) <= MOST_CLUSTERS:
-        raise InputError(f"k {text!r}: must be a whole number from 1, or {AUTO}")
+        raise InputError(f"groups {text!r}: must be a whole number from 1, or {AUTO}")
     return int(text)
 
 
@@ -277,8 +278,9 @@ class TrainingSettings:
 
     @property
     def grouping_text(self) -> str:
-        """`clustered`, `clustered k=4`."""
-        return self.strategy if self.clusters is None else f"{self.strategy} k={self.clusters}"
+        """`clustered`, `clustered, 4 groups`."""
+        fixed = self.clusters is None or self.strategy in ("baseline", "single", "category")
+        return self.strategy if fixed else f"{self.strategy}, {counted(self.clusters or 0, 'group')}"
 
 
 SETTINGS: Final[Mapping[str, tuple[str, Arg]]] = MappingProxyType(

@@ -92,7 +92,9 @@ class GroupingFields:
     def choose(self, name: str, current: str, plan: TrainingSettings, ui: UiFrame, label: str = "") -> None:
         """Draw the list of a setting's choices, or of the numbers that it offers. `label` names it where `name` does not."""
         arg = SETTINGS[name][1]
-        choices = arg.choices(None) if arg.choices is not None else (FULL, *map(typed, arg.offers))
+        largest = max((max(texture.size) for texture in ui.session.scene.textures), default=0)
+        sizes = (typed(size) for size in arg.offers if size < largest)
+        choices = arg.choices(None) if arg.choices is not None else (FULL, *sizes)
         chosen = _list(label or name, current, tuple(choice for choice in choices if choice != AUTO), arg, ui)
         if chosen != current:
             self.take(plan, ui, name, chosen)
