@@ -51,7 +51,7 @@ class CompilingAhead:
             interruption()
             if self.is_compiling:
                 elapsed = max(time.monotonic() - began, 1e-6)
-                progress(TrainingProgress(0.0, 0, 0, 0, {}, {}, COMPILING, elapsed_seconds=elapsed))
+                progress(TrainingProgress(0.0, 0.0, 0, 0, 0, {}, {}, COMPILING, elapsed_seconds=elapsed))
             self._thread.join(SECONDS_BETWEEN_REPORTS)
 
     def _run(self) -> None:
