@@ -92,6 +92,11 @@ def assets_folder() -> Path:
     return _installed_folder("assets")
 
 
+def three_folder() -> Path:
+    """Folder of the plug-in of three.js."""
+    return _installed_folder("integrations/three")
+
+
 def builtin_scene_path(name: str = BUILTIN_SCENES[0]) -> Path:
     """Path of a built-in scene: the one that is opened when none is named, or another of BUILTIN_SCENES."""
     return assets_folder() / f"{name}.glb"

@@ -2,7 +2,6 @@
 
 import {
     ClampToEdgeWrapping,
-    CompressedTexture,
     LinearFilter,
     LinearMipmapLinearFilter,
     LinearMipmapNearestFilter,
@@ -15,10 +14,14 @@ import {
     RGBAFormat,
     RGBA_BPTC_Format,
     RepeatWrapping,
+    SRGBColorSpace,
     ShaderChunk,
 } from "three";
 
 import { PackFile } from "./pack.js";
+import { MippedTexture, TextureMemory, TextureSet } from "./textures.js";
+
+export { TextureMemory };
 
 const EXTENSION = "NV_texture_swizzle";
 const PACK_TYPE = "image/vnd.ntc-viewer.pack";
@@ -41,48 +44,29 @@ const FILTERS = {
 };
 const WRAPS = { 10497: RepeatWrapping, 33071: ClampToEdgeWrapping, 33648: MirroredRepeatWrapping };
 
-/** A texture whose mips arrive from the coarsest. Clones, as GLTFLoader makes them, get them too. */
-class PackedTexture extends CompressedTexture {
-    /** All textures that show the same mips, this one and its clones. */
-    family = new Set([this]);
-
-    copy(source) {
-        super.copy(source);
-        this.family = source.family.add(this);
-        return this;
-    }
-
-    /** Shows `mips` in front of those that are there. */
-    prepend(mips) {
-        const [{ width, height }] = mips;
-        const all = [...mips, ...this.mipmaps];
-        for (const texture of this.family) {
-            // A texture of another size is another texture on the GPU.
-            texture.dispose();
-            texture.mipmaps = all;
-            texture.image = { width, height };
-            texture.needsUpdate = true;
-        }
-    }
-}
-
-/** Workers that decode one pack, and their queue: the lowest stage first. */
+/** Workers that decode, and their queue. */
 class Workers {
     #idle = [];
     #queue = [];
     #all = [];
 
-    /** Opens the pack in a worker; returns facts about its textures. Rejects for what is no pack. */
+    /** Starts `count` workers with the pack of `job`; returns facts about its textures. Rejects for what is no pack. */
     async open(count, job) {
-        const found = await this.#add(job);
-        for (let number = 1; number < count; ++number) this.#add(job).catch(() => {});
-        return found;
+        const facts = await this.#add({ task: "open", ...job });
+        for (let number = 1; number < count; ++number) this.#add({ task: "open", ...job }).catch(() => {});
+        return facts;
     }
 
-    #add(job) {
+    /** Starts a worker without a pack, which mips images. */
+    start() {
+        this.#add({ task: "start" });
+        return this;
+    }
+
+    #add(message) {
         const worker = new Worker(new URL("./worker.js", import.meta.url), { type: "module" });
         this.#all.push(worker);
-        return this.#ask(worker, { task: "open", ...job });
+        return this.#ask(worker, message);
     }
 
     #ask(worker, message) {
@@ -111,12 +95,10 @@ class Workers {
         if (parts.length > 0) this.#all.forEach((worker) => worker.postMessage({ task: "fill", parts }));
     }
 
-    /** Mips of a texture: for each output [{data, width, height}]. */
-    decode(stage, message) {
+    /** The answer of a worker to `message`. */
+    ask(message) {
         return new Promise((resolve, reject) => {
-            const place = this.#queue.findIndex((job) => job.stage > stage);
-            const job = { stage, message: { task: "decode", ...message }, resolve, reject };
-            this.#queue.splice(place < 0 ? this.#queue.length : place, 0, job);
+            this.#queue.push({ message, resolve, reject });
             if (this.#idle.length > 0) this.#next(this.#idle.pop());
         });
     }
@@ -174,7 +156,7 @@ async function fetched(url) {
 let compiled = null;
 
 function wasmModule() {
-    compiled ??= fetched(new URL("./ntc.wasm", import.meta.url)).then((bytes) => WebAssembly.compile(bytes));
+    compiled ??= fetched(new URL("./generated/ntc.wasm", import.meta.url)).then((bytes) => WebAssembly.compile(bytes));
     return compiled;
 }
 
@@ -185,6 +167,9 @@ function wasmModule() {
  * @property {import("three").WebGLRenderer} [renderer] Asked for BC7 and BC5. Without it textures are RGBA8.
  * @property {"auto"|"rgba8"} [format] "auto", the default: BC7, and BC5 for normals, where the device has them, else RGBA8.
  * @property {number} [workers] Default: one less than the processor's threads, 1 to 4.
+ * @property {string|null} [pack] The pack to show, by its `uri`, where the file names several. null: none, the images of the file.
+ * @property {boolean} [onDemand] Decodes finer mips only as `want` asks for them. Images of the file are then read on demand too.
+ * @property {TextureMemory} [memory] Limits what textures take on the GPU. Default: no limit.
  * @property {(texture: import("three").Texture) => void} [onUpdate] Called when finer mips of a texture are there: draw again.
  * @property {(error: Error) => void} [onError] Called once for a pack that cannot be read. Default: console.error.
  */
@@ -192,18 +177,25 @@ export class NTCTextures {
     name = EXTENSION;
     #parser;
     #options;
+    #workers;
+    #memory;
     #blocks;
     #uses;
-    /** By texture entry that names a pack: {option, others}, the extensions that name other images. */
+    /** By texture entry: {option, others}: the pack that is shown, and the extensions that name other images. */
     #entries = new Map();
-    /** By image entry: {workers, facts}. */
+    /** By image entry: {workers, facts, file, name}. */
     #packs = new Map();
     /** By image entry and texture of the pack: the textures of three.js, by entry. */
-    #sets = new Map();
-    #pending = [];
-    #begin;
-    /** Resolves when finer mips may be decoded: the first picture comes before. */
-    #begun = new Promise((resolve) => (this.#begin = resolve));
+    #decoded = new Map();
+    /** All TextureSets that are there. */
+    #sets = new Set();
+    /** Mips to decode: {set, mip}. */
+    #queue = [];
+    #running = 0;
+    /** Whether finer mips may be decoded: the first picture comes before. */
+    #isBegun = false;
+    #listeners = [];
+    #imageWorkers = null;
 
     /**
      * @param {import("three/addons/loaders/GLTFLoader.js").GLTFParser} parser
@@ -212,6 +204,8 @@ export class NTCTextures {
     constructor(parser, options = {}) {
         this.#parser = parser;
         this.#options = options;
+        this.#memory = options.memory ?? new TextureMemory();
+        this.#workers = options.workers ?? Math.min(4, Math.max(1, (navigator.hardwareConcurrency ?? 2) - 1));
         const has = (name) => options.renderer?.extensions?.has(name) ?? false;
         const wanted = options.format ?? "auto";
         this.#blocks = {
@@ -224,30 +218,113 @@ export class NTCTextures {
         };
         this.#uses = uses(parser.json);
         const { images = [], textures = [] } = parser.json;
+        const isShown = ({ mimeType, uri }) => mimeType === PACK_TYPE && (options.pack === undefined || options.pack === uri);
         textures.forEach((texture, index) => {
             const { [EXTENSION]: own, ...others } = texture.extensions ?? {};
-            const option = own?.options?.find(({ source }) => images[source]?.mimeType === PACK_TYPE);
-            if (option === undefined) return;
+            const option = own?.options?.find(({ source }) => images[source] && isShown(images[source]));
+            if (option === undefined && !options.onDemand) return;
             this.#entries.set(index, { option, others });
             // GLTFLoader asks its own plug-ins for WebP, AVIF and KTX2 first.
             texture.extensions = { [EXTENSION]: own };
         });
     }
 
-    /** Resolves when the finest mips of all textures are there: `await gltf.parser.plugins.NV_texture_swizzle.complete()`. */
-    async complete() {
-        await Promise.all(this.#pending);
+    /**
+     * Resolves when all mips that are asked for are there: `await gltf.parser.plugins.NV_texture_swizzle.complete()`. These are the
+     * finest mips of all textures, or with `onDemand` those of the last call of `want`.
+     */
+    complete() {
+        return new Promise((resolve) => {
+            this.#listeners.push(resolve);
+            this.#pump();
+        });
+    }
+
+    /** Whether all mips that are asked for are there. */
+    get isComplete() {
+        return this.#running === 0 && this.#queue.length === 0;
+    }
+
+    /** Whether something of each texture in sight is there. */
+    get hasCoarse() {
+        return [...this.#sets].every(({ isSeen, level }) => !isSeen || level < Infinity);
+    }
+
+    /**
+     * With `onDemand`: says what is in sight. All other textures may lose their finer mips.
+     * @param {Map<import("three").Texture, number>} footprints By texture, the smallest distance of neighbouring pixels in texture
+     * coordinates.
+     */
+    want(footprints) {
+        for (const set of this.#sets) set.isSeen = false;
+        for (const [texture, footprint] of footprints) {
+            const { set } = texture;
+            if (!this.#sets.has(set)) continue;
+            set.footprint = set.isSeen ? Math.min(set.footprint, footprint) : footprint;
+            Object.assign(set, { isSeen: true, seenAt: performance.now() });
+        }
+        this.#plan();
     }
 
     /** GLTFLoader calls this when the scene is there, with its coarse mips. */
     async afterRoot() {
-        this.#begin();
+        this.#isBegun = true;
+        this.#plan();
+        if (this.#options.onDemand) return;
         this.complete().then(async () => {
             const packs = await Promise.all(this.#packs.values());
             packs.forEach((pack) => pack?.workers.end());
             this.#packs.clear();
-            this.#sets.clear();
+            this.#decoded.clear();
         });
+    }
+
+    /** Queues what is missing: all textures at one size, then all at the next. */
+    #plan() {
+        const stages = STAGES.map(() => []);
+        for (const set of this.#sets) {
+            if (!this.#options.onDemand) Object.assign(set, { isSeen: true, footprint: 0 });
+            if (!set.isSeen) continue;
+            // The size of an image is known when it is there.
+            if (set.mips === 0) stages[0].push({ set });
+            const wanted = set.fit(set.mipOf(set.footprint));
+            let last = set.level;
+            set.steps.forEach((step, stage) => {
+                const mip = Math.max(step, wanted);
+                if (mip < last) stages[stage].push({ set, mip });
+                last = Math.min(last, mip);
+            });
+        }
+        this.#queue = stages.flat();
+        this.#pump();
+    }
+
+    #pump() {
+        while (this.#isBegun && this.#running < this.#workers) {
+            const place = this.#queue.findIndex(({ set }) => !set.isBusy);
+            if (place < 0) break;
+            this.#refine(...this.#queue.splice(place, 1));
+        }
+        if (this.isComplete) this.#listeners.splice(0).forEach((listener) => listener());
+    }
+
+    async #refine({ set, mip }) {
+        this.#running += 1;
+        set.isBusy = true;
+        try {
+            if (set.mips === 0) await set.open();
+            await set.refine(mip ?? set.mipOf(set.footprint));
+        } catch (error) {
+            const { source } = set;
+            if (!source.isBroken) this.#report(`${source.name}: ${source.finer ?? ""}cannot be read (${error.message})`);
+            source.isBroken = true;
+            this.#sets.delete(set);
+            this.#queue = this.#queue.filter((job) => job.set !== set);
+        }
+        set.isBusy = false;
+        this.#running -= 1;
+        if (this.#sets.has(set)) set.textures.forEach((texture) => this.#options.onUpdate?.(texture));
+        this.#pump();
     }
 
     /** GLTFLoader calls this for each texture entry. */
@@ -256,7 +333,9 @@ export class NTCTextures {
     }
 
     async #load(index) {
-        const { source, arrayLayer, extras } = this.#entries.get(index).option;
+        const { option } = this.#entries.get(index);
+        if (option === undefined) return this.#fallback(index);
+        const { source, arrayLayer, extras } = option;
         const pack = await this.#pack(source);
         if (pack === null) return this.#fallback(index);
         const hash = extras?.pixelHash;
@@ -266,12 +345,17 @@ export class NTCTextures {
             return this.#fallback(index);
         }
         const key = `${source}:${layer}`;
-        if (!this.#sets.has(key)) this.#sets.set(key, this.#decode(pack, layer, this.#entries.get(index).option));
-        return (await this.#sets.get(key)).get(index) ?? this.#fallback(index);
+        if (!this.#decoded.has(key)) this.#decoded.set(key, this.#decode(pack, layer, option));
+        return (await this.#decoded.get(key)).get(index) ?? this.#fallback(index);
+    }
+
+    /** What is shown instead of a pack; null without an image. */
+    #fallback(index) {
+        return this.#options.onDemand ? this.#lazyImage(index) : this.#plainImage(index);
     }
 
     /** What other plug-ins or GLTFLoader show; null without an image. */
-    #fallback(index) {
+    #plainImage(index) {
         const parser = this.#parser;
         const texture = parser.json.textures[index];
         texture.extensions = this.#entries.get(index).others;
@@ -280,6 +364,44 @@ export class NTCTextures {
             if (found) return found;
         }
         return texture.source === undefined ? null : parser.loadTexture(index);
+    }
+
+    /** A texture that shows an image of the file once it is wanted; null without an image. */
+    #lazyImage(index) {
+        const { json } = this.#parser;
+        const { others } = this.#entries.get(index);
+        const source = Object.values(others).find((own) => typeof own?.source === "number")?.source ?? json.textures[index].source;
+        const entry = json.images?.[source];
+        if (entry === undefined) return null;
+        const texture = this.#texture(index, RGBAFormat);
+        texture.show([{ data: new Uint8Array(this.#uses.get(index)?.normal ? [128, 128, 255, 255] : [128, 128, 128, 255]), width: 1, height: 1 }]);
+        let image = null;
+        const read = async () => {
+            this.#imageWorkers ??= new Workers().start();
+            const isColor = [...texture.family].some(({ colorSpace }) => colorSpace === SRGBColorSpace);
+            return this.#imageWorkers.ask({ task: "image", isColor, image: await this.#imageFile(entry) });
+        };
+        const set = new TextureSet([texture], this.#memory, async (first, last) => {
+            const mips = (image ?? (await read())).slice(first, last + 1);
+            image = null;
+            return [mips];
+        });
+        set.source = { name: entry.name ?? entry.uri ?? `images[${source}]` };
+        set.open = async () => {
+            image = await read();
+            const [{ width, height }] = image;
+            set.resize(width, height, image.length, stages(width, height, image.length, true, () => true));
+        };
+        this.#sets.add(set);
+        return texture;
+    }
+
+    /** Where the bytes of an image are: a URL, or they themselves. */
+    async #imageFile({ uri, bufferView, mimeType }) {
+        const parser = this.#parser;
+        if (bufferView !== undefined) return new Blob([await parser.getDependency("bufferView", bufferView)], { type: mimeType });
+        const { manager } = parser.fileLoader;
+        return new URL(manager.resolveURL(LoaderUtils.resolveURL(uri, parser.options.path)), globalThis.location?.href).href;
     }
 
     #report(message) {
@@ -306,9 +428,8 @@ export class NTCTextures {
                 // libntc says what is wrong with the pack.
             }
             if (tables !== null) tables = await fetched(new URL(`./${tables}`, import.meta.url));
-            const count = this.#options.workers ?? Math.min(4, Math.max(1, (navigator.hardwareConcurrency ?? 2) - 1));
-            const facts = await workers.open(count, { module, pack, tables });
-            return { workers, facts, file, name };
+            const facts = await workers.open(this.#workers, { module, pack, tables });
+            return { workers, facts, file, name, finer: "finer mips " };
         } catch (error) {
             workers.end();
             this.#report(`${name}: the pack cannot be read (${error.message}); the other images are shown`);
@@ -337,49 +458,32 @@ export class NTCTextures {
     async #decode(pack, layer, { source, arrayLayer, extras }) {
         const entries = [...this.#entries.keys()].filter((index) => {
             const own = this.#entries.get(index).option;
-            return own.source === source && own.arrayLayer === arrayLayer && own.extras?.pixelHash === extras?.pixelHash;
+            return own?.source === source && own.arrayLayer === arrayLayer && own.extras?.pixelHash === extras?.pixelHash;
         });
         const { width, height, mips } = pack.facts[layer];
         const made = await Promise.all(entries.map((index) => this.#output(index, width, height)));
         const outputs = made.map(({ output }) => output);
-        const shown = made.map(({ texture }) => texture);
-        let last = mips - 1;
+        const textures = made.map(({ texture }) => texture);
         const isPlain = outputs.every(({ format }) => format === RGBA8);
-        const jobs = stages(width, height, mips, isPlain, (mip) => pack.file.hasOwnCodes(layer, mip)).map((first) => {
-            const job = { texture: layer, width, height, first, last, outputs };
-            last = first - 1;
-            return job;
+        const set = new TextureSet(textures, this.#memory, async (first, last) => {
+            pack.workers.fill(await pack.file.need(layer, first));
+            return pack.workers.ask({ task: "decode", texture: layer, width, height, first, last, outputs });
         });
-        const show = async (stage) => {
-            pack.workers.fill(await pack.file.need(layer, jobs[stage].first));
-            const found = await pack.workers.decode(stage, jobs[stage]);
-            shown.forEach((texture, place) => texture.prepend(found[place]));
-        };
-        const finish = async () => {
-            await this.#begun;
-            for (let stage = 1; stage < jobs.length; ++stage) {
-                await show(stage);
-                shown.forEach((texture) => this.#options.onUpdate?.(texture));
-            }
-        };
+        set.source = pack;
+        set.resize(width, height, mips, stages(width, height, mips, isPlain, (mip) => pack.file.hasOwnCodes(layer, mip)));
         try {
-            await show(0);
+            await set.refine(set.coarsest);
         } catch (error) {
             this.#report(`${error.message}; the other images are shown`);
             return new Map();
         }
-        const fail = (error) => {
-            if (!pack.isBroken) this.#report(`${pack.name}: finer mips cannot be read (${error.message})`);
-            pack.isBroken = true;
-        };
-        this.#pending.push(finish().catch(fail));
-        return new Map(entries.map((index, place) => [index, shown[place]]));
+        this.#sets.add(set);
+        if (this.#isBegun) this.#plan();
+        return new Map(entries.map((index, place) => [index, textures[place]]));
     }
 
     /** What worker.js makes for a texture entry, and the texture that shows it. */
     async #output(index, width, height) {
-        const { json, associations } = this.#parser;
-        const entry = json.textures[index];
         const { read, normal } = this.#uses.get(index) ?? { read: 0b1111, normal: false };
         const channels = [...(this.#entries.get(index).option.channels ?? [0, 1, 2, 3])];
         if (normal && channels[2] === FILLED) channels[2] = NORMAL_Z;
@@ -388,7 +492,14 @@ export class NTCTextures {
         if (whole && this.#blocks.bc5 && normal) format = BC5;
         const missing = channels.some((channel, component) => channel === FILLED && (read >> component) & 1);
         const fill = missing ? await this.#image(index) : null;
-        const texture = new PackedTexture([], width, height, THREE_FORMATS[format]);
+        return { output: { channels, format, fill }, texture: this.#texture(index, THREE_FORMATS[format]) };
+    }
+
+    /** A texture without mips, with the name and the sampler of a texture entry. */
+    #texture(index, format) {
+        const { json, associations } = this.#parser;
+        const entry = json.textures[index];
+        const texture = new MippedTexture([], 1, 1, format);
         texture.name = entry.name ?? "";
         const sampler = json.samplers?.[entry.sampler] ?? {};
         texture.magFilter = FILTERS[sampler.magFilter] ?? LinearFilter;
@@ -396,12 +507,12 @@ export class NTCTextures {
         texture.wrapS = WRAPS[sampler.wrapS] ?? RepeatWrapping;
         texture.wrapT = WRAPS[sampler.wrapT] ?? RepeatWrapping;
         associations.set(texture, { textures: index });
-        return { output: { channels, format, fill }, texture };
+        return texture;
     }
 
     /** The image of a texture entry, for components that the pack does not hold; null without one. */
     async #image(index) {
-        const texture = await this.#fallback(index);
+        const texture = await this.#plainImage(index);
         if (!texture?.image || texture.isCompressedTexture || texture.isDataTexture) return null;
         return createImageBitmap(texture.image, { premultiplyAlpha: "none", colorSpaceConversion: "none" });
     }

@@ -55,8 +55,18 @@ function fill({ parts }) {
     isStale = true;
 }
 
-/** RGBA8 of half the width and height, each texel the mean of four. */
-function halved({ data, width, height }) {
+/** Light of the 256 values of sRGB. */
+const LIGHT = Float32Array.from({ length: 256 }, (_, value) =>
+    value <= 10 ? value / 3294.6 : ((value / 255 + 0.055) / 1.055) ** 2.4,
+);
+/** Values of sRGB of 4096 steps of light. */
+const VALUES = Uint8Array.from({ length: 4097 }, (_, step) => {
+    const light = step / 4096;
+    return 255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055) + 0.5;
+});
+
+/** RGBA8 of half the width and height, each texel the mean of four: of their light, if they are colours. */
+function halved({ data, width, height }, isColor) {
     const [w, h] = [Math.max(1, width >> 1), Math.max(1, height >> 1)];
     const half = new Uint8Array(4 * w * h);
     for (let y = 0; y < h; ++y) {
@@ -64,22 +74,39 @@ function halved({ data, width, height }) {
             for (let k = 0; k < 4; ++k) {
                 const rows = [2 * y, Math.min(2 * y + 1, height - 1)];
                 const columns = [2 * x, Math.min(2 * x + 1, width - 1)];
-                let sum = 2;
-                for (const row of rows) for (const column of columns) sum += data[4 * (row * width + column) + k];
-                half[4 * (y * w + x) + k] = sum >> 2;
+                const isLight = isColor && k < 3;
+                let sum = isLight ? 0 : 2;
+                for (const row of rows) {
+                    for (const column of columns) {
+                        const value = data[4 * (row * width + column) + k];
+                        sum += isLight ? LIGHT[value] : value;
+                    }
+                }
+                half[4 * (y * w + x) + k] = isLight ? VALUES[Math.round(1024 * sum)] : sum >> 2;
             }
         }
     }
     return { data: half, width: w, height: h };
 }
 
-/** RGBA8 of an image at each of `sizes`, which are those of rising mips. */
-function fillMips(image, sizes) {
+/** All mips of an image at a URL or in a Blob, as RGBA8. */
+async function imageMips({ image, isColor }) {
+    const answer = typeof image === "string" ? await fetch(image) : null;
+    if (answer && !answer.ok) throw new Error(`${answer.status}`);
+    const blob = answer ? await answer.blob() : image;
+    const bitmap = await createImageBitmap(blob, { premultiplyAlpha: "none", colorSpaceConversion: "none" });
+    const { width, height } = bitmap;
+    const mips = 1 + Math.floor(Math.log2(Math.max(width, height)));
+    return fillMips(bitmap, Array.from({ length: mips }, () => ({ width, height })), isColor);
+}
+
+/** RGBA8 of an image at each of `sizes`, which are those of rising mips. `isColor`: its mips are means of light. */
+function fillMips(image, sizes, isColor = false) {
     const { width, height } = sizes[0];
     const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
     context.drawImage(image, 0, 0, width, height);
     const mips = [{ data: context.getImageData(0, 0, width, height).data, width, height }];
-    while (mips.length < sizes.length) mips.push(halved(mips[mips.length - 1]));
+    while (mips.length < sizes.length) mips.push(halved(mips[mips.length - 1], isColor));
     return mips;
 }
 
@@ -120,15 +147,27 @@ function decode({ texture, width, height, first, last, outputs }) {
     return found;
 }
 
-self.onmessage = async ({ data: { id, task, ...job } }) => {
-    if (task === "open") opened = open(job);
+/** What each task of index.js answers with: the result, and the mips whose bytes go with it. */
+const TASKS = {
+    start: () => [null, []],
+    open: async (job) => [await (opened = open(job)), []],
+    fill: async (job) => (await opened, fill(job), [null, []]),
+    image: async (job) => {
+        const mips = await imageMips(job);
+        return [mips, mips];
+    },
+    decode: async (job) => {
+        await opened;
+        const outputs = decode(job);
+        return [outputs, outputs.flat()];
+    },
+};
+
+self.onmessage = async ({ data: { task, ...job } }) => {
     try {
-        const facts = await opened;
-        if (task === "fill") return fill(job);
-        const result = task === "open" ? facts : decode(job);
-        const moved = task === "open" ? [] : result.flat().map((mip) => mip.data.buffer);
-        self.postMessage({ id, result }, moved);
+        const [result, mips] = await TASKS[task](job);
+        if (task !== "fill") self.postMessage({ result }, mips.map(({ data }) => data.buffer));
     } catch (error) {
-        if (task !== "fill") self.postMessage({ id, error: error.message });
+        if (task !== "fill") self.postMessage({ error: error.message });
     }
 };

@@ -11,7 +11,6 @@ from ntc.io import write_text
 from ntc.pack.file import read_pack
 from viewer.cli.options import ExportOptions
 from viewer.cli.progress import TerminalProgress
-from viewer.cli.sources import load_with_progress
 from viewer.cli.table import Column, Table
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.export.gltf.export import ExportedScene, export_gltf
@@ -36,19 +35,20 @@ LOSS_COLUMNS = (
 )
 
 
-def _pack(options: ExportOptions, scene: Path) -> Path:
-    """Return the pack that is named, else the one that lies beside the scene. Raises InputError for none and for several."""
-    if len(options.pack) > 1:
+def _packs(options: ExportOptions, scene: Path) -> tuple[Path, ...]:
+    """Return the packs that are named, else the one that lies beside the scene. Raises InputError for none, and for several that are
+    not for a page."""
+    if len(options.pack) > 1 and options.web is None:
         raise InputError(f"--pack {' '.join(map(str, options.pack))}: one pack is exported with a scene; name one")
     beside = packs_beside(scene)
     preferred = [path for path in beside if path.name.endswith(f".{PREFERRED_GROUPING}{PACK_SUFFIX}")]
-    found = options.pack or preferred[:1] or beside[:1]
+    found = tuple(options.pack or preferred[:1] or beside[:1])
     if not found:
         raise InputError(
             f"{scene}: no pack lies beside it; name one by --pack F.ntc, or make one: "
             f"ntc-viewer encode {scene} --grouping clustered --out {scene.stem}.clustered.ntc"
         )
-    return found[0]
+    return found
 
 
 def result_lines(exported: ExportedScene) -> list[str]:
@@ -73,14 +73,15 @@ def export(options: ExportOptions) -> int:
         raise InputError(f"--shader {options.shader}: is written into the folder --out, without --web and --as")
     lines: list[str] = []
     scene = scene_file(named_scene(options.scene) if options.scene is not None else builtin_scene_path())
-    pack = _pack(options, scene)
+    packs = _packs(options, scene)
+    pack = packs[0]
     if options.shader is not None and options.out is not None:
         sys.stdout.write("\n".join(_export_decoder(pack, options.shader, options.out)) + "\n")
         return 0
     if options.web is not None and options.image_format is not None:
         raise InputError(f"--as {options.image_format}: a page decodes by itself; leave it out, or write a glTF file")
     if options.web is not None:
-        lines = _export_page(scene, pack, options.web, options.fallback)
+        lines = _export_page(scene, packs, options.web, options.fallback)
     elif options.out is not None and options.image_format is not None:
         lines = _export_textures(scene, pack, options.out, options.image_format)
     elif options.out is not None:
@@ -100,13 +101,13 @@ def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> 
     return [f"wrote {folder / name} ({counted(size, 'byte')})" for name, size in exported.files.items()]
 
 
-def _export_page(scene_path: Path, pack_path: Path, folder: Path, fallback: Fallback) -> list[str]:
+def _export_page(scene: Path, packs: tuple[Path, ...], folder: Path, fallback: Fallback) -> list[str]:
     """Write the page, and return what to tell. Raises InputError."""
-    scene, pack = load_with_progress(scene_path), read_pack(pack_path)
     with TerminalProgress("textures", lines=True) as report:
-        page = export_page(scene, pack, folder, "none" if fallback == "none" else "lossless", report)
-    parts = f"pack {page.pack_bytes / 1e6:.2f} MB, originals {page.original_bytes / 1e6:.2f} MB"
+        page = export_page(scene, packs, folder, fallback != "none", report)
+    parts = f"packs {page.pack_bytes / 1e6:.2f} MB, original images {page.image_bytes / 1e6:.2f} MB"
     return [
+        *(f"note: {line}" for line in page.missing),
         f"wrote {folder} ({counted(page.files, 'file')}, {page.total_bytes / 1e6:.2f} MB: {parts})",
         f"serve it by any file server: python3 -m http.server --directory {folder}",
     ]

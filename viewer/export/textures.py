@@ -212,13 +212,14 @@ def export_textures(
     `compressor` makes BC7 blocks; None: the encoder of the extra `lab`.
     Raises InputError, and what `report` raises; then no file is there that was not there before.
     """
-    opened = open_export(scene_path, pack_path, out)
+    opened = open_export(scene_path, (pack_path,), out)
+    (packed,) = opened.packs
     stored = stored_format(image_format, compressor)
-    entries = separate_entries(opened.document, opened.options)
-    images = _distinct(opened, entries)
+    entries = separate_entries(opened.document, [packed.options])
+    images = _distinct(opened, [(number, option) for number, (option,) in entries if option is not None])
     document = opened.document
     with ThreadPoolExecutor(1) as pool:
-        storing = _Storing(stored, level_decoder(opened.pack), pool, report)
+        storing = _Storing(stored, level_decoder(packed.pack), pool, report)
         first = len(document.entries("images"))
         for place, ((source, *_), (image, numbers)) in enumerate(images.items()):
             name = opened.file.label(opened.file.entries("images")[source], f"image {source}")
@@ -247,7 +248,7 @@ def _distinct(
         key = option.image, option.layer, tuple(option.channels)
         if key not in found:
             original = partial(image_pixels, opened.file, opened.buffers, option.image)
-            found[key] = DecodedImage(opened.pack, option, original), []
+            found[key] = DecodedImage(opened.packs[0].pack, option, original), []
         found[key][1].append(number)
     return found
 

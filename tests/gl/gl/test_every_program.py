@@ -12,13 +12,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
+from viewer.export.web.packed import SHADER
 
 from ntc.codec.gpu import DecodingImage
 from ntc.codec.maps import PLANES
 from tests.drivers.messages import OWN_CACHE
 from tests.support.declarations import Declaration, declarations
 from tests.support.every_program import AssembledProgram, every_program
-from viewer.export.web.packed import SHADER
 from viewer.gl.context import GraphicsContext
 from viewer.gl.older_glsl import OlderSource, older_source
 from viewer.lighting.prefilter import MOST_SAMPLES

@@ -6,7 +6,7 @@ import re
 import shutil
 import struct
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -23,10 +23,10 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import PARTIAL_MARK, read_file, write_bytes
 from ntc.pack.file import read_pack
-from ntc.pack.match import PackMatch, require_match
+from ntc.pack.match import require_match
 from viewer.export import Fallback
 from viewer.export.gltf.document import ALIGNMENT, GltfDocument, ImageFile, read_document
-from viewer.export.gltf.options import PackedTextureOption, add_options, held_whole, packed_options, remove_packs
+from viewer.export.gltf.options import PackOptions, add_options, held_whole, packed_options, remove_packs
 from viewer.export.images import FORMATS
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import CHUNK_BINARY, CHUNK_JSON, GLB_MAGIC, GltfFile
@@ -202,12 +202,9 @@ class OpenedExport:
     buffers: Buffers
     """Buffers of `file`, each read once."""
     scene: Scene
-    pack: Pack
-    match: PackMatch
+    packs: tuple[PackOptions, ...]
     document: GltfDocument
     """Document to change and write."""
-    options: Mapping[int, list[PackedTextureOption]]
-    """Textures of the pack that stand for each texture entry of the file."""
 
 
 def apply_fallback(opened: OpenedExport, textures: set[int], fallback: Fallback) -> int:
@@ -251,7 +248,8 @@ def _replace_by_ktx2(opened: OpenedExport, images: tuple[int, ...]) -> int:
     document, stored = opened.document, FORMATS["ktx2"]
     colors = {
         option.image
-        for options in opened.options.values()
+        for packed in opened.packs
+        for options in packed.options.values()
         for option in options
         if SRGB_MAPS.intersection(name for _, name in option.references)
     }
@@ -301,24 +299,30 @@ def check_out(out: Path, scene: Path) -> None:
         raise InputError(f"--out {out}: is the scene itself; name another file")
 
 
-def open_export(scene_path: Path, pack_path: Path, out: Path, report: ProgressReport | None = None) -> OpenedExport:
-    """Open the scene at `scene_path` with the pack at `pack_path`, to be written to `out`.
+def open_export(
+    scene_path: Path, pack_paths: Sequence[Path], out: Path, report: ProgressReport | None = None
+) -> OpenedExport:
+    """Open the scene at `scene_path` with the packs at `pack_paths`, to be written to `out`.
 
     Raises InputError for what cannot be read, for a pack of another scene and for an `out` that will not do; what `report` raises.
     """
     scene_path = scene_file(scene_path)
     check_out(out, scene_path)
     file = open_container(scene_path)
-    pack = read_pack(pack_path)
+    packs = [read_pack(path) for path in pack_paths]
     scene = build_scene(file, scene_path.stem, scene_path, report=report)
-    match = match_scene(pack, scene)
-    require_match(pack, match, scene.name)
+    matches = [match_scene(pack, scene) for pack in packs]
+    for pack, match in zip(packs, matches, strict=True):
+        require_match(pack, match, scene.name)
     buffers = Buffers(file)
     document = read_document(file, buffers)
     remove_packs(document)
     file = with_packed_images(file)
-    options = packed_options(file, scene, pack, match.texture_index)
-    return OpenedExport(file, buffers, scene, pack, match, document, options)
+    options = tuple(
+        PackOptions(pack, match, packed_options(file, scene, pack, match.texture_index))
+        for pack, match in zip(packs, matches, strict=True)
+    )
+    return OpenedExport(file, buffers, scene, options, document)
 
 
 @dataclass(frozen=True)
@@ -351,14 +355,14 @@ def export_gltf(
 
     Raises InputError, and what `report` raises; then no file is there that was not there before.
     """
-    opened = open_export(scene_path, pack_path, out, report)
-    pack, document, options = opened.pack, opened.document, opened.options
-    whole = held_whole(opened.file, opened.scene, options)
+    opened = open_export(scene_path, (pack_path,), out, report)
+    document, (packed,) = opened.document, opened.packs
+    whole = held_whole(opened.file, opened.scene, packed.options)
     replaced = apply_fallback(opened, whole, fallback)
     # Where it lies beside the new file already, it is not copied.
     beside = same_place(pack_path.parent, out.parent) and pack_path.exists()
-    target = pack_path if beside else exported_pack_path(out, pack)
-    add_options(document, options, pack, quote(target.name))
+    target = pack_path if beside else exported_pack_path(out, packed.pack)
+    add_options(document, opened.packs, (quote(target.name),))
     if fallback == "none" and replaced:
         document.use_extension(SWIZZLE, required=True)
     existed = target.exists()
@@ -375,7 +379,7 @@ def export_gltf(
         target,
         written,
         target.stat().st_size,
-        opened.match.matched,
+        packed.match.matched,
         len(opened.scene.textures),
         replaced,
         tuple(document.missing),

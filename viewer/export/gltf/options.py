@@ -1,11 +1,13 @@
 """Textures of a pack, and their channels, that stand for the textures of a glTF file."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 from ntc.codec.maps import PLANE_OF_MAP, MapName, map_slices
 from ntc.codec.model import EncodedTexture, Pack
+from ntc.pack.match import PackMatch
 from viewer.export.gltf.document import GltfDocument
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.maps.images import CHANNELS
@@ -97,44 +99,79 @@ def held_whole(file: GltfFile, scene: Scene, options: Mapping[int, list[PackedTe
     return whole
 
 
-def add_options(
-    document: GltfDocument, options: Mapping[int, list[PackedTextureOption]], pack: Pack, pack_uri: str
-) -> None:
-    """Name `pack`, which lies at `pack_uri`, beside the images of the document's textures.
+@dataclass(frozen=True, eq=False)
+class PackOptions:
+    """A pack of the scene, and where its textures stand for those of the file."""
 
-    A texture entry that several textures of the pack stand for, in different materials, becomes several.
+    pack: Pack
+    match: PackMatch
+    options: Mapping[int, list[PackedTextureOption]]
+    """Textures of the pack that stand for each texture entry of the file."""
+
+
+def add_options(document: GltfDocument, packs: Sequence[PackOptions], uris: Sequence[str]) -> None:
+    """Name `packs`, which lie at `uris`, beside the images of the document's textures, the first one first.
+
+    A texture entry that several textures of a pack stand for, in different materials, becomes several.
     """
     images, textures = document.entries("images"), document.entries("textures")
-    images.append({"uri": pack_uri, "mimeType": PACK_MIME_TYPE, "name": pack.grouping.name})
-    for number, option in separate_entries(document, options):
-        own = textures[number]
-        stated = {
-            "source": len(images) - 1,
-            "arrayLayer": option.layer,
-            "channels": option.channels,
-            "extras": {PIXEL_HASH: pack.textures[option.layer].pixel_hash},
-        }
-        before = own.get("extensions", {}).get(SWIZZLE, {}).get("options", [])
-        own["extensions"] = {**own.get("extensions", {}), SWIZZLE: {"options": [stated, *before]}}
+    first = len(images)
+    for packed, uri in zip(packs, uris, strict=True):
+        images.append({"uri": uri, "mimeType": PACK_MIME_TYPE, "name": packed.pack.grouping.name})
+    for number, options in separate_entries(document, [packed.options for packed in packs]):
+        texture = textures[number]
+        stated = [
+            {
+                "source": first + place,
+                "arrayLayer": option.layer,
+                "channels": option.channels,
+                "extras": {PIXEL_HASH: packed.pack.textures[option.layer].pixel_hash},
+            }
+            for place, (packed, option) in enumerate(zip(packs, options, strict=True))
+            if option is not None
+        ]
+        before = texture.get("extensions", {}).get(SWIZZLE, {}).get("options", [])
+        texture["extensions"] = {**texture.get("extensions", {}), SWIZZLE: {"options": [*stated, *before]}}
     document.use_extension(SWIZZLE)
 
 
+_Options = tuple[PackedTextureOption | None, ...]
+
+
 def separate_entries(
-    document: GltfDocument, options: Mapping[int, list[PackedTextureOption]]
-) -> list[tuple[int, PackedTextureOption]]:
-    """Return (texture entry, the option that it has): an entry with several, in different materials, becomes several."""
+    document: GltfDocument, packs: Sequence[Mapping[int, list[PackedTextureOption]]]
+) -> list[tuple[int, _Options]]:
+    """Return (texture entry, its option of each pack): an entry with several of a pack, in different materials, becomes several."""
     textures = document.entries("textures")
-    found: list[tuple[int, PackedTextureOption]] = []
-    for number, alternatives in options.items():
+    found: list[tuple[int, _Options]] = []
+    for number in dict.fromkeys(chain.from_iterable(packs)):
         plain = dict(textures[number])
-        for place, option in enumerate(alternatives):
+        for place, (options, references) in enumerate(_uses(packs, number).items()):
             target = number
             if place > 0:
                 target = len(textures)
                 textures.append(dict(plain))
-                for material, name in option.references:
+                for material, name in references:
                     _texture_info(document.entries("materials")[material], name)["index"] = target
-            found.append((target, option))
+            found.append((target, options))
+    return found
+
+
+def _uses(
+    packs: Sequence[Mapping[int, list[PackedTextureOption]]], number: int
+) -> dict[_Options, list[tuple[int, MapName]]]:
+    """Return the (material, map) that read texture entry `number`, by the option that each pack has there."""
+
+    def place(reference: tuple[int, MapName]) -> tuple[int, tuple[tuple[str, ...], ...]]:
+        # Maps at one place of a material read one entry.
+        return reference[0], TEXTURE_PLACES[reference[1]]
+
+    found: dict[_Options, list[tuple[int, MapName]]] = {}
+    options = [pack.get(number, []) for pack in packs]
+    for reference in dict.fromkeys(chain.from_iterable(own.references for own in chain.from_iterable(options))):
+        here = place(reference)
+        key = tuple(next((own for own in each if here in map(place, own.references)), None) for each in options)
+        found.setdefault(key, []).append(reference)
     return found
 
 

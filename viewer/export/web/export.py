@@ -1,47 +1,38 @@
-"""`export --web`: writes the folder of a page."""
+"""`export --web`: writes the folder of a page, which shows the exported glTF by three.js and the plug-in of integrations/three."""
 
 import json
-import zlib
-from collections.abc import Callable
+import shutil
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Final
+from urllib.parse import quote
 
-from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, Plane
+import ntc
 from ntc.codec.model import Pack
-from ntc.errors import InputError
-from ntc.io import atomic_folder
-from viewer.export.web.description import (
-    FORMAT,
-    PageFile,
-    TextureFiles,
-    describe_figures,
-    describe_material,
-    describe_texture,
-    describe_view,
-    texture_planes,
-)
-from viewer.export.web.geometry import scene_glb
+from ntc.io import atomic_folder, read_file
+from ntc.metrics.metrics import bits_with_mips, psnr_table
+from viewer.export.gltf.export import OpenedExport, apply_fallback, open_export, write_gltf
+from viewer.export.gltf.options import PackOptions, add_options, held_whole
 from viewer.export.web.light import SIDES, sky_cube
-from viewer.export.web.packed import (
-    PackedTexture,
-    decoding_shaders,
-    packed_decoders,
-    packed_textures,
-    plane_picture,
-    webp,
-)
+from viewer.export.web.plain import make_plain
 from viewer.lighting.sky import sun_of
-from viewer.scene.images import ProgressReport, map_in_threads
-from viewer.scene.model import Scene
-from viewer.state.pack_files import match_scene
+from viewer.locations import three_folder
+from viewer.scene.images import ProgressReport
+from viewer.scene.model import Camera, Scene
+from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.state.camera import clip_distances
+from viewer.state.framing import frame_all
 from viewer.state.view_state import DEFAULT_LIGHTING
 
-PAGE = Path(__file__).resolve().parent / "page"
-"""The files that every page has: built by `source/build.py`."""
-DESCRIPTION = "page.json"
-Originals = Literal["lossless", "none"]
+FORMAT: Final = 2
+"""Version of `page.json`: raised with each change that an older page would misread."""
+DESCRIPTION: Final = "page.json"
+SCENE: Final = "scene.gltf"
+HERE: Final = Path(__file__).resolve().parent
+VENDOR_FILES: Final = ("three.js", "LICENSE")
+PLUGIN_FILES: Final = ("index.js", "pack.js", "textures.js", "worker.js", "generated/ntc.wasm")
+PLANES: Final = ("base", "surface", "emission")
 
 
 @dataclass(frozen=True)
@@ -51,110 +42,135 @@ class PageSummary:
     files: int
     total_bytes: int
     pack_bytes: int
-    """Bytes of latents, decoders and whatever else the page reads to decode."""
-    original_bytes: int
-    """Bytes of pictures that are read only when the page compares."""
-
-
-class _Writer:
-    """Writes files below a folder and knows their sums."""
-
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
-        self.sizes: dict[str, int] = {}
-
-    def write(self, name: str, data: bytes) -> PageFile:
-        """Return a file, and how the page finds it."""
-        path = self._folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
-        self.sizes[name] = len(data)
-        return PageFile(name, len(data), zlib.crc32(data))
-
-    def total(self, prefix: str = "") -> int:
-        """Return the bytes of the files whose names begin so."""
-        return sum(size for name, size in self.sizes.items() if name.startswith(prefix))
-
-
-def _chosen(pack: Pack, scene: Scene) -> dict[int, int]:
-    """Return the index in the pack of each texture of the scene that the pack holds and a material reads."""
-    match = match_scene(pack, scene)
-    read = {texture for material in scene.materials for texture in map(material.plane_texture, PLANE_COMPONENTS)}
-    found = {own: index for own, index in enumerate(match.texture_index) if index >= 0 and own in read}
-    if not found:
-        raise InputError(f"{pack.name}: made for another scene than {scene.name}: {match.line()}; encode this scene")
-    return found
-
-
-def _texture_files(
-    writer: _Writer, scene: Scene, pack: Pack, originals: Originals, job: tuple[int, int, int, PackedTexture]
-) -> TextureFiles:
-    """Write the files of texture `job[0]` of the page, which is `job[1]` of the scene and `job[2]` of the pack."""
-    number, own, index, packed = job
-    source, name = scene.textures[own], f"{number:05d}"
-    planes: tuple[Plane, ...] = texture_planes(pack.textures[index]) if originals != "none" else ()
-    pictures = {
-        plane: writer.write(f"originals/{name}.{plane}.webp", webp(plane_picture(source, plane), source.name))
-        for plane in planes
-    }
-    coverage = source.alpha
-    alpha = writer.write(f"alpha/{name}.webp", webp(coverage, source.name)) if coverage is not None else None
-    data = writer.write(f"textures/{name}.bin", packed.record + packed.levels + packed.latents)
-    return TextureFiles(data, len(packed.record), len(packed.levels), pictures, alpha)
+    """Bytes of the packs."""
+    image_bytes: int
+    """Bytes of the original images, which are read only when the page shows them."""
+    missing: tuple[str, ...]
+    """Images that could not be read."""
 
 
 def export_page(
-    scene: Scene, pack: Pack, destination: Path, originals: Originals = "lossless", report: ProgressReport | None = None
+    scene_path: Path,
+    pack_paths: Sequence[Path],
+    destination: Path,
+    with_originals: bool = True,
+    report: ProgressReport | None = None,
 ) -> PageSummary:
-    """Write into the folder `destination` a page that shows `scene` with `pack`, as a whole or not at all.
+    """Write into the folder `destination` a page that shows the scene with the packs at `pack_paths`, as a whole or not at all.
 
-    Texture by texture: no more pixels are held than cores work on. `report` is told how many textures are written. Raises InputError
-    for a pack of another scene, and where the folder cannot be written.
+    `with_originals`: the page also has the original images, to compare with. Without, it has those alone that a pack lacks.
+    Raises InputError for a pack of another scene, and where the folder cannot be written; what `report` raises.
     """
-    chosen = _chosen(pack, scene)
-    indices = list(chosen.values())
     with atomic_folder(destination, DESCRIPTION) as folder:
-        writer = _Writer(folder)
-        for path in sorted(PAGE.iterdir()):
-            writer.write(path.name, path.read_bytes())
-        glb = writer.write("scene.glb", scene_glb(scene))
-        shaders = {
-            plane: writer.write(f"shaders/{plane}.frag", text.encode()).json()
-            for plane, text in decoding_shaders(pack).items()
-        }
-        decoders = packed_decoders(pack, indices)
-        weights = writer.write("decoders.bin", decoders.data)
-        jobs = zip(range(len(chosen)), chosen, indices, packed_textures(pack, indices), strict=True)
-        write: Callable[[tuple[int, int, int, PackedTexture]], TextureFiles]
-        write = partial(_texture_files, writer, scene, pack, originals)
-        files = map_in_threads(write, jobs, report)
-        pixel_bytes = sum(
-            scene.textures[own].size[0] * scene.textures[own].size[1] * MAP_CHANNELS[name]
-            for own, index in chosen.items()
-            for name in pack.textures[index].maps
+        opened = open_export(scene_path, pack_paths, folder / SCENE, report)
+        make_plain(opened)
+        if not with_originals:
+            wholes = [held_whole(opened.file, opened.scene, packed.options) for packed in opened.packs]
+            apply_fallback(opened, set.intersection(*wholes), "none")
+        names = _write_packs(opened, pack_paths, folder)
+        add_options(opened.document, opened.packs, [quote(name) for name in names])
+        write_gltf(folder / SCENE, opened.document)
+        _copy_program(opened, folder)
+        (folder / "sky.bin").write_bytes(sky_cube(DEFAULT_LIGHTING))
+        description = _description(opened, names, with_originals)
+        (folder / DESCRIPTION).write_text(json.dumps(description, allow_nan=False, separators=(",", ":")))
+        sizes = {path.relative_to(folder): path.stat().st_size for path in folder.rglob("*") if path.is_file()}
+        return PageSummary(
+            len(sizes),
+            sum(sizes.values()),
+            sum(sizes[Path(name)] for name in names),
+            sum(size for path, size in sizes.items() if path.parent.name == "scene.files" and path.suffix != ".bin"),
+            tuple(opened.document.missing),
         )
-        page = {own: number for number, own in enumerate(chosen)}
-        texture_index = [chosen.get(own, -1) for own in range(len(scene.textures))]
-        content: dict[str, Any] = {
-            "format": FORMAT,
-            "name": scene.name,
-            "scene": glb.json(),
-            "shaders": shaders,
-            "decoders": {
-                **weights.json(),
-                "integer": decoders.is_integer,
-                "rows": decoders.rows,
-                "loop_length": decoders.loop_length,
-            },
-            "textures": [
-                describe_texture(pack, pack.textures[index], own) for index, own in zip(indices, files, strict=True)
-            ],
-            "materials": [describe_material(own, pack, texture_index, page) for own in scene.materials],
-            "figures": describe_figures(pack, scene, indices, pixel_bytes),
-            "sky": {**writer.write("sky.bin", sky_cube(DEFAULT_LIGHTING)).json(), "sides": SIDES},
-            "sun": asdict(sun_of(DEFAULT_LIGHTING)),
-            **describe_view(scene),
+
+
+def _write_packs(opened: OpenedExport, paths: Sequence[Path], folder: Path) -> list[str]:
+    """Copy the packs into `folder`; returns their names there, each another."""
+    names: list[str] = []
+    for packed, path in zip(opened.packs, paths, strict=True):
+        stem = f"scene.{packed.pack.grouping.name}"
+        names.append(
+            f"{stem}{PACK_SUFFIX}" if f"{stem}{PACK_SUFFIX}" not in names else f"{stem}.{len(names)}{PACK_SUFFIX}"
+        )
+        (folder / names[-1]).write_bytes(read_file(path))
+    return names
+
+
+def _copy_program(opened: OpenedExport, folder: Path) -> None:
+    """Copy the page, three.js, the plug-in, and the tables that packs of grouping `universal` are decoded with."""
+    files = [(path, path.name) for path in sorted((HERE / "page").iterdir())]
+    files += [(HERE / "vendor" / name, f"vendor/{name}") for name in VENDOR_FILES]
+    files += [(three_folder() / name, f"ntc-three/{name}") for name in PLUGIN_FILES]
+    for codec in {packed.pack.config.kind for packed in opened.packs if packed.pack.grouping.name == "universal"}:
+        tables = Path(ntc.__path__[0], "codec", codec).glob("universal_*.safetensors")
+        files += [(path, f"ntc-three/{path.name}") for path in tables]
+    for source, name in files:
+        (folder / name).parent.mkdir(exist_ok=True, parents=True)
+        shutil.copyfile(source, folder / name)
+
+
+def _description(opened: OpenedExport, names: Sequence[str], with_originals: bool) -> dict[str, Any]:
+    """Return the content of `page.json`."""
+    scene = opened.scene
+    sources = [
+        {
+            "name": Path(packed.pack.path or name).name.removesuffix(PACK_SUFFIX),
+            "pack": quote(name),
+            "decoders": _decoders(packed, scene),
+            "figures": _figures(packed.pack),
         }
-        writer.write(DESCRIPTION, json.dumps(content, allow_nan=False, separators=(",", ":")).encode())
-        packed = writer.total("textures/") + writer.total("decoders.bin")
-        return PageSummary(len(writer.sizes), writer.total(), packed, writer.total("originals/"))
+        for packed, name in zip(opened.packs, names, strict=True)
+    ]
+    if with_originals:
+        sources.append({"name": "Reference", "pack": None, "decoders": [], "figures": []})
+    triangles = sum(scene.primitives[number].index_count // 3 for number in scene.instances.primitive.tolist())
+    return {
+        "format": FORMAT,
+        "name": scene.name,
+        "scene": SCENE,
+        "sources": sources,
+        "materials": len(scene.materials),
+        "figures": [["Scene", f"{triangles:,} triangles, {len(scene.materials)} materials"]],
+        "sky": {"sides": SIDES},
+        "sun": asdict(sun_of(DEFAULT_LIGHTING)),
+        "bounds": scene.bounds.tolist(),
+        "cameras": [_camera(scene, camera) for camera in scene.cameras or (frame_all(scene),)],
+    }
+
+
+def _decoders(packed: PackOptions, scene: Scene) -> list[int]:
+    """Return the decoder of each material of `scene`, that of its base colour first; -1 where nothing is decoded."""
+    found: list[int] = []
+    for material in scene.materials:
+        textures = [material.plane_texture(plane) for plane in PLANES]
+        layers = [packed.match.texture_index[texture] for texture in textures if texture >= 0]
+        found.append(next((packed.pack.textures[layer].group for layer in layers if layer >= 0), -1))
+    return found
+
+
+def _figures(pack: Pack) -> list[tuple[str, str]]:
+    """Return lines about `pack`: name and value."""
+    table = psnr_table(pack)
+    size = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
+    lines = [
+        ("Codec", f"{pack.config.kind}, {pack.grouping.name}"),
+        ("Decoders", f"{len({texture.group for texture in pack.textures})} for {len(pack.textures)} textures"),
+        ("Stored", f"{size / 1e6:.1f} MB, {bits_with_mips(pack):.2f} bits a texel"),
+    ]
+    if table.summary is not None:
+        summary = table.summary
+        lines.append(("PSNR", f"{summary.of_mean_mse_db:.1f} dB, worst texture {summary.minimum_db:.1f} dB"))
+    return lines
+
+
+def _camera(scene: Scene, camera: Camera) -> dict[str, Any]:
+    near, far = clip_distances(camera, scene.bounds)
+    return {
+        "name": camera.name,
+        "eye": camera.eye,
+        "target": camera.target,
+        "fov": camera.fov_degrees,
+        "height": camera.orthographic_height,
+        "near": near,
+        "far": far,
+    }

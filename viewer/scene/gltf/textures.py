@@ -130,7 +130,7 @@ def _sampler(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportN
     )
 
 
-def _image_index(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> int | None:
+def texture_image(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> int | None:
     """Image of a texture: a WebP or DDS extension's, else the plain one, else one that is read nevertheless."""
     count = len(file.entries("images"))
     for name in IMAGE_EXTENSIONS:
@@ -176,7 +176,7 @@ def read_reference(
     textures = file.entries("textures")
     number = file.index(info.get("index"), len(textures), f"{where}.index")
     texture = textures[number]
-    image = _image_index(file, texture, f"textures[{number}]", notes)
+    image = texture_image(file, texture, f"textures[{number}]", notes)
     sampler = _sampler(file, texture, f"textures[{number}]", notes)
     uv_set = file.integer(info, "texCoord", where, 0, high=255)
     overriding, transform = _uv_transform(file, info, where, notes)
