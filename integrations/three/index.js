@@ -34,6 +34,7 @@ const BC7 = 5;
 const THREE_FORMATS = { [RGBA8]: RGBAFormat, [BC5]: RED_GREEN_RGTC2_Format, [BC7]: RGBA_BPTC_Format };
 /** Largest sides of the mips that are decoded first, and next: all textures at one size, then all at the other. */
 const STAGES = [128, 1024, Infinity];
+const STAGES_ON_DEMAND = [32, 256, Infinity];
 const FILTERS = {
     9728: NearestFilter,
     9729: LinearFilter,
@@ -196,6 +197,7 @@ export class NTCTextures {
     #isBegun = false;
     #listeners = [];
     #imageWorkers = null;
+    #sizes;
 
     /**
      * @param {import("three/addons/loaders/GLTFLoader.js").GLTFParser} parser
@@ -204,6 +206,7 @@ export class NTCTextures {
     constructor(parser, options = {}) {
         this.#parser = parser;
         this.#options = options;
+        this.#sizes = options.onDemand ? STAGES_ON_DEMAND : STAGES;
         this.#memory = options.memory ?? new TextureMemory();
         this.#workers = options.workers ?? Math.min(4, Math.max(1, (navigator.hardwareConcurrency ?? 2) - 1));
         const has = (name) => options.renderer?.extensions?.has(name) ?? false;
@@ -390,7 +393,7 @@ export class NTCTextures {
         set.open = async () => {
             image = await read();
             const [{ width, height }] = image;
-            set.resize(width, height, image.length, stages(width, height, image.length, true, () => true));
+            set.resize(width, height, image.length, stages(this.#sizes, width, height, image.length, true, () => true));
         };
         this.#sets.add(set);
         return texture;
@@ -470,7 +473,7 @@ export class NTCTextures {
             return pack.workers.ask({ task: "decode", texture: layer, width, height, first, last, outputs });
         });
         set.source = pack;
-        set.resize(width, height, mips, stages(width, height, mips, isPlain, (mip) => pack.file.hasOwnCodes(layer, mip)));
+        set.resize(width, height, mips, stages(this.#sizes, width, height, mips, isPlain, (mip) => pack.file.hasOwnCodes(layer, mip)));
         try {
             await set.refine(set.coarsest);
         } catch (error) {
@@ -519,16 +522,16 @@ export class NTCTextures {
 }
 
 /**
- * First mips of what is decoded at a time, the coarsest first. Unless `any` will do, their sides are multiples of 4. The first one is
+ * First mips of what is decoded at a time, of `sizes` at most, the coarsest first. Unless `any` will do, their sides are multiples of 4. The first one is
  * one that `hasOwnCodes`.
  */
-function stages(width, height, mips, any, hasOwnCodes) {
+function stages(sizes, width, height, mips, any, hasOwnCodes) {
     const found = [];
-    for (const largest of STAGES) {
+    for (const largest of sizes) {
         for (let mip = 0; mip < mips; ++mip) {
             const [w, h] = [Math.max(1, width >> mip), Math.max(1, height >> mip)];
             if (Math.max(w, h) > largest || (!any && (w % 4 || h % 4))) continue;
-            if (largest === STAGES[0] && !hasOwnCodes(mip)) continue;
+            if (largest === sizes[0] && !hasOwnCodes(mip)) continue;
             if (mip !== found[found.length - 1]) found.push(mip);
             break;
         }
