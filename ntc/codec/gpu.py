@@ -137,8 +137,6 @@ class GpuTables(ABC):
     """True if the codec's GLSL has `block_texels`, which decodes four texels of a block at once."""
     together_shader: str = ""
     """Shader file that defines `decode_together`: a work group decodes each code that its pixels read once. "": there is none."""
-    filters_texels: ClassVar[bool] = True
-    """True if a lookup blends decoded texels; else it blends latents, and decodes once."""
 
     def __init__(self, settings: CodecSettings) -> None:
         self.settings = settings

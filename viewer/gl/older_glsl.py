@@ -1,7 +1,7 @@
-"""Drawing without storage buffers and images that are read (OpenGL 4.1, WebGL 2): textures stand in for them.
+"""Drawing without storage buffers and images that are read (OpenGL 4.1): textures stand in for them.
 
-GLSL 4.30 of vertex and fragment shaders becomes GLSL 4.10 or GLSL ES 3.00, which reads words through samplers. Only what draws can be
-written for all: no shader that is turned here may write into a buffer or an image. Lines stay where they are.
+GLSL 4.30 of vertex and fragment shaders becomes GLSL 4.10, which reads words through samplers. Only what draws can be rewritten: no
+shader that is turned here may write into a buffer or an image. Lines stay where they are.
 """
 
 import ctypes
@@ -43,8 +43,7 @@ class TextureBuffers:
         texture.use(IMAGE_UNITS + unit)
 
 
-WORD_COLUMN_BITS: Final = 11
-"""Bits of the column of a word where a buffer is a picture: rows of 2^11 words, the smallest limit of a texture in WebGL 2."""
+VERSION: Final = "#version 410"
 # Early tests are the rule for shaders that neither discard nor write a depth.
 _EARLY_TESTS: Final = "layout(early_fragment_tests) in;"
 _SNORM: Final = (
@@ -60,49 +59,8 @@ _HALF: Final = (
     "vec2 unpackHalf2x16(uint bits) { return vec2(half_value(bits & 0xFFFFu), half_value(bits >> 16)); }",
 )
 """Functions that unpack finite halves: weights are stored without others."""
-_WIDE_PRODUCT: Final = (
-    "void umulExtended(uint a, uint b, out uint high, out uint low) { uint al = a & 65535u; uint ah = a >> 16; "
-    "uint bl = b & 65535u; uint bh = b >> 16; uint m = ah * bl + ((al * bl) >> 16); uint n = al * bh + (m & 65535u); "
-    "high = ah * bh + (m >> 16) + (n >> 16); low = a * b; }",
-)
-_BIT_COUNT: Final = (
-    "int bitCount(uint v) { v = v - ((v >> 1) & 0x55555555u); v = (v & 0x33333333u) + ((v >> 2) & 0x33333333u); "
-    "return int((((v + (v >> 4)) & 0x0F0F0F0Fu) * 0x01010101u) >> 24); }",
-)
-
-
-@dataclass(frozen=True)
-class Dialect:
-    """Version of GLSL that has neither storage buffers nor images that are read."""
-
-    version: str
-    """Line in place of `#version 430`."""
-    words: str
-    """Type of the samplers of words."""
-    fetch: str
-    """GLSL for the word at {place} of {words}."""
-    precision: str = ""
-    """Precision of samplers of images."""
-    opening: tuple[str, ...] = ()
-    """Lines that come first."""
-    missing: tuple[tuple[str, tuple[str, ...]], ...] = ()
-    """Functions that the version lacks, as parts of their names and lines."""
-
-
-GLSL_410: Final = Dialect(
-    "#version 410",
-    "usamplerBuffer",
-    "texelFetch({words}, {place}).x",
-    missing=(("Snorm2x16", _SNORM), ("unpackHalf2x16", _HALF)),
-)
-GLSL_ES_300: Final = Dialect(
-    "#version 300 es",
-    "highp usampler2D",
-    f"texelFetch({{words}}, ivec2(({{place}}) & {(1 << WORD_COLUMN_BITS) - 1}, ({{place}}) >> {WORD_COLUMN_BITS}), 0).x",
-    precision="highp ",
-    opening=("precision highp float;", "precision highp int;"),
-    missing=(("umulExtended", _WIDE_PRODUCT), ("bitCount", _BIT_COUNT)),
-)
+_MISSING: Final = (("Snorm2x16", _SNORM), ("unpackHalf2x16", _HALF))
+"""Functions that GLSL 4.10 lacks, as parts of their names and lines."""
 _STRUCT = re.compile(r"struct (\w+) \{(.*?)\};", re.DOTALL)
 _FIELD = re.compile(r"^\s*(\w+) (\w+)(?:\[(\d+)\])?;", re.MULTILINE)
 _BUFFER = re.compile(
@@ -117,12 +75,12 @@ _WRITTEN: Final = {"int": "int({})", "uint": "{}", "float": "uintBitsToFloat({})
 
 
 class UnsuitableShaderError(Exception):
-    """Error of a shader that an older GLSL cannot express."""
+    """Error of a shader that GLSL 4.10 cannot express."""
 
 
 @dataclass(frozen=True)
 class OlderSource:
-    """Shader in an older GLSL, with the bindings that its text cannot express."""
+    """Shader in GLSL 4.10, with the bindings that its text cannot express."""
 
     text: str
     units: Mapping[str, int]
@@ -134,8 +92,7 @@ class OlderSource:
 class _Records:
     """Structs of a shader: their size in words of a buffer (std430), and how they are read."""
 
-    def __init__(self, text: str, fetch: str) -> None:
-        self._fetch = fetch
+    def __init__(self, text: str) -> None:
         self._fields = {
             match[1]: [(kind, name, int(count or 0)) for kind, name, count in _FIELD.findall(match[2])]
             for match in _STRUCT.finditer(text)
@@ -164,7 +121,7 @@ class _Records:
     def read(self, kind: str, words: str, first: int) -> str:
         """Return GLSL for a value that begins at word `first` after `at`; `words` is the sampler."""
         if kind in _WRITTEN:
-            return _WRITTEN[kind].format(self._fetch.format(words=words, place=f"at + {first}"))
+            return _WRITTEN[kind].format(f"texelFetch({words}, at + {first}).x")
         if kind in _WORDS:
             part = {"u": "uint", "i": "int"}.get(kind[0], "float")
             return f"{kind}({', '.join(self.read(part, words, first + i) for i in range(_WORDS[kind]))})"
@@ -192,9 +149,9 @@ def _rewritten(text: str, opening: str, closing: str, head: str, tail: str) -> s
     return text
 
 
-def older_source(text: str, dialect: Dialect = GLSL_410) -> OlderSource:
-    """Rewrite an assembled shader in an older GLSL. Raises UnsuitableShaderError."""
-    records = _Records(text, dialect.fetch)
+def older_source(text: str) -> OlderSource:
+    """Rewrite an assembled shader in GLSL 4.10. Raises UnsuitableShaderError."""
+    records = _Records(text)
     numbers = {name: int(value) for name, value in _DEFINE.findall(text)}
     units: dict[str, int] = {}
     blocks: dict[str, int] = {}
@@ -210,12 +167,12 @@ def older_source(text: str, dialect: Dialect = GLSL_410) -> OlderSource:
         arrays.append(name)
         if re.search(rf"#define {kind}\b", text):
             # The kind differs from program to program: such buffers are not read without compute shaders.
-            return f"uniform {dialect.words} {words};" + "\n" * match[0].count("\n")
+            return f"uniform usamplerBuffer {words};" + "\n" * match[0].count("\n")
         size = records.words(kind)
         read = records.read(kind, words, 0)
         lines = f"{kind} {name}_at(int index) {{ int at = index * {size}; return {read}; }}"
         blank = "\n" * (space.count("\n") + rest.count("\n"))
-        return f"uniform {dialect.words} {words}; {lines}{blank}"
+        return f"uniform usamplerBuffer {words}; {lines}{blank}"
 
     def block(match: re.Match[str]) -> str:
         blocks[match[2]] = number(match[1])
@@ -223,24 +180,24 @@ def older_source(text: str, dialect: Dialect = GLSL_410) -> OlderSource:
 
     def sampler(match: re.Match[str]) -> str:
         units[match[3]] = number(match[1])
-        return f"uniform {dialect.precision}{match[2]} {match[3]};"
+        return f"uniform {match[2]} {match[3]};"
 
     def image(match: re.Match[str]) -> str:
         units[match[3]] = IMAGE_UNITS + number(match[1])
-        return f"uniform {dialect.precision}{match[2]}sampler2D {match[3]};"
+        return f"uniform {match[2]}sampler2D {match[3]};"
 
-    text = text.replace(_EARLY_TESTS, "").replace("#version 430", dialect.version)
+    text = text.replace(_EARLY_TESTS, "").replace("#version 430", VERSION)
     for pattern, replacement in ((_BUFFER, buffer), (_BLOCK, block), (_SAMPLER, sampler), (_IMAGE, image)):
         text = pattern.sub(replacement, text)
     text = _rewritten(text, r"\bimageLoad\(", ")", "texelFetch(", ", 0)")
     for name in dict.fromkeys(arrays):
         text = _rewritten(text, rf"(?<![\w.]){name}\[", "]", f"{name}_at(", ")")
-    return OlderSource(_completed(text, dialect), units, blocks)
+    return OlderSource(_completed(text), units, blocks)
 
 
-def _completed(text: str, dialect: Dialect) -> str:
+def _completed(text: str) -> str:
     """Return `text` with the functions that the version lacks, and macros on one line each."""
-    lines = [*dialect.opening, *(line for name, own in dialect.missing if name in text for line in own)]
+    lines = [line for name, own in _MISSING if name in text for line in own]
     head, mark, rest = text.partition("#line 2 0\n")
     if mark:
         text = head + "".join(f"{line}\n" for line in lines) + mark + rest

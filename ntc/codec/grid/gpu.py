@@ -265,7 +265,6 @@ class GridTables(GpuTables):
     """Weights as fp32 or, for every other precision, as halves; those beyond the range of halves become the largest one."""
 
     shares_decoders = True
-    filters_texels = False
     shader = "ntc/grid.glsl"
 
     def __init__(self, settings: GridConfig, precision: Precision) -> None:

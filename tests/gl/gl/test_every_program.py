@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
-from viewer.export.web.packed import SHADER
 
 from ntc.codec.gpu import DecodingImage
 from ntc.codec.maps import PLANES
@@ -67,8 +66,7 @@ def test_every_shader_file_is_in_some_program(programs: tuple[AssembledProgram, 
     shaders = {
         str(path.relative_to(shaders_folder())) for path in shaders_folder().rglob("*.*") if path.suffix != ".glsl"
     }
-    # Browsers compile what pages decode with (tests/end_to_end/export/test_page.py).
-    assert shaders - {SHADER} == {name for program in programs for name in program.files}
+    assert shaders == {name for program in programs for name in program.files}
 
 
 def test_programs_are_of_all_precisions(programs: tuple[AssembledProgram, ...]) -> None:
