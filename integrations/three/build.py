@@ -9,6 +9,7 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
+WASM = HERE / "generated" / "ntc.wasm"
 NTC = HERE.parents[1] / "ntc"
 SOURCES = (HERE / "ntc_web.c", NTC / "c" / "ntc.c", NTC / "c" / "ntc.h")
 TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-msimd128", "-std=c99", "-O3", "-s")
@@ -38,6 +39,6 @@ def copy_tables(folder: Path) -> None:
 if __name__ == "__main__":
     copy_tables(HERE)
     if importlib.util.find_spec("ziglang") is not None:
-        build(HERE / "ntc.wasm")
-    elif not (HERE / "ntc.wasm").read_bytes().endswith(source_section()):
+        build(WASM)
+    elif not WASM.read_bytes().endswith(source_section()):
         sys.exit("error: ntc.wasm is of other sources: pip install ziglang")

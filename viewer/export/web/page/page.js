@@ -1,7 +1,7 @@
 // Starts the page: the picture, its divider, the divergence map and the controls. What goes wrong is told in one line.
 import * as THREE from "three";
 import { TextureMemory } from "ntc-three";
-import { Sight, VIRIDIS, divergence, drawMap, footprints } from "./sight.js";
+import { Sight, VIRIDIS, divergence, drawMap, footprints, mainTexture } from "./sight.js";
 import { Stage, VIEWS, readJson } from "./stage.js";
 
 const FORMAT = 2;
@@ -13,6 +13,8 @@ const LIMIT_MB = { small: 96, large: 256 };
 const byId = (id) => document.getElementById(id);
 const { dataset, style } = document.documentElement;
 const state = { a: 0, b: 1, split: null, heat: false, view: "lit" };
+
+const repeats = ({ repeat }) => Math.max(Math.abs(repeat.x), Math.abs(repeat.y));
 
 function fail(error) {
   byId("error").textContent = error.message;
@@ -130,8 +132,8 @@ class View {
         const footprint = lit(mesh).transparent ? BLENDED : seen.get(mesh.userData.number);
         if (footprint === undefined) continue;
         for (const texture of source.textures(mesh, state.view)) {
-          const scale = Math.max(Math.abs(texture.repeat.x), Math.abs(texture.repeat.y));
-          wanted.set(texture, Math.min(wanted.get(texture) ?? Infinity, footprint * (texture.matrixAutoUpdate ? 1 : scale)));
+          const size = (footprint * repeats(texture)) / repeats(mainTexture(lit(mesh)));
+          wanted.set(texture, Math.min(wanted.get(texture) ?? Infinity, size));
         }
       }
       source.plugin.want(wanted);

@@ -21,7 +21,8 @@ const NUMBER = `
 }`;
 
 /** The first texture of a material, whose coordinates stand for those of all. */
-const mainTexture = ({ map, normalMap, roughnessMap, emissiveMap, aoMap }) => map ?? normalMap ?? roughnessMap ?? emissiveMap ?? aoMap ?? null;
+export const mainTexture = ({ map, normalMap, roughnessMap, emissiveMap, aoMap }) =>
+  [map, normalMap, roughnessMap, emissiveMap, aoMap].find((texture) => texture?.set) ?? map ?? null;
 
 export class Sight {
   constructor(renderer, scene) {

@@ -103,6 +103,7 @@ export class Stage {
     this.camera = new THREE.PerspectiveCamera();
     this.controls = new THREE.OrbitControls(this.camera, canvas);
     this.controls.addEventListener("change", () => changed(true));
+    this.controls.listenToKeyEvents(canvas);
     const [low, high] = page.bounds.map((corner) => new THREE.Vector3(...corner));
     this.radius = Math.max(low.distanceTo(high) / 2, 1e-6);
     this.size = [1, 1];
@@ -121,7 +122,10 @@ export class Stage {
     this.light = new Light(renderer, this.page, await this.sky, this.radius);
     this.scene.add(this.light.sun, this.light.sun.target);
     this.warm();
-    const { scene, parser } = await this.reading;
+    const { scene, parser } = await this.reading.catch((error) => {
+      const { message } = error;
+      throw message.includes(":") ? error : new Error(`${this.page.scene}: is damaged (${message}); export the page again`);
+    });
     scene.traverse((object) => {
       if (object.isLight) this.lights = (this.lights ?? 0) + 1;
       object.visible = !object.isLight || this.lights <= MOST_LIGHTS;
