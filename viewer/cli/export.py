@@ -39,7 +39,7 @@ def _packs(options: ExportOptions, scene: Path) -> tuple[Path, ...]:
     """Return the packs that are named, else the one that lies beside the scene. Raises InputError for none, and for several that are
     not for a page."""
     if len(options.pack) > 1 and options.web is None:
-        raise InputError(f"--pack {' '.join(map(str, options.pack))}: one pack is exported with a scene; name one")
+        raise InputError(f"--pack {' '.join(map(str, options.pack))}: one pack is exported with a scene, several with --web; name one")
     beside = packs_beside(scene)
     preferred = [path for path in beside if path.name.endswith(f".{PREFERRED_GROUPING}{PACK_SUFFIX}")]
     found = tuple(options.pack or preferred[:1] or beside[:1])
@@ -103,7 +103,7 @@ def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> 
 
 def _export_page(scene: Path, packs: tuple[Path, ...], folder: Path, fallback: Fallback) -> list[str]:
     """Write the page, and return what to tell. Raises InputError."""
-    with TerminalProgress("textures", lines=True) as report:
+    with TerminalProgress(f"opening {scene.name}", "images") as report:
         page = export_page(scene, packs, folder, fallback != "none", report)
     parts = f"packs {page.pack_bytes / 1e6:.2f} MB, original images {page.image_bytes / 1e6:.2f} MB"
     return [

@@ -395,11 +395,11 @@ class ExportOptions:
     scene: OptionalScene = None
     """Scene to export, or `gallery`, the built-in spheres. Default: the built-in courtyard."""
     pack: Packs = ()
-    """Pack that holds the scene's textures. Default: the pack beside the scene, clustered before others."""
+    """Pack that holds the scene's textures; several with --web. Default: the pack beside the scene, clustered before others."""
     out: Annotated[Path | None, in_words("G.gltf|G.glb|DIR")] = None
     """glTF file to write: a copy of the scene whose textures also name the pack (NV_texture_swizzle). With --shader: a folder."""
     web: Annotated[Path | None, in_words("DIR")] = None
-    """Folder to write a web page into, which decodes the pack in the browser.
+    """Folder to write a web page into, which shows the packs in the browser.
     With --fallback none it holds no originals to compare with."""
     shader: Annotated[ShaderLanguage | None, in_words("glsl|hlsl|wgsl|cuda")] = None
     """Language of the pack's decoder, written as source into the folder --out with its data, a C header and a C++ program."""

@@ -287,7 +287,7 @@ VALUES: Final = {
     "gltf": "glTF whose textures also name the pack: other programs show the originals.",
     "gltf-ktx2": "glTF with decoded images in KTX2 (Basis UASTC), and a table of what they lose.",
     "gltf-bc7": "glTF with decoded images in BC7 (DDS), and a table of what they lose.",
-    "page": "A web page that decodes the pack in the browser.",
+    "page": "A web page that shows the pack in the browser.",
     "glsl": "The decoder's source in GLSL, with its data.",
     "hlsl": "The decoder's source in HLSL, with its data.",
     "wgsl": "The decoder's source in WGSL, with its data.",

@@ -2,7 +2,7 @@
 import * as THREE from "three";
 import { TextureMemory } from "ntc-three";
 import { Sight, VIRIDIS, divergence, drawMap, footprints, mainTexture } from "./sight.js";
-import { Stage, VIEWS, readJson } from "./stage.js";
+import { PageError, Stage, VIEWS, readJson } from "./stage.js";
 
 const FORMAT = 2;
 const REST_MS = 160; // without a movement: then finer mips are asked for
@@ -17,10 +17,16 @@ const state = { a: 0, b: 1, split: null, heat: false, view: "lit" };
 const repeats = ({ repeat }) => Math.max(Math.abs(repeat.x), Math.abs(repeat.y));
 
 function fail(error) {
-  byId("error").textContent = error.message;
-  byId("error").hidden = false;
+  if (!(error instanceof PageError)) console.error(error);
+  tell(error);
   byId("status").textContent = "";
   dataset.state = "failed";
+}
+
+/** Shows what a source lacks. The picture goes on without it. */
+function tell({ message }) {
+  byId("error").textContent = message;
+  byId("error").hidden = false;
 }
 
 class View {
@@ -274,14 +280,14 @@ class Panel {
 async function start() {
   const canvas = byId("canvas");
   const page = await readJson("page.json");
-  if (page.format !== FORMAT) throw new Error(`page.json: format ${page.format} is not ${FORMAT}; export the page again`);
+  if (page.format !== FORMAT) throw new PageError(`page.json: format ${page.format} is not ${FORMAT}; export the page again`);
   const isSmall = matchMedia("(pointer: coarse)").matches || (navigator.deviceMemory ?? 8) <= 4;
   const memory = new TextureMemory(1e6 * LIMIT_MB[isSmall ? "small" : "large"]);
   let view = null;
-  const stage = new Stage(canvas, page, memory, (isMoved) => (isMoved ? view?.moved() : view?.refined()), fail);
+  const stage = new Stage(canvas, page, memory, (isMoved) => (isMoved ? view?.moved() : view?.refined()), tell);
   stage.read(); // while the graphics device is opened
   const gl = canvas.getContext("webgl2", { antialias: false, powerPreference: "high-performance" });
-  if (!gl) throw new Error("This browser has no WebGL 2: use a newer one, or allow graphics acceleration in its settings");
+  if (!gl) throw new PageError("This browser has no WebGL 2: use a newer one, or allow graphics acceleration in its settings");
   canvas.addEventListener("webglcontextrestored", () => location.reload());
   const renderer = new THREE.WebGLRenderer({ canvas, context: gl });
   await stage.load(renderer);

@@ -30,9 +30,12 @@ function unify(material) {
   material.normalMap ??= FLAT;
 }
 
+/** What goes wrong in a way that one line tells. */
+export class PageError extends Error {}
+
 async function answer(name) {
   const response = await fetch(name);
-  if (!response.ok) throw new Error(`${name}: the server answers ${response.status}; copy the whole folder`);
+  if (!response.ok) throw new PageError(`${name}: the server answers ${response.status}; copy the whole folder`);
   return response;
 }
 
@@ -41,7 +44,7 @@ export async function readJson(name) {
   try {
     return await response.json();
   } catch {
-    throw new Error(`${name}: is damaged; export the page again`);
+    throw new PageError(`${name}: is damaged; export the page again`);
   }
 }
 
@@ -123,8 +126,8 @@ export class Stage {
     this.scene.add(this.light.sun, this.light.sun.target);
     this.warm();
     const { scene, parser } = await this.reading.catch((error) => {
-      const { message } = error;
-      throw message.includes(":") ? error : new Error(`${this.page.scene}: is damaged (${message}); export the page again`);
+      if (error instanceof PageError) throw error;
+      throw new PageError(`${this.page.scene}: is damaged (${error.message}); export the page again`);
     });
     scene.traverse((object) => {
       if (object.isLight) this.lights = (this.lights ?? 0) + 1;
