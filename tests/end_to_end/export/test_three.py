@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.codec.mips import coded_z
+from ntc.codec.mips import coded_z, mip_chain
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.pack.file import read_pack
@@ -271,6 +271,52 @@ def test_parts_of_packs_lie_where_they_are_looked_for(ranges: Browser, site: Pat
         parts.append(ranges.ask(f"own.parts('packs/{path.name}', {count}, {{first: 256, coarse: 8, gap: 0}})"))
     assert None not in parts, "together they are the file"
     assert all(part > 0 for part in parts), "each has mips that come later"
+
+
+COARSE = SIDE >> 4
+"""Side of the finest mip that stays out of sight: the first with codes of its own below 32 texels."""
+MIPS = 5
+"""Of a texture of SIDE x SIDE texels in the pack."""
+BYTES = {SIDE >> first: 4 * sum((SIDE >> mip) ** 2 for mip in range(first, MIPS)) for first in range(MIPS)}
+"""Bytes of an RGBA8 texture with mips, by the side of the finest."""
+
+
+def test_mips_come_on_demand_within_a_limit_of_memory(page: Browser, materials: Path) -> None:
+    """Of five textures of three sets: a whole material has three, the others one each."""
+    page.messages.clear()
+    steps = page.ask("own.onDemand('materials.glb', Infinity, 0)")
+    assert {step["side"] for step in steps} == {SIDE}
+    assert steps[-1]["sides"] == [SIDE] * 5, "nothing is let go of where there is room"
+    assert steps[-1]["used"] == 5 * BYTES[SIDE]
+    # Room for the whole material alone: its three textures are there together.
+    limit = 3 * BYTES[SIDE] + 2 * BYTES[COARSE]
+    steps = page.ask(f"own.onDemand('materials.glb', {limit}, 0)")
+    assert {step["side"] for step in steps} == {SIDE}
+    assert max(step["used"] for step in steps) <= limit
+    assert min(steps[-1]["sides"]) == COARSE
+    # Too little for any: as fine as fits.
+    steps = page.ask(f"own.onDemand('materials.glb', {5 * BYTES[COARSE] + 3 * BYTES[SIDE // 4]}, 0)")
+    assert all(COARSE <= step["side"] < SIDE for step in steps)
+    # Neighbouring pixels that are two texels apart need mip 1.
+    steps = page.ask(f"own.onDemand('materials.glb', Infinity, {2.0 / SIDE})")
+    assert {step["side"] for step in steps} == {SIDE // 2}
+    assert page.ask("own.errors") == []
+    assert faults(page) == []
+
+
+def test_images_of_the_file_come_on_demand(page: Browser, materials: Path) -> None:
+    page.messages.clear()
+    steps = page.ask("own.onDemand('materials.glb', Infinity, 0, null)")
+    assert {step["side"] for step in steps} == {SIDE}
+    assert steps[0]["sides"].count(1) == 4, "one that nobody wants is not read"
+    document = glb_json(materials)
+    number = document["materials"][1]["pbrMetallicRoughness"]["baseColorTexture"]["index"]
+    assert np.array_equal(shown(page, number, SIDE, SIDE)[..., :3], waves(1, SIDE))
+    # Mips are means of light.
+    expected = mip_chain(waves(1, SIDE), "srgb")[2]
+    assert np.abs(shown(page, number, SIDE // 4, SIDE // 4, 2)[..., :3].astype(int) - expected).max() <= 1
+    assert page.ask("own.errors") == []
+    assert faults(page) == []
 
 
 @pytest.mark.nightly

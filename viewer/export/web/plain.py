@@ -66,6 +66,9 @@ def _expand_views(opened: OpenedExport, buffer: _NewBuffer) -> None:
         if any(view.get("extensions", {}).pop(name, None) is not None for name in MESHOPT_EXTENSIONS):
             data, _ = opened.buffers.view(number, f"bufferViews[{number}]")
             view.update(buffer.add(data))
+    for entry in opened.document.entries("buffers"):
+        # What a view falls back to where it cannot be decompressed.
+        entry.pop("extensions", None)
 
 
 def _expand_draco(opened: OpenedExport, buffer: _NewBuffer) -> None:
