@@ -85,21 +85,6 @@ class CertifiedError:
     """True if a number may leave the range of the format it is kept in."""
 
 
-@dataclass(frozen=True, eq=False)
-class Assigned:
-    """Textures encoded with decoders that were there before."""
-
-    pack: Pack
-    tried: int
-    """Decoders that were compared."""
-    compared: int
-    """Textures that were also encoded in a fresh group, at equal bits."""
-    frozen_db: float
-    """PSNR in dB of the mean square error of these with the old decoders."""
-    fresh_db: float
-    """The same with a decoder fitted to them."""
-
-
 class Codec(ABC):
     """A way to encode, store and decode textures. Codecs hold no state: every method takes what it works on."""
 
@@ -299,17 +284,14 @@ class Codec(ABC):
         """Return a pack that is shown until the first snapshots: flat colours. Latents have their largest size, so that what comes
         fits into as much memory."""
 
-    def encode_with_decoders(
-        self, textures: Sequence[SourceTexture], packs: Sequence[Pack], decoders: int
-    ) -> "Assigned":
-        """Encode `textures` with decoders that `packs`, which share their settings, have: each with the one that suits it best.
+    def encode_with_decoders(self, textures: Sequence[SourceTexture], known: Pack, options: EncodingOptions) -> Pack:
+        """Encode `textures` with the decoders of the pack `known`: each with the one that suits it best.
 
-        At most so many `decoders` are tried. Raises InputError where the codec has no way to do that.
+        Raises InputError where the codec has no way to do that.
         """
-        del textures, decoders
-        kind = packs[0].config.kind
+        del textures, options
         raise InputError(
-            f"{packs[0].name}: codec {kind} cannot encode with the decoders of other packs; use another codec"
+            f"{known.name}: codec {known.config.kind} cannot encode with the decoders of another pack; use another codec"
         )
 
     # What people read.

@@ -1,1 +1,1 @@
-"""A library on disk: encoded textures of many scenes in shards, each a pack, with an index (docs/reference/library-format.md)."""
+"""A library on disk: a folder of packs of many scenes, with an index (docs/reference/library-format.md)."""

@@ -1,62 +1,63 @@
-"""The index of a library: what it holds, a record a line. Each line has a checksum, so that a torn or damaged one is known as one."""
+"""A library: a folder of packs. Its index is a cache of what their headers say; it is made again where it is missing or damaged."""
 
 import hashlib
-from collections.abc import Container, Iterable
-from dataclasses import dataclass, field
+import io
+import os
+import time
+from collections.abc import Container, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, BinaryIO, Literal
 
 import msgspec
 from msgspec import Meta
 
-from ntc.errors import InputError, MetadataError
-from ntc.io import read_file
+from ntc.codec.model import Pack
+from ntc.errors import InputError
+from ntc.io import read_file, write_bytes
+from ntc.library.joining import joined_textures, settings_of
+from ntc.pack.file import pack_contents, read_pack
 from ntc.pack.schema import Decibels, Side, Text
 
-INDEX_VERSION = 1
-CHECK_DIGITS = 16
-"""Hexadecimal digits of a line's checksum."""
-_Digest = Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
+INDEX_FILE = "index.ntc-library"
+PACK_SUFFIX = ".ntc"
+NAME_DIGITS = 32
+"""Number of hexadecimal digits of a pack's SHA-256 in its file name."""
+SECONDS_BETWEEN_SAVES = 30.0
+"""Most work of looking at images that a kill of the program loses."""
 _Count = Annotated[int, Meta(ge=0)]
-
-
-class Beginning(msgspec.Struct, frozen=True, tag="library"):
-    """The first record of every index."""
-
-    version: int = INDEX_VERSION
+Stamp = tuple[int, int]
+"""(bytes, time of change in ns) of a file."""
 
 
 class StoredTexture(msgspec.Struct, frozen=True, array_like=True):
-    """One texture of a shard; its place there is that in the record."""
+    """One texture of a pack."""
 
     pixel_hash: Text
     name: Text
     width: Side
     height: Side
     bits_per_texel: float
-    """Stored bits of its latents per texel of all encoded mips."""
+    """Stored bits of its latents, all mips, per texel of mip 0."""
     psnr_db: Decibels | None
     """PSNR of mip 0 in dB; None where it is exact or not known."""
 
 
-class Shard(msgspec.Struct, frozen=True, tag="shard"):
-    """One file of the library: a pack, whole by itself."""
+class StoredPack(msgspec.Struct, frozen=True, array_like=True):
+    """One pack of the library, as its header describes it."""
 
-    digest: _Digest
-    """SHA-256 of the file, which gives its name."""
-    bytes: _Count
+    stamp: tuple[_Count, int]
+    """Bytes and time of change of the file. Another stamp: the header is read again."""
     settings: Text
-    """Key of how its textures were encoded: packs of one key can be joined (`ntc.library.reading.settings_key`)."""
+    """Key of how its textures were encoded: packs of one key can be joined (`ntc.library.joining.settings_key`)."""
     grouping: Text
     textures: tuple[StoredTexture, ...]
 
 
 class ImageFile(msgspec.Struct, frozen=True, array_like=True):
-    """Facts about an image file, so that it need not be decoded again to know whether the library holds it."""
+    """Facts about an image file: while its stamp is the same, it need not be decoded to know whether the library holds it."""
 
-    path: Text
-    bytes: _Count
-    modified_ns: int
+    stamp: tuple[_Count, int]
     pixel_hash: Text
     """Empty where the image is constant: there is nothing to encode."""
     width: Side
@@ -64,135 +65,192 @@ class ImageFile(msgspec.Struct, frozen=True, array_like=True):
     channels: Annotated[int, Meta(ge=1, le=4)]
 
 
-class ImageFiles(msgspec.Struct, frozen=True, tag="files"):
-    """Image files that were looked at together."""
+class _Index(msgspec.Struct, frozen=True):
+    version: Literal[2] = 2
+    packs: dict[str, StoredPack] = {}
+    """Packs by path below the folder."""
+    images: dict[str, ImageFile] = {}
+    """Image files by path."""
 
-    files: tuple[ImageFile, ...]
 
-
-Record = Beginning | Shard | ImageFiles
 _encoder = msgspec.json.Encoder(order="deterministic")
-_decoder: msgspec.json.Decoder[Record] = msgspec.json.Decoder(Record)
-
-
-def _checksum(text: bytes) -> bytes:
-    return hashlib.sha256(text).hexdigest()[:CHECK_DIGITS].encode()
-
-
-def record_line(record: Record) -> bytes:
-    """Return the line of a record, with its end; the same record gives the same line."""
-    text = _encoder.encode(record)
-    return _checksum(text) + b" " + text + b"\n"
-
-
-def read_line(line: bytes) -> Record:
-    """Return the record of a line without its end. Raises MetadataError for one that is torn, damaged or of no known kind."""
-    check, _, text = line.partition(b" ")
-    if check != _checksum(text):
-        raise MetadataError("the checksum is wrong")
-    try:
-        return _decoder.decode(text)
-    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise MetadataError(str(error)) from error
-
-
-INDEX_FILE = "index.ntc-library"
-SHARDS_FOLDER = "shards"
-SHARD_SUFFIX = ".ntc"
-NAME_DIGITS = 32
-"""Number of digits of a shard's digest in its file name."""
+_decoder = msgspec.json.Decoder(_Index)
 
 
 def is_library(folder: Path) -> bool:
-    """Return whether `folder` holds a library."""
-    return (folder / INDEX_FILE).is_file()
+    """Return whether `folder` holds a library: the index of one, or packs and no other files."""
+    if (folder / INDEX_FILE).is_file():
+        return True
+    with suppress(OSError), os.scandir(folder) as entries:
+        names = [entry.name for entry in entries if entry.is_file() and not entry.name.startswith(".")]
+        return bool(names) and all(map(_is_pack, names))
+    return False
 
 
-def shard_path(folder: Path, digest: str) -> Path:
-    """Return the path of the shard with this SHA-256 in the library in `folder`."""
-    return folder / SHARDS_FOLDER / f"{digest[:NAME_DIGITS]}{SHARD_SUFFIX}"
+def _is_pack(name: str) -> bool:
+    # Hidden files are those that are being written, or that a killed process left.
+    return name.endswith(PACK_SUFFIX) and not name.startswith(".")
 
 
-@dataclass
-class LibraryIndex:
-    """The records of a library in `folder`."""
-
-    folder: Path
-    shards: dict[str, Shard] = field(default_factory=dict)
-    """Shards by digest, in the order of the index."""
-    places: dict[tuple[str, str], str] = field(default_factory=dict)
-    """Digest of the first shard that holds a texture so encoded, by (settings key, pixel hash)."""
-    files: dict[str, ImageFile] = field(default_factory=dict)
-    """Image files by path, as they were last found."""
-    damaged_lines: list[int] = field(default_factory=list)
-    """Numbers of lines, from 1, that are no records; what they said is not known."""
-    whole_bytes: int = 0
-    """Length of the index up to its last whole line; what follows was torn when a process ended."""
-
-    def take(self, record: Record) -> None:
-        """Note a record."""
-        if isinstance(record, Shard):
-            self.shards.setdefault(record.digest, record)
-            for texture in record.textures:
-                self.places.setdefault((record.settings, texture.pixel_hash), record.digest)
-        elif isinstance(record, ImageFiles):
-            self.files.update((file.path, file) for file in record.files)
-
-    def holds(self, settings: str, pixel_hash: str) -> bool:
-        """Return whether a texture is there, encoded so."""
-        return (settings, pixel_hash) in self.places
-
-    def shards_with(self, wanted: Container[str]) -> dict[str, list[tuple[Shard, frozenset[str]]]]:
-        """Return the shards to read for the textures whose pixel hash is `wanted`, and the hashes that each gives: by settings key,
-        those with the most textures first."""
-        found: dict[str, dict[str, set[str]]] = {}
-        for (settings, pixel_hash), digest in self.places.items():
-            if pixel_hash in wanted:
-                found.setdefault(settings, {}).setdefault(digest, set()).add(pixel_hash)
-        count = {key: sum(map(len, shards.values())) for key, shards in found.items()}
-        return {
-            key: [(self.shards[digest], frozenset(hashes)) for digest, hashes in found[key].items()]
-            for key in sorted(found, key=lambda key: (-count[key], key))
-        }
-
-    def path(self, shard: Shard) -> Path:
-        """Return the file of a shard."""
-        return shard_path(self.folder, shard.digest)
-
-
-def records_of(lines: Iterable[bytes], index: LibraryIndex) -> None:
-    """Take the records of whole lines into `index`."""
-    for number, line in enumerate(lines, 1):
-        try:
-            index.take(read_line(line))
-        except MetadataError:
-            index.damaged_lines.append(number)
-
-
-def read_index(folder: Path) -> LibraryIndex:
-    """Return the index of the library in `folder`; damaged lines are left out and counted. Raises InputError for a folder without one,
-    and for a library of another version."""
-    path = Path(folder) / INDEX_FILE
+def _read_index(folder: Path) -> _Index:
+    """Return the index of `folder`; an empty one where it is missing, damaged or of another version."""
     try:
-        data = read_file(path)
-    except OSError as error:
-        raise InputError(f"{folder}: holds no library ({error.strerror}); name the folder of a library") from error
-    index, end = LibraryIndex(Path(folder)), data.rfind(b"\n") + 1
-    index.whole_bytes = end
-    lines = data[:end].split(b"\n")[:-1]
-    _require_version(lines[:1], path)
-    records_of(lines, index)
-    return index
+        check, _, text = read_file(folder / INDEX_FILE).partition(b"\n")
+        return _decoder.decode(text) if check == _checksum(text) else _Index()
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+        return _Index()
 
 
-def _require_version(first: list[bytes], path: Path) -> None:
-    """Refuse indices of other versions. One whose first line is damaged is read for what can be read."""
-    for line in first:
-        try:
-            record = read_line(line)
-        except MetadataError:
-            return
-        if isinstance(record, Beginning) and record.version != INDEX_VERSION:
+def _checksum(text: bytes) -> bytes:
+    return hashlib.sha256(text).hexdigest().encode()
+
+
+def _pack_files(folder: Path) -> Iterator[tuple[str, Stamp]]:
+    """Yield path below `folder` and stamp of each pack in it and in its sub-folders."""
+    for place, _, names in os.walk(folder):
+        below = os.path.relpath(place, folder)
+        for name in filter(_is_pack, names):
+            with suppress(OSError):
+                status = os.stat(os.path.join(place, name))  # noqa: PTH116, PTH118  A Path takes longer than the call.
+                yield name if below == "." else f"{below}/{name}", (status.st_size, status.st_mtime_ns)
+
+
+def _stored_pack(file: BinaryIO, path: Path, stamp: Stamp) -> StoredPack:
+    """Return what the header of a pack says. Raises InputError."""
+    metadata, stored_bytes = pack_contents(file, path)
+    textures = tuple(
+        StoredTexture(
+            own.pixel_hash, own.name, own.width, own.height, 8.0 * size / (own.width * own.height), own.psnr_db
+        )
+        for own, size in zip(metadata.textures, stored_bytes, strict=True)
+    )
+    key = settings_of(metadata.codec, metadata.grouping.name, metadata.grouping.parameters, metadata.training)
+    return StoredPack(stamp, key, metadata.grouping.name, textures)
+
+
+class Library:
+    """The packs in a folder and its sub-folders, and what is in them. Several processes may add packs at the same time."""
+
+    def __init__(self, folder: Path) -> None:
+        """Read the index, and the header of each pack that is new or has changed since. Raises InputError where there is no library.
+
+        The index is written again where it is not up to date and can be written.
+        """
+        self.folder = Path(folder)
+        if not is_library(self.folder):
+            raise InputError(f"{folder}: holds no library; name a folder of packs ({PACK_SUFFIX})")
+        self.packs: dict[str, StoredPack] = {}
+        """Packs by path below the folder."""
+        self.textures: dict[tuple[str, str], tuple[str, StoredTexture]] = {}
+        """(pack, texture) by (settings key, pixel hash); of several the first pack by path."""
+        self.unreadable: dict[str, str] = {}
+        """Error of each file that is no pack or cannot be read, by path below the folder."""
+        index = _read_index(self.folder)
+        self.images = index.images
+        """Image files that were looked at, by path."""
+        self._saved = time.monotonic()
+        for name, stamp in sorted(_pack_files(self.folder)):
+            known = index.packs.get(name)
+            try:
+                self._take(name, known if known is not None and known.stamp == stamp else self._read(name, stamp))
+            except InputError as error:
+                self.unreadable[name] = str(error)
+        if self.packs != index.packs:
+            with suppress(InputError):
+                self.save()
+
+    @classmethod
+    def to_write(cls, folder: Path) -> "Library":
+        """Return the library in `folder`, which is made where there is none. Raises InputError for a folder of other files, and for
+        one that cannot be written."""
+        if folder.exists() and not is_library(folder) and (not folder.is_dir() or any(folder.iterdir())):
             raise InputError(
-                f"{path}: has version {record.version}, this program reads version {INDEX_VERSION}; install a newer ntc-viewer"
+                f"{folder}: holds other files and no library; name a new folder, or a pack ({PACK_SUFFIX})"
             )
+        if not is_library(folder):
+            _write_index(folder, _Index())
+        return cls(folder)
+
+    def _read(self, name: str, stamp: Stamp) -> StoredPack:
+        path = self.folder / name
+        try:
+            name.encode()
+            with path.open("rb") as file:
+                return _stored_pack(file, path, stamp)
+        except UnicodeEncodeError as error:
+            raise InputError(f"{path}: the name is not Unicode; rename the file") from error
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot be read ({error.strerror}); check the disk and its permissions"
+            ) from error
+
+    def _take(self, name: str, pack: StoredPack) -> None:
+        self.packs[name] = pack
+        for texture in pack.textures:
+            self.textures.setdefault((pack.settings, texture.pixel_hash), (name, texture))
+
+    def add(self, data: bytes) -> bool:
+        """Keep a pack, given as the bytes of its file, unless the library holds all of its textures so encoded: then return False.
+
+        Raises InputError where it cannot be written, or `data` are no pack.
+        """
+        name = f"{hashlib.sha256(data).hexdigest()[:NAME_DIGITS]}{PACK_SUFFIX}"
+        path = self.folder / name
+        pack = _stored_pack(io.BytesIO(data), path, (0, 0))
+        if all((pack.settings, texture.pixel_hash) in self.textures for texture in pack.textures):
+            return False
+        write_bytes(path, data)
+        status = path.stat()
+        self._take(name, msgspec.structs.replace(pack, stamp=(status.st_size, status.st_mtime_ns)))
+        return True
+
+    def remember(self, images: Mapping[str, ImageFile]) -> None:
+        """Note facts about image files, by path; the index is saved now and then."""
+        self.images.update(images)
+        if time.monotonic() - self._saved > SECONDS_BETWEEN_SAVES:
+            self.save()
+
+    def save(self) -> None:
+        """Write the index. Raises InputError."""
+        _write_index(self.folder, _Index(packs=self.packs, images=self.images))
+        self._saved = time.monotonic()
+
+    def packs_with(self, wanted: Container[str] | None = None) -> dict[str, dict[str, set[str]]]:
+        """Return, by settings key, the packs that hold textures whose pixel hash is `wanted` (None: all), each with these hashes:
+        the key with the most textures first, packs by path."""
+        found: dict[str, dict[str, set[str]]] = {}
+        for (settings, pixel_hash), (name, _) in self.textures.items():
+            if wanted is None or pixel_hash in wanted:
+                found.setdefault(settings, {}).setdefault(name, set()).add(pixel_hash)
+        count = {key: sum(map(len, packs.values())) for key, packs in found.items()}
+        return {key: found[key] for key in sorted(found, key=lambda key: (-count[key], key))}
+
+    def problems(self) -> Iterator[str]:
+        """Read every pack whole, and yield one line for each that is damaged."""
+        yield from self.unreadable.values()
+        for name in self.packs:
+            path = self.folder / name
+            try:
+                read_pack(path)
+                digest = hashlib.sha256(read_file(path)).hexdigest()
+            except (InputError, OSError) as error:
+                yield str(error)
+                continue
+            if len(path.stem) == NAME_DIGITS and path.stem != digest[:NAME_DIGITS]:
+                yield f"{path}: its bytes have changed since it was written; delete it and encode its textures again"
+
+
+def _write_index(folder: Path, index: _Index) -> None:
+    text = _encoder.encode(index)
+    write_bytes(folder / INDEX_FILE, _checksum(text) + b"\n" + text)
+
+
+def library_packs(folder: Path, wanted: Container[str] | None = None, most: int | None = None) -> list[Pack]:
+    """Return the textures of the library in `folder` whose pixel hash is `wanted` (None: all): a pack for each way in which
+    they were encoded.
+
+    Those that hold the most textures come first, `most` of them (None: all). Raises InputError where the library, or a pack, cannot
+    be read.
+    """
+    chosen = list(Library(folder).packs_with(wanted).values())[:most]
+    return [joined_textures(Path(folder), packs) for packs in chosen]

@@ -207,7 +207,8 @@ class _Place(msgspec.Struct, frozen=True):
 
 def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata, int]:
     """Return (tensors by name, metadata, where their bytes begin). Raises InputError, MetadataError."""
-    size = os.fstat(file.fileno()).st_size
+    size = file.seek(0, os.SEEK_END)
+    file.seek(0)
     length = int.from_bytes(file.read(LENGTH_BYTES), "little")
     begin = LENGTH_BYTES + length
     if length > LARGEST_HEADER or begin > size:
@@ -227,6 +228,21 @@ def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata
     if begin + end != size:
         raise InputError(f"{path}: has {size} bytes, its header names {begin + end}; {REMEDY}")
     return tensors, parse_metadata(text), begin
+
+
+def pack_contents(file: BinaryIO, path: Path) -> tuple[PackMetadata, list[int]]:
+    """Return (metadata, bytes of each texture's latents) of the open pack `file` from its header alone; `path` is for errors.
+
+    Raises InputError with one line.
+    """
+    with _reading(path):
+        places, metadata, _ = _header(file, path)
+    stored_bytes = [0] * len(metadata.textures)
+    for name, place in places.items():
+        parts = _INDEXED.fullmatch(name)
+        if parts and parts[1] == "latents" and int(parts[2]) < len(stored_bytes):
+            stored_bytes[int(parts[2])] += place.data_offsets[1] - place.data_offsets[0]
+    return metadata, stored_bytes
 
 
 def _chosen(metadata: PackMetadata, wanted: Container[str]) -> tuple[PackMetadata, dict[str, dict[int, int]]]:

@@ -1,6 +1,5 @@
 """`encode` by jobs: processes of this machine, one of which is killed; a pack of many jobs; what is missing; what is refused."""
 
-import json
 import multiprocessing
 import os
 import signal
@@ -13,7 +12,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.library.index import SHARDS_FOLDER
 from ntc.pack.file import read_pack
 from viewer import cli
 from viewer.encoding import whole_run as plan
@@ -44,7 +42,7 @@ def encode(source: Path, out: Path, *arguments: str) -> int:
 def kill_a_worker() -> None:
     """Kill the first worker that has begun, as a machine does that runs out of memory."""
     for _ in range(2000):
-        workers = [process for process in multiprocessing.active_children() if process.name.startswith("worker")]
+        workers = [process for process in multiprocessing.active_children() if process.name.startswith("SpawnProcess")]
         if workers and workers[0].pid is not None:
             os.kill(workers[0].pid, signal.SIGKILL)
             return
@@ -66,19 +64,12 @@ def test_two_workers_of_which_one_is_killed_do_as_one_does(
     killer.join()
     assert one.read_bytes() == two.read_bytes()
     printed = capsys.readouterr()
-    assert "its process gave no answer" in printed.err
+    assert "the worker gave no answer" in printed.err
     assert f"{TEXTURES} textures: {TEXTURES} encoded in" in printed.out
     assert len(read_pack(one).decoders) == TEXTURES
     names = [texture.name for texture in read_pack(one).textures]
     assert names == sorted(path.relative_to(folder).with_suffix("").as_posix() for path in folder.rglob("*.png"))
-    report = tmp_path / "two.ntc.report"
-    figures = json.loads((report / "report.json").read_text())
-    assert sorted(figures["categories"]) == ["<b>stone", "grass", "wood"]
-    assert len(figures["textures"]) == figures["stored"] == TEXTURES
-    page = (report / "index.html").read_text()
-    assert "&lt;b&gt;stone" in page
-    assert "<b>stone" not in page
-    assert all((report / name).is_file() for name in ("plot.png", "worst-00-original.png", "worst-00-decoded.png"))
+    assert {line.split()[0] for line in printed.out.splitlines()} >= {"<b>stone", "grass", "wood", "all"}
     assert not (tmp_path / "two.ntc.jobs").exists()
 
 
@@ -96,13 +87,12 @@ def test_a_library_keeps_what_can_be_read_and_names_the_rest(
     assert "5 textures: 4 encoded in" in printed
     assert printed.count("failed: ") == 1
     assert "torn.png: the image does not decode" in printed
-    assert "torn.png" in (tmp_path / "library.report" / "index.html").read_text()
-    before = {path: path.stat().st_mtime_ns for path in (library / SHARDS_FOLDER).iterdir()}
+    before = {path: path.stat().st_mtime_ns for path in library.glob("*.ntc")}
     (tmp_path / "torn.png").unlink()
     listed.write_text("\n".join(map(str, sorted(folder.rglob("*.png"))[:4])))
     assert encode(listed, library, "--grouping", "universal") == 0
     assert "4 textures: 0 encoded in" in capsys.readouterr().out
-    assert before == {path: path.stat().st_mtime_ns for path in (library / SHARDS_FOLDER).iterdir()}
+    assert before == {path: path.stat().st_mtime_ns for path in library.glob("*.ntc")}
 
 
 @pytest.mark.parametrize(
@@ -114,6 +104,12 @@ def test_a_library_keeps_what_can_be_read_and_names_the_rest(
         (("--workers", "2", "--grouping", "covisible"), "--grouping covisible: cannot be encoded by jobs"),
         (("--ray", "auto"), "--ray: needs the extra `ray`: pip install 'ntc-viewer[ray]'"),
         (("--ray", "auto", "--gpus-per-job", "-1"), "--gpus-per-job -1: must be 0 or more"),
+        (("--decoders", "none.ntc"), "none.ntc: no such file"),
+        (("--decoders", "none.ntc", "--maps", "base", "--bits", "2"), "--bits: --decoders none.ntc decides about it"),
+        (
+            ("--report", "report"),
+            "encode --report: there is no such option any more; write a report with: ntc-viewer check",
+        ),
     ],
 )
 def test_what_jobs_cannot_do_is_refused_in_one_line(

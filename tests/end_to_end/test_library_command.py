@@ -43,7 +43,7 @@ def test_a_scene_is_drawn_the_same_with_its_pack_and_with_a_library(scene: Path,
     assert pictures[0].std() > 5.0
 
 
-def test_it_is_listed_verified_compacted_and_taken_out(
+def test_it_is_listed_verified_and_taken_out(
     scene: Path, library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
@@ -53,41 +53,33 @@ def test_it_is_listed_verified_compacted_and_taken_out(
         assert len(rows) == 3 + 55
         assert {row["grouping"] for row in rows} == {"baseline", "clustered"}
     assert cli.main(["library", "verify", str(library)]) == 0
-    shard = sorted((library / "shards").iterdir())[0]
-    data = bytearray(shard.read_bytes())
+    pack = sorted(library.glob("*.ntc"))[0]
+    data = bytearray(pack.read_bytes())
     data[len(data) // 2] ^= 4
-    shard.write_bytes(bytes(data))
+    pack.write_bytes(bytes(data))
     capsys.readouterr()
     assert cli.main(["library", "verify", str(library)]) == 1
-    assert shard.name in capsys.readouterr().out
+    assert pack.name in capsys.readouterr().out
     data[len(data) // 2] ^= 4
-    shard.write_bytes(bytes(data))
-    assert cli.main(["library", "compact", str(library)]) == 0
+    pack.write_bytes(bytes(data))
     out = tmp_path / "out.ntc"
     assert cli.main(["library", "extract", str(library), str(scene), "--out", str(out)]) == 0
     own = read_pack(scene.parent / "packs" / "apart.ntc")
     assert {each.pixel_hash for each in read_pack(out).textures} == {each.pixel_hash for each in own.textures}
 
 
-def test_new_textures_take_decoders_that_are_there(
-    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    library = tmp_path / "library"
-    assert cli.main(["library", "add", str(library), str(scene.parent / "packs" / "apart.ntc")]) == 0
-    images = tmp_path / "images"
+def test_new_textures_take_decoders_of_a_pack(scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    images, known, out = tmp_path / "images", scene.parent / "packs" / "apart.ntc", tmp_path / "new.ntc"
     images.mkdir()
     for number in range(3):
         (images / f"{number}.png").write_bytes(png(waves(20 + number)))
-    decoders = {own.name for own in (library / "shards").iterdir()}
-    assert cli.main(["library", "assign", str(library), str(images)]) == 0
-    told = capsys.readouterr().out
-    assert "3 of 3 textures added" in told
-    assert "drift: " in told
-    (new,) = [own for own in (library / "shards").iterdir() if own.name not in decoders]
-    assert [each.name for each in read_pack(new).textures] == ["0", "1", "2"]
-    assert cli.main(["library", "assign", str(library), str(images)]) == 0
-    assert "holds all 3 textures" in capsys.readouterr().out
-    assert cli.main(["library", "verify", str(library)]) == 0
+    command = ["encode", str(images), "--out", str(out), "--decoders", str(known), "--workers", "1"]
+    assert cli.main(command) == 0
+    assert "3 textures: 3 encoded" in capsys.readouterr().out
+    new, old = read_pack(out), read_pack(known)
+    assert [each.name for each in new.textures] == ["0", "1", "2"]
+    assert new.config == old.config
+    assert 1 <= len(new.decoders) <= len(old.decoders)
 
 
 @pytest.mark.parametrize(
@@ -96,13 +88,13 @@ def test_new_textures_take_decoders_that_are_there(
         (["add", "{folder}/new"], "name the packs"),
         (["add", "{folder}/new", "{folder}/none.ntc"], "none.ntc"),
         (["list", "{folder}/none"], "holds no library"),
-        (["assign", "{library}"], "one scene or folder"),
-        (["assign", "{folder}/none", "{folder}"], "holds no library"),
+        (["assign", "{library}", "{folder}"], "ntc-viewer encode SCENE --decoders F.ntc"),
+        (["compact", "{library}"], "the index renews itself"),
         (["verify", "{library}", "more"], "the library alone"),
         (["extract", "{library}"], "--out"),
         (["extract", "{library}", "--out", "{folder}/x.png"], "--out"),
         (["list", "{library}", "--out", "{folder}/x.ntc"], "only extract"),
-        (["compact", "{library}", "--json"], "only list"),
+        (["verify", "{library}", "--json"], "only list"),
     ],
 )
 def test_bad_input_is_one_line(

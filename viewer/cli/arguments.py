@@ -37,11 +37,14 @@ DESCRIPTION = (
 VERSION = "--version"
 COMPLETION = ("--tyro-write-completion", "--tyro-print-completion")
 SHELLS = ("bash", "zsh", "fish")
-OUTPUTS = ("out", "web", "report", "state", "json")
+OUTPUTS = ("out", "web", "state", "json")
 """Names of the options that hold the path of a file or folder to write, in every command that has them."""
 REMOVED_OPTIONS = {
     ("study rate", "--workers"): "leave it out, points are measured one after the other",
     ("study rate", "--ray"): "leave it out, points are measured one after the other",
+    ("encode", "--report"): "write a report with: ntc-viewer check F.ntc|LIBRARY --out DIR",
+    ("library", "assign"): "encode with decoders of a pack: ntc-viewer encode SCENE --decoders F.ntc --out LIBRARY",
+    ("library", "compact"): "leave it out, the index renews itself; delete damaged packs that verify names",
 }
 """Options that earlier versions had, by command and name, with what to do instead."""
 
@@ -144,9 +147,10 @@ def _refuse_unknown_command(word: str, names: Sequence[str]) -> None:
 def _refuse_removed_options(words: Sequence[str]) -> None:
     """Raise InputError for an option of an earlier version. `words` begin with the command."""
     command = " ".join(words[: 2 if words[0] == "study" else 1])
-    for word in words:
+    for number, word in enumerate(words):
         option = word.partition("=")[0]
-        if remedy := REMOVED_OPTIONS.get((command, option)):
+        # A file may have the name that an action had.
+        if (remedy := REMOVED_OPTIONS.get((command, option))) and (number == 1 or option.startswith("--")):
             raise InputError(f"{command} {option}: there is no such option any more; {remedy}")
 
 

@@ -12,8 +12,7 @@ import viewer
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import atomic_folder, write_bytes, write_text
-from ntc.library.index import is_library, read_index
-from ntc.library.reading import library_packs
+from ntc.library.index import is_library, library_packs
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch
@@ -106,11 +105,7 @@ def _measured(options: CheckOptions, kept: KeptValues) -> _Checked:
 
 def _of_packs(path: Path) -> _Checked:
     """Check a pack or library by what its encoder recorded."""
-    if is_library(path):
-        wanted = {pixel_hash for _, pixel_hash in read_index(path).places}
-        packs = library_packs(path, wanted)
-    else:
-        packs = [read_pack(path)]
+    packs = library_packs(path) if is_library(path) else [read_pack(path)]
     each = [recorded_textures(pack) for pack in packs]
     textures = MeasuredTextures(tuple(record for own in each for record in own.records), {}, 0)
     views = MeasuredViews((), None, 0)

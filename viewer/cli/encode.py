@@ -7,7 +7,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -21,7 +21,7 @@ from rich.console import Console
 from ntc.codec.codec import Codec
 from ntc.codec.config import GroupingName
 from ntc.codec.encoding import PRESETS, BitsTarget, CancelQuestion, EncodingChoices, QualityTarget, SizeTarget, Target
-from ntc.codec.maps import MAP_WEIGHTS, MapWeightsName
+from ntc.codec.maps import BASE_ALONE, MAP_WEIGHTS, MapWeightsName
 from ntc.codec.model import Pack
 from ntc.codec.registry import chosen_codec, codec_named
 from ntc.codec.textures import SourceTexture
@@ -30,10 +30,10 @@ from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
 from ntc.io import numbered_path
-from ntc.library.index import is_library, read_index
-from ntc.library.reading import in_order, read_shards
+from ntc.library.index import Library
+from ntc.library.joining import in_order, joined_textures
 from ntc.metrics.metrics import bits_with_mips, psnr_table
-from ntc.pack.file import write_pack
+from ntc.pack.file import read_pack, write_pack
 from ntc.threads import usable_cores
 from ntc.torch_device import peak_memory_bytes
 from ntc.training.compiling import CompilingAhead
@@ -42,10 +42,10 @@ from ntc.training.messages import TrainingProgress
 from viewer.cli.options import EncodeOptions
 from viewer.cli.progress import TerminalProgress
 from viewer.cli.sources import load_with_progress
-from viewer.encoding.report import report_lines, write_report
+from viewer.encoding.report import report_lines
 from viewer.encoding.whole_run import Asked, RunProgress, RunResult, encode_to_library
 from viewer.encoding.work import LIST_SUFFIX, Reading, WorkJob, WorkResult, texture_refs, work
-from viewer.jobs.executor import Executor, LocalExecutor, RayExecutor
+from viewer.jobs.executor import Workers, local_workers, ray_workers
 from viewer.locations import features_cache, named_scene, packs_folder
 from viewer.scene.images import folder_textures
 from viewer.scene.json_text import counted
@@ -55,14 +55,28 @@ from viewer.scene.source_textures import MapChoice, reduce_texture, source_textu
 
 KEPT_SUFFIX = ".jobs"
 """Suffix of the library that keeps finished jobs beside a pack until the pack is finished."""
-REPORT_SUFFIX = ".report"
+SET_BY_DECODERS = (
+    "bits",
+    "quality",
+    "size",
+    "preset",
+    "grouping",
+    "clusters",
+    "labels",
+    "codec",
+    "recipe",
+    "steps",
+    "epochs",
+    "levels",
+)
+"""Options that the pack of --decoders decides about."""
 UNFINISHED = 1
 """Exit status where textures are missing."""
 
 
 def is_by_jobs(options: EncodeOptions) -> bool:
     """Return whether jobs encode the textures: the options ask for it, or there is no other way."""
-    asked = options.workers is not None or options.ray is not None
+    asked = any(each is not None for each in (options.workers, options.ray, options.decoders))
     return asked or options.out.suffix != PACK_SUFFIX or options.source.suffix.lower() == LIST_SUFFIX
 
 
@@ -76,13 +90,9 @@ def _check_jobs(options: EncodeOptions) -> None:
             raise InputError(
                 f"--{name.replace('_', '-')}: is not for jobs; leave it out, or leave --workers and --ray out"
             )
-    if options.out.suffix == PACK_SUFFIX:
-        if options.out.is_dir():
-            raise InputError(f"--out {options.out}: is a folder; name a file")
-    elif options.out.is_dir() and any(options.out.iterdir()) and not is_library(options.out):
-        raise InputError(
-            f"--out {options.out}: holds other files and no library; name a new folder, or a pack ({PACK_SUFFIX})"
-        )
+    for name in SET_BY_DECODERS if options.decoders is not None else ():
+        if getattr(options, name) != getattr(EncodeOptions, name):
+            raise InputError(f"--{name}: --decoders {options.decoders} decides about it; leave one of them out")
 
 
 def _asked(options: EncodeOptions, codec: str, maps: MapChoice) -> Asked:
@@ -93,13 +103,13 @@ def _asked(options: EncodeOptions, codec: str, maps: MapChoice) -> Asked:
     reading = Reading(options.texture_size, maps, options.map_weights)
     one_pack = options.out.suffix == PACK_SUFFIX
     grouping = options.grouping_config()
-    return Asked(reading, grouping, codec, choices, options.labels, one_pack)
+    return Asked(reading, grouping, codec, choices, options.labels, one_pack, options.decoders)
 
 
-def _executor(options: EncodeOptions) -> Executor[WorkJob, WorkResult]:
+def _workers(options: EncodeOptions) -> AbstractContextManager[Workers[WorkJob, WorkResult]]:
     if options.ray is not None:
-        return RayExecutor(work, options.ray, options.gpus_per_job)
-    return LocalExecutor(work, usable_cores() if options.workers is None else options.workers)
+        return ray_workers(work, options.ray, options.gpus_per_job)
+    return local_workers(work, usable_cores() if options.workers is None else options.workers)
 
 
 def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
@@ -112,37 +122,30 @@ def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
     refs = texture_refs(options.source, maps)
     console = Console(stderr=True, soft_wrap=True)
     folder = options.out.with_name(f"{options.out.name}{KEPT_SUFFIX}") if asked.one_pack else options.out
-    executor = _executor(options)
-    console.print(
-        f"{counted(len(refs), 'texture')}, {executor.slots} at a time, codec {codec}, {options.grouping}",
-        highlight=False,
-    )
-    try:
+    with _workers(options) as workers:
+        how = f"codec {codec}, {options.grouping}" if options.decoders is None else f"decoders of {options.decoders}"
+        console.print(f"{counted(len(refs), 'texture')}, {workers.slots()} at a time, {how}", highlight=False)
         with _EncodingProgress() as report, deferred_interrupt() as interrupted:
-            result = encode_to_library(asked, refs, executor, folder, report.of_jobs, interrupted)
-    finally:
-        executor.close()
+            result = encode_to_library(asked, refs, workers, folder, report.of_jobs, interrupted)
     if result.stopped:
         console.print(
             f"stopped: {counted(len(result.stored), 'texture')} kept in {folder}; the same command resumes",
             highlight=False,
         )
         raise KeyboardInterrupt
-    return _finish(options, folder, result, maps)
+    return _finish(options, folder, result)
 
 
-def _finish(options: EncodeOptions, folder: Path, result: RunResult, maps: MapChoice) -> int:
+def _finish(options: EncodeOptions, folder: Path, result: RunResult) -> int:
     if not result.stored and not result.failed:
         raise InputError(
             f"{options.source}: holds no texture to encode (constant images are factors and need no encoding)"
         )
-    report = options.report or options.out.with_name(f"{options.out.name}{REPORT_SUFFIX}")
-    write_report(report, result, folder, Reading(options.texture_size, maps, options.map_weights))
     if folder != options.out and result.stored:
         _write_joined(options.out, folder, result)
         if not result.failed:
             shutil.rmtree(folder, ignore_errors=True)
-    lines = [*report_lines(result), f"report: {report / 'index.html'}"]
+    lines = report_lines(result)
     if result.stored:
         lines.append(f"wrote {options.out}")
     sys.stdout.write("\n".join(lines) + "\n")
@@ -151,13 +154,12 @@ def _finish(options: EncodeOptions, folder: Path, result: RunResult, maps: MapCh
 
 def _write_joined(out: Path, folder: Path, result: RunResult) -> None:
     """Write one pack of all that is stored, in the order of the textures."""
-    index = read_index(folder)
     places = {each.texture.pixel_hash: number for number, each in enumerate(result.stored)}
     (settings,) = result.settings
+    packs = Library(folder).packs_with(places)[settings]
     # In the order of the textures, whichever job ended first.
-    shards = sorted(index.shards_with(places)[settings], key=lambda shard: min(map(places.__getitem__, shard[1])))
-    pack = in_order(read_shards(index, shards), places)
-    write_pack(out, pack)
+    first = sorted(packs, key=lambda name: min(map(places.__getitem__, packs[name])))
+    write_pack(out, in_order(joined_textures(folder, {name: packs[name] for name in first}), places))
 
 
 MOST_NAMES = 5
@@ -298,7 +300,9 @@ def _check_codec(options: EncodeOptions) -> None:
 
 
 def _maps(options: EncodeOptions) -> MapChoice:
-    """Return the maps that the options name, else the default of the codec."""
+    """Return the maps that the options name, else those of the pack with the decoders or the default of the codec."""
+    if options.maps is None and options.decoders is not None:
+        return "base" if read_pack(options.decoders).config.maps == BASE_ALONE else "all"
     return options.maps or codec_named(_codec_name(options)).default_maps
 
 

@@ -86,8 +86,9 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
         ),
         _group(
             "many textures, by jobs",
-            "workers ray gpus-per-job report",
+            "workers ray gpus-per-job decoders",
             "encode photos --workers 8 --out library",
+            "encode new_photos --decoders photos.ntc --out new_photos.ntc",
         ),
         _group(
             "codec and training",

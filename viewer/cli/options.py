@@ -293,8 +293,9 @@ class EncodeOptions:
     """Ray cluster that encodes by jobs (extra `ray`). auto: the cluster of this machine. Default: no cluster."""
     gpus_per_job: float = 0.0
     """Share of a GPU that each job of --ray takes. Example: with 0.25, four jobs share one GPU (with --device cuda)."""
-    report: Annotated[Path | None, in_words("DIR")] = None
-    """Folder for the report of jobs: figures, a plot, the worst textures. Default: beside --out, its name with .report."""
+    decoders: Annotated[Path | None, in_words("F.ntc")] = None
+    """Pack of codec block whose decoders encode the textures and stay as they are. It also decides bits, maps and grouping.
+    Default: new decoders."""
     grouping: Annotated[GroupingName, _shown(TrainingSettings, "strategy", "See docs/reference/groupings.md.")] = (
         TrainingSettings.strategy
     )
@@ -412,21 +413,19 @@ class ExportOptions:
     """Images for programs that do not read packs: the scene's own, the same as JPEG or KTX2 (Basis Universal), or none."""
 
 
-LibraryAction = Literal["add", "assign", "list", "verify", "compact", "extract"]
+LibraryAction = Literal["add", "list", "verify", "extract"]
 
 
 @dataclass(frozen=True)
 class LibraryOptions:
-    """Manage a library: a folder with the encoded textures of many scenes (docs/guide/many-textures.md)."""
+    """Manage a library: a folder with packs of many scenes (docs/guide/many-textures.md)."""
 
     action: Annotated[LibraryAction, tyro.conf.Positional]
-    """Action. add: add packs.
-    assign: encode the missing textures of a scene or folder with decoders of the library, and print the loss.
-    list: list the textures. verify: check every byte. compact: join small shards, drop damaged ones. extract: write a pack."""
+    """Action. add: add packs. list: list the textures. verify: check every byte. extract: write one pack."""
     folder: Annotated[Path, tyro.conf.arg(metavar="LIBRARY"), tyro.conf.Positional]
     """Folder of the library. `add` makes a new one."""
     files: Annotated[tuple[Path, ...], tyro.conf.arg(metavar="F.ntc|SCENE"), tyro.conf.Positional] = ()
-    """Packs to add; scene or folder to assign; scene whose textures to extract. Default of extract: all textures."""
+    """Packs to add; scene whose textures to extract. Default of extract: all textures."""
     out: Annotated[Path | None, in_words("F.ntc")] = None
     """Pack that extract writes."""
     json: Switch = False

@@ -22,23 +22,21 @@ from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.grouping.category import read_labels
-from ntc.library.index import ImageFile, StoredTexture
-from ntc.library.reading import settings_key
-from ntc.library.writer import LibraryWriter
+from ntc.library.index import ImageFile, Library, StoredTexture
+from ntc.library.joining import settings_key, settings_of
+from ntc.pack.file import read_pack
 from viewer.encoding.work import (
-    Encoded,
     EncodeJob,
     Looked,
     LookJob,
     Reading,
     TextureRef,
-    Unread,
     WorkJob,
     WorkResult,
     blank,
     stamp_of,
 )
-from viewer.jobs.executor import MOST_ATTEMPTS, Executor, run_jobs
+from viewer.jobs.executor import Workers, run_jobs
 
 JOB_TEXELS = 1 << 24
 """Texels of mip 0 of a job, about: tens of seconds of one core in codec `block`."""
@@ -65,6 +63,8 @@ class Asked:
     labels: Path | None = None
     one_pack: bool = False
     """True if all textures become one pack and share the settings of one codec."""
+    decoders: Path | None = None
+    """Pack that gives decoders, codec and grouping. None: textures get decoders of their own."""
 
 
 @dataclass(frozen=True, order=True)
@@ -126,8 +126,10 @@ def _settings(asked: Asked, config: CodecSettings) -> str:
 def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
     """Return the jobs that encode `textures` (no two with one pixel hash, none constant), all of them.
 
-    Raises InputError for settings that cannot be, and a grouping that needs pictures of the scene.
+    Raises InputError for settings that cannot be, a grouping that needs pictures of the scene, and decoders that cannot be read.
     """
+    if asked.decoders is not None:
+        return _jobs_with_decoders(asked, asked.decoders, textures)
     if asked.grouping.name not in GROUPINGS_OF_JOBS:
         raise InputError(
             f"--grouping {asked.grouping.name}: cannot be encoded by jobs; leave --workers out, or choose another grouping"
@@ -153,6 +155,18 @@ def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
         chosen = tuple(textures[index] for index, _ in part)
         jobs.append(EncodeJob(chosen, asked.reading, own, configs[kind], _options(asked), keys[kind]))
     return jobs
+
+
+def _jobs_with_decoders(asked: Asked, decoders: Path, textures: Sequence[Looked]) -> list[EncodeJob]:
+    pack = read_pack(decoders)
+    config, name = pack.config, pack.grouping.name
+    key = settings_of(config, name, pack.grouping.parameters, pack.training)
+    options = codec_of(config).job_options_for(asked.choices)
+    return [
+        EncodeJob(chosen, asked.reading, Grouping(name, (0,) * len(chosen)), config, options, key, decoders)
+        for part in _chunks([(index, 0) for index in range(len(textures))], textures, JOB_TEXELS, MOST_TEXTURES)
+        if (chosen := tuple(textures[index] for index, _ in part))
+    ]
 
 
 def _by_kind(asked: Asked, textures: Sequence[Looked]) -> Mapping[_Kind, list[int]]:
@@ -233,8 +247,8 @@ class Stored:
 
     ref: TextureRef
     texture: StoredTexture
-    shard: str
-    """Digest."""
+    pack: str
+    """Path of its pack below the folder of the library."""
 
 
 @dataclass
@@ -270,13 +284,13 @@ class _Run:
     def __init__(
         self,
         asked: Asked,
-        executor: Executor[WorkJob, WorkResult],
-        writer: LibraryWriter,
+        workers: Workers[WorkJob, WorkResult],
+        library: Library,
         listen: Callable[[RunProgress], None],
         stopped: Callable[[], bool],
         result: RunResult,
     ) -> None:
-        self.asked, self.executor, self.writer, self.result = asked, executor, writer, result
+        self.asked, self.workers, self.library, self.result = asked, workers, library, result
         self._listen, self.stopped = listen, stopped
         self._began = time.monotonic()
         self._phase: Phase = "looking at"
@@ -308,64 +322,51 @@ class _Run:
             self.result.failed[ref.path if ref.index is None else f"{ref.path}: {ref.name}"] = problem
 
 
-def _unread(run: _Run, problems: Unread, attempt: int) -> str | None:
-    """Return one line where images are to be tried again; None where that has been done often enough, and they have been named."""
-    if attempt + 1 < MOST_ATTEMPTS:
-        return next(iter(problems.problems.values()))
-    for ref, problem in problems.problems.items():
-        run.fail([ref], problem)
-    return None
-
-
 def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
     """Look at each of `refs`; those that fail are left out and named."""
     reading, found = run.asked.reading, dict[TextureRef, Looked]()
     features = run.asked.grouping.features if needs_features(run.asked) else None
     plain = features is None and reading.texture_size is None
     for ref in refs:
-        known = run.writer.index.files.get(ref.path) if plain and ref.index is None else None
-        if known is not None and (known.bytes, known.modified_ns) == stamp_of(ref.path):
+        known = run.library.images.get(ref.path) if plain and ref.index is None else None
+        if known is not None and known.stamp == stamp_of(ref.path):
             found[ref] = Looked(ref, known.pixel_hash, known.width, known.height, known.channels)
     due = [ref for ref in refs if ref not in found]
     run.begin("looking at", len(due), len(due))
 
-    def take(job: WorkJob, result: WorkResult, attempt: int) -> WorkJob | str | None:
-        if isinstance(result, Unread):
-            again = _unread(run, result, attempt)
-            if again is not None:
-                return again
-            run.advance(len(result.problems), len(result.problems))
-            left = tuple(ref for ref in _refs(job) if ref not in result.problems)
-            return LookJob(left, reading, features) if left else None
+    def take(job: WorkJob, result: WorkResult) -> None:
         assert isinstance(result, tuple)
         # Texts that came with a message would be held a second time.
-        own = [replace(each, ref=ref) for each, ref in zip(result, _refs(job), strict=True)]
-        for each in own:
+        looked = [replace(each, ref=ref) for each, ref in zip(result, _refs(job), strict=True)]
+        for each in looked:
             maps = BASE_ALONE if each.maps == BASE_ALONE else each.maps
             found[each.ref] = replace(each, maps=maps, stamp=None)
         if plain:
-            # Without a stamp the time of an image cannot be trusted.
-            run.writer.remember(
-                [
-                    ImageFile(each.ref.path, *each.stamp, each.pixel_hash, each.width, each.height, each.channels)
-                    for each in own
-                    if each.ref.index is None and each.stamp is not None
-                ]
+            # Without a stamp the time of an image cannot be trusted. JSON holds no path that is not Unicode.
+            run.library.remember(
+                {
+                    each.ref.path: ImageFile(each.stamp, each.pixel_hash, each.width, each.height, each.channels)
+                    for each in looked
+                    if each.ref.index is None and each.stamp is not None and each.ref.path.isprintable()
+                }
             )
         run.advance(len(result), len(result))
-        return None
 
     jobs: Iterator[WorkJob] = (
         LookJob(tuple(due[first : first + LOOKED_TOGETHER]), reading, features)
         for first in range(0, len(due), LOOKED_TOGETHER)
     )
-    for failure in run_jobs(run.executor, jobs, take, run.stopped, run.tried_again, _halves):
+    for failure in run_jobs(run.workers, jobs, take, run.stopped, run.tried_again, _halves):
         run.fail(_refs(failure.argument), failure.problem)
     return [found[ref] for ref in refs if ref in found]
 
 
 def _refs(job: WorkJob) -> tuple[TextureRef, ...]:
     return job.refs if isinstance(job, LookJob) else tuple(each.ref for each in job.textures)
+
+
+def _texels(job: WorkJob) -> int:
+    return sum(each.width * each.height for each in job.textures) if isinstance(job, EncodeJob) else 0
 
 
 def _halves(job: WorkJob) -> list[WorkJob]:
@@ -382,69 +383,58 @@ def _halves(job: WorkJob) -> list[WorkJob]:
 
 
 def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
-    index = run.writer.index
-    due = []
+    stored = run.library.textures
+    due = list[WorkJob]()
     for job in jobs:
-        held = {each.pixel_hash for each in job.textures if index.holds(job.settings, each.pixel_hash)}
-        left = without(job, frozenset(held))
+        held = frozenset(each.pixel_hash for each in job.textures if (job.settings, each.pixel_hash) in stored)
+        left = without(job, held)
         due += [] if left is None else [left]
-    run.begin("encoding", sum(len(job.textures) for job in due), sum(job.texels for job in due))
-    arguments: list[WorkJob] = list(due)
+    weights = [(len(_refs(job)), _texels(job)) for job in due]
+    run.begin("encoding", sum(count for count, _ in weights), sum(texels for _, texels in weights))
 
-    def take(job: WorkJob, result: WorkResult, attempt: int) -> WorkJob | str | None:
-        assert isinstance(job, EncodeJob)
-        if isinstance(result, Unread):
-            again = _unread(run, result, attempt)
-            if again is not None:
-                return again
-            lost = frozenset(each.pixel_hash for each in job.textures if each.ref in result.problems)
-            run.advance(len(lost), sum(t.width * t.height for t in job.textures if t.pixel_hash in lost))
-            return without(job, lost)
-        assert isinstance(result, Encoded)
-        try:
-            run.writer.add(result.shard, result.data)
-        except InputError as error:
-            return str(error)
-        run.result.encoded += len(job.textures)
-        run.result.texels += job.texels
-        run.advance(len(job.textures), job.texels)
-        return None
+    def take(job: WorkJob, result: WorkResult) -> None:
+        assert isinstance(result, bytes)
+        run.library.add(result)
+        run.result.encoded += len(_refs(job))
+        run.result.texels += _texels(job)
+        run.advance(len(_refs(job)), _texels(job))
 
-    for failure in run_jobs(run.executor, arguments, take, run.stopped, run.tried_again, _halves):
-        assert isinstance(failure.argument, EncodeJob)
+    for failure in run_jobs(run.workers, due, take, run.stopped, run.tried_again, _halves):
         run.fail(_refs(failure.argument), failure.problem)
     for job in jobs:
         for each in job.textures:
-            digest = index.places.get((job.settings, each.pixel_hash))
-            if digest is not None:
-                own = next(t for t in index.shards[digest].textures if t.pixel_hash == each.pixel_hash)
-                run.result.stored.append(Stored(each.ref, own, digest))
+            found = stored.get((job.settings, each.pixel_hash))
+            if found is not None:
+                run.result.stored.append(Stored(each.ref, found[1], found[0]))
 
 
 def encode_to_library(
     asked: Asked,
     refs: Sequence[TextureRef],
-    executor: Executor[WorkJob, WorkResult],
+    workers: Workers[WorkJob, WorkResult],
     folder: Path,
     listen: Callable[[RunProgress], None] = lambda _progress: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> RunResult:
     """Encode `refs` into the library in `folder`, which is made where there is none; what it holds is not encoded again.
 
-    The same textures and `asked` give the same shards in any executor, whichever job ends first. Ends early where `stopped` says so:
-    what is done is kept. Raises InputError for what cannot be asked, and for a folder that cannot be written.
+    The same textures and `asked` give the same packs with any workers, whichever job ends first. Ends early where `stopped` says so:
+    what is done is kept. Raises InputError for what cannot be asked, and for a folder that cannot be written,
+    in the middle of the run too: a full disk.
     """
     began, result = time.monotonic(), RunResult(len(refs))
-    with LibraryWriter(folder) as writer:
-        run = _Run(asked, executor, writer, listen, stopped, result)
-        looked = _look_at_all(run, refs)
-        result.constant = sum(not each.pixel_hash for each in looked)
-        named = [each for each in looked if each.pixel_hash]
-        unique = list({each.pixel_hash: each for each in reversed(named)}.values())[::-1]
-        result.repeated = len(named) - len(unique)
-        if not stopped():
-            jobs = encode_jobs(asked, unique)
-            result.settings = tuple(sorted({job.settings for job in jobs}))
-            _encode_all(run, jobs)
+    library = Library.to_write(folder)
+    run = _Run(asked, workers, library, listen, stopped, result)
+    looked = _look_at_all(run, refs)
+    library.save()
+    result.constant = sum(not each.pixel_hash for each in looked)
+    named = [each for each in looked if each.pixel_hash]
+    unique = list({each.pixel_hash: each for each in reversed(named)}.values())[::-1]
+    result.repeated = len(named) - len(unique)
+    if not stopped():
+        jobs = encode_jobs(asked, unique)
+        result.settings = tuple(sorted({job.settings for job in jobs}))
+        _encode_all(run, jobs)
+    library.save()
     result.stopped, result.seconds = stopped(), time.monotonic() - began
     return result

@@ -1,6 +1,6 @@
 """The work of encoding jobs, on any machine: look at images, and encode groups of them. Messages hold paths, never pixels."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
@@ -13,15 +13,15 @@ from ntc.codec.config import UNIVERSAL, FeatureName, GroupingConfig
 from ntc.codec.encoding import EncodingOptions
 from ntc.codec.maps import MAP_WEIGHTS, MapName, MapWeightsName
 from ntc.codec.model import CodecSettings, Grouping
+from ntc.codec.registry import codec_of
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.features import raw_features
 from ntc.grouping import make_grouping
 from ntc.io import read_file
-from ntc.library.index import Shard
-from ntc.library.reading import SETTINGS
-from ntc.library.writer import shard_of
-from ntc.pack.file import pack_bytes
+from ntc.library.index import Stamp
+from ntc.library.joining import SETTINGS
+from ntc.pack.file import pack_bytes, read_pack
 from ntc.training.encode import encode_textures
 from viewer.locations import named_scene
 from viewer.scene.images import IMAGE_SUFFIXES, folder_images, is_constant, read_image, split_alpha
@@ -114,8 +114,8 @@ def read_texture(ref: TextureRef, reading: Reading) -> SourceTexture | None:
     return whole if reading.texture_size is None else reduce_texture(whole, reading.texture_size)
 
 
-def stamp_of(path: str) -> tuple[int, int] | None:
-    """Return (bytes, time of change in ns) of a file; None where there is none."""
+def stamp_of(path: str) -> Stamp | None:
+    """Return the stamp of a file; None where there is none."""
     try:
         status = Path(path).stat()
     except OSError:
@@ -151,8 +151,8 @@ class Looked:
     channels: int = 1
     maps: tuple[MapName, ...] = ("base",)
     features: tuple[float, ...] = ()
-    stamp: tuple[int, int] | None = None
-    """(bytes, time of change in ns) of an image file, from before it was read. None: it changed meanwhile."""
+    stamp: Stamp | None = None
+    """Stamp of an image file. None: it changed while it was read."""
 
 
 @dataclass(frozen=True)
@@ -166,88 +166,57 @@ class EncodeJob:
     config: CodecSettings
     options: EncodingOptions
     settings: str
-    """Key of all this (`ntc.library.reading.settings_key`)."""
-
-    @property
-    def texels(self) -> int:
-        """Number of texels of mip 0 of all textures, a measure of the work."""
-        return sum(each.width * each.height for each in self.textures)
-
-
-@dataclass(frozen=True)
-class Unread:
-    """Images that could not be read: paths, and why. Nothing has been done then."""
-
-    problems: Mapping[TextureRef, str]
-
-
-@dataclass(frozen=True)
-class Encoded:
-    """A pack, as a library keeps it."""
-
-    shard: Shard
-    data: bytes
+    """Key of all this (`ntc.library.joining.settings_key`)."""
+    decoders: Path | None = None
+    """Pack with whose decoders the textures are encoded. None: with decoders of their own."""
 
 
 WorkJob = LookJob | EncodeJob
-WorkResult = tuple[Looked, ...] | Encoded | Unread
+WorkResult = tuple[Looked, ...] | bytes
+"""Facts about images, or the file of a pack."""
 
 
 def work(job: WorkJob) -> WorkResult:
-    """Do a job. Raises InputError where it cannot be done for another reason than images."""
+    """Do a job. Raises InputError where it cannot be done; then nothing has been done."""
     # One worker for each core; and numbers must not depend on how many threads add them up.
     torch.set_num_threads(1)
-    return _looked(job) if isinstance(job, LookJob) else _encoded(job)
+    if isinstance(job, LookJob):
+        return tuple(_looked(ref, job) for ref in job.refs)
+    return _encoded(job)
 
 
-def _read_all(refs: Sequence[TextureRef], reading: Reading) -> tuple[list[SourceTexture | None], dict[TextureRef, str]]:
-    found, problems = list[SourceTexture | None](), dict[TextureRef, str]()
-    for ref in refs:
-        try:
-            found.append(read_texture(ref, reading))
-        except InputError as error:
-            problems[ref] = str(error)
-        except MemoryError:
-            problems[ref] = f"{ref.path}: takes more memory than there is; give it smaller, or set --texture-size"
-    return found, problems
+def _read(ref: TextureRef, reading: Reading) -> SourceTexture | None:
+    try:
+        return read_texture(ref, reading)
+    except MemoryError as error:
+        raise InputError(
+            f"{ref.path}: takes more memory than there is; give it smaller, or set --texture-size"
+        ) from error
 
 
-def _looked(job: LookJob) -> tuple[Looked, ...] | Unread:
-    found = list[Looked]()
-    problems = dict[TextureRef, str]()
-    for ref in job.refs:
-        # One by one: only one image's pixels are held.
-        before = stamp_of(ref.path)
-        ((*textures,), own) = _read_all([ref], job.reading)
-        problems |= own
+def _looked(ref: TextureRef, job: LookJob) -> Looked:
+    stamp = stamp_of(ref.path)
+    texture = _read(ref, job.reading)
+    if stamp != stamp_of(ref.path):
         # A file that is being written has another hash a moment later.
-        stamp = before if before == stamp_of(ref.path) else None
-        found += [replace(_look(ref, texture, job.features), stamp=stamp) for texture in textures]
-    return Unread(problems) if problems else tuple(found)
-
-
-def _look(ref: TextureRef, texture: SourceTexture | None, features: FeatureName | None) -> Looked:
+        stamp = None
     if texture is None:
-        return Looked(ref, "")
-    numbers = tuple(raw_features(features, [texture])[0].tolist()) if features is not None else ()
-    return Looked(ref, texture.pixel_hash, *texture.size, texture.channels, texture.maps, numbers)
+        return Looked(ref, "", stamp=stamp)
+    features = tuple(raw_features(job.features, [texture])[0].tolist()) if job.features is not None else ()
+    return Looked(ref, texture.pixel_hash, *texture.size, texture.channels, texture.maps, features, stamp)
 
 
-def _encoded(job: EncodeJob) -> Encoded | Unread:
-    read, problems = _read_all([each.ref for each in job.textures], job.reading)
-    if problems:
-        return Unread(problems)
+def _encoded(job: EncodeJob) -> bytes:
     textures = list[SourceTexture]()
-    for known, texture in zip(job.textures, read, strict=True):
+    for known in job.textures:
+        texture = _read(known.ref, job.reading)
         if texture is None or texture.pixel_hash != known.pixel_hash:
-            problems[known.ref] = f"{known.ref.path}: has changed since it was looked at; run the command again"
-        else:
-            textures.append(texture)
-    if problems:
-        return Unread(problems)
-    ships = job.grouping.name == UNIVERSAL
-    grouping = make_grouping(GroupingConfig(UNIVERSAL), textures) if ships else job.grouping
-    pack = encode_textures(textures, grouping, job.config, job.options)
-    pack = replace(pack, training={**pack.training, SETTINGS: job.settings})
-    data = pack_bytes(pack)
-    return Encoded(shard_of(pack, data), data)
+            raise InputError(f"{known.ref.path}: has changed since it was looked at; run the command again")
+        textures.append(texture)
+    if job.decoders is not None:
+        pack = codec_of(job.config).encode_with_decoders(textures, read_pack(job.decoders), job.options)
+    else:
+        ships = job.grouping.name == UNIVERSAL
+        grouping = make_grouping(GroupingConfig(UNIVERSAL), textures) if ships else job.grouping
+        pack = encode_textures(textures, grouping, job.config, job.options)
+    return pack_bytes(replace(pack, training={**pack.training, SETTINGS: job.settings}))

@@ -1,19 +1,23 @@
-"""Many jobs in processes of this machine or in tasks of a Ray cluster. A job that fails is tried again elsewhere, and named at last.
+"""Many jobs in processes of this machine or in tasks of a Ray cluster. A job that fails is tried again, and named at last.
 
 Ray is an extra of its own.
 """
 
 import importlib
+import multiprocessing
 import os
+import signal
+import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import FIRST_COMPLETED, wait
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any, Generic, Protocol, TypeVar
+from multiprocessing.connection import Connection
+from typing import Any, Generic, TypeVar
 
 from ntc.errors import InputError
-from ntc.worker.process import Argument, FunctionProcess
-from viewer.jobs.job import Job, JobReport, Result
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of workers: one for each core, and numbers that do not depend on how many threads add them up."""
@@ -21,163 +25,108 @@ MOST_ATTEMPTS = 3
 SECONDS_BETWEEN_QUESTIONS = 0.2
 """Time between questions to `stopped` while no job ends, in seconds."""
 CPU, GPU = "CPU", "GPU"
-Given_contra = TypeVar("Given_contra", contravariant=True)
-Found_co = TypeVar("Found_co", covariant=True)
+Argument = TypeVar("Argument")
+Result = TypeVar("Result")
 
 
-@dataclass(frozen=True, eq=False)
-class Ended(Generic[Found_co]):
-    """One job that came to an end."""
+@dataclass(frozen=True)
+class Workers(Generic[Argument, Result]):
+    """Workers that call one function, each for one argument at a time. Any of them may be lost."""
 
-    number: int
-    """The job's own."""
-    result: Found_co | None
-    """None where it failed."""
-    problem: str = ""
-    """One line: why it failed; the worker was killed, its machine is gone, or what the function raised."""
+    slots: Callable[[], int]
+    """Returns the number of jobs that run at the same time, at least 1. It may change while machines come and go."""
+    submit: Callable[[Argument], Future[Result]]
+    """Begins a job; at most `slots` at the same time."""
 
 
-class Executor(Protocol[Given_contra, Found_co]):
-    """Calls one function for many arguments, in workers that may be lost. Called from one thread."""
+def _end_with(lifeline: Connection) -> None:
+    """End this process when the other end of `lifeline` is closed, however the program there ends."""
+    # Ctrl-C in a terminal reaches this process too; the program decides what it means.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
 
-    @property
-    def slots(self) -> int:
-        """Jobs that run at the same time; may change while machines come and go. At least 1."""
-        ...
+    def end() -> None:
+        lifeline.poll(None)
+        os._exit(1)
 
-    def submit(self, number: int, argument: Given_contra) -> None:
-        """Begin a job. One that failed is begun in another process, on another machine where there is one."""
-        ...
-
-    def wait(self, seconds: float) -> Sequence[Ended[Found_co]]:
-        """Return the jobs that have ended since the last call; wait for one for at most `seconds`."""
-        ...
-
-    def close(self) -> None:
-        """End all workers, in the middle of a job too."""
-        ...
+    threading.Thread(target=end, daemon=True).start()
 
 
-class LocalExecutor(Generic[Argument, Result]):
-    """Spawned processes of this machine, one for each slot. A process that failed a job is ended: the next one begins anew."""
+@contextmanager
+def local_workers(function: Callable[[Argument], Result], count: int) -> Iterator[Workers[Argument, Result]]:
+    """Yield `count` spawned processes of this machine, which end with the block, in the middle of a job too.
 
-    def __init__(self, function: Callable[[Argument], Result], workers: int) -> None:
-        """`function` is found by its module and name. Raises InputError for less than one worker."""
-        if workers < 1:
-            raise InputError(f"--workers {workers}: must be at least 1")
-        self._function = function
-        self._before = {name: os.environ.get(name) for name in ONE_THREAD}
-        os.environ.update(ONE_THREAD)
-        self._free = [FunctionProcess(function, f"worker {number}") for number in range(workers)]
-        self._busy: dict[int, tuple[FunctionProcess[Argument, Result], Job[Result]]] = {}
-        self.slots = workers
+    `function` is found by its module and name. Raises InputError for less than one process.
+    """
+    if count < 1:
+        raise InputError(f"--workers {count}: must be at least 1")
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(ONE_THREAD)
+    context = multiprocessing.get_context("spawn")
+    lifeline, held = context.Pipe(duplex=False)
 
-    def submit(self, number: int, argument: Argument) -> None:
-        """Begin a job in a process that is free."""
-        process = self._free.pop(0)
+    def pool() -> ProcessPoolExecutor:
+        # A pool for each process: a process that dies breaks its pool, and all jobs there.
+        return ProcessPoolExecutor(1, context, _end_with, (lifeline,))
 
-        def call(_report: JobReport) -> Result:
-            return process.call(argument)
+    pools = [pool() for _ in range(count)]
+    last: list[Future[Result] | None] = [None] * count
 
-        self._busy[number] = (process, Job(call).start(process.name))
-
-    def wait(self, seconds: float) -> list[Ended[Result]]:
-        """Return the jobs that have ended."""
-        futures = {job.future: number for number, (_, job) in self._busy.items()}
-        done, _ = wait(futures, seconds, FIRST_COMPLETED)
-        return [self._ended(number) for number in sorted(futures[future] for future in done)]
-
-    def _ended(self, number: int) -> Ended[Result]:
-        process, job = self._busy.pop(number)
+    def submit(argument: Argument) -> Future[Result]:
+        place = next(place for place, future in enumerate(last) if future is None or future.done())
         try:
-            ended = Ended(number, job.result())
-        except InputError as error:
-            process.close()
-            process = FunctionProcess(self._function, process.name)
-            ended = Ended(number, None, str(error))
-        # Behind the others: a job that is tried again goes elsewhere.
-        self._free.append(process)
-        return ended
+            future = pools[place].submit(function, argument)
+        except BrokenProcessPool:
+            pools[place] = pool()
+            future = pools[place].submit(function, argument)
+        last[place] = future
+        return future
 
-    def close(self) -> None:
-        """End all processes."""
-        for process in [*self._free, *(process for process, _ in self._busy.values())]:
-            process.close()
-        for name, value in self._before.items():
+    try:
+        yield Workers(lambda: count, submit)
+    finally:
+        held.close()
+        for each in pools:
+            each.shutdown(cancel_futures=True)
+        lifeline.close()
+        for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
 
 
-def _ray() -> Any:
+@contextmanager
+def ray_workers(
+    function: Callable[[Argument], Result], address: str, gpus: float = 0.0
+) -> Iterator[Workers[Argument, Result]]:
+    """Yield the cores of the Ray cluster at `address` (`auto`: the one that runs on this machine), each with a share `gpus` of a GPU.
+
+    Raises InputError without Ray, where no cluster answers, and where it has no such GPU.
+    """
     try:
-        return importlib.import_module("ray")
+        ray: Any = importlib.import_module("ray")
     except ImportError as error:
         raise InputError("--ray: needs the extra `ray`: pip install 'ntc-viewer[ray]'") from error
+    try:
+        ray.init(address=address, log_to_driver=False, configure_logging=False, logging_level="error")
+    except (ConnectionError, RuntimeError, ValueError, OSError) as error:
+        raise InputError(f"--ray {address}: no cluster answers ({error}); start one with: ray start --head") from error
 
-
-class RayExecutor(Generic[Argument, Result]):
-    """Tasks of a Ray cluster, each on one core, and a share of a GPU where that is asked for.
-
-    Ray itself does not begin tasks again: whoever runs the jobs counts attempts, whichever executor they run in.
-    """
-
-    def __init__(self, function: Callable[[Argument], Result], address: str, gpus: float = 0.0) -> None:
-        """`address` of the cluster, or `auto` for the one that runs on this machine. `gpus` for each job, also less than one.
-
-        Raises InputError without Ray, where no cluster answers, and where it has no such GPU.
-        """
-        self._ray = _ray()
-        try:
-            self._ray.init(address=address, log_to_driver=False, configure_logging=False, logging_level="error")
-        except (ConnectionError, RuntimeError, ValueError, OSError) as error:
-            raise InputError(
-                f"--ray {address}: no cluster answers ({error}); start one with: ray start --head"
-            ) from error
-        self._gpus = gpus
-        options = {"num_cpus": 1, "num_gpus": gpus, "max_retries": 0, "scheduling_strategy": "SPREAD"}
-        self._task = self._ray.remote(function).options(**options, runtime_env={"env_vars": ONE_THREAD})
-        self._waiting: dict[Any, int] = {}
-        if gpus > 0.0 and self._ray.cluster_resources().get(GPU, 0.0) < min(gpus, 1.0):
-            self.close()
-            raise InputError(f"--gpus-per-job {gpus:g}: the cluster at {address} has no GPU; leave it out")
-
-    @property
-    def slots(self) -> int:
-        """Jobs that the cluster has room for at this moment."""
-        resources = self._ray.cluster_resources()
+    def slots() -> int:
+        resources = ray.cluster_resources()
         most = resources.get(CPU, 1.0)
-        return max(1, int(min(most, resources.get(GPU, 0.0) / self._gpus) if self._gpus > 0.0 else most))
+        return max(1, int(min(most, resources.get(GPU, 0.0) / gpus) if gpus > 0.0 else most))
 
-    def submit(self, number: int, argument: Argument) -> None:
-        """Begin a job; Ray spreads tasks over its machines."""
-        self._waiting[self._task.remote(argument)] = number
-
-    def wait(self, seconds: float) -> list[Ended[Result]]:
-        """Return the jobs that have ended."""
-        done, _ = self._ray.wait(list(self._waiting), num_returns=1, timeout=seconds)
-        return [self._ended(reference) for reference in done]
-
-    def _ended(self, reference: Any) -> Ended[Result]:
-        number = self._waiting.pop(reference)
-        try:
-            return Ended(number, self._ray.get(reference))
-        except self._ray.exceptions.RayTaskError as error:
-            cause = error.cause
-            text = str(cause) if isinstance(cause, InputError) else f"{type(cause).__name__}: {cause}"
-            return Ended(number, None, text)
-        except self._ray.exceptions.RayError as error:
-            return Ended(
-                number, None, f"worker: gave no answer ({type(error).__name__}); its process or machine is gone"
-            )
-
-    def close(self) -> None:
-        """Cancel what is under way, and leave the cluster."""
-        for reference in self._waiting:
-            self._ray.cancel(reference, force=True)
-        self._waiting.clear()
-        self._ray.shutdown()
+    # Leaving the cluster ends the tasks that are under way.
+    try:
+        if gpus > 0.0 and ray.cluster_resources().get(GPU, 0.0) < min(gpus, 1.0):
+            raise InputError(f"--gpus-per-job {gpus:g}: the cluster at {address} has no GPU; leave it out")
+        # Whoever runs the jobs counts attempts, so Ray does not begin tasks again.
+        options = {"num_cpus": 1, "num_gpus": gpus, "max_retries": 0, "scheduling_strategy": "SPREAD"}
+        task = ray.remote(function).options(**options, runtime_env={"env_vars": ONE_THREAD})
+        yield Workers(slots, lambda argument: task.remote(argument).future())
+    finally:
+        ray.shutdown()
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,58 +138,53 @@ class Failure(Generic[Argument]):
     """Error of the last attempt, one line."""
 
 
-Take = Callable[[Argument, Result, int], Argument | str | None]
-"""(argument, result, attempt from 0) -> None: it is kept. A line: the job failed. Another argument: that job is to be done instead."""
+def _problem(error: BaseException) -> str:
+    """Return one line: why a job failed."""
+    # Ray wraps what the function raised.
+    cause = getattr(error, "cause", None) or error
+    if isinstance(cause, InputError):
+        return str(cause)
+    name = type(cause).__name__
+    if isinstance(cause, BrokenProcessPool) or type(cause).__module__.startswith("ray."):
+        return f"the worker gave no answer ({name}): its process or machine is gone"
+    return str(InputError(f"{name}: {cause}"))
 
 
 def run_jobs(
-    executor: Executor[Argument, Result],
+    workers: Workers[Argument, Result],
     arguments: Iterable[Argument],
-    take: Take[Argument, Result],
+    take: Callable[[Argument, Result], None],
     stopped: Callable[[], bool] = lambda: False,
     tried_again: Callable[[str], None] = lambda _problem: None,
     parts: Callable[[Argument], Sequence[Argument]] = lambda _argument: (),
 ) -> list[Failure[Argument]]:
     """Run a job for each argument and hand the results to `take` as they come; returns the jobs that failed MOST_ATTEMPTS times.
 
-    A job that no worker survives, or whose function raises, is cut into `parts` then, where it has some: those fail alone that must.
-
-    Arguments are asked for when a slot is free, so neither they nor results pile up. `stopped` ends it early; jobs that are under
-    way then are lost. `tried_again` is told why a job is begun once more.
+    A job that failed so often is cut into `parts`, where it has some: those fail alone that must. Arguments are asked for when a slot
+    is free, so neither they nor results pile up. `stopped` ends the run early; jobs that are under way then are lost. `tried_again`
+    gets the reason why a job is begun once more.
     """
     # Jobs as (argument, attempt).
-    coming = ((argument, 0) for argument in arguments)
-    again, under_way = deque[tuple[Argument, int]](), dict[int, tuple[Argument, int]]()
-    failures, number = list[Failure[Argument]](), 0
-
-    def failed(argument: Argument, attempt: int, problem: str, cut: Sequence[Argument]) -> None:
-        if attempt + 1 < MOST_ATTEMPTS:
-            tried_again(problem)
-            again.append((argument, attempt + 1))
-        elif cut:
-            tried_again(problem)
-            again.extend((each, 0) for each in cut)
-        else:
-            failures.append(Failure(argument, problem))
-
+    coming = ((argument, 1) for argument in arguments)
+    again, under_way = deque[tuple[Argument, int]](), dict[Future[Result], tuple[Argument, int]]()
+    failures = list[Failure[Argument]]()
     while not stopped():
-        while len(under_way) < executor.slots:
-            due = again.popleft() if again else next(coming, None)
-            if due is None:
-                break
-            executor.submit(number, due[0])
-            under_way[number] = due
-            number += 1
+        while len(under_way) < workers.slots() and (due := again.popleft() if again else next(coming, None)):
+            under_way[workers.submit(due[0])] = due
         if not under_way:
             break
-        for ended in executor.wait(SECONDS_BETWEEN_QUESTIONS):
-            argument, attempt = under_way.pop(ended.number)
-            if ended.result is None:
-                failed(argument, attempt, ended.problem, parts(argument))
+        for future in wait(under_way, SECONDS_BETWEEN_QUESTIONS, FIRST_COMPLETED).done:
+            argument, attempt = under_way.pop(future)
+            error = future.exception()
+            if error is None:
+                take(argument, future.result())
                 continue
-            answer = take(argument, ended.result, attempt)
-            if isinstance(answer, str):
-                failed(argument, attempt, answer, ())
-            elif answer is not None:
-                again.append((answer, 0))
+            due_again = (
+                [(argument, attempt + 1)] if attempt < MOST_ATTEMPTS else [(each, 1) for each in parts(argument)]
+            )
+            again.extend(due_again)
+            if due_again:
+                tried_again(_problem(error))
+            else:
+                failures.append(Failure(argument, _problem(error)))
     return failures

@@ -10,8 +10,7 @@ from weakref import WeakKeyDictionary
 from ntc.codec.config import GroupingName
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none
-from ntc.library.index import is_library
-from ntc.library.reading import library_packs
+from ntc.library.index import is_library, library_packs
 from ntc.metrics.metrics import psnr_table
 from ntc.pack.file import read_pack
 from ntc.pack.match import PackMatch, match_pack

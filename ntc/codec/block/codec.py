@@ -17,7 +17,7 @@ from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.block.reference import decode_alpha, decode_image, lookup_values
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.universal import MOST_SCALED_GROUPS, VERSION, set_tables_path, tables_path
-from ntc.codec.codec import Assigned, Codec, Tensors, TensorShape, TextureBytes, TorchTwin
+from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes, TorchTwin
 from ntc.codec.config import UNIVERSAL, Precision, WrapMode
 from ntc.codec.encoding import (
     DEFAULT_BITS,
@@ -214,10 +214,13 @@ class BlockCodec(Codec):
 
         return BlockEncoder(task)
 
-    def encode_with_decoders(self, textures: Sequence[SourceTexture], packs: Sequence[Pack], decoders: int) -> Assigned:
-        from ntc.codec.block.encoding.frozen import assigned
+    def encode_with_decoders(self, textures: Sequence[SourceTexture], known: Pack, options: EncodingOptions) -> Pack:
+        from ntc.codec.block.encoding.frozen import encode_with_decoders
 
-        return assigned(textures, [block_parts(pack) for pack in packs], packs[0].grouping.name, decoders)
+        own = block_parts(known)
+        return encode_with_decoders(
+            textures, own.decoders, own.config, known.grouping.name, cast(BlockOptions, options)
+        )
 
     def compiled_functions(self) -> Mapping[Any, tuple[Any, ...]]:
         try:

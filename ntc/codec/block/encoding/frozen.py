@@ -10,19 +10,18 @@ from ntc.codec.block.encoding.groups import FittedGroup
 from ntc.codec.block.encoding.sharing import RateCurve, sizes_within
 from ntc.codec.block.encoding.stages import BlockEncoder
 from ntc.codec.block.encoding.tables import rate_curve
-from ntc.codec.block.model import BlockDecoder, BlockParts
+from ntc.codec.block.model import BlockDecoder
 from ntc.codec.checks import check_textures
-from ntc.codec.codec import Assigned
+from ntc.codec.config import UNIVERSAL
 from ntc.codec.encoding import EncodingTask
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
-COMPARED = 16
-"""Textures that are also encoded in a fresh group, to tell the drift."""
+MOST_DECODERS = 64
+"""Most decoders that a texture is tried with: of more, so many evenly spread ones."""
 SAMPLED_BLOCKS = 512
-"""Of a texture: by them it chooses among decoders."""
+"""Number of blocks of a texture by which it chooses among decoders."""
 
 
 def _expected_error(curve: RateCurve, config: BlockConfig) -> float:
@@ -31,43 +30,27 @@ def _expected_error(curve: RateCurve, config: BlockConfig) -> float:
     return float(np.take_along_axis(curve.errors, sizes[:, None], axis=1).mean())
 
 
-def _encoded(
-    textures: Sequence[SourceTexture],
-    grouping: Grouping,
-    config: BlockConfig,
-    options: BlockOptions,
-    fitted: Sequence[FittedGroup] | None = None,
-) -> Pack:
-    groups = tuple(range(grouping.group_count))
-    encoder = BlockEncoder(EncodingTask(tuple(textures), grouping, config, options, groups), fitted)
-    for _ in encoder.pieces():
-        pass
-    found = list(encoder.encoded(groups))
-    encoded = {index: each for own in found for index, each in zip(own.members, own.textures, strict=True)}
-    in_order = tuple(encoded[index] for index in range(len(textures)))
-    return Pack(encoder.settings, grouping, in_order, tuple(own.decoder for own in found), encoder.record())
-
-
 def encode_with_decoders(
     textures: Sequence[SourceTexture],
     decoders: Sequence[BlockDecoder],
     config: BlockConfig,
     grouping: str,
-    seed: int = 0,
-    threads: int | None = None,
+    options: BlockOptions,
 ) -> Pack:
-    """A pack of `textures`, each with that of `decoders` that codes a sample of its blocks best; decoders that none takes are left
-    out. `grouping` is the name of its grouping.
+    """Encode `textures` into a pack, each with that of `decoders` that codes a sample of its blocks best; decoders that none takes are
+    left out. `grouping` is the name of its grouping.
 
-    Raises InputError for textures that the codec has no room for.
+    Raises InputError for decoders that ship with the program, and for textures that the codec has no room for.
     """
-    if not decoders:
-        raise InputError("there is no decoder to encode with; encode a first set of textures")
+    if grouping == UNIVERSAL or not decoders:
+        raise InputError("the pack has no decoders of its own to encode with; use --grouping universal")
+    places = np.unique(np.linspace(0, len(decoders) - 1, min(len(decoders), MOST_DECODERS)).astype(int))
+    decoders = [decoders[place] for place in places]
     check_textures(textures, Grouping(grouping, (0,) * len(textures)), config)
     chosen: list[int] = []
     curves: list[RateCurve] = []
     for texture in textures:
-        (sample,) = sample_textures([texture], config, seed, SAMPLED_BLOCKS)
+        (sample,) = sample_textures([texture], config, options.seed, SAMPLED_BLOCKS)
         own = [rate_curve(sample, decoder, config) for decoder in decoders]
         best = int(np.argmin([_expected_error(curve, config) for curve in own]))
         chosen.append(best)
@@ -82,25 +65,11 @@ def encode_with_decoders(
         )
         for group in range(found.group_count)
     ]
-    return _encoded(textures, found, config, BlockOptions(seed, threads=threads), fitted)
-
-
-def assigned(
-    textures: Sequence[SourceTexture], packs: Sequence[BlockParts], grouping: str, most: int, seed: int = 0
-) -> Assigned:
-    """`textures` encoded with at most so many decoders of `packs`, evenly spread ones.
-
-    Some of them are also encoded in a fresh group of their own, in equal bits.
-    """
-    config, known = packs[0].config, [decoder for pack in packs for decoder in pack.decoders]
-    places = np.unique(np.linspace(0, len(known) - 1, min(len(known), most)).astype(int))
-    decoders = [known[place] for place in places]
-    pack = encode_with_decoders(textures, decoders, config, grouping, seed)
-    random = np.random.default_rng(seed)
-    own = [textures[place] for place in np.sort(random.permutation(len(textures))[:COMPARED])]
-    frozen = encode_with_decoders(own, decoders, config, "frozen", seed)
-    fresh = _encoded(own, Grouping("single", (0,) * len(own)), config, BlockOptions(seed))
-    errors = [
-        float(np.mean([mse_of_psnr(each.psnr_db or 0.0) for each in found.textures])) for found in (frozen, fresh)
-    ]
-    return Assigned(pack, len(decoders), len(own), psnr_of_mse(errors[0]), psnr_of_mse(errors[1]))
+    groups = tuple(range(found.group_count))
+    encoder = BlockEncoder(EncodingTask(tuple(textures), found, config, options, groups), fitted)
+    for _ in encoder.pieces():
+        pass
+    done = list(encoder.encoded(groups))
+    encoded = {index: each for own in done for index, each in zip(own.members, own.textures, strict=True)}
+    in_order = tuple(encoded[index] for index in range(len(textures)))
+    return Pack(encoder.settings, found, in_order, tuple(own.decoder for own in done), encoder.record())

@@ -257,5 +257,5 @@ def test_what_it_cannot_do_is_refused_in_a_line(codec: Codec) -> None:
     impossible = EncodingChoices(target=BitsTarget(2.0), steps=3)
     assert chosen_codec(impossible) == "grid", "it refuses less than the last of the registry"
     assert [line.split(":")[0] for line in codec.refusals(impossible)] == ["--bits 2", "--steps 3"]
-    with pytest.raises(InputError, match=f"codec {NAME} cannot encode with the decoders of other packs"):
-        codec.encode_with_decoders(TEXTURES, [encoded(TEXTURES, GROUPS)], 4)
+    with pytest.raises(InputError, match=f"codec {NAME} cannot encode with the decoders of another pack"):
+        codec.encode_with_decoders(TEXTURES, encoded(TEXTURES, GROUPS), codec.options_for(EncodingChoices()))

@@ -1,7 +1,9 @@
-"""A library of shards: what was added is there whatever happens, what is damaged is found, and only what is wanted is read."""
+"""A library is a folder of packs: its index is made again from them, what is damaged is found, and only what is wanted is read."""
 
 import hashlib
+import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +12,10 @@ import pytest
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image
+from ntc.codec.registry import codec_of
 from ntc.errors import InputError
-from ntc.library import writer as writing
-from ntc.library.index import INDEX_FILE, SHARDS_FOLDER, Record, read_index, record_line
-from ntc.library.reading import library_packs
-from ntc.library.writer import LibraryWriter, compact, problems
+from ntc.library.index import INDEX_FILE, ImageFile, Library, is_library, library_packs
+from ntc.library.joining import joined_pack
 from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
 
 SIZES = ((16, 16), (24, 8))
@@ -30,14 +31,18 @@ def small_pack(seed: int) -> Pack:
     return random_pack(SIZES, (0, 1), hashes=names(2 * seed), seed=seed)
 
 
+def filled(folder: Path, seeds: tuple[int, ...] = (0, 1, 2)) -> Path:
+    """A library of packs of two textures."""
+    library = Library.to_write(folder)
+    for seed in seeds:
+        assert library.add(pack_bytes(small_pack(seed)))
+    library.save()
+    return folder
+
+
 @pytest.fixture
 def library(tmp_path: Path) -> Path:
-    """Three packs of two textures."""
-    folder = tmp_path / "library"
-    with LibraryWriter(folder) as writer:
-        for seed in range(3):
-            assert writer.add_pack(small_pack(seed))
-    return folder
+    return filled(tmp_path / "library")
 
 
 def assert_holds(folder: Path, packs: list[Pack]) -> None:
@@ -47,164 +52,160 @@ def assert_holds(folder: Path, packs: list[Pack]) -> None:
         (found,) = library_packs(folder, wanted)
         assert {texture.pixel_hash for texture in found.textures} == wanted
         for index, texture in enumerate(pack.textures):
-            place = [own.pixel_hash for own in found.textures].index(texture.pixel_hash)
+            place = [each.pixel_hash for each in found.textures].index(texture.pixel_hash)
             assert np.array_equal(decode_image(found, place), decode_image(pack, index))
 
 
 def content(folder: Path) -> dict[str, bytes]:
-    """All that the library consists of."""
-    shards = {path.name: path.read_bytes() for path in (folder / SHARDS_FOLDER).iterdir()}
-    return {INDEX_FILE: (folder / INDEX_FILE).read_bytes(), **shards}
+    """The files of the packs."""
+    return {path.name: path.read_bytes() for path in folder.glob("*.ntc")}
 
 
 def test_what_was_added_is_read_back(library: Path) -> None:
     assert_holds(library, [small_pack(seed) for seed in range(3)])
-    assert list(problems(library)) == []
-    # One texture of each of two shards: one pack, and nothing of the third.
+    assert list(Library(library).problems()) == []
+    # One texture of each of two packs: one pack, and nothing of the third.
     first, second = small_pack(0).textures[1], small_pack(2).textures[0]
     (found,) = library_packs(library, {first.pixel_hash, second.pixel_hash})
-    assert [texture.pixel_hash for texture in found.textures] == [first.pixel_hash, second.pixel_hash]
+    assert {texture.pixel_hash for texture in found.textures} == {first.pixel_hash, second.pixel_hash}
     assert len(found.decoders) == 2
     assert library_packs(library, {"f" * 32}) == []
+    (everything,) = library_packs(library)
+    assert len(everything.textures) == 6
 
 
-def test_what_is_there_is_not_added_again(library: Path) -> None:
+@pytest.mark.parametrize("make", [random_pack, random_block_pack])
+def test_the_header_tells_what_a_texture_is(make: Callable[[], Pack], tmp_path: Path) -> None:
+    pack = make()
+    library = Library.to_write(tmp_path / "library")
+    library.add(pack_bytes(pack))
+    ((_, stored),) = [each for each in library.textures.values() if each[1].name == pack.textures[1].name]
+    texture, sizes = pack.textures[1], codec_of(pack.config).texture_bytes(pack.textures[1], pack.config)
+    assert (stored.width, stored.height, stored.pixel_hash) == (texture.width, texture.height, texture.pixel_hash)
+    assert stored.bits_per_texel == 8.0 * (sizes.latents + sizes.constants) / (texture.width * texture.height)
+
+
+def test_any_order_of_adding_gives_the_same_packs_and_none_twice(library: Path, tmp_path: Path) -> None:
+    assert content(filled(tmp_path / "again", (2, 0, 1))) == content(library)
     before = content(library)
-    with LibraryWriter(library) as writer:
-        assert not writer.add_pack(small_pack(1))
+    assert not Library.to_write(library).add(pack_bytes(small_pack(1)))
     assert content(library) == before
 
 
-def test_the_same_packs_give_the_same_bytes(library: Path, tmp_path: Path) -> None:
-    again = tmp_path / "again"
-    with LibraryWriter(again) as writer:
-        for seed in range(3):
-            writer.add_pack(small_pack(seed))
-    assert content(again) == content(library)
-
-
 def test_other_settings_are_kept_apart(library: Path) -> None:
-    block = random_block_pack(SIZES, (0, 0), hashes=names(0))
-    with LibraryWriter(library) as writer:
-        assert writer.add_pack(block)
+    assert Library(library).add(pack_bytes(random_block_pack(SIZES, (0, 0), hashes=names(0))))
     packs = library_packs(library, set(names(0)))
     assert sorted(pack.config.kind for pack in packs) == ["block", "grid"]
 
 
-def test_an_index_cut_anywhere_opens_with_what_was_whole(library: Path) -> None:
-    whole = (library / INDEX_FILE).read_bytes()
-    ends = [place + 1 for place, byte in enumerate(whole) if byte == ord("\n")]
-    for length in range(ends[0], len(whole) + 1):
-        (library / INDEX_FILE).write_bytes(whole[:length])
-        index = read_index(library)
-        assert len(index.shards) == sum(end <= length for end in ends) - 1
-        assert index.damaged_lines == []
-    (library / INDEX_FILE).write_bytes(whole[: ends[1] + 7])
-    with LibraryWriter(library) as writer:
-        # The shards are there; only what the index says of them was lost.
-        assert writer.add_pack(small_pack(1))
-        assert writer.add_pack(small_pack(2))
-    assert content(library)[INDEX_FILE] == whole
+def test_packs_may_be_copied_replaced_and_deleted_by_hand(library: Path) -> None:
+    own = library / "street" / "street.clustered.ntc"
+    own.parent.mkdir()
+    write_pack(own, small_pack(3))
+    assert_holds(library, [small_pack(0), small_pack(3)])
+    write_pack(own, random_pack((*SIZES, (8, 8)), (0, 1, 0), hashes=[*names(8), "a" * 32], seed=4))
+    assert library_packs(library, set(names(6))) == []
+    assert_holds(library, [small_pack(1)])
+    shutil.rmtree(own.parent)
+    assert library_packs(library, set(names(8))) == []
+    assert len(Library(library).packs) == 3
 
 
-def test_a_process_that_ends_at_any_step_loses_nothing_acknowledged(
-    library: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Steps: the file of the shard, and half of the line of the index."""
+def test_an_index_that_is_missing_cut_or_damaged_is_made_again(library: Path) -> None:
+    whole, random = (library / INDEX_FILE).read_bytes(), np.random.default_rng(3)
+    packs = Library(library).packs
+    spoilt = [whole[: len(whole) * part // 8] for part in range(8)]
+    for place in random.choice(len(whole), 40, replace=False):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << random.integers(0, 8)
+        spoilt.append(bytes(flipped))
+    for data in spoilt:
+        (library / INDEX_FILE).write_bytes(data)
+        assert Library(library).packs == packs
+        assert (library / INDEX_FILE).read_bytes() == whole, "written again"
+    (library / INDEX_FILE).unlink()
+    assert is_library(library)
+    assert_holds(library, [small_pack(seed) for seed in range(3)])
 
-    class EndedError(Exception):
-        pass
 
-    def end(*_arguments: object) -> None:
-        raise EndedError
+def test_headers_are_read_once(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Library, "_read", lambda *_: pytest.fail("a header was read"))
+    assert len(Library(library).packs) == 3
 
-    def half_a_line(_writer: LibraryWriter, record: Record) -> None:
-        path = library / INDEX_FILE
-        line = record_line(record)
-        path.write_bytes(path.read_bytes() + line[: len(line) // 2])
-        raise EndedError
 
-    steps: list[tuple[object, str, Callable[..., None]]] = [
-        (writing, "write_bytes", end),
-        (LibraryWriter, "_append", half_a_line),
-    ]
-    for owner, name, step in steps:
-        with monkeypatch.context() as patched:
-            patched.setattr(owner, name, step)
-            with pytest.raises(EndedError), LibraryWriter(library) as writer:
-                writer.add_pack(small_pack(3))
-        assert_holds(library, [small_pack(seed) for seed in range(3)])
-    with LibraryWriter(library) as writer:
-        writer.add_pack(small_pack(3))
-    assert list(problems(library)) == []
+def test_a_process_that_ends_at_any_step_loses_no_pack(library: Path) -> None:
+    # Killed while it wrote a pack, and before it wrote the index.
+    (library / ".0123.partial.ntc").write_bytes(pack_bytes(small_pack(4))[:100])
+    assert Library(library).add(pack_bytes(small_pack(3)))
+    found = Library(library)
+    assert (len(found.packs), found.unreadable) == (4, {})
     assert_holds(library, [small_pack(seed) for seed in range(4)])
 
 
-def test_only_one_process_adds(library: Path) -> None:
-    with LibraryWriter(library), pytest.raises(InputError, match="another process"):
-        LibraryWriter(library)
+def test_two_processes_may_add_at_the_same_time(library: Path) -> None:
+    first, second = Library.to_write(library), Library.to_write(library)
+    assert first.add(pack_bytes(small_pack(3)))
+    assert second.add(pack_bytes(small_pack(4)))
+    assert second.add(pack_bytes(small_pack(3)))
+    second.save()
+    first.save()
+    assert_holds(library, [small_pack(seed) for seed in range(5)])
+    assert len(Library(library).packs) == 5
+
+
+def test_facts_about_images_are_kept(library: Path) -> None:
+    found = Library(library)
+    found.remember({"/a.png": ImageFile((10, 20), "ab", 4, 8, 3)})
+    found.save()
+    assert Library(library).images == {"/a.png": ImageFile((10, 20), "ab", 4, 8, 3)}
 
 
 def test_a_folder_of_other_things_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "letter.txt").write_text("mine", encoding="utf-8")
+    write_pack(tmp_path / "street.ntc", small_pack(0))
+    (tmp_path / "street.glb").write_bytes(b"glTF")
+    assert not is_library(tmp_path)
     with pytest.raises(InputError, match="holds other files"):
-        LibraryWriter(tmp_path)
+        Library.to_write(tmp_path)
     with pytest.raises(InputError, match="holds no library"):
-        read_index(tmp_path)
+        Library(tmp_path)
 
 
-def test_every_flipped_bit_is_found(library: Path) -> None:
+def test_a_library_of_version_1_opens(library: Path) -> None:
+    """Its packs were in a folder `shards`, its index had a line for each, and `lock` was beside it."""
+    (library / "shards").mkdir()
+    for path in library.glob("*.ntc"):
+        path.rename(library / "shards" / path.name)
+    (library / INDEX_FILE).write_bytes(b'0123456789abcdef {"library":{"version":1}}\n')
+    (library / "lock").touch()
+    assert_holds(library, [small_pack(seed) for seed in range(3)])
+    assert list(Library(library).problems()) == []
+
+
+def test_every_flipped_bit_is_found_and_what_is_no_pack_is_left_out(library: Path) -> None:
     random = np.random.default_rng(3)
-    assert list(problems(library)) == []
-    for path in [library / INDEX_FILE, *(library / SHARDS_FOLDER).iterdir()]:
+    for path in library.glob("*.ntc"):
         data = path.read_bytes()
         for place in random.choice(len(data), 40, replace=False):
             spoilt = bytearray(data)
             spoilt[place] ^= 1 << random.integers(0, 8)
             path.write_bytes(bytes(spoilt))
-            assert list(problems(library)), (path.name, place)
+            assert list(Library(library).problems()), (path.name, place)
         path.write_bytes(data)
-    assert list(problems(library)) == []
-
-
-def test_compacting_joins_shards_and_leaves_damaged_ones_out(library: Path) -> None:
-    (shard,) = [
-        read_index(library).path(own)
-        for own in read_index(library).shards.values()
-        if own.textures[0].pixel_hash == names(2)[0]
-    ]
-    shard.write_bytes(shard.read_bytes()[:-1])
-    with LibraryWriter(library) as writer:
-        result = compact(writer)
-    assert (result.shards_before, result.shards, result.textures) == (3, 1, 4)
-    assert len(result.dropped) == 1
-    assert len(list((library / SHARDS_FOLDER).iterdir())) == 1
-    assert list(problems(library)) == []
-    assert_holds(library, [small_pack(0), small_pack(2)])
-
-
-def test_joined_shards_stay_within_their_limit(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first, second, _ = (path.stat().st_size for path in sorted((library / SHARDS_FOLDER).iterdir()))
-    monkeypatch.setattr(writing, "LARGEST_JOINED", first + second)
-    with LibraryWriter(library) as writer:
-        result = compact(writer)
-    assert (result.shards_before, result.shards, result.textures) == (3, 2, 6)
+    assert list(Library(library).problems()) == []
+    (library / "torn.ntc").write_bytes(data[: len(data) // 2])
+    (problem,) = Library(library).problems()
+    assert "torn.ntc" in problem
     assert_holds(library, [small_pack(seed) for seed in range(3)])
 
 
-def test_a_compaction_that_is_stopped_loses_nothing(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class EndedError(Exception):
-        pass
-
-    def end(*_arguments: object) -> None:
-        raise EndedError
-
-    for name in ("add_file", "replace_index"):
-        with monkeypatch.context() as patched:
-            patched.setattr(LibraryWriter, name, end)
-            with pytest.raises(EndedError), LibraryWriter(library) as writer:
-                compact(writer)
-        assert_holds(library, [small_pack(seed) for seed in range(3)])
+def test_packs_with_the_same_decoders_share_them_where_they_are_joined() -> None:
+    first = small_pack(0)
+    second = replace(small_pack(1), decoders=first.decoders[::-1])
+    joined = joined_pack([first, second])
+    assert len(joined.decoders) == 2
+    assert joined.grouping.groups == (0, 1, 1, 0)
+    for index in range(2):
+        assert np.array_equal(decode_image(joined, 2 + index), decode_image(second, index))
 
 
 @pytest.mark.parametrize("make", [random_pack, random_block_pack])
@@ -223,7 +224,7 @@ def test_reading_some_textures_gives_what_reading_all_does(make: Callable[[], Pa
 def test_damaged_files_are_refused_in_a_line(tmp_path: Path) -> None:
     pack, random, path = small_pack(0), np.random.default_rng(7), tmp_path / "spoilt.ntc"
     data, wanted = pack_bytes(pack), {pack.textures[0].pixel_hash}
-    told = list[str]()
+    errors = list[str]()
     for number in range(300):
         spoilt = bytearray(data)
         for place in random.integers(0, 2500, 3):
@@ -232,6 +233,6 @@ def test_damaged_files_are_refused_in_a_line(tmp_path: Path) -> None:
         try:
             read_textures(path, wanted)
         except InputError as error:
-            told.append(str(error))
-    assert len(told) > 200
-    assert not [line for line in told if "\n" in line]
+            errors.append(str(error))
+    assert len(errors) > 200
+    assert not [line for line in errors if "\n" in line]

@@ -2,13 +2,12 @@
 
 import math
 import os
-import random
 import signal
 import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import CancelledError
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,9 @@ import pytest
 
 from ntc.errors import InputError
 from ntc.worker.process import FunctionProcess
-from viewer.jobs.executor import MOST_ATTEMPTS, Ended, LocalExecutor, RayExecutor, run_jobs
+from tests.support.shuffled_workers import ShuffledWorkers
+from viewer.jobs import executor
+from viewer.jobs.executor import MOST_ATTEMPTS, local_workers, ray_workers, run_jobs
 from viewer.jobs.job import RESULTS_KEPT, Background, Job, JobReport, Result
 from viewer.state.message_log import details_of
 
@@ -172,60 +173,57 @@ def test_a_process_ends_with_a_parent_that_was_killed() -> None:
         time.sleep(0.05)
 
 
-class Shuffled:
-    """An executor whose jobs end in any order, in the caller's own thread."""
-
-    def __init__(self, seed: int, slots: int = 4) -> None:
-        self.slots, self.most = slots, 0
-        self._random, self._waiting = random.Random(seed), dict[int, int]()
-
-    def submit(self, number: int, argument: int) -> None:
-        self._waiting[number] = argument
-        self.most = max(self.most, len(self._waiting))
-
-    def wait(self, seconds: float) -> Sequence[Ended[int]]:
-        number = self._random.choice(sorted(self._waiting))
-        argument = self._waiting.pop(number)
-        return [Ended(number, None, f"{argument} is odd") if argument % 2 else Ended(number, argument * 10)]
-
-    def close(self) -> None:
-        pass
+@pytest.fixture
+def _asked_often(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(executor, "SECONDS_BETWEEN_QUESTIONS", 0.001)
 
 
+def of_even(argument: int) -> int:
+    if argument % 2:
+        raise InputError(f"{argument} is odd")
+    return argument * 10
+
+
+@pytest.mark.usefixtures("_asked_often")
 @pytest.mark.parametrize("seed", range(3))
 def test_every_job_ends_once_and_what_fails_is_tried_three_times(seed: int) -> None:
-    executor, found, again = Shuffled(seed), list[int](), list[str]()
+    shuffled, found, again = ShuffledWorkers(of_even, seed), list[int](), list[str]()
     failures = run_jobs(
-        executor, range(20), lambda _job, result, _attempt: found.append(result), tried_again=again.append
+        shuffled.workers, range(20), lambda _job, result: found.append(result), tried_again=again.append
     )
     assert sorted(found) == [each * 10 for each in range(0, 20, 2)]
     assert sorted(each.argument for each in failures) == list(range(1, 20, 2))
     assert {each.problem for each in failures} == {f"{each} is odd" for each in range(1, 20, 2)}
     assert len(again) == 10 * (MOST_ATTEMPTS - 1)
-    assert executor.most == executor.slots
+    assert shuffled.most == 4
 
 
-def test_a_result_may_ask_for_another_job_or_be_a_failure() -> None:
-    seen = list[tuple[int, int]]()
+@pytest.mark.usefixtures("_asked_often")
+def test_a_job_that_failed_so_often_is_cut() -> None:
+    def total(numbers: list[int]) -> int:
+        return sum(map(of_even, numbers))
 
-    def take(argument: int, result: int, attempt: int) -> int | str | None:
-        seen.append((argument, attempt))
-        return 100 if argument == 2 else "is not kept" if argument == 4 else None
+    def halves(numbers: list[int]) -> list[list[int]]:
+        return [numbers[: len(numbers) // 2], numbers[len(numbers) // 2 :]] if len(numbers) > 1 else []
 
-    failures = run_jobs(Shuffled(0, 1), [2, 4], take)
-    assert seen == [(2, 0), (100, 0), (4, 0), (4, 1), (4, 2)]
-    assert [(each.argument, each.problem) for each in failures] == [(4, "is not kept")]
+    found = list[int]()
+    workers = ShuffledWorkers(total, 0).workers
+    failures = run_jobs(workers, [[2, 4, 5, 6]], lambda _job, result: found.append(result), parts=halves)
+    assert sorted(found) == [60, 60]
+    assert [each.argument for each in failures] == [[5]]
 
 
+@pytest.mark.usefixtures("_asked_often")
 def test_arguments_are_asked_for_when_a_slot_is_free_and_a_stop_ends_all() -> None:
     done, asked = list[int](), list[int]()
 
-    def arguments() -> object:
+    def arguments() -> Iterator[int]:
         for each in range(0, 1000, 2):
             asked.append(each)
             yield each
 
-    run_jobs(Shuffled(0), arguments(), lambda _job, result, _attempt: done.append(result), lambda: len(done) >= 5)  # type: ignore[arg-type]
+    workers = ShuffledWorkers(of_even, 0).workers
+    run_jobs(workers, arguments(), lambda _job, result: done.append(result), lambda: len(done) >= 5)
     assert len(done) == 5
     assert len(asked) <= 9
 
@@ -245,25 +243,72 @@ def fate(place: str) -> int:
 @pytest.mark.process
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 def test_jobs_of_a_killed_worker_are_done_by_another(tmp_path: Path) -> None:
-    executor = LocalExecutor(fate, 2)
     found, again = list[int](), list[str]()
-    try:
-        places = [str(tmp_path / str(number)) for number in range(3)]
-        assert not run_jobs(executor, places, lambda _job, result, _: found.append(result), tried_again=again.append)
-    finally:
-        executor.close()
+    places = [str(tmp_path / str(number)) for number in range(3)]
+    with local_workers(fate, 2) as workers:
+        assert not run_jobs(workers, places, lambda _job, result: found.append(result), tried_again=again.append)
     assert len(found) == 3
     assert os.getpid() not in found
     assert sum("gave no answer" in line for line in again) == 3
     assert again.count("not yet") == 3
 
 
+def state_of(process: int) -> str:
+    """State of a process by /proc: Z has ended; empty: there is none."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().split()[2]
+    except OSError:
+        return ""
+
+
+def wait_for_end(process: int) -> None:
+    began = time.monotonic()
+    while state_of(process) not in ("", "Z"):
+        assert time.monotonic() - began < SECONDS
+        time.sleep(0.05)
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
+def test_workers_end_in_the_middle_of_a_job_where_the_block_ends() -> None:
+    with local_workers(eval, 1) as workers:
+        process = workers.submit("__import__('os').getpid()").result(SECONDS)
+        assert isinstance(process, int)
+        workers.submit("__import__('time').sleep(600)")
+        time.sleep(0.2)
+        assert state_of(process) not in ("", "Z")
+    wait_for_end(process)
+
+
+@pytest.mark.process
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
+def test_workers_end_with_a_program_that_was_killed() -> None:
+    code = (
+        "from viewer.jobs.executor import local_workers\n"
+        "if __name__ == '__main__':\n"
+        "    with local_workers(eval, 2) as workers:\n"
+        "        processes = [workers.submit('__import__(\"os\").getpid()').result() for _ in range(2)]\n"
+        "        print(processes[0], flush=True)\n"
+        "        workers.submit('__import__(\"time\").sleep(600)').result()\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    os.kill(parent.pid, signal.SIGKILL)
+    parent.wait()
+    parent.stdout.close()
+    wait_for_end(child)
+
+
 def test_what_cannot_be_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match="--workers 0: must be at least 1"):
-        LocalExecutor(fate, 0)
+    with pytest.raises(InputError, match="--workers 0: must be at least 1"), local_workers(fate, 0):
+        pass
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(InputError, match=r"needs the extra `ray`: pip install 'ntc-viewer\[ray\]'"):
-        RayExecutor(fate, "auto")
+    with (
+        pytest.raises(InputError, match=r"needs the extra `ray`: pip install 'ntc-viewer\[ray\]'"),
+        ray_workers(fate, "auto"),
+    ):
+        pass
 
 
 SECONDS_OF_A_JOB = 0.1
@@ -302,10 +347,9 @@ def cluster() -> Iterator[Any]:
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
 def test_jobs_of_killed_workers_and_lost_machines_are_done_elsewhere(cluster: Any, tmp_path: Path) -> None:
     node = cluster.add_node(num_cpus=1)
-    executor = RayExecutor(fate_by_name, cluster.address)
     found, again = dict[str, int](), list[str]()
 
-    def take(_job: str, result: tuple[str, int], _attempt: int) -> None:
+    def take(_job: str, result: tuple[str, int]) -> None:
         name, process = result
         assert name not in found
         found[name] = process
@@ -313,11 +357,9 @@ def test_jobs_of_killed_workers_and_lost_machines_are_done_elsewhere(cluster: An
             cluster.remove_node(node, allow_graceful=False)
 
     names = ["dies", "refuses", "breaks", *map(str, range(12))]
-    try:
-        slots = executor.slots
-        failures = run_jobs(executor, [str(tmp_path / name) for name in names], take, tried_again=again.append)
-    finally:
-        executor.close()
+    with ray_workers(fate_by_name, cluster.address) as workers:
+        slots = workers.slots()
+        failures = run_jobs(workers, [str(tmp_path / name) for name in names], take, tried_again=again.append)
     assert slots == 2
     assert sorted(found) == sorted({*names} - {"refuses", "breaks"})
     assert os.getpid() not in found.values()
@@ -333,5 +375,5 @@ def test_a_cluster_that_is_not_there_is_said(monkeypatch: pytest.MonkeyPatch) ->
         raise ConnectionError("nobody listens")
 
     monkeypatch.setattr(ray, "init", absent)
-    with pytest.raises(InputError, match="--ray auto: no cluster answers"):
-        RayExecutor(fate_by_name, "auto")
+    with pytest.raises(InputError, match="--ray auto: no cluster answers"), ray_workers(fate_by_name, "auto"):
+        pass

@@ -30,7 +30,7 @@ from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping import make_grouping
-from ntc.library.reading import joined_pack
+from ntc.library.joining import joined_pack
 from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
 from ntc.training.encode import encode_chosen, encode_textures

@@ -1,4 +1,4 @@
-"""The packs that a library gives for some textures: which packs can be one, and the one that they make."""
+"""Which packs of a library can be joined, and the pack that they make."""
 
 import hashlib
 import json
@@ -11,7 +11,6 @@ from ntc.codec.config import UNIVERSAL
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
-from ntc.library.index import LibraryIndex, Shard, read_index
 from ntc.pack.file import read_textures
 from ntc.pack.schema import LARGEST_COUNT, codec_json
 
@@ -30,13 +29,14 @@ def settings_key(config: CodecSettings, grouping: str, asked: Mapping[str, Any])
     return hashlib.sha256(content.encode()).hexdigest()[:KEY_DIGITS]
 
 
-def settings_of(pack: Pack) -> str:
-    """Return the key that `pack` records, else one of what it records of its encoding."""
-    recorded = pack.training.get(SETTINGS)
-    if isinstance(recorded, str):
+def settings_of(
+    config: CodecSettings, grouping: str, parameters: Mapping[str, Any], training: Mapping[str, Any]
+) -> str:
+    """Return the key that a pack's `training` records, else one of what it records of its encoding."""
+    recorded = training.get(SETTINGS)
+    if isinstance(recorded, str) and recorded.isascii():
         return recorded
-    parameters = dict(pack.grouping.parameters) if pack.grouping.name == UNIVERSAL else {}
-    return settings_key(pack.config, pack.grouping.name, {**pack.training, **parameters})
+    return settings_key(config, grouping, {**training, **(parameters if grouping == UNIVERSAL else {})})
 
 
 def joined_pack(packs: Sequence[Pack]) -> Pack:
@@ -45,67 +45,49 @@ def joined_pack(packs: Sequence[Pack]) -> Pack:
 
     Raises InputError for packs whose codecs or groupings differ, and for more textures or decoders than a pack may hold.
     """
-    first = packs[0]
-    stored = codec_of(first.config).stored_decoders(first.grouping.name, len(first.decoders), first.config)
-    ships = stored < len(first.decoders)
+    first, codec = packs[0], codec_of(packs[0].config)
+    ships = codec.stored_decoders(first.grouping.name, len(first.decoders), first.config) < len(first.decoders)
     textures: dict[str, EncodedTexture] = {}
     decoders: list[Decoder] = list(first.decoders) if ships else []
+    numbers: dict[tuple[bytes, ...], int] = {}
+
+    def number(decoder: Decoder) -> int:
+        # Packs that were encoded with decoders of one other pack have them in common.
+        content = tuple(each.tobytes() for each in codec.decoder_tensors(decoder, first.config).values())
+        if content not in numbers:
+            numbers[content] = len(decoders)
+            decoders.append(decoder)
+        return numbers[content]
+
     for pack in packs:
         same = (pack.config, pack.grouping.name) == (first.config, first.grouping.name)
         if not same or (ships and pack.grouping.parameters != first.grouping.parameters):
             raise InputError(f"{pack.name}: has another codec or grouping than {first.name}; they cannot be joined")
         own = [texture for texture in pack.textures if texture.pixel_hash not in textures]
-        base = 0 if ships else len(decoders)
-        if not ships:
-            used = {group: base + number for number, group in enumerate(sorted({each.group for each in own}))}
-            decoders += [pack.decoders[group] for group in used]
-        for texture in own:
-            textures[texture.pixel_hash] = texture if ships else replace(texture, group=used[texture.group])
+        groups = sorted({texture.group for texture in own})
+        renumbered = {group: group if ships else number(pack.decoders[group]) for group in groups}
+        textures |= {each.pixel_hash: replace(each, group=renumbered[each.group]) for each in own}
     if max(len(textures), len(decoders)) > LARGEST_COUNT:
         raise InputError(f"{len(textures)} textures: a pack holds at most {LARGEST_COUNT}; ask for fewer")
-    groups = tuple(texture.group for texture in textures.values())
     parameters = first.grouping.parameters if ships or len(packs) == 1 else {"joined": True}
     record = {
         name: value for name, value in first.training.items() if all(p.training.get(name) == value for p in packs)
     }
     return Pack(
         first.config,
-        Grouping(first.grouping.name, groups, parameters),
+        Grouping(first.grouping.name, tuple(texture.group for texture in textures.values()), parameters),
         tuple(textures.values()),
         tuple(decoders),
         record,
     )
 
 
-Shards = Sequence[tuple[Shard, frozenset[str]]]
-"""Shards, and the pixel hashes of the textures that each is to give."""
+def joined_textures(folder: Path, packs: Mapping[str, Container[str]]) -> Pack:
+    """Return textures of `packs`, all of one settings key, as one pack: by path below `folder`, with the pixel hashes to read of each.
 
-
-def library_packs(folder: Path, wanted: Container[str], most: int | None = None) -> list[Pack]:
-    """Return the textures of the library in `folder` whose pixel hash is `wanted`: a pack for each way in which they were encoded.
-
-    Those that hold the most textures come first, `most` of them (None: all). Raises InputError where the library, or a shard, cannot
-    be read.
+    Raises InputError.
     """
-    index = read_index(folder)
-    chosen = list(index.shards_with(wanted).values())[:most]
-    return [read_shards(index, shards) for shards in chosen]
-
-
-def read_shards(index: LibraryIndex, shards: Shards) -> Pack:
-    """Return what `shards`, all of one settings key, give, as one pack. Raises InputError."""
-    packs = [_read(index, shard, wanted) for shard, wanted in shards]
-    return replace(joined_pack(packs), path=index.folder)
-
-
-def _read(index: LibraryIndex, shard: Shard, wanted: frozenset[str]) -> Pack:
-    pack = read_textures(index.path(shard), wanted)
-    if len(pack.textures) < len(wanted):
-        raise InputError(
-            f"{index.path(shard)}: lacks textures that the library's index names; "
-            f"run: ntc-viewer library verify {index.folder}"
-        )
-    return pack
+    return replace(joined_pack([read_textures(folder / name, wanted) for name, wanted in packs.items()]), path=folder)
 
 
 def in_order(pack: Pack, places: Mapping[str, int]) -> Pack:
