@@ -39,7 +39,9 @@ def _packs(options: ExportOptions, scene: Path) -> tuple[Path, ...]:
     """Return the packs that are named, else the one that lies beside the scene. Raises InputError for none, and for several that are
     not for a page."""
     if len(options.pack) > 1 and options.web is None:
-        raise InputError(f"--pack {' '.join(map(str, options.pack))}: one pack is exported with a scene, several with --web; name one")
+        raise InputError(
+            f"--pack {' '.join(map(str, options.pack))}: one pack is exported with a scene, several with --web; name one"
+        )
     beside = packs_beside(scene)
     preferred = [path for path in beside if path.name.endswith(f".{PREFERRED_GROUPING}{PACK_SUFFIX}")]
     found = tuple(options.pack or preferred[:1] or beside[:1])
