@@ -1,8 +1,8 @@
-// Noise that shaders choose by. It is made of whole numbers: every driver has the same bits, where it would round and contract floats in its
-// own way. Thresholds are in units of 2^-32. tests/support/noise.py is the same in numpy.
+// Noise by which shaders choose. Whole numbers have the same bits with every driver; floats would be rounded and contracted differently.
+// Thresholds are in units of 2^-32. tests/support/noise.py is the same in numpy.
 
-// Interleaved gradient noise, by which neighbouring pixels differ most (Jimenez 2014, Next generation post processing in Call of Duty):
-// fract(52.9829189 * fract(0.06711056 * x + 0.00583715 * y)). What a word cannot hold is what fract drops.
+// Interleaved gradient noise: neighbouring pixels differ most (Jimenez 2014, Next generation post processing in Call of Duty). The formula
+// is fract(52.9829189 * fract(0.06711056 * x + 0.00583715 * y)); words that overflow drop what fract drops.
 uint pixel_noise(uvec2 pixel) {
     uint gradient = pixel.x * 288237660u + pixel.y * 25070368u;
     uint high, low;
@@ -16,12 +16,12 @@ uint filter_threshold(uvec2 pixel, uint number) {
     return pixel_noise(pixel) + number * 2654435769u;
 }
 
-// True where the second of two choices is taken, whose weight is `share`. `threshold` is below `range`, which begins at 0: that counts as 2^32.
-// What is left of both serves the next choice. Products in place of quotients, which drivers approximate.
+// True where the second of two choices is taken, whose weight is `share`. `threshold` is below `range`; a range of 0 counts as 2^32.
+// Both are narrowed for the next choice, by products: drivers approximate quotients.
 bool second_taken(inout uint threshold, inout uint range, uint share) {
     uint second, rest;
     umulExtended(range, share, second, rest);
-    // Nor does LLVM 15 (llvmpipe of Mesa 22) survive the product with a constant.
+    // Not 2^32 - 1 as the first range: LLVM 15, which llvmpipe of Mesa 22 uses, crashes at a product with that constant.
     if (range == 0u) second = share;
     bool taken = threshold < second;
     threshold -= taken ? 0u : second;
