@@ -4,6 +4,7 @@ import gc
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 
 SHORT_SECONDS = 0.1
 """What takes less processor time than this is quick on every machine: it is compared with nothing."""
@@ -42,6 +43,6 @@ def growth(work: Callable[[int], object], count: int, turns: int = 2) -> float:
 
     Both are measured in turns; the least of each counts.
     """
-    measured = [[processor_seconds(lambda size=size: work(size)) for size in (count, 10 * count)] for _ in range(turns)]
+    measured = [[processor_seconds(partial(work, size)) for size in (count, 10 * count)] for _ in range(turns)]
     small, large = (min(times) for times in zip(*measured, strict=True))
     return large / small
