@@ -227,6 +227,7 @@ def _log(ui: UiFrame) -> None:
                 *run.lines[:12],
             )
             ui.rects.tip("\n".join(about))
+        _decision(run, ui)
         cells("-" if run.psnr_db is None else f"{run.psnr_db:.2f}", "-" if run.earlier else duration(run.seconds))
         imgui.table_next_column()
         for side in ("a", "b"):
@@ -239,16 +240,19 @@ def _log(ui: UiFrame) -> None:
                 ui, f"{name}##{run.number}", "training.show", *values, label=label, missing=missing, small=True
             )
             imgui.same_line()
-        if run.has_pack and run.saved is None:
-            label = f"keep run {run.number}"
-            command_button(ui, f"Keep##{run.number}", "training.keep", Path(), run.number, label=label, small=True)
-            imgui.same_line()
-        if run.is_unsaved:
-            label = f"discard run {run.number}"
-            command_button(ui, f"Discard##{run.number}", "training.discard", run.number, label=label, small=True)
-        else:
-            imgui.new_line()
+        imgui.new_line()
     imgui.end_table()
+
+
+def _decision(run: Run, ui: UiFrame) -> None:
+    """Draw the buttons that keep or discard a run, below its title."""
+    if run.has_pack and run.saved is None:
+        label = f"keep run {run.number}"
+        command_button(ui, f"Keep##{run.number}", "training.keep", Path(), run.number, label=label, small=True)
+    if run.is_unsaved:
+        imgui.same_line()
+        label = f"discard run {run.number}"
+        command_button(ui, f"Discard##{run.number}", "training.discard", run.number, label=label, small=True)
 
 
 OFFER_WIDTH, OFFER_HEIGHT = 21.0, 14.0

@@ -152,13 +152,13 @@ class BlockEncoder(Encoder):
             yield from zip(fitted, shared_words(fitted, self._config, self._sharing), strict=True)
             return
         # The smallest groups first: so the first picture is there at once, and the others change while the largest are encoded.
-        for group in sorted(task.groups, key=self._texels_of):
-            (own,) = self._fit(self._config, [group])
+        for number, group in enumerate(sorted(task.groups, key=self._texels_of)):
+            (own,) = self._fit(self._config, [group], number)
             yield own, shared_words([own], self._config, self._sharing)[0]
 
-    def _fit(self, config: BlockConfig, groups: Sequence[int]) -> list[FittedGroup]:
+    def _fit(self, config: BlockConfig, groups: Sequence[int], fitted: int = 0) -> list[FittedGroup]:
         task, most = self._task, self._most_threads
-        self._work, self._step, self._steps = "fitting group", 0, len(groups)
+        self._work, self._step, self._steps = "fitting group", fitted, len(task.groups)
 
         def fit(group: int) -> FittedGroup:
             task.interruption()
