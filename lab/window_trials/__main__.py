@@ -4,7 +4,7 @@
 
 Windows under random input are opened one after the other over the same files and settings, now and then two at once, and some of
 them are killed. Nothing may crash, no run be lost, no pack lie beside another scene. After each: its exit status, every pack beside
-a scene against that scene, and every run that ended against the packs on the disk (accepted, or kept for the next start) and the
+a scene against that scene, and every run that ended against the packs on the disk (kept, or autosaved) and the
 runs that were discarded.
 
 Between them, untouched windows open the built-in scene or one of SCENE with the packs beside it, by a random path, while images and

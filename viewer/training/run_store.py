@@ -137,6 +137,7 @@ class RunStore:
         """Without `unsaved` nothing is autosaved. `emit` receives messages."""
         self.unsaved = unsaved
         self._emit = emit
+        # Python waits for its thread when the program ends, as it must for a pack.
         self._writer = ThreadPoolExecutor(1, "packs of runs")
         self._writing: list[tuple[Future[Pack | None], Run | None, Scene | None]] = []
         """Files being written; the run and its scene where the user keeps it."""
