@@ -247,8 +247,6 @@ class Stored:
 
     ref: TextureRef
     texture: StoredTexture
-    pack: str
-    """Path of its pack below the folder of the library."""
 
 
 @dataclass
@@ -405,7 +403,7 @@ def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
         for each in job.textures:
             found = stored.get((job.settings, each.pixel_hash))
             if found is not None:
-                run.result.stored.append(Stored(each.ref, found[1], found[0]))
+                run.result.stored.append(Stored(each.ref, found[1]))
 
 
 def encode_to_library(
