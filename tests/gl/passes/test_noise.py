@@ -63,7 +63,8 @@ def drawn(graphics: GraphicsContext, table: Words) -> Words:
     triangle.program["depth"] = 0.0
     triangle.render(vertices=3)
     parts = [np.frombuffer(texture.read(), np.uint32).reshape(-1, 4) for texture in found]
-    for each in (framebuffer, given, *found):
+    framebuffer.release()
+    for each in (given, *found):
         each.release()
     return np.hstack(parts)
 

@@ -109,7 +109,7 @@ def chosen_texels(pack: Pack, name: str, number: int) -> NDArray[np.float64]:
     # OpenGL counts rows from the bottom.
     x, y = words(columns.ravel()), words(SIZE[1] - 1 - rows.ravel())
     threshold = noise.filter_threshold(x, y, np.full_like(x, number))
-    coarser, *left = noise.second_taken(threshold, np.zeros_like(x), np.full_like(x, int(lod % 1.0 * 2**32)))
+    coarser, left, limit = noise.second_taken(threshold, np.zeros_like(x), np.full_like(x, int(lod % 1.0 * 2**32)))
     at = int(lod) + coarser
     size = np.array([(level.texel_width, level.texel_height) for level in levels])[at]
     centres = np.empty((len(x), 2))
@@ -118,7 +118,7 @@ def chosen_texels(pack: Pack, name: str, number: int) -> NDArray[np.float64]:
         mirrored = np.abs(uv - 2.0 * np.rint(uv / 2.0))
         folded = uv % 1.0 if mode == "repeat" else mirrored if mode == "mirror" else np.clip(uv, 0.0, 1.0)
         place = folded * size[:, axis] - 0.5
-        second, *left = noise.second_taken(*left, words(place % 1.0 * 2**32))
+        second, left, limit = noise.second_taken(left, limit, words(place % 1.0 * 2**32))
         texel = wrapped(np.floor(place).astype(np.int64) + second, size[:, axis], mode)
         centres[:, axis] = (texel + 0.5) / size[:, axis]
     return reference.decode_texels(pack, case.texture, centres, at.astype(np.float64), case.wrap)

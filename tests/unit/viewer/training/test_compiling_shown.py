@@ -16,9 +16,7 @@ from viewer.ui.panels.training import _state
 
 
 def run_with(progress: TrainingProgress | None, state: State = "training") -> ActiveRun:
-    return ActiveRun(
-        1, EncodeScene(TrainingSettings()), cast(Any, None), None, time.monotonic(), state, progress=progress
-    )
+    return ActiveRun(1, EncodeScene(TrainingSettings()), cast(Any, None), time.monotonic(), state, progress=progress)
 
 
 def work_line(run: ActiveRun) -> tuple[str, float | None]:
@@ -27,12 +25,12 @@ def work_line(run: ActiveRun) -> tuple[str, float | None]:
 
 
 def test_the_panel_and_the_status_bar_name_the_compiling_and_no_share() -> None:
-    compiling = TrainingProgress(0.0, 0, 0, 0, {}, {}, COMPILING, elapsed_seconds=12.0)
+    compiling = TrainingProgress(0.0, 0.0, 0, 0, 0, {}, {}, COMPILING, elapsed_seconds=12.0)
     assert _state(run_with(compiling), None) == f"{COMPILING}, 12 s"
     title, share = work_line(run_with(compiling))
     assert title.endswith(f", {COMPILING}")
     assert share is None
-    encoding = TrainingProgress(0.5, 1, 2, 1000, {}, {}, "encoding texture", elapsed_seconds=3.0)
+    encoding = TrainingProgress(0.5, 1e3, 1, 2, 1000, {}, {}, "encoding texture", elapsed_seconds=3.0)
     title, share = work_line(run_with(encoding))
     assert COMPILING not in title
     assert share == pytest.approx(0.5)
