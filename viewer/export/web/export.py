@@ -112,7 +112,7 @@ def _copy_program(opened: OpenedExport, folder: Path) -> None:
 def _description(opened: OpenedExport, names: Sequence[str], with_originals: bool) -> dict[str, Any]:
     """Return the content of `page.json`."""
     scene = opened.scene
-    sources: list[dict[str, object]] = [
+    sources: list[dict[str, Any]] = [
         {
             "name": Path(packed.pack.path or name).name.removesuffix(PACK_SUFFIX),
             "pack": quote(name),
