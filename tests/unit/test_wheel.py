@@ -28,6 +28,9 @@ def test_wheel_draws_the_built_in_scene_from_another_folder(tmp_path: Path) -> N
     assert wheel.stat().st_size <= LARGEST_WHEEL
     names = zipfile.ZipFile(wheel).namelist()
     assert any(name.endswith("courtyard.glb") for name in names)
+    # What pages are made of needs neither npm nor a compiler.
+    assert any(name.endswith("three/generated/ntc.wasm") for name in names)
+    assert any(name.endswith("vendor/three.js") for name in names)
     assert not any("/build/" in name or name.startswith("tests/") for name in names)
     subprocess.run([*pip, "install", "--no-deps", "--target", str(site), str(wheel)], check=True)
     result = subprocess.run(
