@@ -136,8 +136,8 @@ def encode_member(
     if has_own_codes and is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
         quality = MipQuality.of(found, prepared, decoder, config)
         code_mips = quality.fewer_mips(config)
-    worked(block_count([source.size], config))
     if code_mips is None:
+        worked(block_count([source.size], config))
         return measured
 
     again = prepare_texture(source, config, code_mips)
@@ -146,6 +146,8 @@ def encode_member(
     expect(2 * len(again.texels) - (len(same.errors) if same is not None else 0))
     chosen = texture_choices(again, decoder, config, worked, threads, same)
     other = encode_texture(source, decoder, config, words, group, worked, threads, again, code_mips, chosen)
+    # The measure of both.
+    worked(block_count([source.size], config))
     if not MipQuality.of(other, again, decoder, config).is_better(quality):
         return measured
     other = _measured(other, source, fitted, config, threads)

@@ -23,7 +23,7 @@ from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.progress import WorkCount
 from ntc.codec.block.encoding.rate import FEW_TEXTURES, fitting_work, has_preview, texture_work
 from ntc.codec.block.encoding.sharing import Sharing
-from ntc.codec.block.encoding.to_quality import Member, Try, config_for_quality, with_mean_words
+from ntc.codec.block.encoding.to_quality import CORRECTIONS, Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
 from ntc.codec.model import Decoder, EncodedTexture
@@ -225,20 +225,22 @@ class BlockEncoder(Encoder):
         """Encode each texture in the words that it seems to need; then correct those that miss the target. What is encoded stays where
         the correction is interrupted."""
         task = self._task
-        fitting = sum(map(self._fitting_work, task.groups))
         every = range(len(task.textures))
         # Tables are fitted twice, and each texture may be corrected.
-        to_correct = self._textures_work(every)
-        self._count.expect(2.0 * fitting + self._textures_work(every) + to_correct)
+        fitting, planned = sum(map(self._fitting_work, task.groups)), 2.0 * self._textures_work(every)
+        self._count.expect(2.0 * fitting + planned)
         self._work, self._step, self._steps = "fitting group", 0, len(task.groups)
         self._config = self.settings = config_for_quality(task, target_db, self._options.seed)
         self._count.add(fitting)
+        to_correct = self._textures_work(every)
+        # Other settings have other blocks.
+        self._count.expect(sum(map(self._fitting_work, task.groups)) - fitting + 2.0 * to_correct - planned)
         fitted = self._fit(self._config, task.groups)
         self._fitted = {each.group: each for each in fitted}
         paced_threads = self._threads_for(len(task.textures))
-        threads, reports = self._threads_each, (self._worked, self._count.expect)
+        threads = self._threads_each
         members = {
-            index: Member(task.textures[index], each, curve, self._config, target_db, *reports, threads)
+            index: Member(task.textures[index], each, curve, self._config, target_db, self._worked, threads)
             for each in fitted
             for index, curve in zip(each.members, each.curves, strict=True)
         }
@@ -251,7 +253,7 @@ class BlockEncoder(Encoder):
             for work in ("encoding texture", "correcting texture"):
                 due = [index for index in members if index not in tries or not members[index].suits(tries[index])]
                 if tries:
-                    self._count.expect(self._textures_work(due) - to_correct)
+                    self._count.expect(CORRECTIONS * self._textures_work(due) - to_correct)
                 self._work, self._step, self._steps = work, 0, len(due)
                 try:
                     for index, found in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):

@@ -64,8 +64,7 @@ class Member:
     config: BlockConfig
     target_db: float
     worked: Callable[[float], None]
-    expect: Callable[[float], None]
-    """As `encode_member` takes them."""
+    """As `encode_member` takes it."""
     threads: int = 1
 
     def encode(self, asked_db: float) -> Try:
@@ -78,20 +77,18 @@ class Member:
         return Try(asked_db, found)
 
     def correct(self, first: Try) -> Try:
-        """The encoding of the fewest words that is at least as good as asked for; where there is none, the best."""
-        tries, best = [first], first
-        for number in range(CORRECTIONS):
-            if self.suits(tries[-1]):
-                break
-            if number:
-                # One correction was planned.
-                self.expect(texture_work(self.source.size, self.config))
+        """The encoding of the fewest words that is at least as good as asked for; where there is none, the best. `worked` is told the
+        work of CORRECTIONS encodings."""
+        tries, best, left = [first], first, CORRECTIONS
+        while left and not self.suits(tries[-1]):
+            left -= 1
             found = self.encode(_next_asked(tries, self.target_db + 0.5 * TOLERANCE_DB))
             if len(found.texture.words) == len(tries[-1].texture.words):
                 # Codes have no size between, or none beyond.
                 break
             tries.append(found)
             best = _better(best, found, self.target_db)
+        self.worked(left * texture_work(self.source.size, self.config))
         return best
 
     def suits(self, found: Try) -> bool:
