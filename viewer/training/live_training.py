@@ -206,8 +206,8 @@ class LiveTraining:
             raise InputError(f"run {run.number}: has no pack ({run.fate}); train it again")
         pack = read_pack(run.file)
         require_match(pack, match_scene(pack, self._scene), self._scene.name)
-        known = pack_figures(pack).psnr_db
-        self.log.change(replace(run, pack=pack, groups=pack.grouping.group_count, psnr_db=known))
+        psnr = run.psnr_db if run.psnr_db is not None else pack_figures(pack).psnr_db
+        self.log.change(replace(run, pack=pack, groups=pack.grouping.group_count, psnr_db=psnr))
         return pack
 
     def leave_scene(self) -> None:
