@@ -91,6 +91,7 @@ def test_check_has_no_pack_where_none_was_kept(scene: Path, capsys: pytest.Captu
 
 def test_export_writes_the_kept_pack(kept: Path) -> None:
     out = kept.parent / "export" / "scene.gltf"
+    out.parent.mkdir()
     assert cli.main(["export", str(kept), "--out", str(out)]) == 0
     (pack,) = out.parent.glob("*.ntc")
     assert read_pack(pack).grouping.name == "single"
