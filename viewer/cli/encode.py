@@ -103,7 +103,9 @@ def _asked(options: EncodeOptions, codec: str, maps: MapChoice) -> Asked:
     reading = Reading(options.texture_size, maps, options.map_weights)
     one_pack = options.out.suffix == PACK_SUFFIX
     grouping = options.grouping_config()
-    return Asked(reading, grouping, codec, choices, options.labels, one_pack, options.decoders)
+    # Workers may run in another folder.
+    decoders = options.decoders.absolute() if options.decoders is not None else None
+    return Asked(reading, grouping, codec, choices, options.labels, one_pack, decoders)
 
 
 def _workers(options: EncodeOptions) -> AbstractContextManager[Workers[WorkJob, WorkResult]]:

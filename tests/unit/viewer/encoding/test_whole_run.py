@@ -1,4 +1,4 @@
-"""Encoding by jobs: the same shards in any order and after any stop, what cannot be read, and what a plan is made of."""
+"""Encoding by jobs: the same packs in any order and after any stop, what cannot be read, and what a plan is made of."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace

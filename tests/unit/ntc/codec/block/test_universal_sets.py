@@ -161,7 +161,7 @@ def test_textures_move_between_groups_with_gains_of_their_own() -> None:
         moved_texture(Grouping("universal", (0, 0)), 0, 1)
 
 
-def test_shards_join_with_their_gains() -> None:
+def test_packs_join_with_their_gains() -> None:
     first, second = ([material(WHOLE, (32, 32), seed=seed)] for seed in (1, 2))
     config = replace(config_for_bits(6.0, texture_set(first, 0)), mean_words=8.0)
     packs = [
