@@ -190,7 +190,7 @@ def _assemble_drawing(
     for name in opened:
         recorder.codec = name
         for view in _decoding_views(name):
-            if view.slot_a.path in ("forward", "cached") and view.slot_a.precision in ("fp32", "fp16"):
+            if view.slot_a.path == "forward" and view.slot_a.precision in ("fp32", "fp16"):
                 renderer.render(view)
     renderer.release()
 

@@ -5,8 +5,7 @@ The first three channels are sRGB, which the hardware filters in linear light, o
 """
 
 import ctypes
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import Final, Literal
 
 import moderngl
@@ -242,35 +241,8 @@ class TileAtlas:
 
     def _copy(self, old: _TextureArray, made: _TextureArray) -> None:
         side, target = self._side, names.GL_TEXTURE_2D_ARRAY
-        if self._context.features.compute:
-            place = (target, 0, 0, 0, 0)
-            self._call("glCopyImageSubData", old.texture, *place, made.texture, *place, side, side, old.layers)
-            return
-        for layer in range(old.layers):
-            with self._attached(old, layer):
-                made.use(0)
-                self._call("glCopyTexSubImage3D", target, 0, 0, 0, layer, 0, 0, side, side)
-
-    @contextmanager
-    def _attached(self, array: _TextureArray, layer: int) -> Iterator[None]:
-        """Bind a framebuffer of one layer within the block."""
-        name = ctypes.c_uint()
-        self._call("glGenFramebuffers", 1, ctypes.addressof(name))
-        try:
-            self._call("glBindFramebuffer", names.GL_FRAMEBUFFER, name.value)
-            place = (names.GL_FRAMEBUFFER, names.GL_COLOR_ATTACHMENT0, array.texture, 0, layer)
-            self._call("glFramebufferTextureLayer", *place)
-            yield
-        finally:
-            self._call("glDeleteFramebuffers", 1, ctypes.addressof(name))
-
-    @contextmanager
-    def drawing(self, layer: int) -> Iterator[None]:
-        """Let fragment shaders write sRGB-coded numbers into this layer within the block; the next pass binds its framebuffer anew."""
-        assert self._array is not None
-        with self._attached(self._array, layer):
-            self._call("glViewport", 0, 0, self._side, self._side)
-            yield
+        place = (target, 0, 0, 0, 0)
+        self._call("glCopyImageSubData", old.texture, *place, made.texture, *place, side, side, old.layers)
 
     def use(self, unit: int) -> None:
         """Bind to a texture unit: samplers see linear light."""

@@ -39,7 +39,7 @@ from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, cod
 from viewer.render.resources.visibility_buffer import PlaneReading
 from viewer.render.tile_cache.budget import TileCounts, total_counts
 from viewer.render.tile_cache.cached_path import CachedPath
-from viewer.render.tile_cache.decode_cached import DecodeCachedPass, DrawnTileCache
+from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 from viewer.render.tile_cache.tiles import TileTable
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import PathChoice, Precision, Slot, TexelFilter, is_image_source
@@ -197,9 +197,8 @@ class GpuPack:
     def tile_cache(self, plane: Plane = "base") -> DecodeCachedPass:
         """Make a tile cache of path `cached` for a plane, which the caller releases. Raises GpuMemoryError, ShaderError."""
         context, graphics = self.context, self.context.graphics
-        kind = DecodeCachedPass if graphics.features.compute else DrawnTileCache
         table, reading = TileTable.of(context.scene.materials, self.pack, self.match, plane), self.reading(plane)
-        return kind(graphics, self.programs, self.buffers, self.ranges, table, reading, context.tile_budget)
+        return DecodeCachedPass(graphics, self.programs, self.buffers, self.ranges, table, reading, context.tile_budget)
 
     def _on_load(self, plane: Plane) -> OnLoadPath:
         if not self.context.graphics.features.compute:

@@ -32,7 +32,7 @@ SHARE = 4
 `cached` is timed on whole ones, for the tiles that come into sight do not; what it decodes for that stays decoded."""
 DEGREES = 1.0
 """Turn of the camera from picture to picture, in degrees: `cached` reuses most tiles, and no view stands still."""
-COMPUTING: Final[tuple[PathChoice, ...]] = ("deferred", "binned")
+COMPUTING: Final[tuple[PathChoice, ...]] = ("deferred", "binned", "cached")
 """Paths that need compute shaders; without them `forward` draws the same picture."""
 PICTURES = 3
 """Number of pictures that time a path: the first compiles and fills the cache, the least time of the others counts."""

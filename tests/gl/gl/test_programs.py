@@ -96,13 +96,6 @@ FULL_SCREEN += [
     ("common/fullscreen.vert", f"passes/{name}.frag", {})
     for name in ("accumulate/accumulate", "prefilter/source", "prefilter/convolve")
 ]
-DRAWN += [
-    ("passes/decode_cached/decode.vert", "passes/decode_cached/decode.frag", precision) for precision in PRECISIONS
-]
-DRAWN += [
-    ("passes/decode_cached/request.vert", "passes/decode_cached/request.frag", {"GRADIENTS": gradients})
-    for gradients in (0, 1)
-]
 DRAWN += [("common/scene.vert", "passes/shadow/shadow.frag", {"ALPHA_TEST": alpha}) for alpha in (0, 1)]
 COMPUTED = [
     (name, precision)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Final, Literal, get_args
+from typing import Final, get_args
 
 import numpy as np
 import pytest
@@ -12,10 +12,7 @@ from tests.support.every_program import CAMERA, packs, scenes
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import read_picture
 from viewer.render.renderer import Renderer
-from viewer.render.tile_cache.budget import TileCacheConfig
-from viewer.render.tile_cache.decode_cached import PAGE_BYTES
-from viewer.state.navigation import turned
-from viewer.state.view_state import Anisotropy, MaterialView, Overlay, Slot, ViewState
+from viewer.state.view_state import MaterialView, Overlay, Slot, ViewState
 
 pytestmark = pytest.mark.once
 SIZE: Final = (60, 40)
@@ -58,20 +55,10 @@ def test_original_images_look_the_same(
     assert (apart(renderers[scene], view) <= 1).mean() >= 0.999
 
 
-@pytest.mark.parametrize(
-    ("scene", "path"),
-    [
-        *(("rich", "forward"), ("plain", "cached")),
-        *(pytest.param(*given, marks=pytest.mark.nightly) for given in (("plain", "forward"), ("rich", "cached"))),
-    ],
-)
-def test_packs_look_the_same(
-    renderers: dict[str, tuple[Renderer, Renderer]], scene: str, path: Literal["forward", "cached"]
-) -> None:
+@pytest.mark.parametrize("scene", ["rich", pytest.param("plain", marks=pytest.mark.nightly)])
+def test_packs_look_the_same(renderers: dict[str, tuple[Renderer, Renderer]], scene: str) -> None:
     for source in ("grid", "grid-adapter-output", "block", "block-4x4", "block-sets"):
-        slot = Slot(source, path)
-        anisotropy: Anisotropy = 8 if path == "cached" and source == "block-sets" else 1
-        view = ViewState(CAMERA, SIZE, slot, material_view="lit", anisotropy=anisotropy)
+        view = ViewState(CAMERA, SIZE, Slot(source, "forward"), material_view="lit")
         assert (apart(renderers[scene], view) <= 1).mean() >= 0.999, source
 
 
@@ -81,26 +68,13 @@ def test_samples_are_averaged_alike(renderers: dict[str, tuple[Renderer, Rendere
 
 
 def test_paths_that_compute_are_drawn_by_forward(renderers: dict[str, tuple[Renderer, Renderer]]) -> None:
-    slot = Slot("grid", "binned")
-    view = ViewState(CAMERA, SIZE, slot)
-    assert renderers["plain"][1].render(view).paths == {slot: "forward", Slot(): "deferred"}
-    assert (apart(renderers["plain"], view) <= 1).mean() >= 0.999
+    for slot in (Slot("grid", "binned"), Slot("block", "cached")):
+        view = ViewState(CAMERA, SIZE, slot)
+        assert renderers["plain"][1].render(view).paths == {slot: "forward", Slot(): "deferred"}
+    assert (apart(renderers["plain"], ViewState(CAMERA, SIZE, Slot("grid", "binned"))) <= 1).mean() >= 0.999
 
 
 def test_overlays_look_the_same(renderers: dict[str, tuple[Renderer, Renderer]]) -> None:
-    view = ViewState(CAMERA, SIZE, Slot("grid", "forward"), Slot("block", "cached"), compare="wipe")
+    view = ViewState(CAMERA, SIZE, Slot("grid", "forward"), Slot("block", "forward"), compare="wipe")
     for overlay in (Overlay("divergence"), Overlay("error-texture")):
         assert (apart(renderers["plain"], replace(view, overlay=overlay, highlight=(0,))) <= 1).mean() >= 0.999
-
-
-def test_tiles_that_go_make_room_for_others(graphics: GraphicsContext) -> None:
-    scene, budget = scenes()["plain"], TileCacheConfig(2 * PAGE_BYTES)
-    renderer = Renderer(without_compute(graphics), scene, tile_cache=budget)
-    renderer.set_packs(packs())
-    slot = Slot("grid", "cached")
-    for camera in (CAMERA, turned(CAMERA, 8.0), CAMERA):
-        renderer.render(ViewState(camera, SIZE, slot), whole=True)
-        counts = renderer.render(ViewState(camera, SIZE, slot), whole=True).tiles[slot]
-        assert counts.resident <= 2
-        assert counts.decoded > 0
-    renderer.release()

@@ -54,7 +54,8 @@ class DecodeCachedPass:
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
         self._buffers, self._ranges, self._table, self._budget = buffers, ranges, table, budget
         self._programs, self._reading, self._defines = programs, reading, reading.defines()
-        self._compile()
+        self._tile_decoder = TileDecoder(context, programs, buffers, ranges, reading)
+        self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
         self._pool = PagePool(max(1, min(budget.config.budget_bytes // PAGE_BYTES, table.entries)))
         self._atlas = TileAtlas(context, ATLAS_SIDE, srgb=reading.plane != "surface")
         self._out_of_memory = False
@@ -82,10 +83,6 @@ class DecodeCachedPass:
         """Entries whose page shows an older version of the pack, which stands in for the new one until that is decoded."""
         self._starved = self._decoded = self._evicted = self._unheard = self._kept = 0
         self._tile_ms: float | None = None
-
-    def _compile(self) -> None:
-        self._tile_decoder = TileDecoder(self._context, self._programs, self._buffers, self._ranges, self._reading)
-        self._invalidate = self._programs.compute(f"{FOLDER}/invalidate.comp")
 
     def _make_tables(self, memory: GpuMemory) -> None:
         what, table = "tables of path cached", self._table
@@ -125,7 +122,7 @@ class DecodeCachedPass:
         """Bind the tables for shaders that read tiles; the pack's latents and decoders are not bound then."""
         self._buffers.bind_records()
         for binding, buffer in self._places.items():
-            self._context.bind_storage(buffer, int(binding))
+            buffer.bind_to_storage_buffer(int(binding))
 
     @property
     def request_overflowed(self) -> bool:
@@ -375,92 +372,3 @@ class DecodeCachedPass:
         self._atlas.release()
         for buffer in (self._tiles, self._zero, *self._places.values()):
             buffer.release()
-
-
-ROW = 4096
-"""Tiles in a row of the picture of all tiles."""
-
-
-class DrawnTileCache(DecodeCachedPass):
-    """Tile cache without compute shaders: the CPU keeps the table of tiles, and fragment shaders mark the tiles that are read."""
-
-    def _compile(self) -> None:
-        defines = {**self._defines, **self._buffers.defines, **self._ranges.defines}
-        program = self._programs.program(f"{FOLDER}/decode.vert", f"{FOLDER}/decode.frag", defines)
-        self._pages = self._gl.vertex_array(program, [])
-        self._points: dict[moderngl.Program, moderngl.VertexArray] = {}
-
-    def _make_tables(self, memory: GpuMemory) -> None:
-        super()._make_tables(memory)
-        entries = self._table.entries
-        self._entries = np.zeros(entries, np.uint32)
-        """[tiles] page + 1 of each; 0: it is missing."""
-        self._read_tiles = memory.texture("tiles in sight", (min(entries, ROW), -(-entries // ROW)), 1)
-        self._framebuffer = memory.framebuffer("tiles in sight", [self._read_tiles])
-
-    @property
-    def bytes_on_gpu(self) -> int:
-        """Number of bytes of atlas and tables."""
-        return super().bytes_on_gpu + self._read_tiles.width * self._read_tiles.height
-
-    @property
-    def _answer_bytes(self) -> int:
-        return self._read_tiles.width * self._read_tiles.height
-
-    def _ask(self, inputs: VisibilityInputs) -> None:
-        defines = {**self._defines, "GRADIENTS": int(inputs.visibility.content.gradients)}
-        program = self._programs.program(f"{FOLDER}/request.vert", f"{FOLDER}/request.frag", defines)
-        if program not in self._points:
-            self._points[program] = self._gl.vertex_array(program, [])
-        self._framebuffer.use()
-        self._framebuffer.clear()
-        self._gl.enable_only(moderngl.NOTHING)
-        set_uniforms(program, {"tiles_size": self._read_tiles.size, "anisotropy": inputs.anisotropy})
-        width, height = inputs.visibility.size
-        probes = inputs.anisotropy if defines["GRADIENTS"] else 1
-        self._points[program].render(moderngl.POINTS, vertices=width * height, instances=1 + 2 * probes)
-        self._back.copy_texture(self._read_tiles, self._answer_bytes, self._frame)
-
-    def _told(self, content: bytes) -> NDArray[np.int64]:
-        read = np.nonzero(np.frombuffer(content, np.uint8)[: self._table.entries])[0]
-        pages = self._entries[read].astype(np.int64)
-        self._used[:] = 0
-        self._used[pages[pages > 0] - 1] = self._heard
-        missing = read[pages == 0]
-        self._unheard = max(0, len(missing) - self._most)
-        return np.asarray(missing[: self._most], np.int64)
-
-    def _run_decoders(
-        self, tiles: NDArray[np.void], decoders: NDArray[np.int64], too_coarse: NDArray[np.bool_]
-    ) -> None:
-        del decoders, too_coarse
-        tiles = tiles[np.argsort(tiles["page"], kind="stable")]
-        layers = tiles["page"] // LAYER_PAGES
-        self._buffers.bind()
-        self._tiles.write(tiles.tobytes())
-        self._context.bind_storage(self._tiles, int(StorageBinding.REQUESTS))
-        program = self._pages.program
-        set_uniforms(program, {"network_blocks": self._buffers.network_blocks})
-        for layer in np.unique(layers).tolist():
-            first, end = np.searchsorted(layers, (layer, layer + 1)).tolist()
-            with self._atlas.drawing(layer):
-                set_uniforms(program, {"first_tile": first})
-                self._pages.render(moderngl.TRIANGLE_STRIP, vertices=4, instances=end - first)
-        self._entries[tiles["entry"]] = tiles["page"] + 1
-        self._write_entries()
-
-    def _invalidate_entries(self, entries: NDArray[np.int64]) -> None:
-        if len(entries):
-            self._entries[entries] = 0
-            self._write_entries()
-
-    def _write_entries(self) -> None:
-        self._places[TileBinding.TILE_ENTRIES].write(self._entries.tobytes())
-
-    def release(self) -> None:
-        """Free atlas and tables."""
-        super().release()
-        for array in (self._pages, *self._points.values()):
-            array.release()
-        self._framebuffer.release()
-        self._read_tiles.release()
