@@ -152,7 +152,6 @@ def test_bad_arguments_and_input_are_one_line_and_leave_nothing_behind(
         "view --out {typo}/pictures --headless",
         "render --out {typo}/picture",
         "encode gallery --out {typo}/x.ntc",
-        "encode gallery --out {there}/x.ntc --report {typo}/report",
         "encode gallery --out {there}/x.ntc --state {typo}/state",
         "decode x.ntc --out {typo}/images",
         "export --out {typo}/x.glb",
