@@ -64,8 +64,8 @@ def drawn(graphics: GraphicsContext, table: Words) -> Words:
     triangle.render(vertices=3)
     parts = [np.frombuffer(texture.read(), np.uint32).reshape(-1, 4) for texture in found]
     framebuffer.release()
-    for each in (given, *found):
-        each.release()
+    for texture in (given, *found):
+        texture.release()
     return np.hstack(parts)
 
 

@@ -11,6 +11,7 @@ from lab.bench.filtering import filter_decoded, wrapped
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.gpu import SOFTWARE
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.model import Pack
@@ -23,6 +24,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
+from viewer.render.variants import VariantChoice
 from viewer.scene.model import Material
 from viewer.state.navigation import turned
 from viewer.state.view_state import DecodePath, Slot, ViewState
@@ -46,15 +48,16 @@ def pack(request: pytest.FixtureRequest) -> Pack:
     return pack_of(request.param, SIZES, [texture(2 * w, 2 * h, w).pixel_hash for w, h in SIZES])
 
 
-@pytest.fixture(scope="module", params=["software", "gpu"], ids=["alone", "together"])
+@pytest.fixture(scope="module", params=[0, 1], ids=["alone", "together"])
 def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
     """All cases, one quad behind the other; codes are decoded by each pixel, or by work groups."""
-    if request.param == "gpu" and not isinstance(pack.config, BlockConfig):
+    if request.param and not isinstance(pack.config, BlockConfig):
         pytest.skip("decoded alone")
+    variants = VariantChoice(str(replace(SOFTWARE, together=request.param)))
     materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
     made = Renderer(
-        graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]), variant=request.param
+        graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]), variants=variants
     )
     made.set_packs({"p": pack})
     yield made
@@ -109,7 +112,7 @@ def chosen_texels(pack: Pack, name: str, number: int) -> NDArray[np.float64]:
     # OpenGL counts rows from the bottom.
     x, y = words(columns.ravel()), words(SIZE[1] - 1 - rows.ravel())
     threshold = noise.filter_threshold(x, y, np.full_like(x, number))
-    coarser, left, limit = noise.second_taken(threshold, np.zeros_like(x), np.full_like(x, int(lod % 1.0 * 2**32)))
+    coarser, threshold, limit = noise.second_taken(threshold, np.zeros_like(x), np.full_like(x, int(lod % 1.0 * 2**32)))
     at = int(lod) + coarser
     size = np.array([(level.texel_width, level.texel_height) for level in levels])[at]
     centres = np.empty((len(x), 2))
@@ -118,7 +121,7 @@ def chosen_texels(pack: Pack, name: str, number: int) -> NDArray[np.float64]:
         mirrored = np.abs(uv - 2.0 * np.rint(uv / 2.0))
         folded = uv % 1.0 if mode == "repeat" else mirrored if mode == "mirror" else np.clip(uv, 0.0, 1.0)
         place = folded * size[:, axis] - 0.5
-        second, left, limit = noise.second_taken(left, limit, words(place % 1.0 * 2**32))
+        second, threshold, limit = noise.second_taken(threshold, limit, words(place % 1.0 * 2**32))
         texel = wrapped(np.floor(place).astype(np.int64) + second, size[:, axis], mode)
         centres[:, axis] = (texel + 0.5) / size[:, axis]
     return reference.decode_texels(pack, case.texture, centres, at.astype(np.float64), case.wrap)
