@@ -11,7 +11,6 @@ from lab.bench.filtering import filter_decoded, wrapped
 from lab.bench.random_pack import random_block_pack, random_pack
 from ntc.codec import reference
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.gpu import SOFTWARE
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.model import Pack
@@ -24,7 +23,6 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult
 from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
-from viewer.render.variants import VariantChoice
 from viewer.scene.model import Material
 from viewer.state.navigation import turned
 from viewer.state.view_state import DecodePath, Slot, ViewState
@@ -48,16 +46,15 @@ def pack(request: pytest.FixtureRequest) -> Pack:
     return pack_of(request.param, SIZES, [texture(2 * w, 2 * h, w).pixel_hash for w, h in SIZES])
 
 
-@pytest.fixture(scope="module", params=[0, 1], ids=["alone", "together"])
+@pytest.fixture(scope="module", params=["software", "gpu"], ids=["alone", "together"])
 def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
     """All cases, one quad behind the other; codes are decoded by each pixel, or by work groups."""
-    if request.param and not isinstance(pack.config, BlockConfig):
+    if request.param == "gpu" and not isinstance(pack.config, BlockConfig):
         pytest.skip("decoded alone")
-    variants = VariantChoice(str(replace(SOFTWARE, together=request.param)))
     materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
     made = Renderer(
-        graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]), variants=variants
+        graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]), variant=request.param
     )
     made.set_packs({"p": pack})
     yield made
