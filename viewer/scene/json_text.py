@@ -40,8 +40,10 @@ LEAST_SHARE = 0.1
 
 def time_left(seconds: float, share: float, first: float = 0.0) -> float | None:
     """Return the time left in seconds, at least 1, at the mean speed so far: the work came from `first` to `share`, 0 to 1, in
-    `seconds`. None before a tenth is done."""
-    return max(1.0, seconds * (1.0 - share) / (share - first)) if share - first >= LEAST_SHARE else None
+    `seconds`. None before a tenth is done, and at the end."""
+    if share - first < LEAST_SHARE or share >= 1.0:
+        return None
+    return max(1.0, seconds * (1.0 - share) / (share - first))
 
 
 def percent(share: float) -> str:
