@@ -14,7 +14,7 @@ os.environ.setdefault("LP_NUM_THREADS", "1")
 from tests.drivers.messages import own_session_folders
 from tests.shared_context import free_unreachable, share
 from tests.support.checked_indices import checked_indices
-from tests.support.process_memory import MOST_GROWTH, excess, megabytes, trim
+from tests.support.process_memory import MOST_GROWTH, MOST_MEGABYTES, excess, megabytes, trim
 
 # Before other conftest.py files import what makes contexts: pytest reads those of folders that it is given first of all.
 share()
@@ -22,6 +22,8 @@ share()
 TESTS = Path(__file__).parent
 DRAWING = ("drivers", "gl", "golden", "ui")
 """Folders whose tests all draw with OpenGL."""
+AT_START = pytest.StashKey[int]()
+"""Megabytes of this process before its first test: what imports take, which depends on the build of torch."""
 LEAST_MEMORY = pytest.StashKey[int]()
 """Megabytes of this process when it was last freed of what tests have left."""
 HAS_EXCESS = pytest.StashKey[bool]()
@@ -47,17 +49,25 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.slow)
 
 
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Note what the process has before its first test."""
+    session.config.stash[AT_START] = megabytes()
+
+
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_teardown(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, None, None]:
     """Free what the tests of a file have left, and fail the first test that leaves the process with too much memory."""
     yield
     stash, is_last = item.config.stash, nextitem is None or nextitem.path != item.path
-    if is_last and not 0 < megabytes() < stash.get(LEAST_MEMORY, 0) + MOST_GROWTH:
+    if stash.get(HAS_EXCESS, False):
+        return
+    most = stash.get(AT_START, 0) + MOST_MEGABYTES
+    if excess(most) or (is_last and not 0 < megabytes() < stash.get(LEAST_MEMORY, 0) + MOST_GROWTH):
         free_unreachable()
         trim()
         stash[LEAST_MEMORY] = megabytes()
-    message = excess()
-    if message and not stash.get(HAS_EXCESS, False):
+    message = excess(most)
+    if message:
         stash[HAS_EXCESS] = True
         pytest.fail(message, pytrace=False)
 

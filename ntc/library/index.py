@@ -81,7 +81,8 @@ def is_library(folder: Path) -> bool:
     """Return whether `folder` holds a library: the index of one, or packs and no other files."""
     if (folder / INDEX_FILE).is_file():
         return True
-    with suppress(OSError), os.scandir(folder) as entries:
+    # What a user types may hold a zero byte.
+    with suppress(OSError, ValueError), os.scandir(folder) as entries:
         names = [entry.name for entry in entries if entry.is_file() and not entry.name.startswith(".")]
         return bool(names) and all(map(_is_pack, names))
     return False

@@ -265,7 +265,7 @@ def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(
     assert cli.main([*command, "--thorough"]) == 0
     assert capsys.readouterr().err.startswith("the worst case needs compute shaders")
     paths = {row["path"] for row in recorded(out, "scene")["scene"]["rows"]}
-    assert paths == {"", "forward", "cached"}
+    assert paths == {"", "forward"}
 
 
 def test_a_scene_without_packs_says_how_to_get_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

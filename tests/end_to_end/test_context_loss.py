@@ -70,8 +70,8 @@ def test_render_is_done_once_all_is_read_back(run: Run, scene_path: Path, tmp_pa
 
 
 def test_view_headless_keeps_the_pictures_before_it(run: Run, scene_path: Path, tmp_path: Path) -> None:
-    lines = "wait settled; screenshot a.png; wait frames 200; screenshot b.png"
-    ran = run("120", "view", str(scene_path), "--headless", "--out", "out", "--exec", lines)
+    lines = "wait settled; screenshot a.png; wait frames 600; screenshot b.png"
+    ran = run("400", "view", str(scene_path), "--headless", "--out", "out", "--exec", lines)
     require_one_line(*ran)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.png"]
 
@@ -83,7 +83,7 @@ def test_bench(run: Run, scene_path: Path, tmp_path: Path) -> None:
 
 
 def test_study(run: Run, scene_path: Path, tmp_path: Path) -> None:
-    ran = run("5", "study", "filtering", str(scene_path), "--size", "64x48", "--frames", "2", "--out", "f")
+    ran = run("5", "study", "stability", str(scene_path), "--size", "64x48", "--texels", "20", "--out", "f")
     require_one_line(*ran)
     assert not any(path.is_file() for path in tmp_path.rglob("*"))
 

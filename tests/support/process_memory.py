@@ -6,7 +6,7 @@ from typing import Final
 
 STATUS: Final = Path("/proc/self/status")
 MOST_MEGABYTES: Final = 1500
-"""Memory that a test process may have; `bash tests/run` has two."""
+"""Memory that tests may add to that of a process with all its imports; `bash tests/run` has two processes at a time."""
 MOST_GROWTH: Final = 50
 """Megabytes that a test process may grow before what tests have left is freed. That takes a part of a second."""
 
@@ -25,7 +25,7 @@ def trim() -> None:
         library.malloc_trim(0)
 
 
-def excess(most: int = MOST_MEGABYTES) -> str:
+def excess(most: int) -> str:
     """Message where this process has more than `most` MB, else nothing."""
     used = megabytes()
     if used <= most:

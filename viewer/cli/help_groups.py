@@ -88,7 +88,7 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
             "many textures, by jobs",
             "workers ray gpus-per-job decoders",
             "encode photos --workers 8 --out library",
-            "encode new_photos --decoders photos.ntc --out new_photos.ntc",
+            "encode new --decoders photos.ntc --out new.ntc",
         ),
         _group(
             "codec and training",

@@ -33,7 +33,7 @@ SHARE = 4
 DEGREES = 1.0
 """Turn of the camera from picture to picture, in degrees: `cached` reuses most tiles, and no view stands still."""
 COMPUTING: Final[tuple[PathChoice, ...]] = ("deferred", "binned", "cached")
-"""Paths that need compute shaders; without them `forward` draws the same picture."""
+"""Paths that need compute shaders; `forward` replaces them without."""
 PICTURES = 3
 """Number of pictures that time a path: the first compiles and fills the cache, the least time of the others counts."""
 
@@ -82,7 +82,7 @@ def drawable_paths(context: GraphicsContext) -> tuple[DecodePath, ...]:
 def unsupported_paths(context: GraphicsContext) -> dict[str, str]:
     """Return the reasons why this driver cannot decode by a path, by the path's name."""
     version = context.info.version
-    reason = f"needs compute shaders (OpenGL 4.3); this driver has {version}. Use forward: it draws the same picture"
+    reason = f"needs compute shaders (OpenGL 4.3); this driver has {version}. Use forward"
     reasons = {path: reason for path in get_args(DecodePath) if path not in drawable_paths(context)}
     return {path: on_load_refusal(context) if path == "on-load" else reason for path, reason in reasons.items()}
 
