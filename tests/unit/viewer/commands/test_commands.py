@@ -266,13 +266,13 @@ def test_a_drag_is_one_change(written: Context, monkeypatch: pytest.MonkeyPatch)
     session, now = written.session, [100.0]
     monkeypatch.setattr("viewer.commands.history.monotonic", lambda: now[0])
     begin = session.view.wipe_position
-    for step in range(10):
+    for step in range(11):
         now[0] += 0.1
         run(written, "compare.divider", 0.1 + step / 20)
     now[0] += 2.0
     run(written, "compare.divider", 0.9)
     run_line(written, "edit.undo")
-    assert session.view.wipe_position == pytest.approx(0.55)
+    assert session.view.wipe_position == pytest.approx(0.6)
     run_line(written, "edit.undo")
     assert session.view.wipe_position == begin
 

@@ -14,6 +14,7 @@ def test_the_range_of_psnr_holds_every_drawn_point() -> None:
     assert low == pytest.approx(25.0, abs=1.0)
     assert 41.0 < high < 43.0
     assert psnr_ends(curves, 1)[1] > 60.0
+    assert psnr_ends(Curves([0.0], {}, {0: [60.0]}, [40.0]), 0)[1] > 60.0
 
 
 def test_curves_of_one_value_and_of_none_have_a_range() -> None:
