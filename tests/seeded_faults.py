@@ -60,11 +60,11 @@ def outcome_of(fault: Fault, folder: Path) -> str:
 
 
 def main() -> int:
-    """Return 0 if all faults are caught, 1 if not or if a test fails without any."""
+    """Return 0 if all faults are caught, else 1."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("names", nargs="*", metavar="NAME", help="faults to seed; default: all")
     parser.add_argument("--repository", type=Path, default=ROOT, help="checkout that is copied; default: this one")
-    parser.add_argument("--check", action="store_true", help="first run the tests without a fault: all must pass")
+    parser.add_argument("--check", action="store_true", help="first run the tests without a fault: they must pass")
     options = parser.parse_args()
     faults = [Fault(**entry) for entry in json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))]
     if unknown := set(options.names) - {fault.name for fault in faults}:
@@ -73,12 +73,11 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         copy_tracked(options.repository, folder)
-        tests = dict.fromkeys(fault.test for fault in chosen) if options.check else ()
-        if failing := [test for test in tests if status_of(test, folder)]:
-            parser.exit(1, f"tests that fail without a fault: {', '.join(failing)}\n")
-        caught = 0
+        tests = {fault.test for fault in chosen} if options.check else set()
+        failing, caught = {test for test in tests if status_of(test, folder)}, 0
         for fault in chosen:
-            began, outcome = time.monotonic(), outcome_of(fault, folder)
+            began = time.monotonic()
+            outcome = "missed: fails without it" if fault.test in failing else outcome_of(fault, folder)
             caught += outcome == "caught"
             sys.stdout.write(f"{fault.name:42} {time.monotonic() - began:6.1f} s  {outcome}\n")
             sys.stdout.flush()
