@@ -398,7 +398,7 @@ def test_a_scene_is_exported_beside_the_frames(app: DrivenApp, scene_path: Path,
 
 @pytest.mark.process
 def test_an_export_tells_how_far_it_is(app: DrivenApp, tmp_path: Path) -> None:
-    app.run("file.export", "page", tmp_path / "page")
+    app.run("file.export", "gltf-bc7", tmp_path / "images")
     shares: set[float | None] = set()
 
     def ended() -> bool:

@@ -105,7 +105,7 @@ def _export_decoder(pack_path: Path, language: ShaderLanguage, folder: Path) -> 
 
 def _export_page(scene: Path, packs: tuple[Path, ...], folder: Path, fallback: Fallback) -> list[str]:
     """Write the page, and return what to tell. Raises InputError."""
-    with TerminalProgress("page", "images", lines=True) as report:
+    with TerminalProgress(f"opening {scene.name}", "images") as report:
         page = export_page(scene, packs, folder, fallback != "none", report)
     parts = f"packs {page.pack_bytes / 1e6:.2f} MB, original images {page.image_bytes / 1e6:.2f} MB"
     return [
