@@ -364,7 +364,9 @@ def test_jobs_of_killed_workers_and_lost_machines_are_done_elsewhere(cluster: An
     assert sorted(found) == sorted({*names} - {"refuses", "breaks"})
     assert os.getpid() not in found.values()
     told = {Path(each.argument).name: each.problem for each in failures}
-    assert told == {"refuses": "refuses: is not done", "breaks": "ValueError: broken"}
+    assert (told.keys(), told["refuses"]) == ({"refuses", "breaks"}, "refuses: is not done")
+    # Its last try may have been on the machine that was lost.
+    assert told["breaks"] == "ValueError: broken" or "its process or machine is gone" in told["breaks"]
     assert any("its process or machine is gone" in line for line in again)
 
 
