@@ -276,7 +276,7 @@ class Codec(ABC):
         """Return the work of an encoding. Raises InputError for a device that is missing."""
 
     def compiled_functions(self) -> Mapping[Any, tuple[Any, ...]]:
-        """Return the functions of an encoder that numba compiles, each with the types of its arguments; empty without numba."""
+        """Return the functions of an encoder that numba compiles, each with the types of its arguments."""
         return {}
 
     @abstractmethod

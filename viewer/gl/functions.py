@@ -10,8 +10,6 @@ GL_TEXTURE_2D_ARRAY = 0x8C1A
 GL_TEXTURE_BUFFER = 0x8C2A
 GL_R32UI = 0x8236
 GL_TEXTURE_MAX_LEVEL = 0x813D
-GL_FRAMEBUFFER = 0x8D40
-GL_COLOR_ATTACHMENT0 = 0x8CE0
 GL_SRC1_COLOR = 0x88F9
 GL_ONE_MINUS_SRC1_COLOR = 0x88FA
 GL_TRIANGLES = 0x0004
@@ -58,12 +56,6 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glTexStorage3D": (_UINT, _INT, _UINT, _INT, _INT, _INT),
     "glTexImage3D": (_UINT, *[_INT] * 6, _UINT, _UINT, _POINTER),
     "glTexBuffer": (_UINT, _UINT, _UINT),
-    "glCopyTexSubImage3D": (_UINT, *[_INT] * 8),
-    "glGenFramebuffers": (_INT, _POINTER),
-    "glDeleteFramebuffers": (_INT, _POINTER),
-    "glBindFramebuffer": (_UINT, _UINT),
-    "glFramebufferTextureLayer": (_UINT, _UINT, _UINT, _INT, _INT),
-    "glViewport": (_INT, _INT, _INT, _INT),
     "glUseProgram": (_UINT,),
     "glProgramUniform1i": (_UINT, _INT, _INT),
     "glBindVertexArray": (_UINT,),

@@ -25,12 +25,11 @@ class _TextureArray:
     ) -> None:
         """`kind`: internal format; without compute shaders one of 8-bit RGBA."""
         self._call, self.layers = context.functions, layers
-        self._has_views = context.features.compute
         self.texture = self._new_name()
         self.view = 0
         self.use(0)
         call, target = self._call, names.GL_TEXTURE_2D_ARRAY
-        if self._has_views:
+        if context.features.compute:
             call("glTexStorage3D", target, levels, kind, *size, layers)
             return
         call("glTexParameteri", target, names.GL_TEXTURE_MAX_LEVEL, levels - 1)
@@ -44,7 +43,7 @@ class _TextureArray:
         return name.value
 
     def make_view(self) -> None:
-        """Set a bilinear filter without repetition, and make `view`: the first mips as GL_RGBA8, for image units, if any."""
+        """Set a bilinear filter without repetition, and make `view`: the first mips as GL_RGBA8, for image units."""
         target = names.GL_TEXTURE_2D_ARRAY
         for name, value in (
             (names.GL_TEXTURE_MIN_FILTER, names.GL_LINEAR),
@@ -53,8 +52,6 @@ class _TextureArray:
             (names.GL_TEXTURE_WRAP_T, names.GL_CLAMP_TO_EDGE),
         ):
             self._call("glTexParameteri", target, name, value)
-        if not self._has_views:
-            return
         self.view = self._new_name()
         self._call("glTextureView", self.view, target, self.texture, names.GL_RGBA8, 0, 1, 0, self.layers)
 

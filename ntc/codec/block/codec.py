@@ -223,11 +223,9 @@ class BlockCodec(Codec):
         )
 
     def compiled_functions(self) -> Mapping[Any, tuple[Any, ...]]:
-        try:
-            from ntc.codec import compiled_maps
-            from ntc.codec.block.encoding import compiled, compiled_edges, compiled_modes, compiled_texels
-        except ImportError:
-            return {}
+        from ntc.codec import compiled_maps
+        from ntc.codec.block.encoding import compiled, compiled_edges, compiled_modes, compiled_texels
+
         modules = (compiled_texels, compiled_modes, compiled_edges, compiled, compiled_maps)
         return {function: types for module in modules for function, types in module.SIGNATURES.items()}
 

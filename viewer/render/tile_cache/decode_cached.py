@@ -48,12 +48,12 @@ class DecodeCachedPass:
         reading: PlaneReading,
         budget: TileBudget,
     ) -> None:
-        self._context, self._gl = context, context.gl
+        self._gl = context.gl
         self.waits = context.waits
         """True where every request is answered in the frame that makes it; else fewer tiles are listed."""
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
-        self._buffers, self._ranges, self._table, self._budget = buffers, ranges, table, budget
-        self._programs, self._reading, self._defines = programs, reading, reading.defines()
+        self._buffers, self._table, self._budget = buffers, table, budget
+        self._programs, self._defines = programs, reading.defines()
         self._tile_decoder = TileDecoder(context, programs, buffers, ranges, reading)
         self._invalidate = programs.compute(f"{FOLDER}/invalidate.comp")
         self._pool = PagePool(max(1, min(budget.config.budget_bytes // PAGE_BYTES, table.entries)))

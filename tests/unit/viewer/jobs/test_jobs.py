@@ -161,16 +161,7 @@ def test_a_process_ends_with_a_parent_that_was_killed() -> None:
         "    print(process.call('__import__(\"os\").getpid()'), flush=True)\n"
         "    process.call('__import__(\"time\").sleep(600)')\n"
     )
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    assert parent.stdout is not None
-    child = int(parent.stdout.readline())
-    os.kill(parent.pid, signal.SIGKILL)
-    parent.wait()
-    parent.stdout.close()
-    began = time.monotonic()
-    while Path(f"/proc/{child}/stat").exists() and Path(f"/proc/{child}/stat").read_text().split()[2] != "Z":
-        assert time.monotonic() - began < SECONDS
-        time.sleep(0.05)
+    assert_ends_with_its_parent(code)
 
 
 @pytest.fixture
@@ -268,6 +259,17 @@ def wait_for_end(process: int) -> None:
         time.sleep(0.05)
 
 
+def assert_ends_with_its_parent(code: str) -> None:
+    """Run `code`, which prints the id of a process that it has started; kill the parent, and wait for the end of the child."""
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert parent.stdout is not None
+    child = int(parent.stdout.readline())
+    os.kill(parent.pid, signal.SIGKILL)
+    parent.wait()
+    parent.stdout.close()
+    wait_for_end(child)
+
+
 @pytest.mark.process
 @pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
 def test_workers_end_in_the_middle_of_a_job_where_the_block_ends() -> None:
@@ -291,13 +293,7 @@ def test_workers_end_with_a_program_that_was_killed() -> None:
         "        print(processes[0], flush=True)\n"
         "        workers.submit('__import__(\"time\").sleep(600)').result()\n"
     )
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    assert parent.stdout is not None
-    child = int(parent.stdout.readline())
-    os.kill(parent.pid, signal.SIGKILL)
-    parent.wait()
-    parent.stdout.close()
-    wait_for_end(child)
+    assert_ends_with_its_parent(code)
 
 
 def test_what_cannot_be_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
