@@ -16,11 +16,11 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from ntc.io import read_file, write_bytes
 from ntc.library.joining import joined_textures, settings_of
+from ntc.pack import PACK_SUFFIX
 from ntc.pack.file import pack_contents, read_pack
 from ntc.pack.schema import Decibels, Side, Text
 
 INDEX_FILE = "index.ntc-library"
-PACK_SUFFIX = ".ntc"
 NAME_DIGITS = 32
 """Number of hexadecimal digits of a pack's SHA-256 in its file name."""
 SECONDS_BETWEEN_SAVES = 30.0
@@ -164,11 +164,11 @@ class Library:
     def to_write(cls, folder: Path) -> "Library":
         """Return the library in `folder`, which is made where there is none. Raises InputError for a folder of other files, and for
         one that cannot be written."""
-        if folder.exists() and not is_library(folder) and (not folder.is_dir() or any(folder.iterdir())):
-            raise InputError(
-                f"{folder}: holds other files and no library; name a new folder, or a pack ({PACK_SUFFIX})"
-            )
         if not is_library(folder):
+            if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+                raise InputError(
+                    f"{folder}: holds other files and no library; name a new folder, or a pack ({PACK_SUFFIX})"
+                )
             _write_index(folder, _Index())
         return cls(folder)
 

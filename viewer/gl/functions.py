@@ -65,7 +65,6 @@ _SIGNATURES: dict[str, tuple[type, ...]] = {
     "glTexSubImage3D": (_UINT, *[_INT] * 7, _UINT, _UINT, _POINTER),
     "glCompressedTexSubImage3D": (_UINT, *[_INT] * 7, _UINT, _INT, _POINTER),
     "glTexParameteri": (_UINT, _UINT, _INT),
-    "glTexParameterf": (_UINT, _UINT, ctypes.c_float),
     "glTextureView": (_UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT, _UINT),
     "glBindImageTexture": (_UINT, _UINT, _INT, ctypes.c_ubyte, _INT, _UINT, _UINT),
     "glCopyImageSubData": (_UINT, _UINT, *[_INT] * 4, _UINT, _UINT, *[_INT] * 7),

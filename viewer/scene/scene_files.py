@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from ntc.errors import InputError
+from ntc.pack import PACK_SUFFIX as PACK_SUFFIX
 from viewer.scene.images import has_images
 from viewer.scene.json_text import printable
 
@@ -15,7 +16,6 @@ SCENE_SUFFIXES = (".gltf", ".glb")
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 """Formats that trimesh converts to GLB first."""
 PANORAMA_SUFFIXES = (".hdr", ".exr")
-PACK_SUFFIX = ".ntc"
 SCENES_NAMED = 4
 """Scenes of a folder that a message names."""
 PICTURES = {
