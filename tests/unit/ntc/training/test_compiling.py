@@ -10,7 +10,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-from numba import int64
+from numba import config, int64
 
 from ntc.api import encode, material
 from ntc.codec.codec import Codec
@@ -35,8 +35,14 @@ def codec_of(functions: Mapping[Any, tuple[Any, ...]]) -> Codec:
     return cast(Codec, SimpleNamespace(compiled_functions=lambda: functions))
 
 
+@pytest.fixture(autouse=True)
+def _empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Loops of these tests are compiled again in each run of the tests."""
+    monkeypatch.setattr(config, "CACHE_DIR", str(tmp_path / "numba"))
+
+
 def slow_loop(place: int) -> Any:
-    """A loop that takes a while to compile, and is none that is kept."""
+    """A loop that takes a while to compile."""
 
     @compiled_loop()
     def loop(values: Any) -> Any:
@@ -48,9 +54,7 @@ def slow_loop(place: int) -> Any:
     return loop
 
 
-def test_progress_says_that_the_encoder_is_compiled_while_it_is(monkeypatch: pytest.MonkeyPatch) -> None:
-    # A small loop may be compiled within the usual time between reports.
-    monkeypatch.setattr("ntc.training.compiling.SECONDS_BETWEEN_REPORTS", 0.001)
+def test_progress_says_that_the_encoder_is_compiled_while_it_is() -> None:
     loop, reports = slow_loop(1), list[TrainingProgress]()
     with CompilingAhead(codec_of({loop: (int64,)})) as compiling:
         compiling.wait(reports.append, lambda: None)
