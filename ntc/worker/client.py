@@ -6,12 +6,13 @@ import time
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
 from ntc.codec.encoding import EncodingChoices
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.registry import chosen_codec, codec_named, codec_of
+from ntc.codec.registry import CodecName, chosen_codec, codec_named, codec_of
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError, ProcessEndedError, TrainingCancelledError
 from ntc.threads import usable_cores, wait_passively
@@ -136,8 +137,7 @@ def _run(request: TrainingRequest, host: _WindowHost) -> Ended:
 
     try:
         host.interruption()
-        if _compiling is not None:
-            _compiling.wait(host.progress, host.interruption)
+        _compiling_ahead(request.codec.kind).wait(host.progress, host.interruption)
         ended = Trainer(request, host).run()
     except TrainingCancelledError:
         ended = Ended("cancelled")
@@ -155,26 +155,28 @@ def _one_line(error: BaseException) -> str:
     return f"training: {type(error).__name__}: {text}"
 
 
-_compiling: CompilingAhead | None = None
-"""The compiling that this process began when it got ready."""
+@cache
+def _compiling_ahead(codec: CodecName) -> CompilingAhead:
+    """Return the compiling of a codec's encoder, which begins once in a process."""
+    return CompilingAhead(codec_named(codec))
 
 
 def warm_up() -> None:
     """Import what trains, and encode a texture: what torch does for the first time takes a second. Where the encoder is to be compiled
     first, that goes on when this returns."""
-    global _compiling  # noqa: PLW0603
     wait_passively()
     # An error is reported when a training imports it again.
     with suppress(Exception):
         importlib.import_module("ntc.training.trainer")
         from ntc.training.encode import encode_chosen
 
-        codec = codec_named(chosen_codec(EncodingChoices()))
-        _compiling = CompilingAhead(codec)
-        if not _compiling.wait_loaded():
+        name = chosen_codec(EncodingChoices())
+        if not _compiling_ahead(name).wait_loaded():
             return
         noise = np.random.default_rng(0).integers(0, 256, (WARM_TEXELS, WARM_TEXELS, 3), np.uint8)
-        encode_chosen([SourceTexture("noise", noise, "")], Grouping("single", (0,)), codec, EncodingChoices())
+        encode_chosen(
+            [SourceTexture("noise", noise, "")], Grouping("single", (0,)), codec_named(name), EncodingChoices()
+        )
 
 
 SECONDS_TO_CANCEL = 0.6
