@@ -30,7 +30,7 @@ Tensors = Mapping[str, NDArray[Any]]
 
 
 class TorchTwin(Protocol):
-    """Decodes the textures of one pack with torch, in float32 (`ntc.codec.torch_texels.TorchTexels`)."""
+    """Decodes the textures of one pack to tensors of torch, float32 (`ntc.codec.torch_texels.TorchTexels`)."""
 
     def texels(self, texture_index: int, at: Any, lod: Any, wrap: tuple[WrapMode, WrapMode]) -> Any:
         """Return [N, channels] float32 tensor in [0, 1] at `at` [N, 2], wrapped into [0, 1], and finite `lod` [N]: tensors on its
@@ -44,6 +44,9 @@ class TorchTwin(Protocol):
         wrap: tuple[WrapMode, WrapMode] | None = None,
     ) -> NDArray[np.float32]:
         """Return [N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N]."""
+
+    def mip(self, texture_index: int, level: int = 0) -> Any:
+        """Return [h, w, channels] float32 tensor in [0, 1] on its device: mip `level`, decoded at its texel centres."""
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
         """Return [h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
@@ -184,8 +187,9 @@ class Codec(ABC):
     ) -> NDArray[np.float64]:
         """Return [N, output_channels] float64, not clamped, at `uv` [N, 2] and `lod` [N]: the slow twin of every other decoder."""
 
-    def reference_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8] | None:
-        """Return [h, w, channels] uint8 of mip `level`, where the codec has a faster way than texel by texel; else None."""
+    def reference_mip(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.float64] | None:
+        """Return [h, w, channels] float64 in [0, 1] of mip `level`, where the codec has a faster way than texel by texel; else
+        None."""
         del pack, texture_index, level
         return None
 
@@ -207,7 +211,7 @@ class Codec(ABC):
         device: str,
         interruption: Callable[[], None] = lambda: None,
     ) -> TorchTwin:
-        """Return what decodes `pack` with torch in float32. `interruption` is called before each piece of an image; what it raises
+        """Return a decoder of `pack` to tensors of torch. `interruption` is called before each piece of an image; what it raises
         ends the decode."""
 
     # Precision.

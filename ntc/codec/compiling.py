@@ -1,4 +1,4 @@
-"""Loops that numba compiles. Importing this raises ImportError without numba.
+"""Loops that numba compiles.
 
 The first encoding on a machine compiles them, which takes up to a minute. numba keeps the code beside the file, or in the user's cache
 folder where that one cannot be written, or in the folder that `NUMBA_CACHE_DIR` names.

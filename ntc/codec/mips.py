@@ -14,18 +14,16 @@ from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName, map_slices
 
 Floats = NDArray[np.floating]
 LEAST_COMPILED = 1 << 18
-"""Values from which on compiled code is loaded, which takes as long as these."""
+"""Least number of values for which compiled code is loaded: loading takes as long as these in numpy."""
 
 
 def compiled_maps(values: int) -> Any:
-    """Return the module of compiled code for so many values; None for few of them, and without numba."""
+    """Return the module of compiled code for so many values; None for few of them."""
     if values < LEAST_COMPILED:
         return None
-    try:
-        from ntc.codec import compiled_maps as found
-    except ImportError:
-        return None
-    return found
+    from ntc.codec import compiled_maps as module
+
+    return module
 
 
 def srgb_to_linear(srgb: Floats) -> Floats:

@@ -1,7 +1,6 @@
 """Decoding in numpy float64, for every codec: the slow twin that fast decoders are compared with."""
 
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +10,7 @@ from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.codec.sampling import Array
+from ntc.codec.sampling import texel_centres as texel_centres
 
 TexelDecoder = Callable[[int, Array, Array], NDArray[np.floating]]
 """(texture index, uv [N, 2], lod [N]) -> [N, channels] in [0, 1]."""
@@ -35,12 +35,6 @@ def decode_texels(
     return np.clip(np.concatenate(parts), 0.0, 1.0)[:, texture.places(pack.config)]
 
 
-def texel_centres(width: int, height: int) -> Array:
-    """Return [height * width, 2] float64 texture coordinates of all texel centres, row by row."""
-    u, v = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
-    return np.stack([np.tile(u, height), np.repeat(v, width)], axis=-1)
-
-
 def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDecoder) -> NDArray[np.uint8]:
     """Return [h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, which `decode` gives at its texel
     centres."""
@@ -51,7 +45,18 @@ def image_of_texels(pack: Pack, texture_index: int, level: int, decode: TexelDec
     return np.asarray(np.rint(values * 255.0), np.uint8).reshape(geometry.texel_height, geometry.texel_width, -1)
 
 
+def decode_mip(pack: Pack, texture_index: int, level: int = 0) -> Array:
+    """Return [h, w, channels] float64 in [0, 1], in the texture's colour space: mip `level`, decoded at its texel centres."""
+    whole = codec_of(pack.config).reference_mip(pack, texture_index, level)
+    if whole is not None:
+        return whole
+    texture = pack.textures[texture_index]
+    size = texture_levels(texture, pack.config)[level]
+    uv = texel_centres(size.texel_width, size.texel_height)
+    values = decode_texels(pack, texture_index, uv, np.full(len(uv), float(level)))
+    return values.reshape(size.texel_height, size.texel_width, -1)
+
+
 def decode_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
     """Return [h, w, channels] uint8 in the texture's colour space: mip `level` of the texture, decoded at its texel centres."""
-    image = codec_of(pack.config).reference_image(pack, texture_index, level)
-    return image if image is not None else image_of_texels(pack, texture_index, level, partial(decode_texels, pack))
+    return np.asarray(np.rint(decode_mip(pack, texture_index, level) * 255.0), np.uint8)

@@ -70,3 +70,9 @@ def trilinear(
 
 def clamped_lod(lod: Array, levels: int) -> Array:
     return np.clip(np.where(np.isfinite(lod), lod, 0.0), 0.0, levels - 1)
+
+
+def texel_centres(width: int, height: int) -> Array:
+    """Return [height * width, 2] float64 texture coordinates of all texel centres, row by row."""
+    u, v = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
+    return np.stack([np.tile(u, height), np.repeat(v, width)], axis=-1)

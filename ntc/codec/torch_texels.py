@@ -13,6 +13,7 @@ from torch import Tensor
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import texture_levels
 from ntc.codec.model import Pack
+from ntc.codec.sampling import texel_centres
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +164,14 @@ class TorchTexels(ABC):
         modes = self._pack.textures[texture_index].wrap if wrap is None else wrap
         decoded = self.texels(texture_index, *finite_places(uv, lod, modes, self._device), modes)
         return np.asarray(decoded.cpu().numpy(), np.float32)
+
+    def mip(self, texture_index: int, level: int = 0) -> Tensor:
+        """Return [h, w, channels] float32 in [0, 1] on the codec's device: mip `level`, decoded at its texel centres."""
+        texture = self._pack.textures[texture_index]
+        size = texture_levels(texture, self._pack.config)[level]
+        at = torch.from_numpy(texel_centres(size.texel_width, size.texel_height)).to(self._device)
+        texels = self.texels(texture_index, at, torch.full((len(at),), float(level), device=self._device), texture.wrap)
+        return texels.reshape(size.texel_height, size.texel_width, texture.channels)
 
     @abstractmethod
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:

@@ -14,7 +14,7 @@ from ntc.codec.block.config import BlockConfig, BlockOptions
 from ntc.codec.block.encoding.rate import bits_of_words, settings_for_target, words_of_bits
 from ntc.codec.block.gpu import BlockTables
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
-from ntc.codec.block.reference import decode_alpha, decode_image, lookup_values
+from ntc.codec.block.reference import decode_alpha, decode_mip, lookup_values
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.universal import MOST_SCALED_GROUPS, VERSION, set_tables_path, tables_path
 from ntc.codec.codec import Codec, Tensors, TensorShape, TextureBytes, TorchTwin
@@ -127,11 +127,11 @@ class BlockCodec(Codec):
         texture = own.textures[texture_index]
         return lookup_values(texture, own.decoders[texture.group], own.config, uv, lod, wrap)
 
-    def reference_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8]:
-        own = block_parts(pack)
-        texture = own.textures[texture_index]
-        image = decode_image(texture, own.decoders[texture.group], own.config, level)
-        return image[..., texture.places(own.config)]
+    def reference_mip(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.float64]:
+        parts = block_parts(pack)
+        texture = parts.textures[texture_index]
+        image = decode_mip(texture, parts.decoders[texture.group], parts.config, level)
+        return image[..., texture.places(parts.config)]
 
     def libntc_tables(self, pack: Pack) -> bytes:
         config = cast(BlockConfig, pack.config)

@@ -203,17 +203,6 @@ def bits_before_branches(
     return bits
 
 
-def packed_codes(bits: NDArray[np.uint8], places: BitPlaces, indices: NDArray[np.uint32]) -> NDArray[np.uint32]:
-    """[blocks, words of the largest code] uint32 of `bits` (`bits_before_branches`) and stored indices [blocks, coefficients]."""
-    for k in range(indices.shape[1]):
-        for depth in range(1, LARGEST_DEPTH + 1):
-            own = np.nonzero(places.depths[:, k] == depth)[0]
-            values = indices[own, k].astype(np.int64)
-            _write(bits, own, places.branches[own, k], values & 1, 1)
-            _write(bits, own, places.others[own, k], values >> 1, depth - 1)
-    return joined_words(bits)
-
-
 def _write(
     bits: NDArray[np.uint8],
     rows: NDArray[np.int64],

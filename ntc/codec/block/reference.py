@@ -114,22 +114,18 @@ def texel_values(
     return np.asarray(values[place.reshape(-1), row % side * side + column % side])
 
 
-def decode_blocks(texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int) -> Array:
-    """[blocks, texels, channels] float64 in [0, 1], in the texture's colour space: all blocks of mip `level`."""
-    mip = texture_levels(texture, config)[level].mip_of_cell
-    values = block_values(texture, texture_codes(texture, config, level), decoder, config, mip)
-    shown: Array = np.clip(values, 0.0, 1.0)
-    return shown
+def decode_mip(texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int = 0) -> Array:
+    """[h, w, channels] float64 in [0, 1], in the texture's colour space: mip `level`."""
+    geometry = texture_levels(texture, config)[level]
+    values = block_values(texture, texture_codes(texture, config, level), decoder, config, geometry.mip_of_cell)
+    return np.asarray(image_of(np.clip(values, 0.0, 1.0), geometry, config))
 
 
 def decode_image(
     texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, level: int = 0
 ) -> NDArray[np.uint8]:
     """[h, w, channels] uint8 in the texture's colour space: mip `level`."""
-    geometry = texture_levels(texture, config)[level]
-    values = image_of(decode_blocks(texture, decoder, config, level), geometry, config)
-    pixels: NDArray[np.uint8] = np.rint(values * 255.0).astype(np.uint8)
-    return pixels
+    return np.asarray(np.rint(decode_mip(texture, decoder, config, level) * 255.0), np.uint8)
 
 
 def decode_alpha(

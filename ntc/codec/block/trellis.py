@@ -91,25 +91,3 @@ def level_table() -> NDArray[np.float64]:
     for depth in range(1, LARGEST_DEPTH + 1):
         table[depth, : 2 << depth] = level_shape(depth) * 2.0 ** (LEVEL_STEPS[depth] / SCALE_STEPS_PER_OCTAVE)
     return table
-
-
-def indices_of(
-    numbers: NDArray[np.integer], depths: NDArray[np.integer], starts: NDArray[np.integer]
-) -> NDArray[np.uint32]:
-    """[blocks, coefficients] uint32: the bits that are stored: the branch in the lowest bit, the place in the subset above it.
-
-    `numbers` are level numbers along a path that starts in the states `starts` [blocks]. Raises ValueError where they are none.
-    """
-    stored = np.zeros(numbers.shape, np.uint32)
-    state = starts.astype(np.int64)
-    following, subsets = branch_tables()
-    for k in range(numbers.shape[1]):
-        subset, active = numbers[:, k] & 3, depths[:, k] > 0
-        if not active.any():
-            continue
-        branch = (subsets[state, 1] == subset).astype(np.int64)
-        if (active & (subsets[state, branch] != subset)).any():
-            raise ValueError("level numbers that no path through the trellis has")
-        stored[:, k] = np.where(active, (numbers[:, k] >> 2) * 2 + branch, 0)
-        state = np.where(active, following[state, branch], state)
-    return stored

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding import compiled_texels
+from ntc.codec.block.encoding.rate import SAMPLED_BLOCKS
 from ntc.codec.config import WrapMode
 from ntc.codec.latents import LatentLevel, latent_cell_count, latent_levels
 from ntc.codec.maps import SRGB_MAPS, channel_places, map_slices
@@ -15,20 +17,10 @@ from ntc.codec.mips import mip_chain, srgb_channels
 from ntc.codec.textures import SourceTexture
 from ntc.threads import mapped
 
-compiled: Any
-try:
-    from ntc.codec.block.encoding import compiled_texels as compiled
-except ImportError:
-    compiled = None
-
 Array = NDArray[np.float32]
 Number = TypeVar("Number", bound=np.generic)
-SAMPLED_BLOCKS = 24_000
-"""Blocks that a group's tables are fitted to."""
 COMPARED_BLOCKS, COMPARED_MIPS = 512, 4
 """Of each of so many mips, by which the quality of a layout of mips is judged."""
-ROWS_AT_ONCE = 1 << 16
-"""Texels whose products are summed at a time."""
 MASK_MARGIN = 40
 """Steps of 8 bits by which texels of a mask are kept away from its cutoff, so that no error of a code changes their side."""
 MASK_WEIGHT = 0.25
@@ -103,11 +95,8 @@ class PreparedTexture:
     def normalised(self, rows: slice | NDArray[np.int64]) -> Array:
         """[blocks, texels x channels]: (value - mean) in units of the axes, of the blocks `rows`."""
         texels, axes = np.ascontiguousarray(self.texels[rows]), self.axes
-        if compiled is None:
-            found = (texels.astype(np.float32) / np.float32(255.0) - axes.mean[0]) @ axes.inverse
-            return np.asarray(found.reshape(len(texels), -1), np.float32)
         out = np.empty((len(texels), texels.shape[1] * texels.shape[2]), np.float32)
-        compiled.normalise(texels, axes.mean[0], np.ascontiguousarray(axes.inverse), out)
+        compiled_texels.normalise(texels, axes.mean[0], np.ascontiguousarray(axes.inverse), out)
         return out
 
 
@@ -125,15 +114,8 @@ class _Moments:
         """Those of `pixels` [H, W, channels], from exact sums."""
         channels = pixels.shape[2]
         rows, count = pixels.reshape(-1, channels), pixels.size // channels
-        if compiled is not None:
-            totals, of_products = np.zeros(channels, np.int64), np.zeros((channels, channels), np.int64)
-            compiled.add_moments(rows, totals, of_products)
-            return cls(totals / (255.0 * count), of_products / (255.0**2 * count))
-        sums, products = np.zeros(channels), np.zeros((channels, channels))
-        for start in range(0, count, ROWS_AT_ONCE):
-            part = rows[start : start + ROWS_AT_ONCE].astype(np.float64)
-            sums += np.ones(len(part)) @ part
-            products += part.T @ part
+        sums, products = np.zeros(channels, np.int64), np.zeros((channels, channels), np.int64)
+        compiled_texels.add_moments(rows, sums, products)
         return cls(sums / (255.0 * count), products / (255.0**2 * count))
 
 

@@ -4,14 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding import compiled_modes
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture
 from ntc.codec.block.encoding.edges import EdgeKind, costs_without_edges, derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import side_costs
-from ntc.codec.block.encoding.quantizer import compiled, expected_errors
+from ntc.codec.block.encoding.quantizer import expected_errors
 from ntc.codec.block.encoding.rate import JUDGED_BLOCKS
 from ntc.codec.block.encoding.transform import Tables
 from ntc.codec.block.model import BlockDecoder
@@ -46,10 +46,10 @@ class Choices:
         return Choices(self.errors[:blocks], self.unavoidable[:blocks], self.modes[:blocks])
 
 
-def left_out(blocks: torch.Tensor, values: torch.Tensor) -> torch.Tensor:
+def left_out(blocks: Array, values: Array) -> Array:
     """[blocks] squared error of what the basis cannot show of `blocks`, whatever their coefficients `values` become."""
-    whole: torch.Tensor = torch.linalg.vector_norm(blocks, dim=1).square_()
-    return whole.sub_(torch.linalg.vector_norm(values, dim=1).square_()).clamp_(min=0.0)
+    whole, shown = (np.einsum("bk,bk->b", each, each) for each in (blocks, values))
+    return np.maximum(whole - shown, np.float32(0.0))
 
 
 def paying_kinds(
@@ -86,32 +86,24 @@ def block_choices(
     kinds = edge_kinds(decoder) if kinds is None else kinds
     every = sum(len(kind.modes) for kind in kinds) == config.modes
     if len(kinds) > 1 or not every:
-        expected = torch.full((len(blocks), sizes, config.modes), torch.inf)
+        expected = np.full((len(blocks), sizes, config.modes), np.inf, np.float32)
     unavoidable: Array | None = None
-    fits = torch.from_numpy((decoder.fitting_edges(config) == decoder.edges).all(2))
+    fits = (decoder.fitting_edges(config) == decoder.edges).all(2)
     for kind in kinds:
         fit = fitted_edges(blocks, axes, kind.bits, config, ROUNDS_TO_CHOOSE)
-        rest = torch.from_numpy(fit.rest)
-        values = tables.project(rest)
-        modes = torch.from_numpy(kind.modes)
-        # The polynomials that errors come from may fall below 0.
-        own = expected_errors(values, tables.depths[:, modes], tables.scales[modes]).clamp_(min=0.0)
-        own += (left_out(rest, values) + torch.from_numpy(side_costs(blocks, kind.bits, axes, config)))[:, None, None]
+        values = tables.project(fit.rest)
+        own = expected_errors(values, tables.depths[:, kind.modes], tables.scales[kind.modes])
+        own += (left_out(fit.rest, values) + side_costs(blocks, kind.bits, axes, config))[:, None, None]
         if len(kinds) > 1 or any(kind.bits):
             costs = derived_costs(blocks, fit, axes, config)
-            own += torch.from_numpy(costs)[:, None, None]
+            own += costs[:, None, None]
             unavoidable = costs if unavoidable is None else np.minimum(unavoidable, costs)
-        if len(kinds) == 1 and every and bool(fits.all()):
+        if len(kinds) == 1 and every and fits.all():
             expected = own
             break
-        expected[:, :, modes] = torch.where(fits[:, modes], own, torch.inf)
+        expected[:, :, kind.modes] = np.where(fits[:, kind.modes], own, np.float32(np.inf))
     unavoidable = np.zeros(len(blocks), np.float32) if unavoidable is None else unavoidable
-    if compiled is not None:
-        errors, chosen = (
-            np.empty((len(blocks), sizes), np.float32),
-            np.empty((len(blocks), sizes, CANDIDATES), np.uint8),
-        )
-        compiled.two_least(expected.numpy(), errors, chosen)
-        return Choices(errors, unavoidable, chosen)
-    least = expected.topk(CANDIDATES, dim=2, largest=False)
-    return Choices(least.values[..., 0].numpy(), unavoidable, least.indices.numpy().astype(np.uint8))
+    errors = np.empty((len(blocks), sizes), np.float32)
+    modes = np.empty((len(blocks), sizes, CANDIDATES), np.uint8)
+    compiled_modes.two_least(expected, errors, modes)
+    return Choices(errors, unavoidable, modes)

@@ -7,9 +7,9 @@ import numpy as np
 from numba import float32, float64, int64, uint8, uint32
 from numpy.typing import NDArray
 
-from ntc.codec.block.codes import first_branches
+from ntc.codec.block.codes import first_branches, joined_words
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.quantizer import LOOKUP_CELLS, LOOKUP_RANGE
+from ntc.codec.block.encoding.quantizer import LOOKUP_CELLS, LOOKUP_RANGE, cell_centres
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.trellis import BRANCHES, LARGEST_DEPTH, STATES, level_table, scale_values
 from ntc.codec.compiling import Signatures, compiled_loop
@@ -62,7 +62,7 @@ def search_tables(decoder: BlockDecoder, config: BlockConfig, size: int) -> Sear
 def nearest_levels(levels: NDArray[np.float64]) -> NDArray[np.uint8]:
     """[depths, cells, subsets] uint8: number of the level of a subset that is nearest to a value, which lies in a cell of the
     range."""
-    centres = (np.arange(LOOKUP_CELLS) + 0.5) * (2.0 * LOOKUP_RANGE / LOOKUP_CELLS) - LOOKUP_RANGE
+    centres = cell_centres()
     nearest = np.zeros((LARGEST_DEPTH + 1, LOOKUP_CELLS, 4), np.uint8)
     for depth in range(1, LARGEST_DEPTH + 1):
         for subset in range(4):
@@ -176,6 +176,24 @@ def write_codes(
             rest -= width
             if width:
                 _write(words[block], rest, number >> 2, width)
+
+
+def coded(
+    values: NDArray[np.float32],
+    modes: NDArray[np.int64],
+    size: int,
+    bits: NDArray[np.uint8],
+    decoder: BlockDecoder,
+    config: BlockConfig,
+) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
+    """(codes [blocks, words of the largest code] uint32, squared errors [blocks]) of size class `size` for coefficients `values`
+    [blocks, coefficients].
+
+    `bits` [blocks, bits of the largest code] hold modes and edge parts (`bits_before_branches`).
+    """
+    words, errors = joined_words(bits), np.empty(len(values), np.float32)
+    write_codes(np.ascontiguousarray(values), modes, words, errors, *search_tables(decoder, config, size))
+    return words, errors
 
 
 @compiled_loop()

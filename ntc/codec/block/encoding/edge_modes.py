@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import LARGEST_EDGE_BITS, BlockConfig
@@ -81,22 +80,22 @@ class _Trial:
     def __init__(self, bits: tuple[int, ...], samples: Sequence[Sample], tables: Tables, config: BlockConfig) -> None:
         self.bits = bits
         fits = [fitted_edges(sample.blocks, sample.axes, bits, config) for sample in samples]
-        self._rest = torch.from_numpy(np.concatenate([fit.rest for fit in fits]))
+        self._rest = np.concatenate([fit.rest for fit in fits])
         costs = [
             derived_costs(sample.blocks, fit, sample.axes, config)
             + side_costs(sample.blocks, bits, sample.axes, config)
             for sample, fit in zip(samples, fits, strict=True)
         ]
-        self._costs = torch.from_numpy(np.concatenate(costs))
+        self._costs = np.concatenate(costs)
         self._values = tables.project(self._rest)
 
     def fitted(self, least: NDArray[np.float32], config: BlockConfig) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """(scales [coefficients], expected errors [blocks, sizes]) of a mode for the blocks that gain by it beside `least`."""
-        own = (self._rest.square().sum(1) + self._costs).numpy() < least[:, len(config.block_words) // 2]
-        squares = self._values.square()
+        own = np.square(self._rest).sum(1) + self._costs < least[:, len(config.block_words) // 2]
+        squares = np.square(self._values)
         for _ in range(FITTING_ROUNDS):
-            used = squares[torch.from_numpy(own)] if own.sum() >= FEWEST_BLOCKS else squares
-            variance = used.mean(0).numpy().astype(np.float64)
+            used = squares[own] if own.sum() >= FEWEST_BLOCKS else squares
+            variance = used.mean(0, dtype=np.float64)
             scales = stored_scales(np.sqrt(np.maximum(variance, 1e-9)))
             errors = self._errors(scales, config)
             own = np.asarray((errors < least).any(1))
@@ -107,9 +106,8 @@ class _Trial:
         none = np.zeros((count, config.block_texels), np.int8)
         zeros = np.zeros(count, np.uint8)
         alone = BlockDecoder(none, zeros, zeros, scales[None], np.array([self.bits], np.uint8))
-        depths = torch.from_numpy(alone.depths(config).astype(np.int64))
-        values = torch.from_numpy(scale_values(scales[None]).astype(np.float32))
-        errors = expected_errors(self._values, depths, values)[..., 0].clamp_(min=0.0)
+        values = scale_values(scales[None]).astype(np.float32)
+        errors = expected_errors(self._values, alone.depths(config), values)[..., 0]
         errors += (left_out(self._rest, self._values) + self._costs)[:, None]
         fits = (alone.fitting_edges(config) == alone.edges).all(2)[:, 0]
-        return np.where(fits, errors.numpy(), np.inf).astype(np.float32)
+        return np.where(fits, errors, np.float32(np.inf))

@@ -4,17 +4,16 @@ from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ntc.codec.block.codes import EdgePart, bits_before_branches
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepare_texture, sample_textures
 from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, paying_kinds
+from ntc.codec.block.encoding.compiled import coded
 from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import keep_coverage, mask_words, side_costs
 from ntc.codec.block.encoding.own_codes import equal_words, own_words
-from ntc.codec.block.encoding.search import coded
 from ntc.codec.block.encoding.sharing import sizes_within
 from ntc.codec.block.encoding.tables import fit_decoder
 from ntc.codec.block.encoding.transform import Tables, one_thread
@@ -163,9 +162,8 @@ def _best_codes(
         suits = np.isin(modes, kind.modes)
         rows = np.nonzero(suits.any(1))[0]
         fit = fitted_edges(blocks[rows], axes, kind.bits, config)
-        rest = torch.from_numpy(fit.rest)
-        values = tables.project(rest)
-        lost = left_out(rest, values).numpy() + side_costs(blocks[rows], kind.bits, axes, config)
+        values = tables.project(fit.rest)
+        lost = left_out(fit.rest, values) + side_costs(blocks[rows], kind.bits, axes, config)
         if len(kinds) > 1:
             lost = lost + derived_costs(blocks[rows], fit, axes, config)
         for candidate in range(modes.shape[1]):
@@ -175,7 +173,7 @@ def _best_codes(
             parts = fit.parts if every else tuple(_parts_of(part, own) for part in fit.parts)
             chosen = modes[rows[own], candidate]
             bits = bits_before_branches(chosen, np.full(len(own), size), parts, decoder, config)
-            given = values.numpy() if every else values.numpy()[own]
+            given = values if every else values[own]
             words, errors = coded(given, chosen, size, bits, decoder, config)
             errors = errors + lost[own]
             better = errors < least[rows[own]]

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
@@ -37,7 +36,7 @@ def _mean_squares(blocks: NDArray[np.float32], tables: SetTables, config: BlockC
     """[coefficients] float64: mean squares of the coefficients of `blocks` [blocks, values]."""
     decoder = tables.decoder
     projections = Basis(decoder.basis, decoder.channels, decoder.basis_scale).projections(config)
-    return np.asarray(projected(torch.from_numpy(blocks), projections).square().mean(0).numpy(), np.float64)
+    return np.asarray(np.square(projected(blocks, projections)).mean(0, dtype=np.float64))
 
 
 def steps_between(energies: NDArray[np.float64], references: NDArray[np.floating]) -> NDArray[np.float64]:

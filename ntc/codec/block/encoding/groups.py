@@ -3,10 +3,10 @@
 import platform
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from typing import Any
 
 import numpy as np
-import torch
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, prepare_texture, sample_textures
@@ -104,7 +104,7 @@ def encoding_record(seed: int) -> dict[str, Any]:
         "codec": BlockConfig.kind,
         "seed": seed,
         "device": "cpu",
-        "torch": torch.__version__,
+        "torch": version("torch"),
         "numpy": np.__version__,
         "python": platform.python_version(),
     }

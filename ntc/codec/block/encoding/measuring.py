@@ -3,16 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ntc.codec.block.codes import EdgePart, edge_parts
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding.blocks import compiled as compiled_texels
-from ntc.codec.block.encoding.search import compiled
+from ntc.codec.block.encoding import compiled, compiled_texels
 from ntc.codec.block.encoding.transform import one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture
-from ntc.codec.block.reference import decode_image, edge_values, image_of, texture_codes
+from ntc.codec.block.reference import edge_values, image_of, texture_codes
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.block.trellis import level_table, scale_values
 from ntc.codec.latents import texture_levels
@@ -30,8 +28,6 @@ def finest_image(
     texture: BlockTexture, decoder: BlockDecoder, config: BlockConfig, threads: int = 1
 ) -> NDArray[np.uint8]:
     """Return [h, w, output channels] uint8: mip 0, but for rounding what `reference.decode_image` gives."""
-    if compiled is None or compiled_texels is None:
-        return decode_image(texture, decoder, config)
     stored = texture_codes(texture, config, 0)
     geometry = texture_levels(texture, config)[0]
     runs = [
@@ -46,29 +42,31 @@ def finest_image(
     return np.asarray(image_of(np.concatenate(parts), geometry, config), np.uint8)
 
 
-def _blocks(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.uint8]:
-    """Return [blocks, texels, channels] uint8."""
+def coefficients_of(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.float64]:
+    """Return [blocks, coefficients] float64: the coefficients of codes, as `reference.decode_coefficients` does."""
     modes = (stored.codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)
     coefficients = np.zeros((len(modes), config.coefficients))
     levels, scales = level_table(), scale_values(decoder.scales)
     for size in range(len(config.block_words)):
-        own = np.nonzero(stored.sizes == size)[0]
+        rows = np.nonzero(stored.sizes == size)[0]
         tables = compiled.search_tables(decoder, config, size)
-        found = np.zeros((len(own), config.coefficients))
+        values = np.zeros((len(rows), config.coefficients))
         with_bits = scales[np.arange(config.modes)[:, None], tables.rows]
         shape = (tables.counts, tables.rows, tables.depths, with_bits, tables.first)
-        compiled.read_codes(stored.codes[own], modes[own], found, *shape, levels)
-        coefficients[own] = found
+        compiled.read_codes(stored.codes[rows], modes[rows], values, *shape, levels)
+        coefficients[rows] = values
+    return coefficients
+
+
+def _blocks(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.uint8]:
+    """Return [blocks, texels, channels] uint8."""
+    coefficients = coefficients_of(stored, decoder, config)
     rows = decoder.basis * scale_values(decoder.basis_scale)[:, None]
-    transformed = np.zeros((config.output_channels, len(modes), config.block_texels))
+    transformed = np.zeros((config.output_channels, len(coefficients), config.block_texels))
     for channel in range(config.output_channels):
         own = np.nonzero(decoder.channels == channel)[0]
-        torch.mm(
-            torch.from_numpy(coefficients[:, own]),
-            torch.from_numpy(rows[own]),
-            out=torch.from_numpy(transformed[channel]),
-        )
-    shown = np.empty((len(modes), config.block_texels, config.output_channels), np.uint8)
+        np.matmul(coefficients[:, own], rows[own], out=transformed[channel])
+    shown = np.empty((len(coefficients), config.block_texels, config.output_channels), np.uint8)
     compiled_texels.show(transformed, texture.mean[0].astype(np.float64), texture.axes.astype(np.float64), shown)
     parts = edge_parts(stored, decoder, config)
     with_parts = np.unique(np.concatenate([part.blocks for part in parts]))

@@ -11,7 +11,6 @@ from ntc.codec.block.config import (
     LARGEST_WORDS,
     BlockConfig,
 )
-from ntc.codec.block.encoding.blocks import SAMPLED_BLOCKS
 from ntc.codec.block.storage import DIRECTORY_RUN
 from ntc.codec.block.trellis import LARGEST_DEPTH
 from ntc.codec.block.universal import BANDS, FINE_BLOCKS, MOST_SCALED_GROUPS, UNIVERSAL_CONFIG, set_config
@@ -32,6 +31,8 @@ TABLE_SHARE = 0.25
 """Of all bits: tables are made smaller where textures are so few that they would take more."""
 FEWEST_COEFFICIENTS = 16
 SETTLING_ROUNDS = 24
+SAMPLED_BLOCKS = 24_000
+"""Blocks that a group's tables are fitted to."""
 
 
 def largest_words(textures: TextureSet) -> int:

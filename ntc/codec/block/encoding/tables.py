@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
@@ -36,11 +35,12 @@ LEAST_MASK_SHARE, LARGEST_MASK_SHARE = 0.125, 0.5
 """Of modes, for blocks at the edges of masks: as many as there are such blocks, within these limits."""
 
 
-def _fitted_scales(squares: torch.Tensor, chosen: NDArray[np.int64], modes: int) -> NDArray[np.uint8]:
+def _fitted_scales(squares: Array, chosen: NDArray[np.int64], modes: int) -> NDArray[np.uint8]:
     """[modes, coefficients] stored scales for the blocks that chose each mode."""
-    classes = torch.from_numpy(chosen)
-    sums = torch.zeros(modes, squares.shape[1], dtype=torch.float32).index_add_(0, classes, squares).double().numpy()
-    counts = np.bincount(chosen, minlength=modes)[:, None]
+    counts, sums = np.bincount(chosen, minlength=modes), np.zeros((modes, squares.shape[1]))
+    used, order = np.flatnonzero(counts), np.argsort(chosen, kind="stable")
+    sums[used] = np.add.reduceat(squares[order], (np.cumsum(counts) - counts)[used])
+    counts = counts[:, None]
     means = np.where(counts >= FEWEST_BLOCKS, sums / np.maximum(counts, 1), sums.sum(0) / len(chosen))
     return stored_scales(np.sqrt(np.maximum(means, 1e-9)))
 
@@ -59,7 +59,7 @@ def first_classes(features: Array, count: int, random: np.random.Generator) -> N
 
 
 def _modes(
-    coefficients: torch.Tensor,
+    coefficients: Array,
     decoder: BlockDecoder,
     config: BlockConfig,
     random: np.random.Generator,
@@ -67,18 +67,18 @@ def _modes(
 ) -> NDArray[np.uint8]:
     """[modes, coefficients] stored scales, as many modes as `decoder` has."""
     modes = len(decoder.scales)
-    squares = coefficients.square()
+    squares = np.square(coefficients)
     # Leading coefficients: those of greatest variance.
-    leading = torch.argsort(squares.mean(0), descending=True, stable=True)[:MODE_FEATURES]
-    energies = torch.log(squares[:, leading] + 1e-4).numpy()
+    leading = np.argsort(-squares.mean(0, dtype=np.float64), kind="stable")[:MODE_FEATURES]
+    energies = np.log(squares[:, leading] + np.float32(1e-4))
     scales = _fitted_scales(squares, first_classes(energies, modes, random), modes)
     worked(1.0 / (MODE_ROUNDS + 1))
     middle = len(config.block_words) // 2
     for _ in range(MODE_ROUNDS):
-        depths = torch.from_numpy(replace(decoder, scales=scales).depths(config)[middle].astype(np.int64))
-        values = torch.from_numpy(scale_values(scales).astype(np.float32))
+        depths = replace(decoder, scales=scales).depths(config)[middle]
+        values = scale_values(scales).astype(np.float32)
         expected = expected_errors(coefficients, depths[None], values)[:, 0]
-        chosen = best_modes(coefficients, expected, depths, values).numpy()
+        chosen = best_modes(coefficients, expected, depths, values)
         scales = _fitted_scales(squares, chosen, modes)
         worked(1.0 / (MODE_ROUNDS + 1))
     return scales
@@ -94,7 +94,7 @@ def fit_decoder(
         mixed, rests = _with_mask_parts(samples, config)
         basis = fitted_basis(rests, config)
         blocks = np.concatenate([sample.blocks for sample in rests])
-        coefficients = projected(torch.from_numpy(blocks), basis.projections(config))
+        coefficients = projected(blocks, basis.projections(config))
         # Basis, modes and edge parts count alike.
         worked(1.0 / 3.0)
         share = float(mixed.mean())
@@ -109,7 +109,7 @@ def fit_decoder(
         ):
             if own.any():
                 part = replace(decoder, scales=scales[modes], edges=edges[modes])
-                of_blocks = coefficients if own.all() else coefficients[torch.from_numpy(own)]
+                of_blocks = coefficients if own.all() else coefficients[own]
                 done = partial(_part_done, worked, float(own.mean()) / 3.0)
                 scales[modes] = _modes(of_blocks, part, config, random, done)
         decoder = with_edge_modes(decoder, samples, config)
@@ -148,6 +148,6 @@ def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> Ra
 def coefficient_energies(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> Array:
     """[coefficients] float32: mean squared error of a texture's values that each coefficient stands for."""
     with one_thread():
-        values = Tables.of(decoder, config).project(torch.from_numpy(sample.blocks))
-        energies: Array = values.square().mean(0).numpy() * np.float32(sample.axes.contrast**2 / config.block_values)
-    return energies
+        values = Tables.of(decoder, config).project(sample.blocks)
+    scale = np.float32(sample.axes.contrast**2 / config.block_values)
+    return np.asarray(np.square(values).mean(0, dtype=np.float64), np.float32) * scale

@@ -4,17 +4,19 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
+from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import Sample
 from ntc.codec.block.model import BlockDecoder, averaged_rows
 from ntc.codec.block.trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, scale_values
 
+Array = NDArray[np.float32]
 LARGEST_NUMBER = 127.0
 """Of a row of the basis."""
 
@@ -25,9 +27,9 @@ class Tables:
 
     projections: "tuple[Projection, ...]"
     """By channel."""
-    depths: torch.Tensor
-    """[sizes, modes, coefficients] int64."""
-    scales: torch.Tensor
+    depths: NDArray[np.uint8]
+    """[sizes, modes, coefficients]."""
+    scales: Array
     """[modes, coefficients] float32."""
 
     @classmethod
@@ -35,16 +37,15 @@ class Tables:
         """Those of `decoder`."""
         return _tables(decoder, config)
 
-    def project(self, blocks: torch.Tensor) -> torch.Tensor:
+    def project(self, blocks: Array) -> Array:
         """[blocks, coefficients] float32: the coefficients of least squared error of `blocks` [blocks, texels x channels]."""
         return projected(blocks, self.projections)
 
 
 @lru_cache(maxsize=16)
 def _tables(decoder: BlockDecoder, config: BlockConfig) -> Tables:
-    depths = torch.from_numpy(decoder.depths(config).astype(np.int64))
-    scales = torch.from_numpy(scale_values(decoder.scales).astype(np.float32))
-    return Tables(Basis(decoder.basis, decoder.channels, decoder.basis_scale).projections(config), depths, scales)
+    projections = Basis(decoder.basis, decoder.channels, decoder.basis_scale).projections(config)
+    return Tables(projections, decoder.depths(config), scale_values(decoder.scales).astype(np.float32))
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,26 +64,26 @@ class Basis:
             own = np.nonzero(self.channels == channel)[0]
             # The rows are orthogonal but for their rounding.
             matrix = np.linalg.solve(rows[own] @ rows[own].T, rows[own]).T
-            found.append(Projection(torch.from_numpy(own), torch.from_numpy(matrix.astype(np.float32))))
+            found.append(Projection(own, matrix.astype(np.float32)))
         return tuple(found)
 
 
 class Projection(NamedTuple):
     """From a channel's texels to the coefficients of its rows."""
 
-    rows: torch.Tensor
-    """[rows] int64 numbers of the channel's coefficients."""
-    matrix: torch.Tensor
+    rows: NDArray[np.int64]
+    """[rows] numbers of the channel's coefficients."""
+    matrix: Array
     """[texels, rows] float32: texels times this are the coefficients of least squared error."""
 
 
-def projected(blocks: torch.Tensor, projections: Sequence[Projection]) -> torch.Tensor:
+def projected(blocks: Array, projections: Sequence[Projection]) -> Array:
     """[blocks, coefficients] float32 of `blocks` [blocks, texels x channels]."""
-    images = blocks.view(len(blocks), -1, len(projections))
-    # To gather columns is faster than to scatter them.
-    places = torch.cat([each.rows for each in projections]).argsort()
-    found = torch.cat([images[..., channel] @ own.matrix for channel, own in enumerate(projections)], dim=1)
-    return found.index_select(1, places)
+    images = blocks.reshape(len(blocks), -1, len(projections))
+    values = np.empty((len(blocks), sum(len(each.rows) for each in projections)), np.float32)
+    for channel, own in enumerate(projections):
+        values[:, own.rows] = np.ascontiguousarray(images[..., channel]) @ own.matrix
+    return values
 
 
 def fitted_basis(samples: Sequence[Sample], config: BlockConfig) -> Basis:
@@ -91,13 +92,13 @@ def fitted_basis(samples: Sequence[Sample], config: BlockConfig) -> Basis:
     Each row is of one channel: channels of different textures are alike in no common way.
     """
     blocks = np.concatenate([sample.blocks for sample in samples])
-    images = torch.from_numpy(blocks).view(-1, config.block_texels, config.output_channels)
+    images = blocks.reshape(-1, config.block_texels, config.output_channels)
     variances, vectors = [], []
     for channel in range(config.output_channels):
-        values = images[..., channel].double()
-        found, directions = torch.linalg.eigh(values.T @ values / len(values))
-        variances.append(found.numpy())
-        vectors.append(directions.numpy().T)
+        values = images[..., channel].astype(np.float64)
+        found, directions = np.linalg.eigh(values.T @ values / len(values))
+        variances.append(found)
+        vectors.append(directions.T)
     rows, variance = np.concatenate(vectors), np.concatenate(variances)
     return strongest_rows(rows, variance, config)[0]
 
@@ -127,12 +128,35 @@ def _in_planes(config: BlockConfig) -> NDArray[np.int64]:
     return np.argsort([channel for own in config.planes for channel in own])
 
 
+class _OneThread:
+    """The limit of numpy's products to one thread, which is the process's: it ends with the last of those that set it."""
+
+    def __init__(self) -> None:
+        self._lock, self._users = Lock(), 0
+        self._limits: threadpool_limits | None = None
+
+    def begin(self) -> None:
+        with self._lock:
+            self._users += 1
+            if self._limits is None:
+                self._limits = threadpool_limits(1, "blas")
+
+    def end(self) -> None:
+        with self._lock:
+            self._users -= 1
+            if self._limits is not None and not self._users:
+                self._limits.restore_original_limits()
+                self._limits = None
+
+
+_ONE_THREAD = _OneThread()
+
+
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """Torch on one thread: the same numbers on every machine, and the other cores are left alone."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
+    """numpy's products on one thread: the same numbers whatever the cores, and the other cores are left alone."""
+    _ONE_THREAD.begin()
     try:
         yield
     finally:
-        torch.set_num_threads(before)
+        _ONE_THREAD.end()

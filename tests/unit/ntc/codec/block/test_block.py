@@ -1,25 +1,32 @@
 """Codec `block`: codes, trellis, encoder and float64 decoding."""
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from ntc.codec.block import reference
-from ntc.codec.block.codes import bit_places, bits_before_branches, packed_codes, start_states, unpacked_codes
+from ntc.codec.block.codes import bit_places, bits_before_branches, unpacked_codes
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import blocks_of
+from ntc.codec.block.encoding.compiled import coded
 from ntc.codec.block.encoding.encoder import encode_group
-from ntc.codec.block.encoding.quantizer import TrellisQuantizer
-from ntc.codec.block.encoding.search import coded, coded_by_torch
+from ntc.codec.block.encoding.measuring import coefficients_of
 from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales
 from ntc.codec.block.reference import image_of
 from ntc.codec.block.storage import BlockCodes
-from ntc.codec.block.trellis import BRANCHES, LARGEST_DEPTH, indices_of, level_table, scale_values, share_out_bits
+from ntc.codec.block.trellis import (
+    BRANCHES,
+    LARGEST_DEPTH,
+    SCALE_ORIGIN,
+    level_table,
+    scale_values,
+    share_out_bits,
+)
 from ntc.codec.codec import texture_fields
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import mip_chain
@@ -57,22 +64,12 @@ def random_decoder(config: BlockConfig, seed: int = 0) -> BlockDecoder:
     )
 
 
-def packed(
-    modes: NDArray[np.int64],
-    sizes: NDArray[np.int64],
-    indices: NDArray[np.uint32],
-    decoder: BlockDecoder,
-    config: BlockConfig,
-    seed: int = 0,
-) -> NDArray[np.uint32]:
-    """Codes of these indices, with random edge parts where modes have them."""
+def random_codes(count: int, config: BlockConfig, seed: int = 0) -> BlockCodes:
+    """Codes of random words: all are valid."""
     random = np.random.default_rng(seed)
-    bits = random.integers(0, 2, (len(modes), 32 * config.block_words[-1])).astype(np.uint8)
-    places = bit_places(modes, sizes, decoder, config)
-    bits *= np.arange(bits.shape[1]) < places.first[:, None]
-    modes_alone = bits_before_branches(modes, sizes, (), decoder, config)
-    own = np.arange(bits.shape[1]) < config.mode_bits
-    return packed_codes(np.where(own, modes_alone, bits).astype(np.uint8), places, indices)
+    sizes = random.integers(0, len(config.block_words), count)
+    words = random.integers(0, 1 << 32, (count, config.block_words[-1]), np.uint32)
+    return BlockCodes(words * (np.arange(words.shape[1]) < np.array(config.block_words)[sizes, None]), sizes)
 
 
 @given(st.integers(1, 70), st.integers(1, 70), st.sampled_from([4, 8]), st.integers(1, 4))
@@ -103,24 +100,20 @@ def test_levels_end_with_the_first_mip_that_one_block_holds() -> None:
 @pytest.mark.parametrize("modes", [8, 16, 64])
 def test_codes_hold_modes_and_indices(sizes: tuple[int, ...], modes: int) -> None:
     config = BlockConfig(block_words=sizes, mean_words=sizes[0], modes=modes, coefficients=60)
-    decoder, random = random_decoder(config), np.random.default_rng(sizes[0])
-    chosen, size = random.integers(0, modes, 50), random.integers(0, len(sizes), 50)
-    allocations = decoder.depths(config)
-    depths = allocations[size, chosen].astype(np.int64)
-    edges = decoder.edge_bits(config)[size, chosen]
-    assert (depths.sum(1) + edges <= 32 * np.array(sizes)[size] - config.mode_bits).all()
-    indices = (random.integers(0, 1 << 30, depths.shape) & ((1 << depths) - 1)).astype(np.uint32)
-    codes = packed(chosen, size, indices, decoder, config)
-    assert codes.shape == (50, sizes[-1])
-    assert not (codes[np.arange(sizes[-1]) >= np.array(sizes)[size, None]]).any()
-    found = unpacked_codes(BlockCodes(codes, size), decoder, config)
-    np.testing.assert_array_equal(found.modes, chosen)
-    np.testing.assert_array_equal(found.depths, depths)
-    np.testing.assert_array_equal(found.indices, indices)
-    written = bits_before_branches(chosen, size, found.edges, decoder, config)
-    before = np.arange(written.shape[1]) < bit_places(chosen, size, decoder, config).first[:, None]
-    bits = np.unpackbits(codes.astype("<u4").view(np.uint8), axis=1, bitorder="little")
+    decoder, stored = random_decoder(config), random_codes(50, config, sizes[0])
+    read = unpacked_codes(stored, decoder, config)
+    np.testing.assert_array_equal(read.modes, stored.codes[:, 0] % modes)
+    np.testing.assert_array_equal(read.depths, decoder.depths(config)[stored.sizes, read.modes])
+    depths, edges = read.depths.astype(np.int64), decoder.edge_bits(config)[stored.sizes, read.modes]
+    assert (depths.sum(1) + edges <= 32 * np.array(sizes)[stored.sizes] - config.mode_bits).all()
+    assert (read.indices < 1 << depths).all()
+    written = bits_before_branches(read.modes, stored.sizes, read.edges, decoder, config)
+    places = bit_places(read.modes, stored.sizes, decoder, config)
+    before = np.arange(written.shape[1]) < places.first[:, None]
+    bits = np.unpackbits(stored.codes.astype("<u4").view(np.uint8), axis=1, bitorder="little")
     np.testing.assert_array_equal(written, bits * before)
+    expected = reference.decode_coefficients(read, decoder)
+    np.testing.assert_array_equal(coefficients_of(stored, decoder, config), expected)
 
 
 def test_any_words_decode_to_finite_values() -> None:
@@ -170,63 +163,52 @@ def _best_by_trying_all(
     return float(best)
 
 
-def test_the_quantizer_finds_the_best_path() -> None:
-    random = np.random.default_rng(5)
-    depths = [3, 0, 1, 2, 1, 0, 4, 1]
-    quantizer = TrellisQuantizer()
-    for start in range(8):
-        values, scales = random.normal(size=8) * 2, random.uniform(0.5, 2.0, 8)
-        table = torch.tensor([depths])
-        _, decoded = quantizer.quantize(
-            torch.tensor(values[None], dtype=torch.float32),
-            table,
-            torch.tensor(scales[None], dtype=torch.float32),
-            torch.tensor([start]),
-        )
-        found = float(np.square(decoded[0].numpy() - values).sum())
-        assert found == pytest.approx(_best_by_trying_all(values, depths, scales, start), abs=2e-3)
+def coded_values(
+    values: NDArray[np.float64], modes: NDArray[np.int64], size: int, decoder: BlockDecoder, config: BlockConfig
+) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """(coefficients that the reference decodes of the codes of `values`, squared errors that the search reports)."""
+    sizes = np.full(len(modes), size)
+    bits = bits_before_branches(modes, sizes, (), decoder, config)
+    codes, errors = coded(values.astype(np.float32), modes, size, bits, decoder, config)
+    assert not codes[:, config.block_words[size] :].any()
+    return reference.decode_coefficients(unpacked_codes(BlockCodes(codes, sizes), decoder, config), decoder), errors
 
 
-def test_what_is_stored_decodes_to_what_the_quantizer_chose() -> None:
+def test_the_search_finds_the_best_path() -> None:
+    config = BlockConfig(block_words=(1,), mean_words=1.0, coefficients=9, modes=8)
+    random, modes = np.random.default_rng(5), np.arange(8)
+    scales = stored_scales(10.0 ** random.uniform(-1.5, 0.5, (8, 9)))
+    decoder = replace(random_decoder(config), scales=scales, edges=np.zeros((8, 1), np.uint8))
+    values = random.normal(size=(8, 9)) * 2.0
+    depths = decoder.depths(config)[0]
+    assert 0 in depths
+    _, errors = coded_values(values, modes, 0, decoder, config)
+    # A path starts in the state of the mode's three bits, the first one highest.
+    starts = [int(f"{mode:03b}"[::-1], 2) for mode in modes]
+    for value, depth, scale, start, error in zip(
+        values, depths.tolist(), scale_values(scales), starts, errors, strict=True
+    ):
+        assert error == pytest.approx(_best_by_trying_all(value, depth, scale, start), abs=2e-3)
+
+
+def test_codes_decode_to_the_error_that_the_search_reports() -> None:
     config = BlockConfig(coefficients=60, modes=8)
     decoder, random = random_decoder(config), np.random.default_rng(2)
-    modes = random.integers(0, config.modes, 200)
-    sizes = random.integers(0, len(config.block_words), 200)
-    places = bit_places(modes, sizes, decoder, config)
-    depths, scales = places.depths.astype(np.int64), scale_values(decoder.scales)[modes]
-    values = torch.from_numpy((random.normal(size=depths.shape) * scales * 1.5).astype(np.float32))
-    bits = bits_before_branches(modes, sizes, (), decoder, config)
-    starts = start_states(bits, places.first)
-    numbers, decoded = TrellisQuantizer().quantize(
-        values, torch.from_numpy(depths), torch.from_numpy(scales.astype(np.float32)), torch.from_numpy(starts)
-    )
-    codes = packed_codes(bits, places, indices_of(numbers.numpy(), depths, starts))
-    found = unpacked_codes(BlockCodes(codes, sizes), decoder, config)
-    np.testing.assert_allclose(reference.decode_coefficients(found, decoder), decoded.numpy(), rtol=1e-5, atol=1e-6)
-
-
-def test_the_compiled_search_writes_what_torch_writes() -> None:
-    config = BlockConfig(coefficients=60, modes=8)
-    decoder, random = random_decoder(config), np.random.default_rng(4)
-    for size, words in enumerate(config.block_words):
+    for size in range(len(config.block_words)):
         modes = random.integers(0, config.modes, 200)
-        values = (random.normal(size=(200, 60)) * scale_values(decoder.scales)[modes]).astype(np.float32)
-        bits = bits_before_branches(modes, np.full(200, size), (), decoder, config)
-        codes, errors = coded(values, modes, size, bits.copy(), decoder, config)
-        expected, expected_errors = coded_by_torch(values, modes, size, bits.copy(), decoder, config)
-        # Two paths may be as good as each other to rounding.
-        assert (codes == expected).all(1).mean() > 0.97
-        np.testing.assert_allclose(errors, expected_errors, rtol=1e-3)
-        assert not codes[:, words:].any()
+        values = random.normal(size=(200, 60)) * scale_values(decoder.scales)[modes] * 1.5
+        decoded, errors = coded_values(values, modes, size, decoder, config)
+        np.testing.assert_allclose(np.square(decoded - values).sum(1), errors, rtol=1e-3)
 
 
 def test_trellis_coding_beats_scalar_levels_by_what_the_literature_says() -> None:
-    random = np.random.default_rng(3)
-    values = torch.from_numpy(random.normal(size=(2000, 64)).astype(np.float32))
-    _, decoded = TrellisQuantizer().quantize(
-        values, torch.full((2000, 64), 2), torch.ones((2000, 64)), torch.zeros(2000, dtype=torch.int64)
-    )
-    gain = -10 * np.log10(float((values - decoded).square().mean()))
+    config = BlockConfig(block_words=(4,), coefficients=62, modes=16)
+    equal = np.full((16, 62), SCALE_ORIGIN, np.uint8)
+    decoder = replace(random_decoder(config), scales=equal, edges=np.zeros((16, 1), np.uint8))
+    assert (decoder.depths(config) == 2).all()
+    values = np.random.default_rng(3).normal(size=(2000, 62))
+    decoded, _ = coded_values(values, np.arange(2000) % 16, 0, decoder, config)
+    gain = -10 * np.log10(np.square(values - decoded).mean())
     assert gain > 9.30 + 0.8  # A scalar Lloyd-Max quantiser of 2 bits has 9.30 dB (Max, 1960).
 
 

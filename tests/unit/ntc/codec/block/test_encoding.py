@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 from safetensors import safe_open
+from threadpoolctl import threadpool_info
 
 from ntc.codec.block.config import LARGEST_WORDS, BlockConfig, BlockOptions
 from ntc.codec.block.encoding.frozen import encode_with_decoders
@@ -98,7 +98,7 @@ def test_odd_textures_are_encoded() -> None:
 
 def test_progress_counts_work_and_threads_are_given_back() -> None:
     reports: list[TrainingProgress] = []
-    before = torch.get_num_threads()
+    before = threadpool_info()
     sources, grouping = [waves(16, 16, seed=s) for s in range(3)], Grouping("any", (1, 0, 1))
     encode_textures(sources, grouping, SMALL, BlockOptions(), reports.append)
     assert {report.steps for report in reports if report.work == "encoding texture"} == {3}
@@ -106,7 +106,7 @@ def test_progress_counts_work_and_threads_are_given_back() -> None:
     assert shares == sorted(shares)
     assert (reports[-1].step, shares[-1]) == (3, 1.0)
     assert reports[-1].mean_psnr_db > 20.0
-    assert torch.get_num_threads() == before
+    assert threadpool_info() == before
     # Of every thread.
     many = [waves(24, 24, seed=seed) for seed in range(40)]
     encode_textures(many, Grouping("single", (0,) * 40), SMALL, BlockOptions(threads=4), reports.append)

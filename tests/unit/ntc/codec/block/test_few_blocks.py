@@ -5,11 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import torch
 from numpy.typing import NDArray
 
 from ntc.api import decode, encode, material
-from ntc.codec.block.encoding import quantizer
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
 from ntc.codec.config import GroupingConfig, GroupingName
 from ntc.codec.encoding import PRESETS, BitsTarget, QualityTarget, SizeTarget, Target
@@ -102,15 +100,10 @@ def test_cutouts_of_few_blocks_share_a_decoder() -> None:
         )
 
 
-@pytest.mark.parametrize("is_compiled", [True, False])
 @pytest.mark.parametrize("modes", [1, 2, 3])
-def test_a_block_takes_the_better_one_of_the_modes_there_are(
-    modes: int, is_compiled: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    if not is_compiled:
-        monkeypatch.setattr(quantizer, "compiled", None)
-    values = torch.from_numpy(np.random.default_rng(3).normal(0.0, 1.0, (50, 6)).astype(np.float32))
-    depths = torch.tensor([[2] * 6, [6] * 6, [0] * 6])[:modes]
-    scales = torch.ones(modes, 6)
+def test_a_block_takes_the_better_one_of_the_modes_there_are(modes: int) -> None:
+    values = np.random.default_rng(3).normal(0.0, 1.0, (50, 6)).astype(np.float32)
+    depths = np.array([[2] * 6, [6] * 6, [0] * 6])[:modes]
+    scales = np.ones((modes, 6), np.float32)
     chosen = best_modes(values, expected_errors(values, depths[None], scales)[:, 0], depths, scales)
     assert chosen.tolist() == [min(modes - 1, 1)] * 50

@@ -1,4 +1,4 @@
-"""Material sets: places of channels, mips by kind of map, and codec `block` from the encoder to the torch twin."""
+"""Material sets: places of channels, mips by kind of map, and codec `block` from the encoder to decoded texels."""
 
 from dataclasses import replace
 
@@ -15,7 +15,6 @@ from ntc.codec.block.encoding.rate import config_for_bits, side_bits
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.start import mean_colour_pack
 from ntc.codec.block.storage import read_texture, texture_tensors
-from ntc.codec.block.torch_twin import TorchBlock
 from ntc.codec.block.trellis import scale_values
 from ntc.codec.codec import texture_fields
 from ntc.codec.encoding import texture_set
@@ -40,7 +39,6 @@ from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
 from ntc.training.encode import encode_textures
-from tests.support.packs.parity import assert_torch_agrees
 
 WHOLE: tuple[MapName, ...] = ("base", "normal", "roughness", "metalness", "occlusion")
 KINDS: tuple[tuple[MapName, ...], ...] = (WHOLE, BASE_ALONE, ("normal", "occlusion"), MAPS)
@@ -162,9 +160,8 @@ def mixed_pack(side: int = 8) -> tuple[list[SourceTexture], Pack]:
 
 
 @pytest.mark.parametrize("side", [4, 8])
-def test_sets_of_every_kind_come_back_and_torch_agrees(side: int) -> None:
+def test_sets_of_every_kind_come_back(side: int) -> None:
     sources, pack = mixed_pack(side)
-    codec = TorchBlock(pack, "cpu")
     for index, source in enumerate(sources):
         texture = pack.textures[index]
         assert (texture.maps, texture.channels) == (source.maps, source.channels)
@@ -172,9 +169,6 @@ def test_sets_of_every_kind_come_back_and_torch_agrees(side: int) -> None:
             decoded = decode_image(pack, index, level)
             assert decoded.shape == mip.shape
             assert np.square(decoded.astype(float) - mip).mean() < 13.0**2
-            assert np.abs(decoded.astype(int) - codec.decode_image(index, level)).max() <= 1
-        uv = np.random.default_rng(index).uniform(-2.0, 2.0, (200, 2)).astype(np.float32)
-        assert_torch_agrees(pack, index, uv, np.linspace(-1.0, 5.0, 200, dtype=np.float32), None)
 
 
 def test_a_plane_is_decoded_by_its_own_axes_and_basis() -> None:
@@ -182,7 +176,6 @@ def test_a_plane_is_decoded_by_its_own_axes_and_basis() -> None:
     for index, count in enumerate((11, 3, 8)):
         uv = np.random.default_rng(index).uniform(0.0, 1.0, (100, 2)).astype(np.float32)
         assert decode_texels(pack, index, uv.astype(np.float64), np.zeros(100)).shape == (100, count)
-        assert_torch_agrees(pack, index, uv, np.zeros(100, np.float32), None)
     texture = block_parts(pack).textures[0]
     stored = reference.texture_codes(texture, SETS, 0)
     whole = reference.block_values(texture, stored, block_parts(pack).decoders[0], SETS)
@@ -236,7 +229,5 @@ def test_sets_have_room_for_larger_codes_and_more_modes() -> None:
     )
     assert bits_with_mips(pack) == pytest.approx(12.0, rel=0.02)
     assert block_parts(pack).config.block_words[-1] > 16
-    fast = TorchBlock(pack, "cpu").decode_image(0)
-    assert np.abs(decode_image(pack, 0).astype(int) - fast).max() <= 1
     assert pack.textures[0].psnr_db is not None
     assert pack.textures[0].psnr_db > 40.0
