@@ -2,6 +2,7 @@
 
 import os
 from pathlib import Path
+from typing import Literal
 
 import platformdirs
 
@@ -25,7 +26,9 @@ def scene_roots() -> tuple[Path, ...]:
     return tuple(Path(name).resolve() for name in given.split(os.pathsep) if name)
 
 
-def _cache_folder(name: str) -> Path:
+def cache_folder(name: Literal["blocks", "checks", "environments", "features", "images"]) -> Path:
+    """Return the cache folder of compressed textures, measured values of `check`, prefiltered environments, features of textures or
+    facts about images: in NTC_VIEWER_CACHE_DIR, else in the platform's folder for it."""
     given = os.environ.get(CACHE_FOLDER_VARIABLE) or platformdirs.user_cache_dir("ntc-viewer", appauthor=False)
     return Path(given, name)
 
@@ -46,31 +49,6 @@ def packs_folder(scene_path: Path) -> Path:
     An installation may be read-only, and belongs to all users of the machine.
     """
     return _data_folder("packs") if is_builtin(scene_path) else scene_path.parent
-
-
-def features_cache() -> Path:
-    """Return the cache folder of texture features, by pixel hash: in NTC_VIEWER_CACHE_DIR, else in the platform's cache folder."""
-    return _cache_folder("features")
-
-
-def blocks_cache() -> Path:
-    """Return the cache folder of textures in BC1, BC7 and ASTC."""
-    return _cache_folder("blocks")
-
-
-def checks_cache() -> Path:
-    """Return the cache folder of what `ntc-viewer check` has measured, by content."""
-    return _cache_folder("checks")
-
-
-def images_cache() -> Path:
-    """Return the cache folder of facts about the images of scenes."""
-    return _cache_folder("images")
-
-
-def environments_cache() -> Path:
-    """Return the cache folder of prefiltered environments."""
-    return _cache_folder("environments")
 
 
 def _installed_folder(name: str) -> Path:

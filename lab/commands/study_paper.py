@@ -22,7 +22,7 @@ from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from viewer.cli.encode import Source, read_source
 from viewer.cli.table import Table
-from viewer.locations import features_cache
+from viewer.locations import cache_folder
 from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX
 
@@ -108,7 +108,7 @@ def study_paper_textures(options: PaperStudyOptions) -> int:
     settings = options.settings()
     output = StudyOutput(options.out)
     textures = read_source(options.source, options.side()).textures
-    inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
+    inputs = GroupingInputs(features=FeatureOptions(cache=cache_folder("features")))
     groupings = _groupings(options.groupings or TEXTURE_GROUPINGS, options.clusters, textures, inputs)
     runs = paper_runs(groupings, _channels(textures), settings)
     steps = [*_training_steps(runs, textures, options.out), *(_blocks(textures, options.out) if options.blocks else [])]
@@ -139,7 +139,7 @@ def _covisible_inputs(source: Source, options: PaperScenesOptions) -> GroupingIn
     views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, 0))
     if views.note:
         sys.stderr.write(f"note: {views.note}\n")
-    return GroupingInputs(views.all_then_release(), {}, FeatureOptions(cache=features_cache()))
+    return GroupingInputs(views.all_then_release(), {}, FeatureOptions(cache=cache_folder("features")))
 
 
 def study_paper_scenes(options: PaperScenesOptions) -> int:

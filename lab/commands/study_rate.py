@@ -12,7 +12,7 @@ from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from viewer.cli.encode import read_source
-from viewer.locations import blocks_cache, features_cache
+from viewer.locations import cache_folder
 
 DISK_DECIBELS = tuple(float(each) for each in range(32, 46))
 """Mean PSNR at which sizes of files are compared."""
@@ -31,7 +31,7 @@ def _textures(source: Path, side: int, most: int) -> tuple[SourceTexture, ...]:
 def _study(options: RateStudyOptions) -> RateStudy:
     """The study that `options` describe, with its textures. Raises InputError."""
     textures = _textures(options.source, options.texture_size, options.most)
-    inputs = GroupingInputs(features=FeatureOptions(cache=features_cache()))
+    inputs = GroupingInputs(features=FeatureOptions(cache=cache_folder("features")))
     clusters = min(options.clusters, len(textures))
     groupings = [make_grouping(GroupingConfig(name, clusters), textures, inputs) for name in options.groupings]
     return RateStudy(
@@ -45,7 +45,7 @@ def _study(options: RateStudyOptions) -> RateStudy:
         options.jpeg_xl,
         options.flip_every,
         options.out / "runs",
-        blocks_cache(),
+        cache_folder("blocks"),
     )
 
 

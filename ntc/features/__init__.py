@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from ntc.codec.config import FeatureName
 from ntc.codec.textures import SourceTexture
-from ntc.features.extractor import Extractor, cache_path, read_features, write_features
+from ntc.content_cache import ContentCache
+from ntc.features.extractor import Extractor, cache_key
 from ntc.features.pixels import first_map
 
 __all__ = ["FeatureOptions", "feature_matrix", "raw_features"]
@@ -54,16 +55,16 @@ def _raw_features(
     extractor: Extractor, textures: Sequence[SourceTexture], options: FeatureOptions
 ) -> NDArray[np.float64]:
     raw = np.zeros((len(textures), extractor.length))
-    paths = [cache_path(options.cache, extractor, texture) if options.cache else None for texture in textures]
+    cache = ContentCache(options.cache)
     missing: list[int] = []
-    for index, path in enumerate(paths):
-        kept = options.known.get(textures[index].pixel_hash)
-        if kept is None and path:
-            kept = read_features(path, extractor.length)
-        if kept is None:
+    for index, texture in enumerate(textures):
+        features = options.known.get(texture.pixel_hash)
+        if features is None and (data := cache.read(cache_key(extractor, texture))) is not None:
+            features = np.frombuffer(data)
+        if features is None or len(features) != extractor.length:
             missing.append(index)
         else:
-            raw[index] = kept
+            raw[index] = features
     done = len(textures) - len(missing)
     if options.progress and done:
         options.progress(done, len(textures))
@@ -71,9 +72,7 @@ def _raw_features(
         batch = missing[start : start + extractor.batch]
         raw[batch] = extractor.extract([textures[index] for index in batch])
         for index in batch:
-            path = paths[index]
-            if path:
-                write_features(path, raw[index])
+            cache.write(cache_key(extractor, textures[index]), raw[index].tobytes())
         done += len(batch)
         if options.progress:
             options.progress(done, len(textures))

@@ -1,7 +1,5 @@
 """Textures in formats of graphics hardware, with mips and quality; their blocks are kept on disk, because encoding takes long."""
 
-import hashlib
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,8 +11,7 @@ from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName
 from ntc.codec.mips import mip_chain
 from ntc.codec.quality import PsnrSummary, psnr_db
 from ntc.codec.textures import hash_pixels
-from ntc.errors import InputError
-from ntc.io import is_partial, read_file, write_bytes
+from ntc.content_cache import ContentCache
 from ntc.metrics.block_compression import (
     AstcKind,
     BlockFormat,
@@ -26,55 +23,6 @@ from ntc.metrics.block_compression import (
 
 VERSION = 1
 """Changes with the encoders and their settings."""
-LARGEST_CACHE = 1 << 29
-"""Bytes of all files: the oldest are removed beyond it."""
-SUFFIX = ".blocks"
-_DIGEST_BYTES = 16
-
-
-@dataclass(frozen=True)
-class BlockCache:
-    """A folder of blocks, one file per texture, format and effort."""
-
-    folder: Path
-    largest_bytes: int = LARGEST_CACHE
-
-    def path(self, key: str, block_format: BlockFormat, effort: Effort) -> Path:
-        """Return the path of the blocks of a texture; `key` stands for its pixels and their colour space."""
-        digest = hashlib.sha256(f"{VERSION} {key} {block_format} {effort}".encode()).hexdigest()[:32]
-        return self.folder / f"{block_format}-{digest}{SUFFIX}"
-
-    def read(self, path: Path, size: int) -> bytes | None:
-        """Return the `size` bytes of blocks that were written to `path`, if they are as they were written."""
-        try:
-            data = read_file(path, size + _DIGEST_BYTES)
-        except OSError:
-            return None
-        digest, blocks = data[:_DIGEST_BYTES], data[_DIGEST_BYTES:]
-        return blocks if len(blocks) == size and _digest(blocks) == digest else None
-
-    def write(self, path: Path, blocks: bytes) -> None:
-        """Keep `blocks` at `path`; does nothing where the folder cannot be written: then everything takes longer."""
-        with suppress(InputError):
-            write_bytes(path, _digest(blocks) + blocks)
-
-    def trim(self) -> None:
-        """Remove the oldest files until all together have at most `largest_bytes`."""
-        with suppress(OSError):
-            files = [path for path in self.folder.glob(f"*{SUFFIX}") if path.is_file() and not is_partial(path)]
-            status = sorted(((path.stat(), path) for path in files), key=lambda pair: pair[0].st_mtime_ns)
-            excess = sum(each.st_size for each, _ in status) - self.largest_bytes
-            for each, path in status:
-                if excess <= 0:
-                    return
-                path.unlink()
-                excess -= each.st_size
-
-
-def _digest(blocks: bytes) -> bytes:
-    return hashlib.sha256(blocks).digest()[:_DIGEST_BYTES]
-
-
 EFFORT: Effort = "medium"
 """Effort for textures that are looked at: a quarter of the time of `thorough`, and 0.1 to 0.2 dB less."""
 Shape = tuple[int, int, int]
@@ -169,9 +117,9 @@ def kind_of(maps: tuple[MapName, ...]) -> AstcKind:
     return "srgb" if maps[0] in SRGB_MAPS else "linear"
 
 
-def _cache_path(cache: BlockCache, request: CompressionRequest) -> Path:
+def _cache_key(request: CompressionRequest) -> str:
     what = request.color_space if request.maps == BASE_ALONE else "-".join(request.maps)
-    return cache.path(f"{hash_pixels(request.pixels)} {what}", request.block_format, request.effort)
+    return f"{VERSION} {hash_pixels(request.pixels)} {what} {request.block_format} {request.effort}"
 
 
 def _compressed(request: CompressionRequest, blocks: tuple[bytes, ...]) -> CompressedTexture:
@@ -185,12 +133,11 @@ def kept_texture(request: CompressionRequest) -> CompressedTexture | None:
     """Return what an earlier `compress_texture` has kept; None for nothing. Raises InputError where the decoder is not installed."""
     if request.cache is None:
         return None
-    cache = BlockCache(request.cache)
     height, width, channels = request.pixels.shape
     kind, shapes = kind_of(request.maps), mip_shapes((height, width, channels))
     sizes = [compressed_bytes(w, h, request.block_format, kind) for h, w, _ in shapes]
-    kept = cache.read(_cache_path(cache, request), sum(sizes))
-    if kept is None:
+    kept = ContentCache(request.cache).read(_cache_key(request))
+    if kept is None or len(kept) != sum(sizes):
         return None
     ends = np.cumsum(sizes).tolist()
     return _compressed(request, tuple(kept[end - size : end] for end, size in zip(ends, sizes, strict=True)))
@@ -208,6 +155,5 @@ def compress_texture(request: CompressionRequest) -> CompressedTexture:
         chain = mip_chain(request.pixels, "linear" if kind == "linear" else request.color_space)
     blocks = tuple(compressed_blocks(mip, request.block_format, request.effort, kind) for mip in chain)
     if request.cache is not None:
-        cache = BlockCache(request.cache)
-        cache.write(_cache_path(cache, request), b"".join(blocks))
+        ContentCache(request.cache).write(_cache_key(request), b"".join(blocks))
     return _compressed(request, blocks)

@@ -21,7 +21,7 @@ from viewer.gl.program import ShaderError
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.live_comparison import LiveComparison
 from viewer.inspect.slot_jobs import FormatEncoding, PrecisionSearch
-from viewer.locations import blocks_cache
+from viewer.locations import cache_folder
 from viewer.render.frames import FrameTimes
 from viewer.render.path_choice import unsupported_paths
 from viewer.render.resources.decoding_shaders import fastest_first, unsupported_precisions
@@ -80,7 +80,7 @@ class Frontend:
         self._measuring: Iterator[Mapping[Side, SlotMeasurement]] | None = None
         """Measurement under way, a step in each frame."""
         self._recorded_at = -math.inf
-        self._formats = FormatEncoding(blocks_cache(), emit)
+        self._formats = FormatEncoding(cache_folder("blocks"), emit)
         self._prepares_ahead = prepares_ahead
         self.live = LiveComparison()
         self._work = WorkUnderWay()

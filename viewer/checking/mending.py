@@ -6,7 +6,7 @@ from dataclasses import fields
 from ntc.codec.encoding import texture_set
 from ntc.codec.model import Pack
 from ntc.codec.textures import SourceTexture
-from viewer.checking.kept_values import KeptValues
+from ntc.content_cache import ContentCache
 from viewer.training.rates import RATE_CODEC, PointJob, RateCurve, RatePoint, rate_point
 
 BITS = (1.0, 2.0, 4.0, 8.0)
@@ -17,7 +17,7 @@ LARGEST_TEXELS = 1 << 20
 """Larger textures get no curve: it would take longer than the check."""
 
 
-def rate_curve(source: SourceTexture, pack: Pack, kept: KeptValues) -> RateCurve | None:
+def rate_curve(source: SourceTexture, pack: Pack, cache: ContentCache) -> RateCurve | None:
     """Return the curve of a texture in the codec of `pack`; None where the codec takes no target, and for large textures."""
     width, height = source.size
     if pack.config.kind != RATE_CODEC or width * height > LARGEST_TEXELS:
@@ -26,9 +26,9 @@ def rate_curve(source: SourceTexture, pack: Pack, kept: KeptValues) -> RateCurve
         (source.pixel_hash, source.size, source.maps, RATE_CODEC, BITS, [field.name for field in fields(RatePoint)])
     )
     content = f"curve-{hashlib.sha256(facts.encode()).hexdigest()[:40]}"
-    found = kept.read(content, RateCurve)
+    found = cache.read_value(content, RateCurve)
     if found is None:
         whole = texture_set([source], 1)
         found = RateCurve(tuple(rate_point(PointJob(source, whole, bits)) for bits in BITS), width * height)
-        kept.write(content, found)
+        cache.write_value(content, found)
     return found

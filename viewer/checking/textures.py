@@ -16,11 +16,11 @@ from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.quality import finite_or_none, measured_texture
 from ntc.codec.registry import codec_of
 from ntc.codec.textures import SourceTexture
+from ntc.content_cache import ContentCache
 from ntc.errors import InputError
 from ntc.features.pixels import as_rgb
 from ntc.pack.match import PackMatch
 from ntc.pack.schema import codec_json
-from viewer.checking.kept_values import KeptValues
 from viewer.checking.record import MapRecord, TextureRecord
 from viewer.scene.images import ProgressReport, map_in_threads
 from viewer.scene.model import Scene
@@ -64,7 +64,7 @@ def recorded_textures(pack: Pack) -> MeasuredTextures:
 
 
 def measured_textures(
-    scene: Scene, pack: Pack, match: PackMatch, kept: KeptValues, report: ProgressReport | None = None
+    scene: Scene, pack: Pack, match: PackMatch, cache: ContentCache, report: ProgressReport | None = None
 ) -> MeasuredTextures:
     """Measure the textures of `scene` that `pack` holds, in the order of the scene.
 
@@ -77,10 +77,10 @@ def measured_textures(
     def measure(item: tuple[int, int]) -> tuple[TextureRecord, bytes, bool]:
         texture_id, index = item
         content = _content(pack, index, digests)
-        own = kept.read(content, KeptTexture)
+        own = cache.read_value(content, KeptTexture)
         if own is None:
             found = _measure(scene, pack, texture_id, index)
-            kept.write(content, found)
+            cache.write_value(content, found)
         else:
             found = own
         record = _record(pack, pack.textures[index], content, found.maps, materials.get(texture_id, ()))

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from ntc.codec.model import Pack
 from ntc.codec.quality import finite_or_none
+from ntc.content_cache import ContentCache
 from ntc.metrics.image_quality import flip
 from ntc.metrics.perceptual import has_jod, has_ssimulacra2, jod, ssimulacra2
-from viewer.checking.kept_values import KeptValues
 from viewer.checking.record import TextureRecord, ViewRecord
 from viewer.gl.context import GraphicsContext
 from viewer.inspect.measurement import WholeDrawing, measure
@@ -89,9 +89,9 @@ class ViewsToMeasure:
         return found
 
 
-def kept_views(views: ViewsToMeasure, kept: KeptValues) -> MeasuredViews | None:
+def kept_views(views: ViewsToMeasure, cache: ContentCache) -> MeasuredViews | None:
     """Return all pictures of `views` as they were measured before; None where one is missing."""
-    found = [kept.read(content, KeptView) for _, _, content in views.pictures()]
+    found = [cache.read_value(content, KeptView) for _, _, content in views.pictures()]
     if any(each is None for each in found):
         return None
     known = [each for each in found if each is not None]
@@ -99,7 +99,7 @@ def kept_views(views: ViewsToMeasure, kept: KeptValues) -> MeasuredViews | None:
 
 
 def measured_views(
-    context: GraphicsContext, views: ViewsToMeasure, kept: KeptValues, report: ProgressReport | None = None
+    context: GraphicsContext, views: ViewsToMeasure, cache: ContentCache, report: ProgressReport | None = None
 ) -> MeasuredViews:
     """Draw and measure all pictures of `views`. Raises InputError where one cannot be drawn, ContextLostError."""
     session = new_session(views.scene, {views.source: views.pack}, ViewerSettings(), InitialView())
@@ -126,7 +126,7 @@ def measured_views(
             ssimulacra2=ssimulacra2(picture.reference, picture.color) if has_ssimulacra2() else None,
             jod=jod(picture.reference, picture.color) if has_jod() else None,
         )
-        kept.write(content, KeptView(record, gpu_bytes))
+        cache.write_value(content, KeptView(record, gpu_bytes))
         records.append(record)
         if report is not None:
             report.progress(number + 1, len(pictures))

@@ -10,6 +10,7 @@ import msgspec
 
 import viewer
 from ntc.codec.model import Pack
+from ntc.content_cache import ContentCache
 from ntc.errors import InputError
 from ntc.io import atomic_folder, write_bytes, write_text
 from ntc.library.index import is_library, library_packs
@@ -19,7 +20,6 @@ from ntc.pack.match import PackMatch
 from viewer.checking.budget import Budget, read_budget, suggested_budget
 from viewer.checking.ci_files import junit_xml, sarif_json
 from viewer.checking.findings import Finding, failures, find
-from viewer.checking.kept_values import KeptValues
 from viewer.checking.mending import MOST_CURVES, rate_curve
 from viewer.checking.page import PageContent, page, past_of
 from viewer.checking.record import FORMAT, PackRecord, Record, read_record
@@ -29,7 +29,7 @@ from viewer.cli.options import CheckOptions
 from viewer.cli.progress import TerminalProgress
 from viewer.cli.sources import choose_source, open_scene, packs_for
 from viewer.gl.context import create_headless_context
-from viewer.locations import checks_cache
+from viewer.locations import cache_folder
 from viewer.scene.cameras_file import read_cameras, with_cameras_beside
 from viewer.scene.json_text import counted
 from viewer.scene.model import Camera, Scene
@@ -64,8 +64,8 @@ def check(options: CheckOptions) -> int:
     """Run `ntc-viewer check`. Raises InputError for bad input."""
     budget = read_budget(options.budget) if options.budget is not None else Budget()
     accepted = read_record(options.against) if options.against is not None else None
-    kept = KeptValues(checks_cache())
-    checked = _measured(options, kept)
+    cache = ContentCache(cache_folder("checks"))
+    checked = _measured(options, cache)
     if accepted is not None:
         past = (*accepted.past, past_of(accepted))[-MOST_PAST:]
         checked = replace(checked, record=msgspec.structs.replace(checked.record, past=past))
@@ -74,12 +74,12 @@ def check(options: CheckOptions) -> int:
         sys.stdout.write(f"wrote {options.suggest}\n")
     findings = find(checked.record, budget, accepted, datetime.datetime.now(datetime.UTC).date())
     if options.out is not None:
-        _write(options.out, checked, findings, _curves(checked, findings, kept))
+        _write(options.out, checked, findings, _curves(checked, findings, cache))
     sys.stdout.write("\n".join(_lines(checked, findings)) + "\n")
     return FOUND if failures(findings) else 0
 
 
-def _measured(options: CheckOptions, kept: KeptValues) -> _Checked:
+def _measured(options: CheckOptions, cache: ContentCache) -> _Checked:
     if options.views < 0 or options.close < 0:
         raise InputError("--views and --close: must be 0 or more")
     path = options.source
@@ -95,9 +95,9 @@ def _measured(options: CheckOptions, kept: KeptValues) -> _Checked:
     pack = packs[source]
     match = match_scene(pack, scene)
     with TerminalProgress("measuring textures") as report:
-        textures = measured_textures(scene, pack, match, kept, report)
+        textures = measured_textures(scene, pack, match, cache, report)
     views = _views(
-        options, ViewsToMeasure(scene, source, pack, _cameras(options, scene), options.size, ""), textures, kept
+        options, ViewsToMeasure(scene, source, pack, _cameras(options, scene), options.size, ""), textures, cache
     )
     record = _record(str(path or scene.name), [pack], textures, views)
     return _Checked(record, textures, views, scene, pack, match)
@@ -125,16 +125,18 @@ def _close_cameras(scene: Scene, count: int) -> list[Camera]:
     return [replace(own.camera, name=f"close {number}") for number, own in enumerate(found, 1)]
 
 
-def _views(options: CheckOptions, views: ViewsToMeasure, textures: MeasuredTextures, kept: KeptValues) -> MeasuredViews:
+def _views(
+    options: CheckOptions, views: ViewsToMeasure, textures: MeasuredTextures, cache: ContentCache
+) -> MeasuredViews:
     if not views.cameras:
         return MeasuredViews((), None, 0)
     views = replace(views, content=scene_content(views.scene, textures.records))
-    known = kept_views(views, kept)
+    known = kept_views(views, cache)
     if known is not None:
         return known
     context = create_headless_context(options.device)
     with context.reset.watched(), TerminalProgress("measuring lit views") as report:
-        return measured_views(context, views, kept, report)
+        return measured_views(context, views, cache, report)
 
 
 def _record(source: str, packs: Sequence[Pack], textures: MeasuredTextures, views: MeasuredViews) -> Record:
@@ -156,7 +158,7 @@ def _disk_bytes(pack: Pack, latents: int) -> int:
     return pack.path.stat().st_size if pack.path is not None and pack.path.is_file() else latents
 
 
-def _curves(checked: _Checked, findings: Sequence[Finding], kept: KeptValues) -> dict[str, RateCurve]:
+def _curves(checked: _Checked, findings: Sequence[Finding], cache: ContentCache) -> dict[str, RateCurve]:
     """Return the rate curves of the textures that miss a limit of PSNR by most, by content."""
     if checked.scene is None or checked.pack is None or checked.match is None:
         return {}
@@ -167,7 +169,7 @@ def _curves(checked: _Checked, findings: Sequence[Finding], kept: KeptValues) ->
     found: dict[str, RateCurve] = {}
     for name in [name for name in names if name in by_name][:MOST_CURVES]:
         index, texture = by_name[name]
-        curve = rate_curve(original_of(checked.scene, places[index], texture), checked.pack, kept)
+        curve = rate_curve(original_of(checked.scene, places[index], texture), checked.pack, cache)
         if curve is not None:
             found[contents[name]] = curve
     return found

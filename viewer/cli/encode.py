@@ -46,7 +46,7 @@ from viewer.encoding.report import report_lines
 from viewer.encoding.whole_run import Asked, RunProgress, RunResult, encode_to_library
 from viewer.encoding.work import LIST_SUFFIX, Reading, WorkJob, WorkResult, texture_refs, work
 from viewer.jobs.executor import Workers, local_workers, ray_workers
-from viewer.locations import features_cache, named_scene, packs_folder
+from viewer.locations import cache_folder, named_scene, packs_folder
 from viewer.scene.images import folder_textures
 from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
@@ -347,7 +347,7 @@ def read_source(
 def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
     """Return the inputs of the grouping besides the textures. Raises InputError for files that cannot be read."""
     labels = read_labels(options.labels, source.textures) if options.labels is not None else {}
-    features = FeatureOptions(cache=features_cache(), clip_weights=options.clip_weights)
+    features = FeatureOptions(cache=cache_folder("features"), clip_weights=options.clip_weights)
     if options.grouping != "covisible":
         return GroupingInputs(labels=labels, features=features)
     return GroupingInputs(_views(source, options), labels, features)

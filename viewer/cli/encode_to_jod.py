@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ntc.codec.model import Pack
+from ntc.content_cache import ContentCache
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
 from ntc.metrics.perceptual import INSTALL, has_jod
 from ntc.pack.file import read_pack, write_pack
-from viewer.checking.kept_values import KeptValues
 from viewer.checking.views import LIGHTS, ViewsToMeasure, measured_views
 from viewer.cli.options import EncodeOptions
 from viewer.cli.sources import open_scene
@@ -92,13 +92,13 @@ def encode_to_jod(options: EncodeOptions, goal: float, encode_pack: Callable[[En
     context = create_headless_context()
     with tempfile.TemporaryDirectory() as folder, context.reset.watched():
         place = Path(folder, options.out.name)
-        kept = KeptValues(Path(folder))
+        cache = ContentCache(Path(folder))
 
         def measure(bits: float) -> Trial:
             encode_pack(replace(options, quality=None, bits=bits, out=place))
             pack = read_pack(place)
             views = ViewsToMeasure(scene, pack.grouping.name, pack, cameras, SIZE, f"{bits!r}")
-            found = measured_views(context, views, kept).records
+            found = measured_views(context, views, cache).records
             trial = Trial(bits, min(own.jod for own in found if own.jod is not None), pack)
             sys.stderr.write(f"{bits_with_mips(pack):.2f} bits per texel: {trial.jod:.2f} JOD\n")
             return trial

@@ -17,7 +17,7 @@ from ntc.metrics.compressed_textures import CompressedTextures, compress_texture
 from ntc.pack.match import require_match
 from viewer.cli.options import RenderOptions
 from viewer.cli.progress import TerminalProgress
-from viewer.locations import blocks_cache, builtin_scene_path, named_scene
+from viewer.locations import builtin_scene_path, cache_folder, named_scene
 from viewer.render.resources.decoding_shaders import EVERYWHERE
 from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
@@ -108,7 +108,7 @@ def compress_scene(scene: Scene, block_format: BlockFormat) -> CompressedTexture
 
     Raises InputError where the encoder is not installed.
     """
-    requests = compression_requests(scene, block_format, blocks_cache())
+    requests = compression_requests(scene, block_format, cache_folder("blocks"))
     pictures = [request for own in requests for request in own]
     with TerminalProgress(f"encoding {block_format}", "images") as report:
         pool = ThreadPoolExecutor(os.cpu_count() or 1)

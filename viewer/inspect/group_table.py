@@ -14,7 +14,7 @@ from ntc.codec.quality import mse_of_psnr, psnr_of_mse
 from ntc.features import FeatureOptions, feature_matrix
 from ntc.pack.match import PackMatch
 from viewer.jobs.job import JobReport
-from viewer.locations import features_cache
+from viewer.locations import cache_folder
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import has_source, source_texture
 
@@ -117,7 +117,7 @@ def group_distances(
 ) -> GroupDistances:
     """Return the distances of all decoded textures (a job). `decoders` is by texture id, -1 for none."""
     held = [texture for texture, decoder in enumerate(decoders) if decoder >= 0]
-    options = FeatureOptions(cache=features_cache(), progress=report.progress)
+    options = FeatureOptions(cache=cache_folder("features"), progress=report.progress)
     sources = [
         source_texture(scene, texture, None, "base" if has_source(scene.textures[texture], "base") else "all")
         for texture in held

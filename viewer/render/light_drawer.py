@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ntc.content_cache import ContentCache
 from ntc.errors import InputError
-from ntc.metrics.compressed_textures import BlockCache
 from viewer.lighting.panorama import Panorama, load_panorama
 from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize
 from viewer.lighting.sky import environment_turn, sky_radiance, sun_of
 from viewer.lighting.studio import studio
-from viewer.locations import environments_cache
+from viewer.locations import cache_folder
 from viewer.render.pass_scheduler import Output
 from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.passes.shadow import ShadowInputs, ShadowPass
@@ -31,7 +31,7 @@ class LightDrawer:
     def __init__(self, context: RenderContext, drawer: SceneDrawer) -> None:
         self._context, self._scene = context.graphics, context.scene
         self._drawer, self._scheduler = drawer, context.scheduler
-        cache = BlockCache(environments_cache(), MOST_CACHED_BYTES)
+        cache = ContentCache(cache_folder("environments"), MOST_CACHED_BYTES)
         self._prefilter = PrefilterPass(context.graphics, context.programs, cache)
         self._shadow_pass = ShadowPass(context.graphics, context.programs, context.scene_buffers)
         self._maps: EnvironmentMaps | None = None

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, MapName, Plane, map_slices
 from ntc.codec.mips import mip_chain
 from ntc.metrics.block_compression import BlockFormat
-from ntc.metrics.compressed_textures import BlockCache, CompressedTexture, CompressedTextures, CompressionRequest
+from ntc.metrics.compressed_textures import CompressedTexture, CompressedTextures, CompressionRequest
 from viewer.scene.model import Scene, SceneTexture
 
 PICTURES: tuple[tuple[MapName, ...], ...] = (
@@ -45,10 +45,7 @@ def map_pictures(texture: SceneTexture) -> dict[tuple[MapName, ...], NDArray[np.
 
 
 def compression_requests(scene: Scene, block_format: BlockFormat, cache: Path | None) -> Requests:
-    """Return the requests of each texture, one for each of its pictures, the base colour first; files that the cache has no room
-    for are removed first."""
-    if cache is not None:
-        BlockCache(cache).trim()
+    """Return the requests of each texture, one for each of its pictures, the base colour first."""
     return tuple(
         tuple(
             CompressionRequest(np.ascontiguousarray(pixels), block_format, cache, maps=maps)

@@ -5,7 +5,6 @@ import hashlib
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Mapping
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final, Protocol, TypeVar, cast
@@ -16,15 +15,10 @@ import OpenImageIO
 from numpy.typing import NDArray
 
 from ntc.codec.maps import MapName
-from ntc.errors import InputError
-from ntc.io import is_partial, read_file, write_bytes
+from ntc.content_cache import ContentCache
 
 VERSION: Final = 1
 """Changes with how images are decoded and taken apart."""
-LARGEST_FILE: Final = 1 << 28
-MOST_SCENES: Final = 64
-"""Scenes of which facts are kept: those opened longest ago are forgotten first."""
-SUFFIX: Final = ".facts"
 
 
 class MapFacts(msgspec.Struct, frozen=True):
@@ -55,7 +49,6 @@ class ImageFacts(msgspec.Struct, frozen=True):
 
 
 class _Content(msgspec.Struct):
-    version: str
     images: dict[str, ImageFacts]
     sets: dict[str, str]
 
@@ -65,22 +58,11 @@ class FactsFile:
 
     def __init__(self, folder: Path | None, scene: Path | None) -> None:
         """Keep facts in the cache `folder`; without it, or a scene's file, nothing is kept."""
-        self._path: Path | None = None
-        if folder is not None and scene is not None:
-            name = hashlib.sha256(str(scene.resolve()).encode(errors="surrogateescape")).hexdigest()[:32]
-            self._path = folder / f"{name}{SUFFIX}"
-        self._version = f"{VERSION} {OpenImageIO.__version__}"
-        self._known = self._read()
-        self._used = _Content(self._version, {}, {})
+        self._cache = ContentCache(folder if scene is not None else None)
+        self._key = f"{VERSION} {OpenImageIO.__version__} {scene.resolve()}" if scene is not None else ""
+        self._known = self._cache.read_value(self._key, _Content) or _Content({}, {})
+        self._used = _Content({}, {})
         self._new_bytes = 0
-
-    def _read(self) -> _Content:
-        with suppress(OSError, msgspec.MsgspecError, UnicodeDecodeError):
-            if self._path is not None:
-                content = msgspec.json.decode(read_file(self._path, LARGEST_FILE), type=_Content)
-                if content.version == self._version:
-                    return content
-        return _Content(self._version, {}, {})
 
     @staticmethod
     def image_key(data: bytes, use: str) -> str:
@@ -112,17 +94,8 @@ class FactsFile:
 
     def write(self, least_bytes: int) -> None:
         """Keep what is used of it, if images of so many bytes were decoded for it; nothing where the folder cannot be written."""
-        if self._path is None or self._new_bytes < max(least_bytes, 1):
-            return
-        with suppress(InputError, OSError):
-            write_bytes(self._path, msgspec.json.encode(self._used))
-            _trim(self._path.parent)
-
-
-def _trim(folder: Path) -> None:
-    files = [path for path in folder.glob(f"*{SUFFIX}") if path.is_file() and not is_partial(path)]
-    for path in sorted(files, key=lambda path: path.stat().st_mtime_ns)[:-MOST_SCENES]:
-        path.unlink()
+        if self._new_bytes >= max(least_bytes, 1):
+            self._cache.write_value(self._key, self._used)
 
 
 LARGEST_CACHE = 1 << 29

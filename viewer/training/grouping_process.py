@@ -16,7 +16,7 @@ from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from ntc.worker.process import FunctionProcess
 from viewer.jobs.job import JobReport
-from viewer.locations import features_cache
+from viewer.locations import cache_folder
 
 NICENESS = 10
 WITHOUT_FEATURES = ("baseline", "single", "category")
@@ -36,7 +36,7 @@ class GroupingJob:
 
 def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     """Return what the grouping needs besides the textures. Raises InputError."""
-    features = FeatureOptions(cache=features_cache())
+    features = FeatureOptions(cache=cache_folder("features"))
     if job.config.name != "covisible":
         return GroupingInputs(features=features)
     if job.scene is None:

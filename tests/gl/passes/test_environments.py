@@ -14,7 +14,7 @@ from tests.support.lit_studio import LitStudio, sphere_grid
 from viewer.gl.context import GraphicsContext
 from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize, irradiance_map, prefilter
 from viewer.lighting.sky import sky_radiance
-from viewer.locations import environments_cache
+from viewer.locations import cache_folder
 from viewer.render.pass_scheduler import Step
 from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.resources.light import EnvironmentMaps
@@ -74,9 +74,9 @@ def test_panoramas_are_prefiltered_once_and_kept(graphics: GraphicsContext, tmp_
     pixels = random.gamma(0.3, 2.0, (64, 128, 3))
     lighting = Lighting(panorama_file(tmp_path / "a.exr", pixels), environment_turn=40.0)
     studio = grid_studio(graphics)
-    before = set(environments_cache().glob("*"))
+    before = set(cache_folder("environments").glob("*"))
     found = maps_of(studio.light_drawer.prepare(lighting).environment, PANORAMA_SIZE)
-    kept = set(environments_cache().glob("*")) - before
+    kept = set(cache_folder("environments").glob("*")) - before
     assert len(kept) == 1
     studio.release()
     # Blurred maps have the mean of what they blur.

@@ -1,6 +1,5 @@
 """Prefiltering of an environment for the shading pass."""
 
-import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -9,7 +8,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.metrics.compressed_textures import SUFFIX, BlockCache
+from ntc.content_cache import ContentCache
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.jobs.job import Job, JobReport
@@ -52,9 +51,9 @@ class PrefilterPass:
 
     name = "prefilter"
 
-    def __init__(self, context: GraphicsContext, programs: ProgramFactory, cache: BlockCache | None = None) -> None:
-        """Take `cache`, where prefiltered files are kept; None: nowhere."""
-        self._context, self._cache = context, cache
+    def __init__(self, context: GraphicsContext, programs: ProgramFactory, cache: ContentCache | None = None) -> None:
+        """Take `cache`, which keeps prefiltered panoramas; None: nothing is kept."""
+        self._context, self._cache = context, cache or ContentCache(None)
         self._mean = programs.fullscreen("passes/prefilter/source.frag")
         self._convolution = programs.fullscreen("passes/prefilter/convolve.frag")
         self._source: moderngl.Texture | None = None
@@ -64,15 +63,13 @@ class PrefilterPass:
     def advance(self, inputs: PrefilterInputs, output: EnvironmentMaps, step: Step) -> Progress:
         """Write the panorama, and all maps or the next one. Raises GpuMemoryError."""
         whole = step.whole or self._context.waits or not inputs.is_kept
-        cache = self._cache if inputs.is_kept else None
         width, height = output.size.texture_size
-        digest = hashlib.sha256(f"{VERSION} {inputs.key} {output.size}".encode()).hexdigest()[:32]
-        path = None if cache is None else cache.folder / f"{digest}{SUFFIX}"
+        key = f"{VERSION} {inputs.key} {output.size}"
         if not step.is_same_view or self._filtering is None or self._filtering.key != inputs.key:
             output.write_panorama(inputs.panorama)
-            found = None if cache is None or path is None else cache.read(path, width * height * 16)
-            if found is not None:
-                output.maps.write(found)
+            maps = self._cache.read(key) if inputs.is_kept else None
+            if maps is not None and len(maps) == width * height * 16:
+                output.maps.write(maps)
                 return Progress()
             self._draw_source(output)
             irradiance = Job(partial(_irradiance, inputs.panorama, output.size.irradiance_side))
@@ -87,9 +84,8 @@ class PrefilterPass:
         side = output.size.irradiance_side
         pixels = filtering.irradiance.future.result().tobytes()
         output.maps.write(pixels, viewport=(0, output.size.tops[-1], 6 * (side + 2), side + 2))
-        if cache is not None and path is not None:
-            cache.write(path, output.maps.read())
-            cache.trim()
+        if inputs.is_kept:
+            self._cache.write(key, output.maps.read())
         return Progress()
 
     def _source_of(self, side: int) -> moderngl.Texture:

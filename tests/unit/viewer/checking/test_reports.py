@@ -14,11 +14,11 @@ from ntc.api import encode
 from ntc.codec.encoding import BitsTarget
 from ntc.codec.maps import MapName
 from ntc.codec.textures import SourceTexture
+from ntc.content_cache import ContentCache
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
 from tests.unit.viewer.checking.test_budget import found, record, texture
 from viewer.checking.ci_files import junit_xml, sarif_json
-from viewer.checking.kept_values import KeptValues
 from viewer.checking.mending import rate_curve
 from viewer.checking.page import PageContent, page, past_of
 from viewer.checking.record import read_record
@@ -104,11 +104,11 @@ def test_the_page_tells_the_bits_within_the_points_of_the_curve(
 
 def test_the_curve_of_a_texture_is_measured_once_on_all_its_texels(tmp_path: Path) -> None:
     pixels = np.random.default_rng(0).integers(0, 256, (32, 48, 3), np.uint8)
-    source, kept = SourceTexture("noise", pixels, "hash"), KeptValues(tmp_path)
+    source, cache = SourceTexture("noise", pixels, "hash"), ContentCache(tmp_path)
     pack = encode([source], codec="block", target=BitsTarget(4.0))
-    curve = rate_curve(source, pack, kept)
+    curve = rate_curve(source, pack, cache)
     assert curve is not None
-    assert rate_curve(source, pack, kept) == curve
+    assert rate_curve(source, pack, cache) == curve
     point = curve.points[2]
     assert point.bits == pytest.approx(bits_with_mips(pack))
     assert point.psnr_db == point.by_map["base"] == pytest.approx(pack.textures[0].psnr_db)

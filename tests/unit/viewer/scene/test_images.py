@@ -23,7 +23,7 @@ from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, compressed
 from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.scenes import built
 from viewer.export.images import ktx2_astc
-from viewer.locations import images_cache
+from viewer.locations import cache_folder
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.images import decode_image, folder_textures, read_image, write_png
 from viewer.scene.ktx2 import SIGNATURE
@@ -416,7 +416,7 @@ def test_an_image_that_changes_while_the_scene_is_open_is_an_error(
 def test_a_broken_file_of_facts_is_not_used(tmp_path: Path, decoded: list[str], damage: bytes) -> None:
     path = scene_of_images(tmp_path)
     expected = content(load_scene(path))
-    (facts,) = images_cache().iterdir()
+    (facts,) = cache_folder("images").iterdir()
     facts.write_bytes(damage)
     decoded.clear()
     assert content(load_scene(path)) == expected
@@ -439,7 +439,7 @@ def test_progress_is_told_and_can_end_the_opening(tmp_path: Path, decoded: list[
     with pytest.raises(CancelledError):
         load_scene(path, report=report)
     assert len(decoded) < 40
-    assert not images_cache().exists()
+    assert not cache_folder("images").exists()
     whole = Report(1000)
     load_scene(path, report=whole)
     assert whole.told[0][0] == 1

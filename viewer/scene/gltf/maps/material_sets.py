@@ -15,7 +15,7 @@ from ntc.codec.maps import BASE_ALONE, MAP_CHANNELS, MAPS, PLANE_COMPONENTS, PLA
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.textures import hash_channels
 from ntc.errors import InputError
-from viewer.locations import images_cache
+from viewer.locations import cache_folder
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.maps.images import (
@@ -383,7 +383,7 @@ def read_textures(
     that takes long. Raises InputError, and what `report` raises.
     """
     try:
-        facts = FactsFile(images_cache(), scene)
+        facts = FactsFile(cache_folder("images"), scene)
         found = _read(file, ImageReader(file, buffers, facts, PixelCache()), facts, sources, drawn, notes, report)
         facts.write(KEPT_FROM_BYTES)
         return found
