@@ -9,9 +9,8 @@ import traceback
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from functools import partial
 from multiprocessing.connection import Connection
-from typing import Any, Generic, TypeVar
+from typing import Any
 
 import msgspec
 
@@ -20,11 +19,8 @@ from ntc.worker.shared_arrays import Parcel, SharedBlock, inside, received, sent
 
 SECONDS_TO_END = 0.5
 """Longest wait for a process that was killed."""
-SECONDS_BETWEEN_CHECKS = 0.05
 LONGEST_DETAILS = 8000
 """Largest part of a traceback that is reported, in characters: its end holds the error."""
-Argument = TypeVar("Argument")
-Result = TypeVar("Result")
 
 
 class Call(msgspec.Struct, frozen=True, tag=True):
@@ -312,58 +308,3 @@ class WorkerProcess:
         self._process.kill()
         self._process.join(SECONDS_TO_END)
         self._release(len(self._given))
-
-
-def _without_window(function: Callable[[Argument], Result], argument: Argument, _window: WindowEnd) -> Result:
-    return function(argument)
-
-
-class FunctionProcess(Generic[Argument, Result]):
-    """A worker process for a plain function. It starts with the first call, and anew after one that ended it."""
-
-    def __init__(self, function: Callable[[Argument], Result], name: str, niceness: int = 0) -> None:
-        """`function` is found by its module and name; `name` is that of the process, for error texts too."""
-        self._function, self.name, self._niceness = function, name, niceness
-        self._lock = threading.Lock()
-        self._process: WorkerProcess | None = None
-        self._closed = False
-
-    def call(self, argument: Argument, check: Callable[[], None] = lambda: None) -> Result:
-        """Call the function and wait for its answer; one call at a time. `check` is called meanwhile: what it raises ends the wait.
-
-        Raises InputError for what the function raises, and where the process ends without an answer.
-        """
-        try:
-            process = self.started()
-            process.call(argument)
-            while (report := process.receive(SECONDS_BETWEEN_CHECKS)) is None:
-                check()
-        except (OSError, ProcessEndedError) as error:
-            self._end()
-            raise InputError(f"{self.name}: its process gave no answer ({error}); try again") from error
-        if isinstance(report, Failed):
-            raise InputError(report.line)
-        assert isinstance(report, Answer)
-        result: Result = received(report.value)
-        return result
-
-    def started(self) -> WorkerProcess:
-        """Return the process, which imports the function ahead of the first call. Raises OSError where none can be started, and
-        ProcessEndedError after `close`."""
-        with self._lock:
-            if self._closed:
-                raise ProcessEndedError("was ended")
-            if self._process is None:
-                self._process = WorkerProcess(partial(_without_window, self._function), self.name, self._niceness)
-            return self._process
-
-    def _end(self) -> None:
-        with self._lock:
-            if self._process is not None:
-                self._process.end()
-                self._process = None
-
-    def close(self) -> None:
-        """End the process, in the middle of a call too."""
-        self._closed = True
-        self._end()

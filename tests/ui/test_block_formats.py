@@ -29,36 +29,36 @@ pytest.importorskip("astc_encoder")
 PATIENCE_SECONDS = 60.0
 
 
-class HeldProcess:
-    """Encodes in the caller's thread, and not before it may."""
+class HeldHelpers:
+    """Encode in the caller's thread, and not before they may."""
 
-    def __init__(self, function: Callable[[CompressionRequest], CompressedTexture], *_: object) -> None:
-        self.function = function
+    def __init__(self) -> None:
+        self.function = compress_texture
         self.may_go = True
         self.calls = 0
 
-    def call(self, request: CompressionRequest) -> CompressedTexture:
+    def call(
+        self, _name: str, _function: object, request: CompressionRequest, check: Callable[[], None]
+    ) -> CompressedTexture:
         self.calls += 1
         while not self.may_go:
+            check()
             time.sleep(0.005)
         return self.function(request)
 
-    def close(self) -> None:
-        self.may_go = True
-
 
 @pytest.fixture
-def process(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> HeldProcess:
+def helpers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> HeldHelpers:
     """What the application of a test encodes in, with a cache of its own."""
     monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
-    made = HeldProcess(compress_texture)
-    monkeypatch.setattr(slot_jobs, "FunctionProcess", lambda *_: made)
+    made = HeldHelpers()
+    monkeypatch.setattr(slot_jobs, "HELPERS", made)
     return made
 
 
 @pytest.fixture
-def driven(process: HeldProcess, app: DrivenApp) -> DrivenApp:
-    """An application whose encodings are held by `process`."""
+def driven(helpers: HeldHelpers, app: DrivenApp) -> DrivenApp:
+    """An application whose encodings are held by `helpers`."""
     return app
 
 
@@ -66,14 +66,14 @@ def toasts(app: DrivenApp) -> str:
     return " ".join(toast.text for toast in app.session.window.toasts)
 
 
-def test_a_slot_keeps_what_it_shows_until_the_textures_are_encoded(driven: DrivenApp, process: HeldProcess) -> None:
-    before, process.may_go = driven.session.view.slot_a, False
+def test_a_slot_keeps_what_it_shows_until_the_textures_are_encoded(driven: DrivenApp, helpers: HeldHelpers) -> None:
+    before, helpers.may_go = driven.session.view.slot_a, False
     driven.run("slot.source", "a", "bc1")
     driven.frame(3)
     assert driven.session.view.slot_a == before
     assert not driven.is_settled
     assert "A encoding" in driven.widgets.labels()
-    process.may_go = True
+    helpers.may_go = True
     driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_a.source == "bc1"
     assert "A encoding" not in driven.widgets.labels()
@@ -90,7 +90,7 @@ def test_a_slot_keeps_what_it_shows_until_the_textures_are_encoded(driven: Drive
     # What is there is shown at once.
     driven.run("slot.source", "b", "bc1")
     assert driven.session.view.slot_b.source == "bc1"
-    assert process.calls == len(driven.session.scene.textures)
+    assert helpers.calls == len(driven.session.scene.textures)
 
 
 def test_the_picture_is_that_of_the_decoded_blocks(driven: DrivenApp) -> None:
@@ -110,43 +110,43 @@ def test_the_picture_is_that_of_the_decoded_blocks(driven: DrivenApp) -> None:
     assert set(driven.frontend.picture.renderer.images._passes) == {("astc-12x12", "base")}
 
 
-def test_another_choice_cancels_the_encoding(driven: DrivenApp, process: HeldProcess) -> None:
-    process.may_go = False
+def test_another_choice_cancels_the_encoding(driven: DrivenApp, helpers: HeldHelpers) -> None:
+    helpers.may_go = False
     driven.run("slot.source", "a", "bc7")
     driven.frame(2)
     driven.run("slot.source", "a", "single")
     driven.frame(2)
     assert driven.session.awaited_formats == {}
     assert driven.session.view.slot_a.source == "single"
-    process.may_go = True
+    helpers.may_go = True
     driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_a.source == "single"
 
 
-def test_what_was_encoded_before_needs_no_process(driven: DrivenApp, process: HeldProcess) -> None:
+def test_what_was_encoded_before_needs_no_process(driven: DrivenApp, helpers: HeldHelpers) -> None:
     driven.run("slot.source", "a", "bc1")
     driven.until(lambda: driven.is_settled)
-    calls = process.calls
+    calls = helpers.calls
     driven.session.compressed = {}
     driven.frontend._formats._background.forget()
     driven.run("slot.source", "b", "bc1")
     driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_b.source == "bc1"
-    assert process.calls == calls
+    assert helpers.calls == calls
 
 
-def test_swapping_slots_swaps_what_they_wait_for(driven: DrivenApp, process: HeldProcess) -> None:
-    process.may_go = False
+def test_swapping_slots_swaps_what_they_wait_for(driven: DrivenApp, helpers: HeldHelpers) -> None:
+    helpers.may_go = False
     driven.run("slot.source", "a", "bc1")
     driven.run("compare.swap")
     assert driven.session.awaited_formats == {"b": "bc1"}
 
 
-def test_a_missing_encoder_is_one_message_and_changes_nothing(driven: DrivenApp, process: HeldProcess) -> None:
+def test_a_missing_encoder_is_one_message_and_changes_nothing(driven: DrivenApp, helpers: HeldHelpers) -> None:
     def missing(_request: CompressionRequest) -> CompressedTexture:
         raise InputError("block compression: the packages are not installed (x); pip install 'ntc-viewer[lab]'")
 
-    process.function, before = missing, driven.session.view
+    helpers.function, before = missing, driven.session.view
     driven.run("slot.source", "b", "bc7")
     driven.until(lambda: driven.is_settled)
     assert driven.session.view.slot_b == before.slot_b
@@ -202,8 +202,8 @@ def test_textures_of_another_scene_are_not_shown(driven: DrivenApp, scene_path: 
     driven.frame(2)
 
 
-def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, process: HeldProcess) -> None:
-    before, process.may_go = driven.session.view.slot_a, False
+def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, helpers: HeldHelpers) -> None:
+    before, helpers.may_go = driven.session.view.slot_a, False
     assert "work" not in driven.widgets.labels()
     driven.run("slot.source", "a", "bc1")
     driven.frame(3)

@@ -12,34 +12,18 @@ from imgui_bundle import imgui
 
 from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.quality import psnr_db
-from ntc.worker.process import FunctionProcess
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, Opener
 from viewer.commands import run_line
-from viewer.inspect import live_comparison
-from viewer.inspect.comparison import Comparison, PicturePair, compare
 from viewer.render.renderer import Renderer
 from viewer.state.view_state import CompareMode, Slot
 
-ComparisonProcess = FunctionProcess[PicturePair, Comparison]
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
 
 
-@pytest.fixture(scope="module")
-def shared_process() -> Iterator[ComparisonProcess]:
-    """Starting it takes longer than what it is asked for."""
-    made: ComparisonProcess = FunctionProcess(compare, "comparison")
-    yield made
-    made.close()
-
-
 @pytest.fixture
-def live(
-    monkeypatch: pytest.MonkeyPatch, shared_process: ComparisonProcess, open_window: Opener
-) -> Iterator[DrivenApp]:
-    """With live figures; the camera looks at both squares from the front. The window closes before what is patched is undone."""
-    monkeypatch.setattr(live_comparison, "FunctionProcess", lambda *_: shared_process)
-    monkeypatch.setattr(shared_process, "close", lambda: None)
+def live(open_window: Opener) -> Iterator[DrivenApp]:
+    """With live figures; the camera looks at both squares from the front."""
     made = open_window(coarse_while_moving=False, column_folded=False)
     camera = replace(made.session.view.camera, eye=(0.03, 0.0, 1.5), target=(0.03, 0.0, 0.0))
     made.session.view = replace(made.session.view, camera=camera)

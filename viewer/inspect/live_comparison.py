@@ -7,7 +7,7 @@ import numpy as np
 
 from ntc.codec.model import Pack
 from ntc.errors import InputError
-from ntc.worker.process import FunctionProcess
+from ntc.worker.helpers import HELPERS
 from viewer.inspect.comparison import Comparison, LiveFigures, PicturePair, compare, compared_source
 from viewer.jobs.job import Job, JobReport
 from viewer.render.compositor import ComparisonErrors
@@ -42,11 +42,10 @@ class _Request:
 class LiveComparison:
     """Comparison in steps of one decode or one read-back, so that no frame waits for long. It belongs to the OpenGL thread.
 
-    FLIP holds Python's interpreter lock, and frames must not wait for it: a process of its own compares the pictures.
+    FLIP holds Python's interpreter lock, and frames must not wait for it: a helper process compares the pictures.
     """
 
     def __init__(self) -> None:
-        self._process = FunctionProcess(compare, "comparison")
         self._job: Job[Comparison] | None = None
         """Job of the comparison, until its result is taken."""
         self._rest_key: object = None
@@ -138,8 +137,8 @@ class LiveComparison:
             decoders=self._request.decoders,
         )
 
-        def call(_report: JobReport) -> Comparison:
-            return self._process.call(pictures)
+        def call(report: JobReport) -> Comparison:
+            return HELPERS.call("comparison", compare, pictures, report.check)
 
         self._job = Job(call).start("comparison")
 
@@ -160,5 +159,6 @@ class LiveComparison:
         return True
 
     def close(self) -> None:
-        """End the process of the comparison."""
-        self._process.close()
+        """End the comparison under way."""
+        if self._job is not None:
+            self._job.cancel()

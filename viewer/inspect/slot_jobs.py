@@ -10,7 +10,7 @@ from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, kept_texture
-from ntc.worker.process import FunctionProcess
+from ntc.worker.helpers import HELPERS
 from viewer.jobs.job import Background, JobReport
 from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Scene
@@ -19,18 +19,16 @@ from viewer.state.message_log import details_of
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
 
-NICENESS = 10
 Key = tuple[Scene, BlockFormat]
 
 
 class FormatEncoding:
-    """Encoding of `session.awaited_formats` in a process: some encoders hold Python's interpreter lock until they are done."""
+    """Encoding of `session.awaited_formats` in a helper process: some encoders hold Python's interpreter lock until they are done."""
 
     def __init__(self, cache: Path, emit: EmitEvent) -> None:
         """Make the encoding; `cache` is the folder for encoded blocks."""
         self._cache, self._emit = cache, emit
         self._background = Background()
-        self._process = FunctionProcess(compress_texture, "block compression", NICENESS)
         self._asked: set[Key] = set()
         self._shares: dict[BlockFormat, float] = {}
 
@@ -72,14 +70,14 @@ class FormatEncoding:
         found = []
         for number, request in enumerate(pictures):
             # No process starts for cached blocks.
-            found.append(kept_texture(request) or self._process.call(request))
+            texture = kept_texture(request)
+            found.append(texture or HELPERS.call("block compression", compress_texture, request, report.check))
             report.progress(number + 1, len(pictures))
         return compressed_scene(block_format, requests, found)
 
     def close(self) -> None:
-        """End the process, even in the middle of a texture."""
+        """End the encoding, even in the middle of a texture."""
         self._background.forget()
-        self._process.close()
         self._background.close()
 
 

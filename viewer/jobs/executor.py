@@ -4,20 +4,18 @@ Ray is an extra of its own.
 """
 
 import importlib
-import multiprocessing
+import math
 import os
-import signal
-import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import FIRST_COMPLETED, Future, wait
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing.connection import Connection
 from typing import Any, Generic, TypeVar
 
-from ntc.errors import InputError
+from ntc.errors import InputError, ProcessEndedError
+from ntc.worker.helpers import Helpers
+from viewer.jobs.job import Job
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 """Environment of workers: one for each core, and numbers that do not depend on how many threads add them up."""
@@ -39,21 +37,9 @@ class Workers(Generic[Argument, Result]):
     """Begins a job; at most `slots` at the same time."""
 
 
-def _end_with(lifeline: Connection) -> None:
-    """End this process when the other end of `lifeline` is closed, however the program there ends."""
-    # Ctrl-C in a terminal reaches this process too; the program decides what it means.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-    def end() -> None:
-        lifeline.poll(None)
-        os._exit(1)
-
-    threading.Thread(target=end, daemon=True).start()
-
-
 @contextmanager
 def local_workers(function: Callable[[Argument], Result], count: int) -> Iterator[Workers[Argument, Result]]:
-    """Yield `count` spawned processes of this machine, which end with the block, in the middle of a job too.
+    """Yield `count` helper processes of this machine, which end with the block, in the middle of a job too.
 
     `function` is found by its module and name. Raises InputError for less than one process.
     """
@@ -61,33 +47,15 @@ def local_workers(function: Callable[[Argument], Result], count: int) -> Iterato
         raise InputError(f"--workers {count}: must be at least 1")
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     os.environ.update(ONE_THREAD)
-    context = multiprocessing.get_context("spawn")
-    lifeline, held = context.Pipe(duplex=False)
-
-    def pool() -> ProcessPoolExecutor:
-        # A pool for each process: a process that dies breaks its pool, and all jobs there.
-        return ProcessPoolExecutor(1, context, _end_with, (lifeline,))
-
-    pools = [pool() for _ in range(count)]
-    last: list[Future[Result] | None] = [None] * count
+    helpers = Helpers(idle_seconds=math.inf, niceness=0)
 
     def submit(argument: Argument) -> Future[Result]:
-        place = next(place for place, future in enumerate(last) if future is None or future.done())
-        try:
-            future = pools[place].submit(function, argument)
-        except BrokenProcessPool:
-            pools[place] = pool()
-            future = pools[place].submit(function, argument)
-        last[place] = future
-        return future
+        return Job(lambda _report: helpers.call("job", function, argument)).start("job").future
 
     try:
         yield Workers(lambda: count, submit)
     finally:
-        held.close()
-        for each in pools:
-            each.shutdown(cancel_futures=True)
-        lifeline.close()
+        helpers.close()
         for name, value in before.items():
             if value is None:
                 os.environ.pop(name, None)
@@ -142,11 +110,12 @@ def _problem(error: BaseException) -> str:
     """Return one line: why a job failed."""
     # Ray wraps what the function raised.
     cause = getattr(error, "cause", None) or error
+    ended = cause.__cause__ if isinstance(cause.__cause__, ProcessEndedError) else cause
+    name = type(ended).__name__
+    if isinstance(ended, ProcessEndedError) or type(ended).__module__.startswith("ray."):
+        return f"the worker gave no answer ({name}): its process or machine is gone"
     if isinstance(cause, InputError):
         return str(cause)
-    name = type(cause).__name__
-    if isinstance(cause, BrokenProcessPool) or type(cause).__module__.startswith("ray."):
-        return f"the worker gave no answer ({name}): its process or machine is gone"
     return str(InputError(f"{name}: {cause}"))
 
 

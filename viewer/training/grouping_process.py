@@ -1,8 +1,5 @@
-"""Grouping in a process of its own: features keep Python's lock, and covisible needs OpenGL; a window must not wait.
+"""Grouping in a helper process: features keep Python's lock, and covisible needs OpenGL; a window must not wait."""
 
-The process ends with its one answer, and with the program that started it."""
-
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,13 +11,14 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
-from ntc.worker.process import FunctionProcess
-from viewer.jobs.job import JobReport
+from ntc.worker.helpers import HELPERS, SECONDS_BETWEEN_CHECKS
+from viewer.jobs.job import Job, JobReport
 from viewer.locations import cache_folder
 
-NICENESS = 10
 WITHOUT_FEATURES = ("baseline", "single", "category")
 """Groupings that are found at once, without another process."""
+COVISIBLE = "covisible"
+"""Grouping that draws views with OpenGL."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +35,7 @@ class GroupingJob:
 def grouping_inputs(job: GroupingJob) -> GroupingInputs:
     """Return what the grouping needs besides the textures. Raises InputError."""
     features = FeatureOptions(cache=cache_folder("features"))
-    if job.config.name != "covisible":
+    if job.config.name != COVISIBLE:
         return GroupingInputs(features=features)
     if job.scene is None:
         raise InputError("covisible: needs a scene that was read from a file; choose another grouping")
@@ -56,26 +54,23 @@ def grouping_inputs(job: GroupingJob) -> GroupingInputs:
 
 
 def group_textures(job: GroupingJob) -> Grouping:
-    """Return the grouping of a job, in the grouping process. Raises InputError."""
+    """Return the grouping of a job, in a helper. Raises InputError."""
     return make_grouping(job.config, job.textures, grouping_inputs(job))
 
 
-class GroupingProcess:
-    """A process that starts while the textures to group are still being made. Use in a `with` block."""
+def _start(_argument: None) -> None:
+    """Do nothing: a helper that is asked for this imports the module."""
+
+
+class GroupingAhead:
+    """A grouping whose helper starts while the textures to group are still being made."""
 
     def __init__(self, config: GroupingConfig) -> None:
+        """Start the helper, where the grouping needs one; `find` reports why it cannot be started."""
         self._config = config
-        self._process = FunctionProcess(group_textures, "grouping", NICENESS)
-
-    def __enter__(self) -> "GroupingProcess":
-        if self._config.name not in WITHOUT_FEATURES:
-            # `find` reports why it cannot be started.
-            with suppress(OSError):
-                self._process.started()
-        return self
-
-    def __exit__(self, *_exception: object) -> None:
-        self._process.close()
+        self._starting: Job[None] | None = None
+        if config.name not in (*WITHOUT_FEATURES, COVISIBLE):
+            self._starting = Job(lambda _report: HELPERS.call("grouping", _start, None)).start("grouping")
 
     def find(self, textures: tuple[SourceTexture, ...], scene: Path | None, report: JobReport) -> Grouping:
         """Return the grouping of `textures` of the scene in that file, as `make_grouping` finds it.
@@ -84,4 +79,8 @@ class GroupingProcess:
         """
         if self._config.name in WITHOUT_FEATURES:
             return make_grouping(self._config, textures)
-        return self._process.call(GroupingJob(self._config, textures, scene), report.check)
+        while self._starting is not None and not self._starting.done:
+            self._starting.join(SECONDS_BETWEEN_CHECKS)
+            report.check()
+        job = GroupingJob(self._config, textures, scene)
+        return HELPERS.call("grouping", group_textures, job, report.check, alone=self._config.name == COVISIBLE)

@@ -18,7 +18,7 @@ from viewer.scene.images import reduced_size
 from viewer.scene.json_text import counted
 from viewer.scene.model import Scene
 from viewer.scene.source_textures import reduce_texture, source_textures, without_alpha
-from viewer.training.grouping_process import GroupingProcess
+from viewer.training.grouping_process import GroupingAhead
 from viewer.training.settings import DEFAULT_BUDGET, TrainingSettings, budget_text, target_text
 
 
@@ -124,10 +124,10 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
         if grouping.groups == base.grouping.groups:
             raise InputError(f"texture {job.texture} is in group {job.group} already")
     if isinstance(job, Regroup):
-        with GroupingProcess(_grouping_config(job.settings)) as process:
-            textures = _textures_of(base, scene, report)
-            _check_clusters(job.settings, textures)
-            grouping = process.find(textures, scene.path, report)
+        ahead = GroupingAhead(_grouping_config(job.settings))
+        textures = _textures_of(base, scene, report)
+        _check_clusters(job.settings, textures)
+        grouping = ahead.find(textures, scene.path, report)
         if len(unchanged_groups(base.grouping, grouping)) == grouping.group_count:
             raise InputError(
                 f"{job.settings.grouping_text}: finds the groups that the pack has already; there is nothing to train"
@@ -146,17 +146,15 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
 def _encode(settings: TrainingSettings, scene: Scene, report: JobReport) -> TrainingRequest:
     codec = codec_named(settings.codec_kind)
     maps, size = settings.chosen_maps, settings.texture_size
-    with GroupingProcess(_grouping_config(settings)) as process:
-        textures = tuple(
-            texture if size is None else _reduced(texture, size, report)
-            for texture in source_textures(scene, None, maps, settings.only)
-        )
-        if not textures:
-            raise InputError(
-                f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)"
-            )
-        _check_clusters(settings, textures)
-        grouping = process.find(textures, scene.path, report)
+    ahead = GroupingAhead(_grouping_config(settings))
+    textures = tuple(
+        texture if size is None else _reduced(texture, size, report)
+        for texture in source_textures(scene, None, maps, settings.only)
+    )
+    if not textures:
+        raise InputError(f"{scene.name}: holds no texture to encode (constant images are factors and need no encoding)")
+    _check_clusters(settings, textures)
+    grouping = ahead.find(textures, scene.path, report)
     header = file_header_bytes(textures, grouping)
     known = texture_set(textures, grouping.stored_decoders, header_bytes=header)
     config = codec.settings_for(known, settings.choices)

@@ -1,6 +1,6 @@
 """What bits are worth: the quality of a texture by its bits, measured beside the frames, and forecasts of whole encodings.
 
-A part of the texture is encoded, in a process of its own, at a few bitrates.
+A part of the texture is encoded, in a helper process, at a few bitrates.
 """
 
 import math
@@ -28,7 +28,7 @@ from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
-from ntc.worker.process import FunctionProcess
+from ntc.worker.helpers import HELPERS
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.images import reduced_size
 from viewer.scene.json_text import counted
@@ -44,7 +44,6 @@ PART_SIDE, TILE_SIDE = 384, 64
 """Sides in texels of the part of a texture that is encoded, and of its tiles, which are spread over the texture."""
 EXACT_DB = 99.0
 """PSNR in dB that stands for no error."""
-NICENESS = 19
 TEXELS_OF_MINUTES = 1 << 27
 """Texels of all maps from which on an encoding in codec `block` takes minutes, on about two cores."""
 SECONDS_OF_MINUTES = 60.0
@@ -153,7 +152,7 @@ class PointJob:
 
 
 def rate_point(job: PointJob) -> RatePoint:
-    """Return the point of a curve, in the measuring process. Raises InputError for bits out of reach."""
+    """Return the point of a curve, in a helper. Raises InputError for bits out of reach."""
     from ntc.training.encode import encode_textures
 
     codec, choices = codec_named(RATE_CODEC), EncodingChoices(target=BitsTarget(job.bits))
@@ -254,7 +253,6 @@ class Rates:
         """Facts that `_forecasts` follow from."""
         self._points = 0
         """Points of the job under way that were taken."""
-        self._process: FunctionProcess[PointJob, RatePoint] | None = None
 
     @property
     def is_busy(self) -> bool:
@@ -287,12 +285,9 @@ class Rates:
         self._stop()
 
     def _stop(self) -> None:
-        """End the curve under way, and its process, which may be in the middle of its work."""
+        """End the curve under way, and its helper, in the middle of its work."""
         if self._job is not None:
             self._job.cancel()
-            if self._process is not None:
-                self._process.close()
-            self._process = None
         self._job = self._key = None
 
     def tick(self, may_start: bool) -> None:
@@ -307,8 +302,7 @@ class Rates:
         if self._job is None and may_start and self._wanted and self._scene is not None:
             key = self._wanted.pop()
             self._key, self._points = key, 0
-            self._process = self._process or FunctionProcess(rate_point, "rates", NICENESS)
-            self._job = Job(partial(self._measure, self._process, self._scene, *key)).start("rate curve")
+            self._job = Job(partial(self._measure, self._scene, *key)).start("rate curve")
 
     def _take(self, job: Job[None]) -> None:
         key = self._key
@@ -326,10 +320,8 @@ class Rates:
             self.version += 1
 
     @staticmethod
-    def _measure(
-        process: FunctionProcess[PointJob, RatePoint], scene: Scene, texture: int, maps: MapChoice, report: JobReport
-    ) -> None:
-        """Measure one curve, in a thread that waits for the process."""
+    def _measure(scene: Scene, texture: int, maps: MapChoice, report: JobReport) -> None:
+        """Measure one curve, in a thread that waits for a helper."""
         source = source_texture(scene, texture, None, maps)
         whole, part = texture_set([source], 1), part_of(source)
         texels = source.size[0] * source.size[1]
@@ -338,7 +330,7 @@ class Rates:
         for number, bits in enumerate(CURVE_BITS):
             report.progress(number, len(CURVE_BITS))
             try:
-                points.append(process.call(PointJob(part, whole, bits), report.check))
+                points.append(HELPERS.call("rates", rate_point, PointJob(part, whole, bits), report.check))
             except InputError as error:
                 problem = str(error)
                 continue
@@ -378,10 +370,8 @@ class Rates:
         return found
 
     def close(self) -> None:
-        """End the process."""
+        """End the curve under way."""
         self._stop()
-        if self._process is not None:
-            self._process.close()
 
 
 def _time(settings: TrainingSettings, texels: int) -> Literal["seconds", "minutes"]:

@@ -1,9 +1,7 @@
 """Jobs in threads, in processes and on a cluster: results, errors, order, cancelling, and processes that die."""
 
-import math
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
@@ -16,7 +14,7 @@ from typing import Any
 import pytest
 
 from ntc.errors import InputError
-from ntc.worker.process import FunctionProcess
+from tests.support.processes import assert_ends_with_its_parent, state_of, wait_for_end
 from tests.support.shuffled_workers import ShuffledWorkers
 from viewer.jobs import executor
 from viewer.jobs.executor import MOST_ATTEMPTS, local_workers, ray_workers, run_jobs
@@ -118,52 +116,6 @@ def test_a_job_that_is_cancelled_before_it_runs() -> None:
         job.result()
 
 
-@pytest.mark.process
-def test_a_process_answers_call_after_call_and_survives_errors() -> None:
-    process = FunctionProcess(math.factorial, "factorial")
-    assert [process.call(number) for number in (3, 5)] == [6, 120]
-    with pytest.raises(InputError, match="ValueError"):
-        process.call(-1)
-    assert process.call(4) == 24
-    process.close()
-    with pytest.raises(InputError, match="factorial: its process gave no answer"):
-        process.call(4)
-
-
-@pytest.mark.process
-def test_closing_ends_a_process_in_the_middle_of_a_call() -> None:
-    process = FunctionProcess(time.sleep, "sleep")
-    job = Job(lambda _report: process.call(600)).start("sleep")
-    time.sleep(0.5)
-    process.close()
-    job.join(SECONDS)
-    assert "gave no answer" in job.problem
-
-
-@pytest.mark.process
-def test_a_cancelled_job_does_not_wait_for_its_process() -> None:
-    process = FunctionProcess(time.sleep, "sleep")
-    job = Job(lambda report: process.call(600, report.check)).start("sleep")
-    job.cancel()
-    job.join(SECONDS)
-    with pytest.raises(CancelledError):
-        job.result()
-    process.close()
-
-
-@pytest.mark.process
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
-def test_a_process_ends_with_a_parent_that_was_killed() -> None:
-    code = (
-        "from ntc.worker.process import FunctionProcess\n"
-        "if __name__ == '__main__':\n"
-        "    process = FunctionProcess(eval, 'eval')\n"
-        "    print(process.call('__import__(\"os\").getpid()'), flush=True)\n"
-        "    process.call('__import__(\"time\").sleep(600)')\n"
-    )
-    assert_ends_with_its_parent(code)
-
-
 @pytest.fixture
 def _asked_often(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(executor, "SECONDS_BETWEEN_QUESTIONS", 0.001)
@@ -242,32 +194,6 @@ def test_jobs_of_a_killed_worker_are_done_by_another(tmp_path: Path) -> None:
     assert os.getpid() not in found
     assert sum("gave no answer" in line for line in again) == 3
     assert again.count("not yet") == 3
-
-
-def state_of(process: int) -> str:
-    """State of a process by /proc: Z has ended; empty: there is none."""
-    try:
-        return Path(f"/proc/{process}/stat").read_text().split()[2]
-    except OSError:
-        return ""
-
-
-def wait_for_end(process: int) -> None:
-    began = time.monotonic()
-    while state_of(process) not in ("", "Z"):
-        assert time.monotonic() - began < SECONDS
-        time.sleep(0.05)
-
-
-def assert_ends_with_its_parent(code: str) -> None:
-    """Run `code`, which prints the id of a process that it has started; kill the parent, and wait for the end of the child."""
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    assert parent.stdout is not None
-    child = int(parent.stdout.readline())
-    os.kill(parent.pid, signal.SIGKILL)
-    parent.wait()
-    parent.stdout.close()
-    wait_for_end(child)
 
 
 @pytest.mark.process
