@@ -21,9 +21,9 @@ from rich.table import Table as ConsoleTable
 
 from ntc.errors import InputError
 from ntc.io import write_bytes, write_text
-from viewer.cli.table import Table
 from viewer.gl.context import GraphicsContext
 from viewer.gl.timer import PassTimer
+from viewer.scene.text_table import Table
 
 LOG_COLUMNS = 160
 """Width of a table that goes to a file."""

@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from lab.bench.tables import time_and_quality
-from viewer.cli.table import Table
+from viewer.scene.text_table import Table
 
 MARKERS = "os^Dvp*"
 FILLS = (1.0, 0.0, 0.5, 0.2)

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from lab.runner import write_figure, write_record
 from ntc.io import write_text
-from viewer.cli.table import Table
+from viewer.scene.text_table import Table
 
 
 class BenchRecord:

@@ -8,7 +8,7 @@ import numpy as np
 
 from lab.bench.scene import SceneBenchRow
 from lab.bench.worst_case import WorstCaseRow
-from viewer.cli.table import Cell, Column, Table
+from viewer.scene.text_table import Cell, Column, Table
 
 Number = TypeVar("Number", int, float)
 OTHER_PASSES = ("cull", "visibility", "composite")

@@ -11,11 +11,11 @@ from matplotlib.figure import Figure
 
 from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.file import read_pack
-from viewer.cli.table import Cell, Column, Table
 from viewer.gl.context import create_headless_context
 from viewer.inspect.measurement import measure
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Scene
+from viewer.scene.text_table import Cell, Column, Table
 from viewer.state.view_state import Slot, ViewState
 from viewer.viewpoints.scene_views import ViewSource, cameras_of
 

@@ -21,10 +21,10 @@ from ntc.errors import InputError
 from ntc.features import FeatureOptions
 from ntc.grouping import GroupingInputs, make_grouping
 from viewer.cli.encode import Source, read_source
-from viewer.cli.table import Table
 from viewer.locations import cache_folder
 from viewer.scene.json_text import counted
 from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.scene.text_table import Table
 
 TEXTURE_GROUPINGS: tuple[GroupingName, ...] = ("baseline", "clustered", "random", "category", "single")
 SCENE_GROUPINGS: tuple[GroupingName, ...] = ("baseline", "clustered", "random", "covisible", "single")

@@ -17,9 +17,9 @@ from ntc.codec.grid.model import GridConfig
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from viewer.cli.sources import open_scene, packs_for
-from viewer.cli.table import Cell, Column, Table
 from viewer.gl.context import create_headless_context
 from viewer.scene.source_textures import source_textures
+from viewer.scene.text_table import Cell, Column, Table
 from viewer.state.framing import frame_all
 
 TRAINED_SHARE = 16

@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from viewer.cli.table import Column, Table
+from viewer.scene.text_table import Column, Table
 
 RESULTS = Path(__file__).resolve().parents[1] / "benchmarks" / "results"
 Row = Mapping[str, Any]

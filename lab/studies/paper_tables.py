@@ -9,7 +9,7 @@ from lab.studies.quality_table import by_key, quality_row, textures_db
 from lab.studies.runs import Run, RunResult
 from lab.studies.settings import StudySettings
 from ntc.codec.model import Grouping
-from viewer.cli.table import Cell, Column, Table
+from viewer.scene.text_table import Cell, Column, Table
 
 PAPER, EIGHT_BITS, BEST = "paper", "best, 4 channels of 8 bits", "best"
 VARIANTS = (PAPER, EIGHT_BITS, BEST)

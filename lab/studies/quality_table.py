@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lab.studies.runs import RunResult
 from ntc.codec.quality import PsnrSummary
-from viewer.cli.table import Cell, Column, Table
+from viewer.scene.text_table import Cell, Column, Table
 
 Key = tuple[str, str, int]
 """(variant, grouping, groups)."""

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from lab.studies.set_quality import SetQuality
-from viewer.cli.table import Cell, Column, Table
+from viewer.scene.text_table import Cell, Column, Table
 
 COLUMNS = (
     Column("curve", "codec"),

@@ -34,7 +34,6 @@ from viewer.gl.program import ShaderError
 from viewer.jobs.job import Job
 from viewer.render.viewport import Viewport
 from viewer.scene.images import write_png
-from viewer.scene.json_text import time_left
 from viewer.scene.model import Scene
 from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
@@ -60,8 +59,6 @@ class Opening:
         """Job that reads files for the first of `_waiting`."""
         self._is_shown = False
         """True where a frame has shown what is waiting."""
-        self._began = 0.0
-        """Monotonic seconds at which the reading began."""
 
     def add(self, effect: Slow) -> None:
         """Add an effect to the queue."""
@@ -82,7 +79,7 @@ class Opening:
         while self._is_shown and self._waiting:
             effect, job = self._waiting[0], self._job
             if job is None and not isinstance(effect, RunCommand):
-                self._job, self._began = self._read(effect).start("opening"), time.monotonic()
+                self._job = self._read(effect).start("opening")
                 return
             if job is not None and not job.done:
                 return
@@ -125,9 +122,8 @@ class Opening:
         """Present and waiting work, for the status bar."""
         found = [Work(_title(effect)) for effect in self._waiting]
         if self._job is not None:
-            share = self._job.report.share
-            left = time_left(time.monotonic() - self._began, share)
-            found[0] = Work(found[0].title, share or None, left, "file.cancel-opening")
+            report = self._job.report
+            found[0] = Work(found[0].title, report.share or None, report.seconds_left, "file.cancel-opening")
         return tuple(found)
 
 

@@ -1,24 +1,21 @@
-"""`ntc-viewer export` beside the frames: the window exports as the command line does, in a process of its own."""
+"""Exports of the window: a helper process writes the files beside the frames, as `ntc-viewer export` does."""
 
-import re
-import subprocess
-import sys
-import time
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 
 from ntc.errors import InputError
+from ntc.worker.helpers import HELPERS
+from viewer.app.export_files import export_files
 from viewer.commands.effects import Export
 from viewer.jobs.job import Job, JobReport
-from viewer.scene.json_text import duration, time_left
+from viewer.scene.json_text import duration
 from viewer.state.event_handlers import notify
+from viewer.state.message_log import details_of
 from viewer.state.session import Session
 from viewer.ui.facts import Work
 
 CANCEL = "file.cancel-export"
-SECONDS_BETWEEN_CHECKS = 0.05
 SECONDS_TO_END = 2.0
-SHARE = re.compile(rb"^ *(\d+)%", re.MULTILINE)
-"""Lines in which the command tells how far it is (`TerminalProgress`)."""
 
 
 class Exporting:
@@ -27,8 +24,7 @@ class Exporting:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._export: Export | None = None
-        self._job: Job[subprocess.CompletedProcess[str]] | None = None
-        self._began = 0.0
+        self._job: Job[list[str]] | None = None
 
     @property
     def is_under_way(self) -> bool:
@@ -43,20 +39,20 @@ class Exporting:
     @property
     def work(self) -> Iterator[Work]:
         """Yield the export under way, for the status bar."""
-        job, export, now = self._job, self._export, time.monotonic()
+        job, export = self._job, self._export
         if job is None or export is None:
             return
-        share = job.report.share
-        if share > 0.0:
-            yield Work(export.title, share, time_left(now - self._began, share), CANCEL)
+        report = job.report
+        if report.share > 0.0:
+            yield Work(export.title, report.share, report.seconds_left, CANCEL)
         else:
-            yield Work(f"{export.title}, {duration(now - self._began)}", None, None, CANCEL)
+            yield Work(f"{export.title}, {duration(report.seconds)}", None, None, CANCEL)
 
     def begin(self, export: Export) -> None:
         """Begin an export. Raises InputError where one is under way."""
         if self._job is not None:
             raise InputError("file.export: another export is under way; cancel it first")
-        self._export, self._began = export, time.monotonic()
+        self._export = export
         self._job = Job(lambda report: _run(export, report)).start("export")
 
     def cancel(self) -> None:
@@ -70,18 +66,14 @@ class Exporting:
         if job is None or export is None or not job.done:
             return
         self._job = self._export = None
-        if job.report.cancelled:
+        try:
+            lines = job.result()
+        except CancelledError:
             notify(self._session, f"{export.title} was cancelled")
-            return
-        ended = job.result()
-        if ended.returncode == 0:
-            notify(self._session, f"exported into {export.folder}", details=ended.stdout)
+        except InputError as error:
+            notify(self._session, str(error), "error", details_of(error))
         else:
-            # The last line names the error.
-            lines = [line for line in ended.stderr.splitlines() if line.strip()] or [
-                "export: gave no answer; try again"
-            ]
-            notify(self._session, lines[-1].removeprefix("error: "), "error", ended.stderr)
+            notify(self._session, f"exported into {export.folder}", details="\n".join(lines))
 
     def close(self) -> None:
         """End the export under way, and wait for its process."""
@@ -90,20 +82,6 @@ class Exporting:
             self._job.join(SECONDS_TO_END)
 
 
-def _run(export: Export, report: JobReport) -> subprocess.CompletedProcess[str]:
-    """Run the command until it ends, or is cancelled; `report` has the share that it told last."""
-    command = [sys.executable, "-m", "viewer", "export", *export.arguments]
-    with subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        while True:
-            try:
-                # What it has written is taken meanwhile.
-                out, err = process.communicate(timeout=SECONDS_BETWEEN_CHECKS)
-            except subprocess.TimeoutExpired as waiting:
-                if report.cancelled:
-                    process.kill()
-                elif told := SHARE.findall(waiting.stderr or b""):
-                    report.share = int(told[-1]) / 100.0
-            else:
-                return subprocess.CompletedProcess(command, process.returncode, out, err)
+def _run(export: Export, report: JobReport) -> list[str]:
+    # Compressing draws with OpenGL.
+    return HELPERS.call("export", export_files, export.request, report.check, report.progress, alone=True)

@@ -12,7 +12,7 @@ from imgui_bundle import imgui
 from ntc.errors import InputError
 from viewer.app.effects import Effects
 from viewer.app.frame_facts import FactsReader
-from viewer.app.work_under_way import WorkUnderWay, training_work
+from viewer.app.work_under_way import training_work, work_for_picture
 from viewer.commands import bindings, run_or_notify, why_not
 from viewer.commands.command import Context
 from viewer.commands.effects import Measure, RaisePanel, ResetLayout
@@ -83,7 +83,6 @@ class Frontend:
         self._formats = FormatEncoding(cache_folder("blocks"), emit)
         self._prepares_ahead = prepares_ahead
         self.live = LiveComparison()
-        self._work = WorkUnderWay()
         self._news = False
         """True where jobs have had a result since the last frame."""
         self._built_at = -math.inf
@@ -99,7 +98,7 @@ class Frontend:
         """Return the facts of the last frame for the panels."""
         encoding, to_come = self._formats.progress, self.picture.to_come
         first = (Work(FIRST_PICTURE),) if self.picture.last is None else ()
-        beside = self._work.read(self.session, encoding, self.live.is_computing, to_come)
+        beside = work_for_picture(self.session, encoding, self.live.is_computing, to_come)
         measuring = (Work("measuring A and B"),) if self._measuring is not None else ()
         work = (
             *first,
@@ -111,7 +110,8 @@ class Frontend:
         )
         # Figures of an incomplete picture would be wrong.
         live = LiveFigures(problem=to_come[0].line) if to_come else self.live.figures
-        found = self.reader.read(live, self._is_training, encoding)
+        shares = {name: report.share for name, report in encoding.items()}
+        found = self.reader.read(live, self._is_training, shares)
         return replace(found, work=work, drawn_because=self._because)
 
     def build(self, size: tuple[int, int]) -> imgui.ImDrawData:
@@ -243,7 +243,7 @@ class Frontend:
     def _awaited(self) -> Iterator[str]:
         """Yield the work whose end changes the window."""
         session, last_view = self.session, self.picture.last_view
-        work = self._work.read(session, self._formats.progress, self.live.is_computing, to_come=())
+        work = work_for_picture(session, self._formats.progress, self.live.is_computing, to_come=())
         yield from (part.title for part in (*self._effects.opening.work, *self._effects.exporting.work, *work))
         yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
         if session.seeks_first_view and self.picture.is_open:

@@ -4,8 +4,9 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 
 from ntc.metrics.block_compression import BlockFormat
+from viewer.jobs.job import JobReport
 from viewer.render.pass_scheduler import ToCome
-from viewer.scene.json_text import duration, time_left
+from viewer.scene.json_text import duration
 from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
 from viewer.training.preparation import job_title
@@ -13,34 +14,20 @@ from viewer.ui.facts import Work
 from viewer.ui.panels.training import STATES
 
 
-class WorkUnderWay:
-    """Work in the background, with the time left of each piece."""
+def work_for_picture(
+    session: Session, encoding: Mapping[BlockFormat, JobReport], comparing: bool, to_come: Sequence[ToCome]
+) -> Iterator[Work]:
+    """Yield the work for the picture and its figures, the slowest first.
 
-    def __init__(self) -> None:
-        self._began: dict[str, float] = {}
-        """Monotonic seconds at which work was seen first, by title."""
-
-    def read(
-        self, session: Session, encoding: Mapping[BlockFormat, float], comparing: bool, to_come: Sequence[ToCome]
-    ) -> tuple[Work, ...]:
-        """Return the work for the picture and its figures, the slowest first.
-
-        `encoding` is the progress of block formats, `comparing` tells that A is compared with B, `to_come` what the picture lacks.
-        """
-        found = [*self._formats(encoding)]
-        if session.precision_searches:
-            found.append(Work("searching the fastest precision"))
-        found += [Work(item.line) for item in to_come]
-        if comparing:
-            found.append(Work("comparing A with B"))
-        return tuple(found)
-
-    def _formats(self, encoding: Mapping[BlockFormat, float]) -> Iterator[Work]:
-        now = time.monotonic()
-        titles = {f"encoding {name}": share for name, share in encoding.items()}
-        self._began = {title: self._began.get(title, now) for title in titles}
-        for title, share in titles.items():
-            yield Work(title, share, time_left(now - self._began[title], share), "slot.leave-format")
+    `encoding` is the progress of block formats, `comparing` tells that A is compared with B, `to_come` what the picture lacks.
+    """
+    for name, report in encoding.items():
+        yield Work(f"encoding {name}", report.share, report.seconds_left, "slot.leave-format")
+    if session.precision_searches:
+        yield Work("searching the fastest precision")
+    yield from (Work(item.line) for item in to_come)
+    if comparing:
+        yield Work("comparing A with B")
 
 
 def training_work(training: LiveTraining) -> Iterator[Work]:

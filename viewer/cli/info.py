@@ -22,12 +22,12 @@ from ntc.pack.other_formats import beginning_of, other_format, read_ntex
 from viewer.cli.library import library_lines
 from viewer.cli.options import InfoOptions
 from viewer.cli.sources import load_with_progress
-from viewer.cli.table import Column, Table
 from viewer.locations import named_scene
 from viewer.scene.json_text import counted, printable
 from viewer.scene.load import load_scene
 from viewer.scene.report import report_json, report_lines
 from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.scene.text_table import Column, Table
 
 KINDS = {".gltf": "glTF", ".glb": "GLB", PACK_SUFFIX: "pack"}
 """Kind of file by suffix; other files are skipped."""

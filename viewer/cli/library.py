@@ -10,10 +10,10 @@ from ntc.library.index import Library, library_packs
 from ntc.pack.file import pack_bytes, read_pack, write_pack
 from viewer.cli.options import LibraryOptions
 from viewer.cli.sources import load_with_progress
-from viewer.cli.table import Cell, Column, Table
 from viewer.locations import named_scene
 from viewer.scene.json_text import counted, printable
 from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.scene.text_table import Cell, Column, Table
 from viewer.state.pack_files import wanted_textures
 
 COLUMNS = (

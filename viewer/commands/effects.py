@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from viewer.export import ExportRequest
 from viewer.state.view_state import PictureAlone
 
 PictureKind = Literal["window", PictureAlone]
@@ -56,12 +57,11 @@ class WriteText(Effect):
 
 @dataclass(frozen=True)
 class Export(Effect):
-    """Run `ntc-viewer export` beside the frames."""
+    """Export beside the frames."""
 
     title: str
     """Text of the work for people."""
-    arguments: tuple[str, ...]
-    """Arguments as in a terminal."""
+    request: ExportRequest
     folder: Path
     """Folder that the files are written into."""
 

@@ -21,7 +21,7 @@ from viewer.commands.effects import (
     WriteText,
 )
 from viewer.commands.materials import use_environment
-from viewer.export import EXPORT_NAMES, EXPORTS, ExportKind
+from viewer.export import EXPORT_NAMES, ExportKind, export_request
 from viewer.export.images import missing_ktx2
 from viewer.locations import is_builtin
 from viewer.scene.scene_files import PACK_SUFFIX, PANORAMA_SUFFIXES
@@ -112,12 +112,10 @@ def export(
         parent = session.pictures_folder if is_builtin(scene) else scene.parent
         folder = numbered_path(parent / f"{session.scene.title}-{kind}")
     folder = folder.absolute()
-    option, more = EXPORTS[kind]
-    out = folder / f"{scene.stem}.gltf" if kind.startswith("gltf") else folder
     if kind.startswith("gltf"):
         folder.mkdir(parents=True, exist_ok=True)
-    arguments = (str(scene.absolute()), "--pack", str(pack.absolute()), option, str(out), *more)
-    return Export(f"exporting {name} as {EXPORT_NAMES[kind]}", arguments, folder)
+    request = export_request(kind, scene.absolute(), pack.absolute(), folder)
+    return Export(f"exporting {name} as {EXPORT_NAMES[kind]}", request, folder)
 
 
 cancel_export = gesture("file.cancel-export")(lambda _session: CancelExport())

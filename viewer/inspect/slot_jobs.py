@@ -30,12 +30,12 @@ class FormatEncoding:
         self._cache, self._emit = cache, emit
         self._background = Background()
         self._asked: set[Key] = set()
-        self._shares: dict[BlockFormat, float] = {}
+        self._reports: dict[BlockFormat, JobReport] = {}
 
     @property
-    def progress(self) -> Mapping[BlockFormat, float]:
-        """Progress of each awaited format, 0 to 1."""
-        return self._shares
+    def progress(self) -> Mapping[BlockFormat, JobReport]:
+        """Progress of each awaited format."""
+        return self._reports
 
     def take_news(self) -> bool:
         """Return True where a texture has been encoded since the last call."""
@@ -46,12 +46,12 @@ class FormatEncoding:
         wanted = {(session.scene, block_format) for block_format in session.awaited_formats.values()}
         for key in self._asked - wanted:
             self._background.cancel(key)
-        self._asked, self._shares = wanted, {}
+        self._asked, self._reports = wanted, {}
         for key in sorted(wanted, key=lambda key: key[1]):
             scene, block_format = key
             job = self._background.submit(key, partial(self._compressed, *key))
             if not job.done:
-                self._shares[block_format] = job.report.share
+                self._reports[block_format] = job.report
                 continue
             if error := job.future.exception():
                 self._emit(TexturesCompressed(scene, block_format, None))

@@ -1,12 +1,14 @@
 """Jobs: functions that run in threads beside the frames, with progress and results. `Background` runs one after the other."""
 
 import threading
+import time
 from collections import OrderedDict
 from collections.abc import Callable, Hashable
 from concurrent.futures import CancelledError, Future, wait
 from typing import Any, Generic, TypeVar
 
 from ntc.errors import InputError
+from viewer.scene.json_text import time_left
 
 Result = TypeVar("Result")
 RESULTS_KEPT = 8
@@ -21,10 +23,22 @@ class JobReport:
         """`changed` is called in the job's thread after each report."""
         self._changed = changed
         self.cancelled = False
+        self.began = time.monotonic()
+        """Monotonic time in seconds at which the job began; until then, at which it was submitted."""
         self.share = 0.0
         """Progress of the job, 0 to 1."""
         self.partial: object = None
         """A first result to show until the job is done."""
+
+    @property
+    def seconds(self) -> float:
+        """Time in seconds since the job began."""
+        return time.monotonic() - self.began
+
+    @property
+    def seconds_left(self) -> float | None:
+        """Time left in seconds, None while it is unknown (`time_left`)."""
+        return time_left(self.seconds, self.share)
 
     def progress(self, done: int, of: int) -> None:
         """Report that `done` of `of` steps are done. Raises CancelledError where the job is to end."""
@@ -63,6 +77,7 @@ class Job(Generic[Result]):
     def run(self) -> None:
         """Run in this thread. Whatever the work raises becomes the exception of the future."""
         if self.future.set_running_or_notify_cancel():
+            self.report.began = time.monotonic()
             try:
                 self.future.set_result(self._work(self.report))
             except BaseException as error:  # noqa: BLE001  It is raised again where the result is asked for.

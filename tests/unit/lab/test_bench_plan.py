@@ -12,8 +12,8 @@ from lab.bench.tables import SCENE_COLUMNS, pareto_front, path_to_take
 from lab.bench.tiles import PictureLimits, require_memory, tiling
 from ntc.codec.grid.model import GridConfig
 from ntc.errors import InputError
-from viewer.cli.table import Cell, Table
 from viewer.scene.model import Camera
+from viewer.scene.text_table import Cell, Table
 from viewer.state.view_state import REFERENCE, Slot
 
 CAMERA = Camera("c", (0.0, 1.0, 4.0), (0.0, 0.0, 0.0))

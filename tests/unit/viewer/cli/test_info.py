@@ -14,7 +14,7 @@ from tests.support.gltf_builder import GltfBuilder, noise, png
 from viewer import cli
 from viewer.cli.info import pack_json, pack_lines
 from viewer.cli.sources import resolve_precision
-from viewer.cli.table import Column, Table
+from viewer.scene.text_table import Column, Table
 
 HALVES = GridConfig(hidden_width=16, weight_bits=16)
 TABLE = Table(
