@@ -17,7 +17,7 @@ from ntc.errors import InputError
 from ntc.io import read_file, write_bytes
 from ntc.library.joining import joined_textures, settings_of
 from ntc.pack import PACK_SUFFIX
-from ntc.pack.file import pack_contents, read_pack
+from ntc.pack.file import pack_contents, pack_file, parsed_pack
 from ntc.pack.schema import Decibels, Side, Text
 
 INDEX_FILE = "index.ntc-library"
@@ -232,12 +232,12 @@ class Library:
         for name in self.packs:
             path = self.folder / name
             try:
-                read_pack(path)
-                digest = hashlib.sha256(read_file(path)).hexdigest()
-            except (InputError, OSError) as error:
+                data = pack_file(path)
+                parsed_pack(path, data)
+            except InputError as error:
                 yield str(error)
                 continue
-            if len(path.stem) == NAME_DIGITS and path.stem != digest[:NAME_DIGITS]:
+            if len(path.stem) == NAME_DIGITS and path.stem != hashlib.sha256(data).hexdigest()[:NAME_DIGITS]:
                 yield f"{path}: its bytes have changed since it was written; delete it and encode its textures again"
 
 

@@ -170,14 +170,28 @@ def read_pack(path: Path) -> Pack:
 
     safetensors compares shapes with the file's length; what memory is taken is in proportion to that.
     """
-    path = Path(path)
+    return parsed_pack(path, pack_file(path))
+
+
+def pack_file(path: Path) -> bytes:
+    """Return the bytes of a file that may be a pack. Raises InputError."""
     with _reading(path):
-        if not path.is_file():
-            raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
-        if path.stat().st_size == 0:
-            raise InputError(f"{path}: the file is empty; {REMEDY}")
-        refuse_other_formats(path, beginning_of(path))
-        data = read_file(path)
+        _refuse_others(path)
+        return read_file(path)
+
+
+def _refuse_others(path: Path) -> None:
+    """Raises InputError for what is obviously no pack."""
+    if not path.is_file():
+        raise InputError(f"{path}: {'is a folder' if path.is_dir() else 'no such file'}; name a .ntc pack")
+    if path.stat().st_size == 0:
+        raise InputError(f"{path}: the file is empty; {REMEDY}")
+    refuse_other_formats(path, beginning_of(path))
+
+
+def parsed_pack(path: Path, data: bytes) -> Pack:
+    """Return the pack whose file at `path` holds `data`, as `read_pack` does. Raises InputError."""
+    with _reading(path):
         file = dict(_deserialize(data))
         text = file_metadata(data).get(METADATA_KEY)
         if text is None:
@@ -243,6 +257,14 @@ def pack_contents(file: BinaryIO, path: Path) -> tuple[PackMetadata, list[int]]:
         if parts and parts[1] == "latents" and int(parts[2]) < len(stored_bytes):
             stored_bytes[int(parts[2])] += place.data_offsets[1] - place.data_offsets[0]
     return metadata, stored_bytes
+
+
+def read_metadata(path: Path) -> PackMetadata:
+    """Return what the header of a pack says, without reading its tensors. Raises InputError."""
+    with _reading(path):
+        _refuse_others(path)
+        with path.open("rb") as file:
+            return pack_contents(file, path)[0]
 
 
 def _chosen(metadata: PackMetadata, wanted: Container[str]) -> tuple[PackMetadata, dict[str, dict[int, int]]]:

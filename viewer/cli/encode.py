@@ -33,7 +33,7 @@ from ntc.io import numbered_path
 from ntc.library.index import Library
 from ntc.library.joining import in_order, joined_textures
 from ntc.metrics.metrics import bits_with_mips, psnr_table
-from ntc.pack.file import read_pack, write_pack
+from ntc.pack.file import read_metadata, write_pack
 from ntc.threads import usable_cores
 from ntc.torch_device import peak_memory_bytes
 from ntc.training.compiling import CompilingAhead
@@ -304,7 +304,7 @@ def _check_codec(options: EncodeOptions) -> None:
 def _maps(options: EncodeOptions) -> MapChoice:
     """Return the maps that the options name, else those of the pack with the decoders or the default of the codec."""
     if options.maps is None and options.decoders is not None:
-        return "base" if read_pack(options.decoders).config.maps == BASE_ALONE else "all"
+        return "base" if read_metadata(options.decoders).codec.maps == BASE_ALONE else "all"
     return options.maps or codec_named(_codec_name(options)).default_maps
 
 
