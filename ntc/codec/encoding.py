@@ -232,7 +232,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Figures:
+class EncodingProgress:
     """Progress figures of an encoding."""
 
     share: float
@@ -281,7 +281,7 @@ class Encoder(ABC):
         """Do the work, stage after stage; gives a piece after each step or texture. Whoever stops asking ends it."""
 
     @abstractmethod
-    def figures(self) -> Figures:
+    def figures(self) -> EncodingProgress:
         """Return the progress of the work; called from any thread."""
 
     @abstractmethod

@@ -9,7 +9,7 @@ import numpy as np
 
 from ntc.codec.checks import check_textures
 from ntc.codec.config import UNIVERSAL
-from ntc.codec.encoding import Budget, EncodingOptions, Figures
+from ntc.codec.encoding import Budget, EncodingOptions, EncodingProgress
 from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quality import PsnrSummary
 from ntc.codec.textures import SourceTexture
@@ -172,7 +172,7 @@ EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainingProgress(Figures):
+class TrainingProgress(EncodingProgress):
     """One report of a training under way. Its `share` counts the measuring of results too, and never falls."""
 
     elapsed_seconds: float

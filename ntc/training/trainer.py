@@ -23,8 +23,8 @@ from torch import Tensor
 
 from ntc.codec.encoding import (
     EncodedGroup,
+    EncodingProgress,
     EncodingTask,
-    Figures,
     Piece,
     QualityBudget,
     no_interruption,
@@ -190,7 +190,7 @@ class Trainer:
             self._last_report = now
             self._host.progress(self._progress(self._encoder.figures(), now, note))
 
-    def _progress(self, figures: Figures, now: float, note: str) -> TrainingProgress:
+    def _progress(self, figures: EncodingProgress, now: float, note: str) -> TrainingProgress:
         if self._to_measure:
             texels = [math.prod(self._request.textures[index].size) for index in self._to_measure]
             done = figures.share * figures.passes + sum(texels[: self._measured])

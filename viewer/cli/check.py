@@ -20,9 +20,9 @@ from ntc.pack.match import PackMatch
 from viewer.checking.budget import Budget, read_budget, suggested_budget
 from viewer.checking.ci_files import junit_xml, sarif_json
 from viewer.checking.findings import Finding, failures, find
-from viewer.checking.mending import MOST_CURVES, rate_curve
 from viewer.checking.page import PageContent, page, past_of
 from viewer.checking.record import FORMAT, PackRecord, Record, read_record
+from viewer.checking.remedies import MOST_CURVES, rate_curve
 from viewer.checking.textures import MeasuredTextures, measured_textures, original_of, recorded_textures
 from viewer.checking.views import MeasuredViews, ViewsToMeasure, kept_views, measured_views, scene_content
 from viewer.cli.options import CheckOptions

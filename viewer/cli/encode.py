@@ -43,8 +43,8 @@ from viewer.cli.options import EncodeOptions
 from viewer.cli.progress import TerminalProgress
 from viewer.cli.sources import load_with_progress
 from viewer.encoding.report import report_lines
-from viewer.encoding.whole_run import Asked, RunProgress, RunResult, encode_to_library
-from viewer.encoding.work import LIST_SUFFIX, Reading, WorkJob, WorkResult, texture_refs, work
+from viewer.encoding.whole_run import EncodeRequest, RunProgress, RunResult, encode_to_library
+from viewer.encoding.work import LIST_SUFFIX, ReadOptions, WorkJob, WorkResult, texture_refs, work
 from viewer.jobs.executor import Workers, local_workers, ray_workers
 from viewer.locations import cache_folder, named_scene, packs_folder
 from viewer.scene.images import folder_textures
@@ -95,17 +95,17 @@ def _check_jobs(options: EncodeOptions) -> None:
             raise InputError(f"--{name}: --decoders {options.decoders} decides about it; leave one of them out")
 
 
-def _asked(options: EncodeOptions, codec: str, maps: MapChoice) -> Asked:
+def _encode_request(options: EncodeOptions, codec: str, maps: MapChoice) -> EncodeRequest:
     choices = encoding_choices(options)
     if choices.target is not None and not isinstance(choices.target, BitsTarget):
         name = "quality" if options.quality is not None else "size"
         raise InputError(f"--{name}: needs all textures at once; ask for --bits, or leave --workers and --ray out")
-    reading = Reading(options.texture_size, maps, options.map_weights)
+    reading = ReadOptions(options.texture_size, maps, options.map_weights)
     one_pack = options.out.suffix == PACK_SUFFIX
     grouping = options.grouping_config()
     # Workers may run in another folder.
     decoders = options.decoders.absolute() if options.decoders is not None else None
-    return Asked(reading, grouping, codec, choices, options.labels, one_pack, decoders)
+    return EncodeRequest(reading, grouping, codec, choices, options.labels, one_pack, decoders)
 
 
 def _workers(options: EncodeOptions) -> AbstractContextManager[Workers[WorkJob, WorkResult]]:
@@ -120,15 +120,15 @@ def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
     The exit status is 1 where textures are missing: they are named.
     """
     _check_jobs(options)
-    asked = _asked(options, codec, maps)
+    request = _encode_request(options, codec, maps)
     refs = texture_refs(options.source, maps)
     console = Console(stderr=True, soft_wrap=True)
-    folder = options.out.with_name(f"{options.out.name}{KEPT_SUFFIX}") if asked.one_pack else options.out
+    folder = options.out.with_name(f"{options.out.name}{KEPT_SUFFIX}") if request.one_pack else options.out
     with _workers(options) as workers:
         how = f"codec {codec}, {options.grouping}" if options.decoders is None else f"decoders of {options.decoders}"
         console.print(f"{counted(len(refs), 'texture')}, {workers.slots()} at a time, {how}", highlight=False)
         with _EncodingProgress() as report, deferred_interrupt() as interrupted:
-            result = encode_to_library(asked, refs, workers, folder, report.of_jobs, interrupted)
+            result = encode_to_library(request, refs, workers, folder, report.of_jobs, interrupted)
     if result.stopped:
         console.print(
             f"stopped: {counted(len(result.stored), 'texture')} kept in {folder}; the same command resumes",

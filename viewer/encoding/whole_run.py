@@ -27,9 +27,9 @@ from ntc.library.joining import settings_key, settings_of
 from ntc.pack.file import read_pack
 from viewer.encoding.work import (
     EncodeJob,
-    Looked,
+    ImageInfo,
     LookJob,
-    Reading,
+    ReadOptions,
     TextureRef,
     WorkJob,
     WorkResult,
@@ -52,10 +52,10 @@ GROUPINGS_OF_JOBS = ("clustered", "random", "category", "baseline", "single", UN
 
 
 @dataclass(frozen=True)
-class Asked:
+class EncodeRequest:
     """A request to encode textures: how they are read, grouped and encoded."""
 
-    reading: Reading
+    reading: ReadOptions
     grouping: GroupingConfig
     codec: str
     """Name of the codec."""
@@ -75,71 +75,71 @@ class _Kind:
     channels: int
 
 
-def needs_features(asked: Asked) -> bool:
+def needs_features(request: EncodeRequest) -> bool:
     """Return whether the groups are found by features."""
-    return asked.grouping.name in ("clustered", "random")
+    return request.grouping.name in ("clustered", "random")
 
 
-def stand_in(texture: Looked) -> SourceTexture:
+def stand_in(texture: ImageInfo) -> SourceTexture:
     """Return a texture whose pixels take no memory, for whoever needs the other fields alone."""
     pixels = blank((texture.height, texture.width, texture.channels))
     return SourceTexture(texture.ref.name, pixels, texture.pixel_hash, category=texture.ref.category, maps=texture.maps)
 
 
-def _grouping(asked: Asked, textures: Sequence[Looked]) -> Grouping:
-    config = asked.grouping
+def _grouping(request: EncodeRequest, textures: Sequence[ImageInfo]) -> Grouping:
+    config = request.grouping
     if config.name == UNIVERSAL:
         # Whoever encodes them has the pixels by which whole materials are grouped.
         return Grouping(UNIVERSAL, (0,) * len(textures), dict(codec_named(shipping_codec()).shipped))
     stand_ins = [stand_in(texture) for texture in textures]
-    if needs_features(asked) and config.clusters is None:
+    if needs_features(request) and config.clusters is None:
         texels = sum(each.width * each.height for each in textures)
         most = min(max(DEFAULT_CLUSTERS, math.ceil(texels / JOB_TEXELS)), len(textures))
         config = replace(config, clusters=most)
-    known = {each.pixel_hash: np.array(each.features) for each in textures} if needs_features(asked) else {}
-    labels = read_labels(asked.labels, stand_ins) if asked.labels is not None else {}
+    known = {each.pixel_hash: np.array(each.features) for each in textures} if needs_features(request) else {}
+    labels = read_labels(request.labels, stand_ins) if request.labels is not None else {}
     return make_grouping(config, stand_ins, GroupingInputs(labels=labels, features=FeatureOptions(known=known)))
 
 
-def _codec(asked: Asked, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> CodecSettings:
-    known = TextureSet(sizes, groups, kind.channels, asked.choices.levels, kind.maps)
-    return codec_named(asked.codec).settings_for(known, asked.choices)
+def _codec(request: EncodeRequest, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> CodecSettings:
+    known = TextureSet(sizes, groups, kind.channels, request.choices.levels, kind.maps)
+    return codec_named(request.codec).settings_for(known, request.choices)
 
 
-def _library_codec(asked: Asked, kind: _Kind) -> CodecSettings:
+def _library_codec(request: EncodeRequest, kind: _Kind) -> CodecSettings:
     alone = {UNIVERSAL: 0, "baseline": LIBRARY_GROUP}
-    return _codec(asked, kind, [LIBRARY_TEXTURE] * LIBRARY_GROUP, alone.get(asked.grouping.name, 1))
+    return _codec(request, kind, [LIBRARY_TEXTURE] * LIBRARY_GROUP, alone.get(request.grouping.name, 1))
 
 
-def _options(asked: Asked) -> EncodingOptions:
-    return codec_named(asked.codec).job_options_for(asked.choices)
+def _options(request: EncodeRequest) -> EncodingOptions:
+    return codec_named(request.codec).job_options_for(request.choices)
 
 
-def _settings(asked: Asked, config: CodecSettings) -> str:
+def _settings(request: EncodeRequest, config: CodecSettings) -> str:
     """Return the key of everything that decides about a texture's numbers besides its pixels and those of its group."""
-    grouping = replace(asked.grouping, clusters=None)
-    training = codec_of(config).recorded_options(_options(asked))
-    wanted = {"reading": asdict(asked.reading), "grouping": asdict(grouping), "training": training}
-    return settings_key(config, asked.grouping.name, wanted)
+    grouping = replace(request.grouping, clusters=None)
+    training = codec_of(config).recorded_options(_options(request))
+    wanted = {"reading": asdict(request.reading), "grouping": asdict(grouping), "training": training}
+    return settings_key(config, request.grouping.name, wanted)
 
 
-def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
+def encode_jobs(request: EncodeRequest, textures: Sequence[ImageInfo]) -> list[EncodeJob]:
     """Return the jobs that encode `textures` (no two with one pixel hash, none constant), all of them.
 
     Raises InputError for settings that cannot be, a grouping that needs pictures of the scene, and decoders that cannot be read.
     """
-    if asked.decoders is not None:
-        return _jobs_with_decoders(asked, asked.decoders, textures)
-    if asked.grouping.name not in GROUPINGS_OF_JOBS:
+    if request.decoders is not None:
+        return _jobs_with_decoders(request, request.decoders, textures)
+    if request.grouping.name not in GROUPINGS_OF_JOBS:
         raise InputError(
-            f"--grouping {asked.grouping.name}: cannot be encoded by jobs; leave --workers out, or choose another grouping"
+            f"--grouping {request.grouping.name}: cannot be encoded by jobs; leave --workers out, or choose another grouping"
         )
     if not textures:
         return []
-    grouping = _grouping(asked, textures)
+    grouping = _grouping(request, textures)
     parts = [
         (kind, part)
-        for kind, members in _by_kind(asked, textures).items()
+        for kind, members in _by_kind(request, textures).items()
         for part in _parts(grouping, members, textures)
     ]
     sizes = [(each.width, each.height) for each in textures]
@@ -147,30 +147,32 @@ def encode_jobs(asked: Asked, textures: Sequence[Looked]) -> list[EncodeJob]:
     configs: dict[_Kind, CodecSettings] = {}
     for kind, _ in parts:
         if kind not in configs:
-            configs[kind] = _codec(asked, kind, sizes, decoders) if asked.one_pack else _library_codec(asked, kind)
-    keys = {kind: _settings(asked, config) for kind, config in configs.items()}
+            configs[kind] = (
+                _codec(request, kind, sizes, decoders) if request.one_pack else _library_codec(request, kind)
+            )
+    keys = {kind: _settings(request, config) for kind, config in configs.items()}
     jobs = list[EncodeJob]()
     for kind, part in parts:
         own = Grouping.of_labels(grouping.name, [group for _, group in part], grouping.parameters)
         chosen = tuple(textures[index] for index, _ in part)
-        jobs.append(EncodeJob(chosen, asked.reading, own, configs[kind], _options(asked), keys[kind]))
+        jobs.append(EncodeJob(chosen, request.reading, own, configs[kind], _options(request), keys[kind]))
     return jobs
 
 
-def _jobs_with_decoders(asked: Asked, decoders: Path, textures: Sequence[Looked]) -> list[EncodeJob]:
+def _jobs_with_decoders(request: EncodeRequest, decoders: Path, textures: Sequence[ImageInfo]) -> list[EncodeJob]:
     pack = read_pack(decoders)
     config, name = pack.config, pack.grouping.name
     key = settings_of(config, name, pack.grouping.parameters, pack.training)
-    options = codec_of(config).job_options_for(asked.choices)
+    options = codec_of(config).job_options_for(request.choices)
     return [
-        EncodeJob(chosen, asked.reading, Grouping(name, (0,) * len(chosen)), config, options, key, decoders)
+        EncodeJob(chosen, request.reading, Grouping(name, (0,) * len(chosen)), config, options, key, decoders)
         for part in _chunks([(index, 0) for index in range(len(textures))], textures, JOB_TEXELS, MOST_TEXTURES)
         if (chosen := tuple(textures[index] for index, _ in part))
     ]
 
 
-def _by_kind(asked: Asked, textures: Sequence[Looked]) -> Mapping[_Kind, list[int]]:
-    if asked.one_pack:
+def _by_kind(request: EncodeRequest, textures: Sequence[ImageInfo]) -> Mapping[_Kind, list[int]]:
+    if request.one_pack:
         return {_Kind(*joint_maps((each.maps, each.channels) for each in textures)): list(range(len(textures)))}
     found: dict[_Kind, list[int]] = {}
     for index, each in enumerate(textures):
@@ -180,7 +182,9 @@ def _by_kind(asked: Asked, textures: Sequence[Looked]) -> Mapping[_Kind, list[in
     return found
 
 
-def _parts(grouping: Grouping, members: Sequence[int], textures: Sequence[Looked]) -> Iterator[list[tuple[int, int]]]:
+def _parts(
+    grouping: Grouping, members: Sequence[int], textures: Sequence[ImageInfo]
+) -> Iterator[list[tuple[int, int]]]:
     """Yield `members` in jobs: (texture, group) of each. Groups stay whole up to LARGEST_JOB; textures that share nothing, or the
     decoder that ships with the program, come in chunks."""
     if grouping.name in ("baseline", UNIVERSAL):
@@ -194,7 +198,7 @@ def _parts(grouping: Grouping, members: Sequence[int], textures: Sequence[Looked
 
 
 def _chunks(
-    members: Sequence[tuple[int, int]], textures: Sequence[Looked], most_texels: int, most: int
+    members: Sequence[tuple[int, int]], textures: Sequence[ImageInfo], most_texels: int, most: int
 ) -> Iterator[list[tuple[int, int]]]:
     chunk: list[tuple[int, int]] = []
     texels = 0
@@ -281,14 +285,14 @@ class _Run:
 
     def __init__(
         self,
-        asked: Asked,
+        request: EncodeRequest,
         workers: Workers[WorkJob, WorkResult],
         library: Library,
         listen: Callable[[RunProgress], None],
         stopped: Callable[[], bool],
         result: RunResult,
     ) -> None:
-        self.asked, self.workers, self.library, self.result = asked, workers, library, result
+        self.request, self.workers, self.library, self.result = request, workers, library, result
         self._listen, self.stopped = listen, stopped
         self._began = time.monotonic()
         self._phase: Phase = "looking at"
@@ -320,15 +324,15 @@ class _Run:
             self.result.failed[ref.path if ref.index is None else f"{ref.path}: {ref.name}"] = problem
 
 
-def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[Looked]:
+def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[ImageInfo]:
     """Look at each of `refs`; those that fail are left out and named."""
-    reading, found = run.asked.reading, dict[TextureRef, Looked]()
-    features = run.asked.grouping.features if needs_features(run.asked) else None
+    reading, found = run.request.reading, dict[TextureRef, ImageInfo]()
+    features = run.request.grouping.features if needs_features(run.request) else None
     plain = features is None and reading.texture_size is None
     for ref in refs:
         known = run.library.images.get(ref.path) if plain and ref.index is None else None
         if known is not None and known.stamp == stamp_of(ref.path):
-            found[ref] = Looked(ref, known.pixel_hash, known.width, known.height, known.channels)
+            found[ref] = ImageInfo(ref, known.pixel_hash, known.width, known.height, known.channels)
     due = [ref for ref in refs if ref not in found]
     run.begin("looking at", len(due), len(due))
 
@@ -407,7 +411,7 @@ def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
 
 
 def encode_to_library(
-    asked: Asked,
+    request: EncodeRequest,
     refs: Sequence[TextureRef],
     workers: Workers[WorkJob, WorkResult],
     folder: Path,
@@ -416,13 +420,13 @@ def encode_to_library(
 ) -> RunResult:
     """Encode `refs` into the library in `folder`, which is made where there is none; what it holds is not encoded again.
 
-    The same textures and `asked` give the same packs with any workers, whichever job ends first. Ends early where `stopped` says so:
+    The same textures and `request` give the same packs with any workers, whichever job ends first. Ends early where `stopped` says so:
     what is done is kept. Raises InputError for what cannot be asked, and for a folder that cannot be written,
     in the middle of the run too: a full disk.
     """
     began, result = time.monotonic(), RunResult(len(refs))
     library = Library.to_write(folder)
-    run = _Run(asked, workers, library, listen, stopped, result)
+    run = _Run(request, workers, library, listen, stopped, result)
     looked = _look_at_all(run, refs)
     library.save()
     result.constant = sum(not each.pixel_hash for each in looked)
@@ -430,7 +434,7 @@ def encode_to_library(
     unique = list({each.pixel_hash: each for each in reversed(named)}.values())[::-1]
     result.repeated = len(named) - len(unique)
     if not stopped():
-        jobs = encode_jobs(asked, unique)
+        jobs = encode_jobs(request, unique)
         result.settings = tuple(sorted({job.settings for job in jobs}))
         _encode_all(run, jobs)
     library.save()

@@ -47,7 +47,7 @@ class TextureRef:
 
 
 @dataclass(frozen=True)
-class Reading:
+class ReadOptions:
     """Settings for reading textures."""
 
     texture_size: int | None = None
@@ -99,7 +99,7 @@ def _scene(path: str) -> Scene:
     return load_scene(Path(path))
 
 
-def read_texture(ref: TextureRef, reading: Reading) -> SourceTexture | None:
+def read_texture(ref: TextureRef, reading: ReadOptions) -> SourceTexture | None:
     """Return the texture with its pixels; None where all texels of an image are equal. Raises InputError."""
     if ref.index is not None:
         found = source_texture(_scene(ref.path), ref.index, reading.texture_size, reading.maps)
@@ -133,13 +133,13 @@ class LookJob:
     """Read images, to know what there is."""
 
     refs: tuple[TextureRef, ...]
-    reading: Reading
+    reading: ReadOptions
     features: FeatureName | None = None
     """Also by which the groups will be found."""
 
 
 @dataclass(frozen=True, slots=True)
-class Looked:
+class ImageInfo:
     """The facts about a texture, besides its pixels."""
 
     ref: TextureRef
@@ -159,8 +159,8 @@ class Looked:
 class EncodeJob:
     """Encode textures into a pack of its own."""
 
-    textures: tuple[Looked, ...]
-    reading: Reading
+    textures: tuple[ImageInfo, ...]
+    reading: ReadOptions
     grouping: Grouping
     """Grouping of these textures."""
     config: CodecSettings
@@ -172,7 +172,7 @@ class EncodeJob:
 
 
 WorkJob = LookJob | EncodeJob
-WorkResult = tuple[Looked, ...] | bytes
+WorkResult = tuple[ImageInfo, ...] | bytes
 """Facts about images, or the file of a pack."""
 
 
@@ -185,7 +185,7 @@ def work(job: WorkJob) -> WorkResult:
     return _encoded(job)
 
 
-def _read(ref: TextureRef, reading: Reading) -> SourceTexture | None:
+def _read(ref: TextureRef, reading: ReadOptions) -> SourceTexture | None:
     try:
         return read_texture(ref, reading)
     except MemoryError as error:
@@ -194,16 +194,16 @@ def _read(ref: TextureRef, reading: Reading) -> SourceTexture | None:
         ) from error
 
 
-def _looked(ref: TextureRef, job: LookJob) -> Looked:
+def _looked(ref: TextureRef, job: LookJob) -> ImageInfo:
     stamp = stamp_of(ref.path)
     texture = _read(ref, job.reading)
     if stamp != stamp_of(ref.path):
         # A file that is being written has another hash a moment later.
         stamp = None
     if texture is None:
-        return Looked(ref, "", stamp=stamp)
+        return ImageInfo(ref, "", stamp=stamp)
     features = tuple(raw_features(job.features, [texture])[0].tolist()) if job.features is not None else ()
-    return Looked(ref, texture.pixel_hash, *texture.size, texture.channels, texture.maps, features, stamp)
+    return ImageInfo(ref, texture.pixel_hash, *texture.size, texture.channels, texture.maps, features, stamp)
 
 
 def _encoded(job: EncodeJob) -> bytes:

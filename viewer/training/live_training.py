@@ -20,7 +20,7 @@ from viewer.scene.model import Scene
 from viewer.state.events import EmitEvent, Notification, PackClosed, PackRenamed, PackShown, PackUpdated
 from viewer.state.pack_files import match_scene, pack_figures, unused_name
 from viewer.training.preparation import AheadPreparation, EncodeScene, TrainingJob, job_title, prepare
-from viewer.training.rates import Rates, sampled_textures
+from viewer.training.rates import RateCurves, sampled_textures
 from viewer.training.run_log import ActiveRun, Curves, Run, RunLog, State
 from viewer.training.run_store import RunStore, UnsavedRuns
 from viewer.training.settings import TrainingSettings
@@ -51,7 +51,7 @@ class LiveTraining:
         """Curves of the run under way, else of the last one."""
         self.plan = TrainingSettings()
         """How the next encoding is to be done, for the offer, the panel and the menu alike. Commands change it."""
-        self.rates = Rates()
+        self.rates = RateCurves()
         """Rate curves of the scene's textures."""
         self._scene: Scene | None = None
         """The scene of the runs: their packs are written for no other."""

@@ -232,7 +232,7 @@ def sampled_textures(settings: TrainingSettings, scene: Scene) -> tuple[int, ...
     return tuple(ids[:MOST_SAMPLED])
 
 
-class Rates:
+class RateCurves:
     """Rate curves of the open scene's textures, and forecasts. Called from the window's thread; never waits."""
 
     def __init__(self) -> None:

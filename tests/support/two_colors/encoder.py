@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.codec import texture_fields
-from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
+from ntc.codec.encoding import EncodedGroup, Encoder, EncodingProgress, EncodingTask, Piece
 from ntc.codec.latents import latent_cell_count, latent_levels
 from ntc.codec.maps import channel_places
 from ntc.codec.mips import mip_chain
@@ -84,12 +84,12 @@ class TwoColorsEncoder(Encoder):
                 self._found[index] = self.measured((found,), Decoder(), (index,))[0]
                 yield Piece(ended=(group,) if index == members[-1] else ())
 
-    def figures(self) -> Figures:
+    def figures(self) -> EncodingProgress:
         found = {index: min(each.psnr_db or 0.0, HIGHEST_PSNR_DB) for index, each in self._found.items()}
         errors: dict[int, list[float]] = {}
         for index, decibels in found.items():
             errors.setdefault(self._found[index].group, []).append(mse_of_psnr(decibels) / 255.0**2)
-        return Figures(
+        return EncodingProgress(
             share=self._done / max(1, self._blocks),
             passes=float(self._blocks * SIDE * SIDE),
             step=min(len(found) + 1, len(self._members)),

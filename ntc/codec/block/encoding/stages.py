@@ -25,7 +25,7 @@ from ntc.codec.block.encoding.rate import FEW_TEXTURES, fitting_work, has_previe
 from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import CORRECTIONS, Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
-from ntc.codec.encoding import EncodedGroup, Encoder, EncodingTask, Figures, Piece
+from ntc.codec.encoding import EncodedGroup, Encoder, EncodingProgress, EncodingTask, Piece
 from ntc.codec.model import Decoder, EncodedTexture
 from ntc.codec.quality import measured_texture, mse_of_psnr
 from ntc.codec.textures import SourceTexture
@@ -269,14 +269,14 @@ class BlockEncoder(Encoder):
     def _pixels(self, members: Sequence[int]) -> list[int]:
         return [self._task.textures[index].pixels.size for index in members]
 
-    def figures(self) -> Figures:
+    def figures(self) -> EncodingProgress:
         by_group: dict[int, list[float]] = {}
         # A copy: the texture that is finished next is added in another thread.
         found = {index: texture.psnr_db or 0.0 for index, texture in dict(self._found).items()}
         for index, decibels in found.items():
             by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
         sizes = [self._task.textures[index].size for index in found]
-        return Figures(
+        return EncodingProgress(
             share=self._count.share,
             passes=self._count.planned * self._config.block_side**2,
             step=min(self._step + 1, self._steps),

@@ -18,8 +18,8 @@ from torch import Tensor
 from ntc.codec.encoding import (
     EncodedGroup,
     Encoder,
+    EncodingProgress,
     EncodingTask,
-    Figures,
     Piece,
     QualityBudget,
     StepBudget,
@@ -185,7 +185,7 @@ class GridEncoder(Encoder):
                 if float(np.mean(batch.running_losses)) <= 10.0 ** (-budget.psnr_db / 10.0):
                     batch.plan(min(batch.steps, math.ceil(batch.step / FALL_FROM)))
 
-    def figures(self) -> Figures:
+    def figures(self) -> EncodingProgress:
         number = self._number
         done = sum(batch.steps for batch in self._batches[:number]) + self._batches[number].step
         steps = sum(batch.steps for batch in self._batches[: number + 1]) + sum(self._planned[number + 1 :])
@@ -196,7 +196,7 @@ class GridEncoder(Encoder):
                 if math.isfinite(loss):
                     by_group.setdefault(self._task.grouping.groups[index], []).append(loss)
                     by_texture[index] = -10.0 * math.log10(max(loss, 1e-12))
-        return Figures(
+        return EncodingProgress(
             share=done / max(1, steps),
             passes=0.0 if self._report is None else PASSES_OF_TRAINING * steps * self._report.texels,
             step=done,

@@ -19,9 +19,9 @@ from ntc.errors import InputError
 from ntc.metrics.metrics import bits_with_mips
 from tests.unit.viewer.checking.test_budget import found, record, texture
 from viewer.checking.ci_files import junit_xml, sarif_json
-from viewer.checking.mending import rate_curve
 from viewer.checking.page import PageContent, page, past_of
 from viewer.checking.record import read_record
+from viewer.checking.remedies import rate_curve
 from viewer.training.rates import RateCurve, RatePoint
 
 BUDGET = """

@@ -16,8 +16,8 @@ from ntc.library.index import Library, library_packs
 from ntc.pack.file import write_pack
 from tests.support.shuffled_workers import ShuffledWorkers
 from viewer.encoding import whole_run as plan
-from viewer.encoding.whole_run import Asked, RunResult, encode_to_library
-from viewer.encoding.work import EncodeJob, Reading, WorkJob, WorkResult, texture_refs, work
+from viewer.encoding.whole_run import EncodeRequest, RunResult, encode_to_library
+from viewer.encoding.work import EncodeJob, ReadOptions, WorkJob, WorkResult, texture_refs, work
 from viewer.jobs import executor
 from viewer.scene.images import write_png
 
@@ -64,13 +64,13 @@ def in_order(seed: int, slots: int, fails: Callable[[WorkJob], bool] = lambda _j
     return ShuffledWorkers(done, seed, slots)
 
 
-def asked(grouping: GroupingName = "universal", codec: CodecName = "block", **of_grouping: object) -> Asked:
+def asked(grouping: GroupingName = "universal", codec: CodecName = "block", **of_grouping: object) -> EncodeRequest:
     choices = EncodingChoices(steps=2, levels=1) if codec == "grid" else EncodingChoices(target=BitsTarget(2.0))
     config = GroupingConfig(grouping, **of_grouping)  # type: ignore[arg-type]
-    return Asked(Reading(), config, codec, choices)
+    return EncodeRequest(ReadOptions(), config, codec, choices)
 
 
-def encoded(source: Path, out: Path, what: Asked, workers: Workers) -> RunResult:
+def encoded(source: Path, out: Path, what: EncodeRequest, workers: Workers) -> RunResult:
     return encode_to_library(what, texture_refs(source, "base"), workers.workers, out)
 
 
@@ -83,7 +83,9 @@ def packs(library: Path) -> dict[str, bytes]:
     [asked(), asked("baseline"), asked("clustered", clusters=2), asked("category", "grid")],
     ids=["universal", "baseline", "clustered", "grid"],
 )
-def test_any_order_and_number_of_workers_gives_the_same_bytes(what: Asked, folder: Path, tmp_path: Path) -> None:
+def test_any_order_and_number_of_workers_gives_the_same_bytes(
+    what: EncodeRequest, folder: Path, tmp_path: Path
+) -> None:
     first = encoded(folder, tmp_path / "0", what, in_order(0, 1))
     assert (first.asked, first.constant, first.repeated, first.encoded) == (12, 1, 1, 10)
     assert not first.failed

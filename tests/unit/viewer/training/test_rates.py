@@ -21,7 +21,16 @@ from ntc.errors import InputError
 from tests.end_to_end.conftest import two_squares
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.training.rates import Forecast, PointJob, RateCurve, RatePoint, Rates, chosen_textures, part_of, rate_point
+from viewer.training.rates import (
+    Forecast,
+    PointJob,
+    RateCurve,
+    RateCurves,
+    RatePoint,
+    chosen_textures,
+    part_of,
+    rate_point,
+)
 from viewer.training.settings import TrainingSettings, parse_target, target_text, with_setting
 
 
@@ -101,7 +110,7 @@ def test_a_curve_answers_both_ways() -> None:
 
 
 def test_a_forecast_says_what_a_target_gives(scene: Scene) -> None:
-    rates, settings = Rates(), TrainingSettings(target=BitsTarget(4.0))
+    rates, settings = RateCurves(), TrainingSettings(target=BitsTarget(4.0))
     rates.enter(scene)
     rates._curves[0, "all"] = CURVE
     rates._ended.add((0, "all"))
@@ -121,7 +130,7 @@ def test_a_forecast_says_what_a_target_gives(scene: Scene) -> None:
 
 def test_the_time_of_an_encoding_is_told_as_seconds_or_minutes(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
     def time_of(settings: TrainingSettings) -> str:
-        found = Rates().forecast(settings, scene)
+        found = RateCurves().forecast(settings, scene)
         assert found is not None
         return found.time
 
@@ -141,7 +150,7 @@ def test_the_line_of_a_forecast() -> None:
 
 @pytest.mark.process
 def test_curves_are_measured_beside_the_frames(scene: Scene) -> None:
-    rates = Rates()
+    rates = RateCurves()
     rates.want(scene, [0])
     rates.want(scene, [0])
     began, ticks = time.monotonic(), 0
