@@ -13,8 +13,8 @@ CodecName = Literal["block", "grid"]
 FIRST_NAME: Final = "grid"
 """The codec of files that name none: they were written before there was another one."""
 SUMMARIES: Final[dict[str, str]] = {
-    "block": "Blocks of texels in closed form: encoded at once.",
-    "grid": "The published method: a grid of latents that is trained together with its decoder.",
+    "block": "A learned linear transform of blocks of 8x8 or 4x4 texels: a scene is encoded in seconds, without a GPU.",
+    "grid": "The published method: a grid of latents and a small network, trained together for minutes.",
 }
 """A sentence about each codec, for the command line and the window."""
 MODULES: Final[dict[str, str]] = {name: f"ntc.codec.{name}.codec" for name in get_args(CodecName)}

@@ -156,7 +156,7 @@ def choose(
 
 @command(
     "training.measure-rates",
-    "Measure what bits give",
+    "Measure rate curve",
     "measure the quality of a texture at several bitrates",
 )
 def measure_rates(

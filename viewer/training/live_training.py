@@ -131,7 +131,7 @@ class LiveTraining:
             self.measure_rates(scene)
 
     def measure_rates(self, scene: Scene, texture: int | None = None) -> None:
-        """Measure what bits give in a texture of the scene; None: in the largest ones that the next encoding takes."""
+        """Measure the rate curve of a texture of the scene; None: those of the largest ones that the next encoding takes."""
         if texture is not None:
             self.rates.want(scene, [texture])
             return

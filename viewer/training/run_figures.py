@@ -36,7 +36,7 @@ def figures_under_way(run: ActiveRun) -> tuple[str, ...]:
         lines = [f"PSNR of samples of all mips: {now}"]
         if before is not None:
             lines.append(f"PSNR of mip 0 before: {before:.2f} dB")
-        lines.append(f"freedom of the decoders: {100.0 * progress.freezing_scale:.0f} %")
+        lines.append(f"learning rate of the decoders: {100.0 * progress.freezing_scale:.0f} %")
     return (*lines, f"speed: {progress.ktexels_per_second:,.0f} thousand texels/s")
 
 

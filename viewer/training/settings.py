@@ -193,7 +193,7 @@ class TrainingSettings:
     clusters: Annotated[
         int | None,
         Arg(
-            "number of groups for clustered, random and covisible; the most for whole materials under universal",
+            "number of groups for clustered, random and covisible; under universal with whole materials the upper limit",
             name="groups",
             read=read_clusters,
         ),

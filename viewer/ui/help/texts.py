@@ -326,7 +326,7 @@ TERMS: Final = {
     "divergence map": "D of each block: the number of different decoders that its pixels need. 0 where nothing is decoded.",
     "excess": "Sum over all blocks of their decoders beyond the first: 0 means no divergence.",
     "FLIP": "Difference that an eye sees when it flips between two pictures: 0 is equal, 1 is the largest.",
-    "freedom of the decoders": "How far decoders can still change in training: 100 % is free, 0 % is fixed.",
+    "learning rate of the decoders": "Scale of the decoders' learning rate: 100 % is the full rate, at 0 % they are fixed.",
     "grid (codec)": "The published method: a grid of latents that is trained step by step together with its decoder.",
     "group": "Textures that share one decoder.",
     "grouping": "Rule that puts textures into groups: baseline, single, random, category, clustered, covisible or universal.",

@@ -229,6 +229,6 @@ class EncodeForm(GroupingFields):
         imgui.text_wrapped(forecast.line())
         ui.rects.note("forecast")
         if rates.is_busy:
-            imgui.text_disabled("measuring what bits give ...")
+            imgui.text_disabled("measuring rate curves ...")
         elif forecast.psnr_db is None and codec_named(plan.codec_kind).default_target is not None:
-            command_button(ui, "Measure what bits give", "training.measure-rates", small=True)
+            command_button(ui, "Measure rate curve", "training.measure-rates", small=True)
