@@ -1,7 +1,6 @@
 """What the driver says of its resets is understood, and nothing that a lost context drew comes out of a renderer."""
 
 import ctypes
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -17,17 +16,6 @@ from viewer.state.view_state import Slot, ViewState
 
 GUILTY, INNOCENT, UNKNOWN = 0x8253, 0x8254, 0x8255
 CALL = ctypes.CFUNCTYPE(ctypes.c_uint)
-TRIANGLE = """#version 410
-void main() { gl_Position = vec4(4.0 * (gl_VertexID & 1) - 1.0, 4.0 * (gl_VertexID >> 1) - 1.0, 0.0, 1.0); }
-"""
-SLOW = """#version 410
-out vec4 color;
-void main() {
-    float value = gl_FragCoord.x;
-    for (int i = 0; i < 200; ++i) value = sin(value);
-    color = vec4(value);
-}
-"""
 CALLED_BY_ADDRESS: list[object] = []
 """A driver's functions stay where they are."""
 
@@ -130,24 +118,3 @@ def test_a_renderer_returns_nothing_that_a_lost_context_drew(graphics: GraphicsC
         with pytest.raises(ContextLostError):
             draw()
     renderer.release()
-
-
-def test_asking_waits_for_no_drawing(graphics: GraphicsContext) -> None:
-    texture = graphics.memory.texture("target", (512, 512), 4)
-    target = graphics.memory.framebuffer("target", [texture])
-    program = graphics.gl.program(vertex_shader=TRIANGLE, fragment_shader=SLOW)
-    array = graphics.gl.vertex_array(program, [])
-    target.use()
-    asking, drawing = list[float](), list[float]()
-    for _ in range(5):
-        array.render(vertices=3)
-        began = time.perf_counter()
-        graphics.reset.check()
-        asked = time.perf_counter()
-        graphics.gl.finish()
-        asking.append(asked - began)
-        drawing.append(time.perf_counter() - asked)
-    # About a microsecond; the first answers come before anything was compiled.
-    assert min(asking) < 0.1 * min(drawing)
-    for made in (array, program, target, texture):
-        made.release()

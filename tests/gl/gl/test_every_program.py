@@ -7,7 +7,6 @@ import hashlib
 import re
 import shutil
 import subprocess
-from collections import Counter
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -67,15 +66,6 @@ def test_every_shader_file_is_in_some_program(programs: tuple[AssembledProgram, 
         str(path.relative_to(shaders_folder())) for path in shaders_folder().rglob("*.*") if path.suffix != ".glsl"
     }
     assert shaders == {name for program in programs for name in program.files}
-
-
-def test_programs_are_of_all_precisions(programs: tuple[AssembledProgram, ...]) -> None:
-    kinds = Counter(
-        (program.defines.get("HALF_ARITHMETIC", 0), program.defines.get("HALF_EMULATED", 0))
-        for program in programs
-        if "decode_deferred" in program.files[0]
-    )
-    assert set(kinds) == {(0, 0), (1, 0), (1, 1), (2, 0), (2, 1)}
 
 
 def test_glslang_accepts_every_program(programs: tuple[AssembledProgram, ...], tmp_path: Path) -> None:
@@ -164,11 +154,6 @@ def declared(programs: tuple[AssembledProgram, ...]) -> list[tuple[str, Stages]]
 def numbers(stages: Stages, kind: str) -> list[int]:
     """Those of all stages; a block or an image that two stages share counts once."""
     return [own.number for own in {own for stage in stages for own in stage if own.kind == kind}]
-
-
-def test_declarations_are_found(declared: list[tuple[str, Stages]]) -> None:
-    found = Counter(own.kind for _, stages in declared for stage in stages for own in stage)
-    assert set(found) == {"storage", "uniform block", "sampler", "image", "output"}
 
 
 def test_storage_buffers_are_bound_below_the_guaranteed_number(declared: list[tuple[str, Stages]]) -> None:

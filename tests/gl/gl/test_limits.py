@@ -12,7 +12,6 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, WORD_BYTES, Limits
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.latent_store import LatentBudget
-from viewer.render.resources.layout import scene_layout_glsl
 from viewer.render.resources.pack_buffers import PackBuffers
 
 CODEC = GridConfig(hidden_width=16)
@@ -24,15 +23,6 @@ def small(graphics: GraphicsContext) -> GraphicsContext:
     memory = GpuMemory(graphics.gl)
     memory.limits = replace(memory.limits, storage_block_bytes=40_000, array_layers=2)
     return replace(graphics, memory=memory)
-
-
-def test_limits_are_those_of_the_driver(graphics: GraphicsContext) -> None:
-    limits, gl = graphics.memory.limits, graphics.gl
-    computes = graphics.features.compute
-    assert limits.storage_limit == ("GL_MAX_SHADER_STORAGE_BLOCK_SIZE" if computes else "GL_MAX_TEXTURE_BUFFER_SIZE")
-    assert limits.texture_side == gl.info["GL_MAX_TEXTURE_SIZE"] >= 16384
-    assert limits.storage_block_bytes >= 1 << 24
-    assert limits.array_layers >= 2048
 
 
 def test_limits_beyond_32_bits_are_the_largest_number() -> None:
@@ -49,14 +39,6 @@ def test_rows_of_work_groups_hold_all_and_hardly_more(groups: int) -> None:
         assert width <= across
         assert 1 <= height <= GROUPS_ACROSS
         assert groups <= width * height < groups + height or groups == 0
-
-
-def test_as_many_work_groups_lie_in_a_row_as_the_driver_allows(graphics: GraphicsContext) -> None:
-    for count, across in ((-1, GROUPS_ACROSS), (1 << 31, GROUPS_ACROSS), (65535, GROUPS_ACROSS), (1024, 1024)):
-        limits = Limits.of({"GL_MAX_COMPUTE_WORK_GROUP_COUNT": (count, 65535, 65535)})
-        assert limits.groups_across == across
-        assert f"#define GROUPS_ACROSS {across}\n" in scene_layout_glsl(limits.groups_across)
-    assert graphics.memory.limits.groups_across == GROUPS_ACROSS
 
 
 def test_without_compute_what_shaders_read_of_a_buffer_is_that_of_texture_buffers(graphics: GraphicsContext) -> None:

@@ -6,7 +6,6 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from viewer.gl.allocation import is_released
 from viewer.gl.context import GraphicsContext
 from viewer.gl.read_back import Fence, PicturePart, ReadBack
 
@@ -124,21 +123,3 @@ def test_what_replaces_a_part_of_a_buffer_goes_by_way_of_another(
     graphics.memory.write(buffer, b"ef", 6)
     assert buffer.read() == bytes(2) + b"abcdef", "without memory for another it is written at once"
     buffer.release()
-
-
-def test_buffers_are_used_again_and_freed(graphics: GraphicsContext) -> None:
-    values = graphics.memory.buffer("a test", bytes(1024))
-    texture = graphics.memory.texture("a test", (3, 2), 1, bytes(range(6)))
-    back = ReadBack[None](graphics, "a test")
-    for _ in range(4):
-        back.copy([(values, 1024)], None)
-        back.wait()
-    (kept,) = back._free
-    back.copy_texture(texture, 6, None)
-    assert back.wait() == (bytes(range(6)), None)
-    assert back._free == [kept], "large enough for less"
-    back.copy([(values, 1024), (values, 1024)], None)
-    assert is_released(kept)
-    back.release()
-    values.release()
-    texture.release()

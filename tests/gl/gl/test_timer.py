@@ -97,17 +97,6 @@ def test_a_driver_that_never_answers_costs_no_more_than_some_queries(
     assert "glGetQueryObjectui64v" not in functions.called
 
 
-def test_a_time_without_a_name_is_noted_alone(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
-    context, _ = watched
-    timer, noted = PassTimer(replace(context, waits=False)), list[float]()
-    with timer.watch(noted.append):
-        context.gl.memory_barrier()
-    end = time.monotonic() + 20.0
-    while not noted and time.monotonic() < end:
-        assert timer.take() == {}, "it has no name"
-    assert noted[0] >= 0.0
-
-
 def test_times_have_64_bits(graphics: GraphicsContext) -> None:
     functions = WatchedFunctions(graphics.functions)
     features = replace(graphics.features, timer_queries=True)

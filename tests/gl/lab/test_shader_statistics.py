@@ -5,9 +5,8 @@ from typing import Any
 import pytest
 
 from lab.benchmarks.shaders.compiling import GPUS, find_compiler
-from lab.benchmarks.shaders.decoding_programs import CODECS, decoding_programs
+from lab.benchmarks.shaders.decoding_programs import decoding_programs
 from lab.benchmarks.shaders.statistics import statistics
-from ntc.codec.grid.model import GridConfig
 from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 
@@ -40,20 +39,3 @@ def test_halves_take_fewer_instructions_on_an_amd_gpu(rows: list[dict[str, Any]]
     for path in {path for path, _ in found}:
         # 1.68 to 1.79 with Mesa 25.0.
         assert found[path, "fp32"] > 1.6 * found[path, "fp16-accumulate"], path
-
-
-def test_every_path_and_precision_is_there(rows: list[dict[str, Any]]) -> None:
-    assert {row["path"] for row in rows} == {"forward", "deferred", "deferred, shared", "binned", "cached"}
-    # Codec `block` decodes a pack with one decoder by the same program as others.
-    assert len(rows) == 5 * 4 + 4
-    assert all(row["spills"] is not None for row in rows if row["precision"] != "fp16-accumulate")
-
-
-def test_a_texel_takes_at_least_the_multiply_adds_of_its_network(rows: list[dict[str, Any]]) -> None:
-    config = CODECS["grid of best"]
-    assert isinstance(config, GridConfig)
-    for row in rows:
-        count = row["vector instructions a texel"]
-        if count is not None:
-            # In halves one instruction may do two.
-            assert count > config.multiply_adds / (1 if row["precision"] in ("fp32", "fp16") else 2), row

@@ -88,40 +88,6 @@ def test_shaders_have_the_bits_of_the_twin(graphics: GraphicsContext) -> None:
     np.testing.assert_array_equal(drawn(graphics, table), expected(table))
 
 
-def picture(side: int = 512, left: int = 0, top: int = 0) -> Words:
-    """[side, side] noise of a part of a picture."""
-    rows, columns = np.mgrid[top : top + side, left : left + side]
-    return noise.pixel_noise(words(columns), words(rows))
-
-
-@pytest.mark.once
-@pytest.mark.parametrize("corner", [(0, 0), (1408, 568), (15872, 15872)])
-def test_noise_is_that_of_its_source(corner: tuple[int, int]) -> None:
-    rows, columns = np.mgrid[corner[1] : corner[1] + 512, corner[0] : corner[0] + 512]
-    formula = (52.9829189 * ((0.06711056 * columns + 0.00583715 * rows) % 1.0)) % 1.0
-    off = np.abs(picture(512, *corner) / 2.0**32 - formula)
-    # At whole numbers the one is just below 1 and the other is just above 0.
-    assert np.minimum(off, 1.0 - off).max() < 4e-4
-
-
-def chi_squared(values: Words, bins: int = 256) -> float:
-    """Pearson's statistic over its mean for independent values: 1 where they are random, 0 where they are exactly even."""
-    counts, _ = np.histogram(values / 2.0**32, bins, (0.0, 1.0))
-    even = values.size / bins
-    return float(((counts - even) ** 2 / even).sum() / (bins - 1))
-
-
-@pytest.mark.once
-@pytest.mark.parametrize("corner", [(0, 0), (1408, 568), (15872, 15872)])
-@pytest.mark.parametrize("number", [0, 1, 15])
-def test_thresholds_are_at_least_as_even_as_random_ones(corner: tuple[int, int], number: int) -> None:
-    rows, columns = np.mgrid[corner[1] : corner[1] + 512, corner[0] : corner[0] + 512]
-    x, y = words(columns), words(rows)
-    # 1.3 is beyond what one of 1000 random pictures has.
-    assert chi_squared(noise.filter_threshold(x, y, np.full_like(x, number))) < 1.3
-    assert chi_squared(noise.blend_threshold(x, y, words(7), np.full_like(x, number))) < 1.3
-
-
 @pytest.mark.once
 def test_samples_of_a_pixel_are_even() -> None:
     x, y = (words(part) for part in np.mgrid[:64, :64])
@@ -134,14 +100,3 @@ def test_samples_of_a_pixel_are_even() -> None:
     gaps = np.diff(np.vstack([sampled, sampled[:1] + (1 << 32)]), axis=0) / 2.0**32
     # None is as long as two sixteenths.
     assert gaps.max() < 0.1
-
-
-@pytest.mark.once
-def test_neighbours_share_the_range_and_no_line_is_alike() -> None:
-    values = picture() / 2.0**32
-    windows = np.lib.stride_tricks.sliding_window_view(values, (3, 3)).reshape(-1, 9)
-    # Means of nine random values deviate by 0.096.
-    assert windows.mean(1).std() < 0.048
-    rows, columns = values.mean(1), values.mean(0)
-    # Means of 512 random values deviate by 0.0128.
-    assert max(rows.std(), columns.std()) < 0.0128

@@ -17,7 +17,7 @@ from viewer.lighting.sky import sky_radiance
 from viewer.render.passes.shade import ShadePass
 from viewer.render.resources.scene_buffers import COMPONENTS_OF_MAP
 from viewer.scene.model import Light, Scene, SurfaceFactors
-from viewer.state.view_state import Lighting, MaterialView, ToneMap
+from viewer.state.view_state import Lighting, ToneMap
 
 SIZE = (96, 72)
 ELEVATION = 35.0
@@ -141,25 +141,6 @@ def test_lights_of_the_scene_shine_as_by_the_twin(graphics: GraphicsContext) -> 
     assert steps_apart(found, dark).max() > 20.0
     assert_agrees(found, expected, made)
     made.release()
-
-
-def test_a_bump_faces_its_light(graphics: GraphicsContext) -> None:
-    spheres = sphere_grid([[SurfaceFactors(metalness=0.0)]], (0.5, 0.5, 0.5))
-    made = LitStudio(graphics, spheres.scene, spheres.camera, SIZE)
-    lighting = replace(LIGHTING, sun_azimuth=90.0, sun_elevation=10.0)
-    light = replace(made.light_drawer.prepare(lighting), shadow=None)
-    middle = (34, 48)
-    brightness = {}
-    for x in (0.35, 0.5, 0.65):
-        surface = np.tile(np.array([x, 0.5, 1.0, 1.0], np.float32), (SIZE[1], SIZE[0], 1))
-        picture = made.draw(made.planes({"base": made.factor_base(), "surface": surface}), light=light)
-        brightness[x] = float(picture[middle].mean())
-    # The tangent runs along +X where the sphere faces the viewer, and the sun stands in the east, at +X.
-    assert brightness[0.35] < brightness[0.5] < brightness[0.65]
-    made.release()
-
-
-STORED: dict[MaterialView, tuple[str, list[int]]] = {"normal": ("surface", [0, 1]), "orm": ("both", [])}
 
 
 def test_views_of_maps_show_the_stored_bytes(studio: LitStudio) -> None:

@@ -116,16 +116,6 @@ def test_a_still_picture_is_the_mix_without_dither(flat: Renderer) -> None:
     np.testing.assert_allclose(picture, linear_to_srgb(mean), atol=0.6 / 255.0)
 
 
-@pytest.mark.parametrize("alpha", [1 / 64, 0.1, 0.5, 0.77, 63 / 64])
-def test_a_pixel_misses_its_alpha_by_less_than_a_sample(graphics: GraphicsContext, alpha: float) -> None:
-    renderer = Renderer(graphics, flat_scene(alpha))
-    renderer.render(PLAIN, whole=True)
-    share = (shown(renderer, Slot()) - BACK)[:, 0] / (FRONT - BACK)[0]
-    assert np.abs(share - alpha).max() < 1.0 / SAMPLES + 1e-6
-    assert share.mean() == pytest.approx(alpha, abs=0.005)
-    renderer.release()
-
-
 def covered(alpha: float, samples: int) -> NDArray[np.float64]:
     """[H * W] share of the first `samples` samples, 1 or 16, in which a surface covers each pixel, by the twin."""
     rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
@@ -147,22 +137,6 @@ def test_the_pixels_that_are_covered_are_those_of_the_noise(graphics: GraphicsCo
         share = (shown(renderer, Slot()) - BACK)[:, 0] / (FRONT - BACK)[0]
         np.testing.assert_allclose(share, covered(alpha, samples), atol=1e-3)
     renderer.release()
-
-
-@pytest.mark.driver
-@pytest.mark.parametrize("camera", [ORTHOGRAPHIC, PERSPECTIVE])
-def test_rounding_of_depths_changes_few_pixels(graphics: GraphicsContext, camera: Camera) -> None:
-    """Drivers round depths to different floats: so do layers that lie a little deeper."""
-    pictures = []
-    for deeper in (0.0, 3e-7):
-        scene = flat_scene(0.5)
-        middle = Material("middle", -1, (1.0, 1.0, 1.0, 0.5), alpha_mode="blend")
-        parts = [Part(0, moved(-1.0)), Part(1, moved(deeper)), Part(2, moved(-0.5 + 2.0 * deeper))]
-        renderer = Renderer(graphics, scene_of(parts, (*scene.materials, middle)))
-        renderer.render(replace(PLAIN, camera=camera), whole=True)
-        pictures.append(shown(renderer, Slot()))
-        renderer.release()
-    assert (np.abs(pictures[1] - pictures[0]).max(-1) > 1e-3).mean() <= 0.005
 
 
 def test_a_surface_covers_its_share_of_what_one_before_it_lets_through(graphics: GraphicsContext) -> None:

@@ -6,7 +6,6 @@ from typing import Literal
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_block_pack
@@ -17,7 +16,6 @@ from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
-from tests.gl.small_scenes import FRONT, INSIDE, objects
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
@@ -69,15 +67,6 @@ def test_frames_agree_with_float64(
     assert np.abs(shown - expected).max() <= TOLERANCE
 
 
-def pictures(renderer: Renderer, slot: Slot) -> list[NDArray[np.float32]]:
-    """Albedo from two cameras."""
-    found = []
-    for camera in (FRONT, INSIDE):
-        renderer.render(ViewState(camera, (120, 72), slot), whole=True)
-        found.append(renderer.picture(slot))
-    return found
-
-
 def with_little_contrast(pack: Pack) -> Pack:
     """`pack` with textures whose values lie close together."""
     return replace(pack, textures=tuple(replace(t, axes=t.axes * np.float32(0.15)) for t in block_parts(pack).textures))
@@ -86,27 +75,6 @@ def with_little_contrast(pack: Pack) -> Pack:
 def latent_rows(pack: Pack, texture: int = 0) -> tuple[StoredRows, ...]:
     """Where each level of a texture lies."""
     return codec_of(pack.config).gpu_tables(pack.config).level_rows(pack.textures[texture])
-
-
-def test_all_paths_show_the_same_scene(graphics: GraphicsContext) -> None:
-    scene = objects()
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
-    pack = random_block_pack(sizes, (0, 1, 0, 1), CONFIG, [t.pixel_hash for t in scene.textures])
-    # Little contrast, so that it matters little whether texels are clamped and taken to linear light before they are filtered.
-    pack = with_little_contrast(pack)
-    renderer = Renderer(graphics, scene)
-    renderer.set_packs({"p": pack})
-    deferred = pictures(renderer, Slot("p", "deferred"))
-    assert deferred[0].std() > 0.05
-    for path in ("forward", "binned"):
-        for found, expected in zip(pictures(renderer, Slot("p", path)), deferred, strict=True):
-            np.testing.assert_allclose(found, expected, atol=2e-4)
-    for found, expected in zip(pictures(renderer, Slot("p", "cached")), deferred, strict=True):
-        assert np.abs(found - expected).mean() < 0.01
-    for precision in ("fp16", "fp16-arithmetic"):
-        for found, expected in zip(pictures(renderer, Slot("p", "deferred", precision)), deferred, strict=True):
-            np.testing.assert_array_equal(found, expected)
-    renderer.release()
 
 
 @pytest.mark.parametrize("mips", [1, 2, 4])
@@ -145,30 +113,3 @@ def test_mips_that_are_not_on_the_gpu_are_read_from_the_next_ones(graphics: Grap
     # Tiles are resampled on the texels of the mip that is missing, and have 8 bits.
     assert np.abs(shown - expected).mean() <= (0.01 if path == "cached" else TOLERANCE)
     renderer.release()
-
-
-@pytest.mark.parametrize("path", ["deferred", "cached"])
-def test_a_version_whose_codes_take_other_room_replaces_the_one_before(
-    graphics: GraphicsContext, path: DecodePath
-) -> None:
-    scene, slot = objects(), Slot("p", path)
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
-    hashes = [t.pixel_hash for t in scene.textures]
-    old, other = (random_block_pack(sizes, (0, 1, 0, 1), CONFIG, hashes, seed=seed) for seed in (0, 1))
-    # Of group 1 alone, textures 1 and 3.
-    textures = tuple(other.textures[i] if old.textures[i].group == 1 else old.textures[i] for i in range(4))
-    new = replace(old, textures=textures)
-    assert latent_rows(new, 1) != latent_rows(old, 1)
-    renderer, fresh = Renderer(graphics, scene), Renderer(graphics, scene)
-    renderer.set_packs({"p": old})
-    before = pictures(renderer, slot)
-    renderer.update_pack("p", new)
-    fresh.set_packs({"p": new})
-    # Tiles lie on other pages than in a fresh cache, and are sampled at other coordinates.
-    for found, expected in zip(pictures(renderer, slot), pictures(fresh, slot), strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-3 if path == "cached" else 0.0)
-    renderer.update_pack("p", old)
-    for found, expected in zip(pictures(renderer, slot), before, strict=True):
-        np.testing.assert_allclose(found, expected, atol=1e-3 if path == "cached" else 0.0)
-    renderer.release()
-    fresh.release()

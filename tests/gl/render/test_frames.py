@@ -18,7 +18,7 @@ from viewer.render.frames import FrameResult
 from viewer.render.path_choice import drawable_paths
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material
-from viewer.state.view_state import EXACT_PATHS, CompareMode, Overlay, Slot, ViewState, Zoom
+from viewer.state.view_state import CompareMode, Overlay, Slot, ViewState
 
 SIZE = (64, 40)
 CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))
@@ -94,29 +94,10 @@ def test_the_same_view_again_runs_no_pass(renderer: Renderer) -> None:
     assert np.array_equal(picture(again), first)
 
 
-def test_moving_the_divider_only_composes(renderer: Renderer) -> None:
-    renderer.render(VIEW)
-    assert passes(renderer.render(replace(VIEW, wipe_position=0.25))) == {"composite"}
-    assert passes(renderer.render(replace(VIEW, compare="b"))) == {"composite"}
-
-
 @pytest.mark.computes
 def test_another_path_for_b_draws_only_b(renderer: Renderer) -> None:
     renderer.render(VIEW)
     assert passes(renderer.render(replace(VIEW, slot_b=FORWARD))) == {"decode_forward", "composite"}
-
-
-def test_flipping_back_and_forth_is_free_of_passes(renderer: Renderer) -> None:
-    renderer.render(VIEW)
-    for compare in ("a", "b", "a", "b"):
-        assert passes(renderer.render(replace(VIEW, compare=compare))) <= {"composite"}
-
-
-@pytest.mark.computes
-def test_a_moved_camera_draws_all(renderer: Renderer) -> None:
-    renderer.render(VIEW)
-    moved = renderer.render(replace(VIEW, camera=replace(CAMERA, eye=(0.1, 0.5, 5.0))))
-    assert passes(moved) >= {"visibility", "reference", "decode_deferred", "composite"}
 
 
 @pytest.mark.computes
@@ -146,16 +127,6 @@ def test_setting_the_same_pack_again_changes_nothing(renderer: Renderer) -> None
     assert passes(renderer.render(VIEW)) == set()
 
 
-@pytest.mark.parametrize(("share", "columns"), [(0.0, 0), (0.25, 16), (0.5, 32), (1.0, 64)])
-def test_a_is_left_of_the_divider_and_b_right(renderer: Renderer, share: float, columns: int) -> None:
-    frame = renderer.render(replace(VIEW, wipe_position=share))
-    expected_a, expected_b = (linear_to_srgb8(renderer.picture(slot)) for slot in (VIEW.slot_a, VIEW.slot_b))
-    shown = picture(frame).astype(int)
-    assert np.abs(shown[:, :columns] - expected_a[:, :columns]).max(initial=0) <= 1
-    assert np.abs(shown[:, columns:] - expected_b[:, columns:]).max(initial=0) <= 1
-    assert (expected_a != expected_b).mean() > 0.1
-
-
 def test_one_slot_alone_fills_the_picture(renderer: Renderer) -> None:
     alone: tuple[tuple[CompareMode, Slot], ...] = (("a", VIEW.slot_a), ("b", VIEW.slot_b))
     for compare, slot in alone:
@@ -168,14 +139,6 @@ def test_albedo_of_a_slot_that_was_not_shown_is_drawn_on_demand(renderer: Render
     late = renderer.picture(FORWARD)
     renderer.render(replace(VIEW, slot_b=FORWARD))
     assert np.array_equal(renderer.picture(FORWARD), late)
-
-
-def test_reading_before_the_first_frame_is_refused(graphics: GraphicsContext) -> None:
-    fresh = Renderer(graphics, scene_of([cube(0)], [Material("m", -1, WHITE)]))
-    for read in (fresh.texture_ids, fresh.covered, lambda: fresh.picture(Slot())):
-        with pytest.raises(RuntimeError, match="render a view first"):
-            read()
-    fresh.release()
 
 
 def test_packs_of_one_codec_share_their_programs(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -234,25 +197,6 @@ def test_divergence_is_counted_only_while_it_is_shown(renderer: Renderer) -> Non
     assert "divergence" in other_blocks.timings_ms
 
 
-def test_the_magnifying_glass_draws_nothing_anew(renderer: Renderer) -> None:
-    renderer.render(VIEW)
-    zoomed = renderer.render(replace(VIEW, zoom=Zoom(4.0, (0.25, 0.75))))
-    assert passes(zoomed) == {"composite"}
-    assert passes(renderer.render(VIEW)) == {"composite"}
-
-
-def test_modes_toggled_back_compile_nothing(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    modes = [Slot("p", path, precision) for path in EXACT_PATHS for precision in ("fp32", "fp16")]
-    for mode in modes:
-        renderer.render(replace(VIEW, slot_b=mode))
-    compiled: list[str] = []
-    for name in ("compute_shader", "program"):
-        monkeypatch.setattr(moderngl.Context, name, lambda *given, name=name, **named: compiled.append(name))
-    for mode in modes:
-        renderer.render(replace(VIEW, slot_b=mode))
-    assert compiled == []
-
-
 def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
     graphics: GraphicsContext, renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -269,22 +213,6 @@ def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
     for mode in modes:
         renderer.render(replace(VIEW, slot_b=mode, compare="wipe"))
     assert compiled == []
-
-
-@pytest.mark.computes
-def test_weights_are_stored_again_only_for_paths_that_read_them_so(renderer: Renderer) -> None:
-    renderer.render(replace(VIEW, slot_b=FORWARD))
-    forward = renderer.memory(FORWARD)
-    assert forward is not None
-    before = forward.total
-    renderer.render(VIEW)
-    deferred = renderer.memory(DEFERRED)
-    assert deferred is not None
-    assert deferred.total == before, "two decoders: the deferred path reads them by index"
-    renderer.render(replace(VIEW, slot_b=Slot("p", "binned")))
-    binned = renderer.memory(Slot("p", "binned"))
-    assert binned is not None
-    assert binned.total > before
 
 
 def test_memory_counts_the_tile_cache_only_for_the_path_that_reads_it(renderer: Renderer) -> None:

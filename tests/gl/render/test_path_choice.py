@@ -1,10 +1,8 @@
 """`auto` times every path and takes the fastest; what it cannot run it leaves out."""
 
-import math
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from lab.bench.random_pack import random_block_pack, random_pack
 from tests.gl.small_scenes import FRONT, objects
@@ -12,8 +10,6 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.render.path_choice import COMPUTING, PathTimes, time_paths
 from viewer.render.renderer import Renderer
-from viewer.scene.model import Camera
-from viewer.state.navigation import turned
 from viewer.state.view_state import EXACT_PATHS, Slot, ViewState
 
 SLOT = Slot("p", "auto")
@@ -47,18 +43,6 @@ def test_a_path_that_does_not_run_is_left_out() -> None:
 
     assert time_paths(slot_ms, VIEW, SLOT).fastest == "forward"
     assert PathTimes({}).fastest == "deferred"
-
-
-@pytest.mark.parametrize("degrees", [0.0, 1.0, -30.0, 180.0])
-def test_turning_keeps_place_distance_and_height(degrees: float) -> None:
-    camera = Camera("c", (1.0, 2.0, 3.0), (4.0, 0.5, -1.0))
-    other = turned(camera, degrees)
-    before, after = (np.subtract(c.target, c.eye) for c in (camera, other))
-    assert other.eye == camera.eye
-    assert np.linalg.norm(after) == pytest.approx(np.linalg.norm(before))
-    assert after[1] == pytest.approx(before[1])
-    flat = [math.atan2(v[2], v[0]) for v in (before, after)]
-    assert (math.degrees(flat[0] - flat[1]) - degrees) % 360.0 == pytest.approx(0.0, abs=1e-9)
 
 
 def test_pixels_are_not_sorted_where_they_share_no_weights(graphics: GraphicsContext) -> None:

@@ -17,7 +17,6 @@ from ntc.codec.grid.model import GridConfig
 from ntc.codec.maps import MAP_CHANNELS, MAPS, PLANES, MapName, Plane, ShownMap, plane_channels
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
-from ntc.codec.reference import decode_texels
 from tests.gl.render.test_block_frames import VARIANTS
 from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.support.covering import covering
@@ -25,7 +24,6 @@ from tests.support.gltf_builder import noise
 from tests.support.picture_scenes import QUAD, QUAD_UVS, WHITE, Part, as_set, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode import DecodePlanesPass
-from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs
@@ -343,17 +341,3 @@ def test_one_decoded_map_stands_among_the_original_ones(renderer: Renderer, name
         return
     assert np.abs(single - original).max() > 0.01
     assert np.abs(single - decoded).max() > 0.01
-
-
-@pytest.mark.parametrize("kind", ["block", "grid"])
-@pytest.mark.computes
-def test_single_texels_have_all_channels(graphics: GraphicsContext, packs: dict[str, Pack], kind: str) -> None:
-    pack, random = packs[kind], np.random.default_rng(5)
-    decoder = GlTexelDecoder(graphics, pack)
-    uv, lod = random.uniform(-2.0, 2.0, (50, 2)).astype(np.float32), random.uniform(-1.0, 6.0, 50).astype(np.float32)
-    for index, encoded in enumerate(pack.textures):
-        found = decoder.decode_texels(index, uv, lod)
-        expected = decode_texels(pack, index, uv.astype(np.float64), lod.astype(np.float64))
-        assert found.shape == (50, encoded.channels)
-        np.testing.assert_allclose(found, expected, atol=TOLERANCE)
-    decoder.release()

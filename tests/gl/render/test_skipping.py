@@ -20,7 +20,7 @@ from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.layout import StorageBinding
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
-from viewer.state.view_state import EXACT_PATHS, REFERENCE, DecodePath, Overlay, Slot, ViewState
+from viewer.state.view_state import EXACT_PATHS, DecodePath, Overlay, Slot, ViewState
 
 SIZE = (120, 72)
 DIRECT: tuple[DecodePath, ...] = ("deferred", "forward", "binned")
@@ -120,21 +120,6 @@ def test_what_does_not_concern_a_slot_does_not_decode_it_again(
         work.bind()
         renderer.render(other)
         assert work.take() == 0, other
-    renderer.release()
-
-
-@pytest.mark.computes
-def test_a_hidden_slot_and_a_hidden_overlay_cost_nothing(graphics: GraphicsContext, work: Work) -> None:
-    renderer = opened(graphics, objects())
-    hidden = ViewState(FRONT, SIZE, Slot(REFERENCE), Slot("p", "deferred"))
-    work.bind()
-    frame = renderer.render(hidden)
-    assert work.take() == 0
-    assert "divergence" not in frame.timings_ms
-    assert frame.skipped["divergence_passes"] == 1
-    work.bind()
-    renderer.render(replace(hidden, compare="b"))
-    assert work.take() > 0
     renderer.release()
 
 

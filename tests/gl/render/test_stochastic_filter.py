@@ -25,7 +25,7 @@ from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material
 from viewer.state.navigation import turned
-from viewer.state.view_state import DecodePath, Slot, ViewState
+from viewer.state.view_state import Slot, ViewState
 
 CONFIG = BlockConfig(block_words=(2, 3, 6), mean_words=3, modes=8, coefficients=60)
 TRILINEAR = [name for name in CASES if not name.startswith("n")]
@@ -61,24 +61,6 @@ def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, pack: Pa
     made.release()
 
 
-def texels_of(pack: Pack, name: str) -> NDArray[np.float64]:
-    """[8, H * W, 3] float64: the texels of every pixel's footprint."""
-    case = CASES[name]
-    levels = latent_levels(*SIZES[case.texture], pack.config)
-    lod = float(np.clip(case.map.lod(SIZES[case.texture]), 0.0, len(levels) - 1.0))
-    uv = case.map.uv(SIZE)
-    found = []
-    for number in (int(lod), min(int(lod) + 1, len(levels) - 1)):
-        size = np.array([levels[number].texel_width, levels[number].texel_height])
-        corner = np.floor(uv * size - 0.5).astype(np.int64)
-        for step in ((0, 0), (1, 0), (0, 1), (1, 1)):
-            texel = [wrapped(corner[:, axis] + step[axis], size[axis], case.wrap[axis]) for axis in (0, 1)]
-            centres = (np.stack(texel, axis=-1) + 0.5) / size
-            at = np.full(len(uv), float(number))
-            found.append(reference.decode_texels(pack, case.texture, centres, at, case.wrap))
-    return np.stack(found)
-
-
 def draw(renderer: Renderer, name: str, slot: Slot, whole: bool) -> NDArray[np.float64]:
     """[H * W, 3] linear: a case, as one sample or `whole`. What was drawn before does not count."""
     view = ViewState(straight_camera(list(CASES).index(name)), SIZE, slot)
@@ -87,17 +69,6 @@ def draw(renderer: Renderer, name: str, slot: Slot, whole: bool) -> NDArray[np.f
     found = renderer.picture_in(slot, WHOLE)
     assert found is not None
     return found.reshape(-1, 3).astype(np.float64)
-
-
-@pytest.mark.parametrize("path", ["deferred", "forward", "binned"])
-@pytest.mark.parametrize("name", TRILINEAR)
-def test_a_sample_is_a_texel_of_the_footprint(renderer: Renderer, pack: Pack, name: str, path: DecodePath) -> None:
-    shown = linear_to_srgb(draw(renderer, name, Slot("p", path, filter="stochastic"), whole=False))
-    distances = np.abs(texels_of(pack, name) - shown).max(-1)
-    assert distances.min(0).max() <= 2 * TOLERANCE
-    if name == "magnified":
-        # Each of the four is taken somewhere.
-        assert set(distances.argmin(0)) >= {0, 1, 2, 3}
 
 
 def chosen_texels(pack: Pack, name: str, number: int) -> NDArray[np.float64]:
@@ -205,16 +176,3 @@ def test_tiles_and_the_reference_are_filtered_as_ever(graphics: GraphicsContext)
         assert frame(renderer, other).samples == {}
         np.testing.assert_array_equal(renderer.picture(other), expected)
     renderer.release()
-
-
-def test_another_version_of_a_pack_begins_anew(graphics: GraphicsContext) -> None:
-    renderer, fresh = opened(graphics), Renderer(graphics, objects())
-    renderer.render(ViewState(FRONT, (120, 72), DEFERRED), whole=True)
-    other = pack_of_objects("block", seed=3)
-    renderer.update_pack("p", other)
-    assert frame(renderer).samples == {DEFERRED: 1}
-    fresh.set_packs({"p": other})
-    frame(fresh)
-    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh.picture(DEFERRED))
-    for made in (renderer, fresh):
-        made.release()

@@ -4,14 +4,12 @@ from typing import Any
 from unittest.mock import patch
 
 import moderngl
-import numpy as np
 import pytest
 
 from lab.bench.random_pack import random_pack
 from tests.gl.small_scenes import FRONT, objects
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
-from viewer.render.resources.color_target import ColorTarget
 from viewer.state.navigation import turned
 from viewer.state.view_state import REFERENCE, DecodePath, MaterialView, Slot, ViewState
 
@@ -40,15 +38,3 @@ def test_a_moving_view_makes_no_framebuffers(
             renderer.render(ViewState(turned(FRONT, 0.01 * step), SIZE, slot, material_view=shown))
     assert not made
     renderer.release()
-
-
-def test_another_depth_texture_gets_a_framebuffer_of_its_own(graphics: GraphicsContext) -> None:
-    target, depths = ColorTarget(graphics, SIZE), [graphics.memory.depth_texture("depth", SIZE) for _ in range(2)]
-    made = [target.framebuffer_with_depth(depth) for depth in (*depths, depths[1])]
-    assert made[0] is not made[1]
-    assert made[1] is made[2]
-    made[2].clear(1.0, 0.5, 0.25, 1.0)
-    np.testing.assert_array_equal(target.read()[0, 0], [1.0, 0.5, 0.25])
-    target.release()
-    for depth in depths:
-        depth.release()

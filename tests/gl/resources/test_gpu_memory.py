@@ -15,8 +15,6 @@ from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, exi
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
-from viewer.render.pass_scheduler import Step
-from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
 from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
@@ -218,17 +216,6 @@ def test_latents_have_what_memory_there_is(graphics: GraphicsContext, scene: Sce
     assert memory.objects_given == 0
 
 
-def test_what_measures_takes_no_coarser_latents(graphics: GraphicsContext, packs: tuple[Pack, Pack]) -> None:
-    class FewLatents(GpuMemory):
-        def allows(self, what: str, size: int) -> bool:
-            return what != "latents" or size <= 4096
-
-    memory = FewLatents(graphics.gl, PLENTY)
-    with pytest.raises(GpuMemoryError, match="latents"):
-        GlTexelDecoder(replace(graphics, memory=memory), packs[0])
-    assert memory.objects_given == 0
-
-
 def test_without_the_reference_packs_are_shown(
     graphics: GraphicsContext, scene: Scene, packs: tuple[Pack, Pack]
 ) -> None:
@@ -238,39 +225,6 @@ def test_without_the_reference_packs_are_shown(
     assert set(window.seen) == {name for name in VIEWS if "reference" not in name}
     assert all(line.startswith("the reference: ") and "source images of" in line for line in window.refusals)
     window.close()
-
-
-def test_images_out_of_sight_make_room(graphics: GraphicsContext, scene: Scene) -> None:
-    memory = ForgetfulMemory(graphics.gl, "nothing yet")
-    renderer = Renderer(replace(graphics, memory=memory), scene)
-    whole = read_picture(renderer.render(VIEWS["reference"]).image)
-    held = memory.objects_given
-    # Images of one size are one array: the second is refused while another one is there.
-    reference = renderer.images.of("reference", "base").uploads
-    places = reference._places
-    sizes = {plan.size for plan in places.plans.values()}
-    assert len(sizes) > 1
-
-    def allows(what: str, _size: int) -> bool:
-        return "source images" not in what or not reference.arrays
-
-    array = next(iter(reference.arrays))
-    materials = [index for index in range(len(scene.materials)) if places.of([index])]
-    material = next(index for index in materials if {place.array for place in places.of([index])} == {array})
-    reference._drop(array)
-    memory.allows = allows  # type: ignore[method-assign, assignment]
-    step = Step(whole=True, is_same_view=False, is_stale=False)
-    reference.advance([material], reference, step)
-    assert set(reference.arrays) == {array}
-    others = [index for index in materials if index != material]
-    with pytest.raises(GpuMemoryError):
-        reference.advance([material, *others], reference, step)
-    del memory.allows
-    renderer._scheduler.invalidate(reference)
-    renderer.render(replace(VIEWS["reference"], size=LARGER))
-    np.testing.assert_array_equal(read_picture(renderer.render(VIEWS["reference"]).image), whole)
-    assert memory.objects_given == held
-    renderer.release()
 
 
 def test_a_picture_that_is_too_large_leaves_the_one_before(graphics: GraphicsContext, scene: Scene) -> None:

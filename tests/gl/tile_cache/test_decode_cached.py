@@ -21,7 +21,6 @@ from tests.gl.render.test_frame_parity import Case
 from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
-from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.frames import FrameResult
@@ -246,31 +245,6 @@ def test_a_budget_below_what_is_seen_says_so_and_still_draws(graphics: GraphicsC
     renderer.release()
 
 
-def test_a_changed_group_costs_its_own_tiles_only(graphics: GraphicsContext) -> None:
-    scene = objects()
-    old, other = pack_of(scene), pack_of(scene, seed=5)
-    # Group 1, textures 1 and 3, is trained anew.
-    textures = tuple(other.textures[i] if old.textures[i].group == 1 else old.textures[i] for i in range(4))
-    new = replace(old, textures=textures, decoders=(old.decoders[0], other.decoders[1]))
-    renderer = Renderer(graphics, scene)
-    renderer.set_packs({"p": old})
-    before = picture(renderer)
-    decoded = counts(render(renderer)).decoded
-    renderer.set_packs({"p": new})
-    after = picture(renderer)
-    anew = counts(render(renderer)).decoded - decoded
-    ids = renderer.texture_ids()
-    assert 0 < anew < decoded
-    kept = np.isin(ids, (0, 2))
-    np.testing.assert_allclose(after[kept], before[kept], atol=ELSEWHERE)
-    assert not np.array_equal(after[np.isin(ids, (1, 3))], before[np.isin(ids, (1, 3))])
-    fresh = Renderer(graphics, scene)
-    fresh.set_packs({"p": new})
-    np.testing.assert_allclose(picture(fresh), after, atol=ELSEWHERE)
-    for made in (renderer, fresh):
-        made.release()
-
-
 def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch) -> None:
     plain = opened(graphics)
     truth = picture(plain)
@@ -332,18 +306,3 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
         render(none)
     for made in (renderer, none):
         made.release()
-
-
-def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsContext) -> None:
-    """As with 65535 of them: of codec `grid`, for `block` the number of tiles is limited instead."""
-    scene, pictures = objects(), []
-    sizes = [(image.pixels.shape[1], image.pixels.shape[0]) for image in scene.textures]
-    own = random_pack(sizes, (0, 1, 0, 1), hashes=[image.pixel_hash for image in scene.textures])
-    for across in (65535, 3):
-        limits = replace(graphics.memory.limits, groups_across=across)
-        made = Renderer(replace(graphics, memory=GpuMemory(graphics.gl, limits=limits)), scene)
-        made.set_packs({"p": own})
-        made.render(ViewState(FRONT, SIZE, CACHED), whole=True)
-        pictures.append(made.picture(CACHED))
-        made.release()
-    np.testing.assert_allclose(pictures[1], pictures[0], atol=ELSEWHERE)

@@ -22,8 +22,6 @@ SIZE = (120, 72)
 SLOT = Slot("p", "cached")
 VIEW = ViewState(FRONT, SIZE, SLOT)
 ASIDE = replace(VIEW, camera=turned(FRONT, 25.0))
-MISSING = 0.2
-"""In linear light, of texels that no tile stands for."""
 
 
 def pack(seed: int = 0) -> Pack:
@@ -107,18 +105,6 @@ def test_an_answer_that_is_late_holds_nothing_up(graphics: GraphicsContext, monk
     assert frame.is_complete
     made.release()
     truth.release()
-
-
-def test_nothing_is_grey_in_the_first_frame(graphics: GraphicsContext) -> None:
-    made = renderer(graphics)
-    frame = made.render(VIEW)
-    assert not frame.is_complete, "finer tiles are to come"
-    targets = made._targets
-    assert targets is not None
-    shown = targets.picture(SLOT).read()
-    covered = made.covered()
-    assert not np.isclose(shown[covered], MISSING, atol=1e-6).all(axis=-1).any()
-    made.release()
 
 
 def test_a_pack_that_is_replaced_in_motion(graphics: GraphicsContext) -> None:

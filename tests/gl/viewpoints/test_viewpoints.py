@@ -3,15 +3,13 @@
 from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
-from pathlib import Path
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
-from tests.gl.small_scenes import SCENES, objects, textures
+from tests.gl.small_scenes import SCENES, textures
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
 from viewer.locations import builtin_scene_path
@@ -93,24 +91,6 @@ def test_small_scenes_give_what_was_asked_for(name: str, count: int, eyes: Calla
     assert min(len(view) for view in seen(see, cameras)) >= 2
 
 
-def test_no_two_views_are_alike(eyes: Callable[[Scene], See]) -> None:
-    scene = objects()
-    cameras = sample_viewpoints(scene, eyes(scene), ViewpointConfig(count=8))
-    assert len({(camera.eye, camera.target) for camera in cameras}) == len(cameras)
-    assert all(first.eye != second.eye for first, second in pairwise(cameras))
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e-1, 1e2, 1e3])
-def test_scenes_in_other_units(scale: float, eyes: Callable[[Scene], See]) -> None:
-    scene = scaled(objects(), scale)
-    see = eyes(scene)
-    cameras = sample_viewpoints(scene, see, ViewpointConfig(count=6))
-    views = seen(see, cameras)
-    assert len(cameras) == 6
-    assert min(len(view) for view in views) >= 2
-    assert set.union(*views) == {0, 1, 2, 3}
-
-
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
 def test_the_builtin_scene_in_other_units(courtyard: Scene, scale: float, eyes: Callable[[Scene], See]) -> None:
     scene = scaled(courtyard, scale)
@@ -148,12 +128,6 @@ def test_a_scene_in_which_no_texture_is_seen_is_refused(scene: Scene, eyes: Call
         sample_viewpoints(scene, eyes(scene), ViewpointConfig(count=3))
 
 
-def test_a_count_of_nothing_is_refused(eyes: Callable[[Scene], See]) -> None:
-    scene = objects()
-    with pytest.raises(InputError, match="count 0"):
-        sample_viewpoints(scene, eyes(scene), ViewpointConfig(count=0))
-
-
 @pytest.mark.parametrize(("double_sided", "roofed"), [(False, True), (True, True), (False, False)])
 def test_nobody_stands_under_the_ground_or_in_a_block(
     double_sided: bool, roofed: bool, eyes: Callable[[Scene], See]
@@ -172,15 +146,3 @@ def test_nobody_stands_under_the_ground_or_in_a_block(
         inside = y < 8.2 and abs(abs(x) - 15.0) < 5.0 and abs(abs(z) - 15.0) < 5.0
         where["under" if y < 0.0 else "inside" if inside else "outside"] += 1
     assert where == {"outside": len(cameras)}
-
-
-@pytest.mark.parametrize("path", ["jungle/scene.gltf", "polyhaven_props/living_room.gltf"])
-def test_scenes_without_cameras(path: str, data_folder: Path, eyes: Callable[[Scene], See]) -> None:
-    if not (data_folder / "scenes" / path).exists():
-        pytest.skip(f"no {path}")
-    scene = load_scene(data_folder / "scenes" / path)
-    see = eyes(scene)
-    cameras = sample_viewpoints(scene, see, ViewpointConfig())
-    assert len(cameras) >= 10
-    used = {scene.materials[primitive.material].texture_id for primitive in scene.primitives} - {-1}
-    assert set.union(*seen(see, cameras)) == used

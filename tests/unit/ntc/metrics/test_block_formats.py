@@ -89,12 +89,6 @@ def test_any_shape_is_padded_and_cropped(block_format: BlockFormat, size: tuple[
     assert compress(padded, block_format).blocks == compressed.blocks
 
 
-@pytest.mark.parametrize(("image", "gain_db"), [(waves(64, 64, 3), 5.0), (noise(64, 64, 3), 1.0)])
-def test_bc7_is_better_than_bc1(image: Image, gain_db: float) -> None:
-    bc1, bc7 = (psnr_db(compress(image, block_format).decoded, image) for block_format in BC_FORMATS)
-    assert bc7 > bc1 + gain_db
-
-
 def test_every_format_has_the_bits_of_its_blocks() -> None:
     """Of a picture that all blocks fill: 128 bits a block, 64 for BC1; ASTC's from most to fewest."""
     bits = {name: 8.0 * compressed_bytes(240, 240, name) / 240**2 for name in BLOCK_FORMATS}
@@ -105,14 +99,6 @@ def test_every_format_has_the_bits_of_its_blocks() -> None:
     astc = [value for name, value in bits.items() if name.startswith("astc")]
     assert len(astc) == 14
     assert astc == sorted(astc, reverse=True)
-
-
-def test_larger_blocks_of_astc_are_worse_and_more_effort_is_no_worse() -> None:
-    image = waves(120, 120, 3) // 2 + noise(120, 120, 3) // 4
-    formats: tuple[BlockFormat, ...] = ("astc-4x4", "astc-6x5", "astc-8x8", "astc-12x12")
-    thorough = [psnr_db(compress(image, name).decoded, image) for name in formats]
-    assert thorough == sorted(thorough, reverse=True)
-    assert psnr_db(compress(image, "astc-8x8", "medium").decoded, image) <= thorough[2]
 
 
 def test_alpha_is_kept_but_by_bc1() -> None:

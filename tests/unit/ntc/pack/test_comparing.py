@@ -27,15 +27,6 @@ def test_identity_is_the_hash_and_not_the_name() -> None:
     assert match.line() == "3 of 5 textures match; same name but other pixels: texture 0; not in the pack: unknown"
 
 
-def test_a_full_match_says_only_that() -> None:
-    assert match_pack(PACK, [["aa"], ["bb"]], ["a", "b"]).line() == "2 of 2 textures match"
-
-
-def test_long_lists_are_cut() -> None:
-    names = [f"n{index}" for index in range(8)]
-    assert match_pack(PACK, [[name] for name in names], names).line().endswith("n0, n1, n2, n3, n4 and 3 more")
-
-
 def test_a_pack_of_another_scene_is_bad_input() -> None:
     match = match_pack(PACK, [["cc"]], ["wall"])
     with pytest.raises(InputError, match=r"^some/other\.ntc: made for another scene than a\.glb: 0 of 1 textures"):

@@ -21,7 +21,7 @@ from ntc.codec.model import CodecSettings, Grouping, Pack
 from ntc.errors import InputError
 from ntc.pack.file import expected_tensors, read_pack, write_pack
 from ntc.pack.match import changed_textures, same_shape
-from ntc.pack.schema import metadata_json, parse_metadata
+from ntc.pack.schema import parse_metadata
 from tests.support.pack_bytes import PackBytes
 from tests.support.packs.checks import assert_equal, check_pack
 
@@ -473,9 +473,3 @@ def test_a_damaged_pack_is_not_overwritten_by_a_failed_write(tmp_path: Path) -> 
 def test_a_folder_cannot_be_written_over(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="cannot be written"):
         write_pack(tmp_path, random_pack())
-
-
-def test_metadata_text_does_not_depend_on_order() -> None:
-    pack = random_pack()
-    turned = replace(pack, training={"b": 1, "a": 2})
-    assert metadata_json(turned) == metadata_json(replace(pack, training={"a": 2, "b": 1}))

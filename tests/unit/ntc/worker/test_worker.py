@@ -17,23 +17,18 @@ import numpy as np
 import pytest
 import torch
 
-from ntc.codec.block.encoding.rate import config_for_bits
-from ntc.codec.config import GroupingConfig
-from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget, texture_set
+from ntc.codec.encoding import QualityBudget, StepBudget, TimeBudget
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.grouping import make_grouping
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.compiling import COMPILING
-from ntc.training.encode import encode_textures
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
 from ntc.worker.process import Failed, Paused, Resumed
 from tests.support.training_workers import (
     BLOCK_CODEC,
-    BLOCK_OPTIONS,
     BLOCKS_FROM_NOTHING,
     CODEC,
     ENDLESS,
@@ -52,10 +47,8 @@ from tests.support.training_workers import (
     finished,
     pack_of,
     processor_seconds,
-    threads,
     until,
 )
-from tests.unit.ntc.codec.block.test_material_sets import WHOLE, material
 
 pytestmark = pytest.mark.process
 
@@ -93,18 +86,6 @@ def test_from_nothing_it_gives_what_training_gives_bit_by_bit(
     assert all(math.isfinite(value) for value in (*last.losses.values(), *last.psnr_db.values()))
     assert last.ktexels_per_second > 0.0
     assert last.freezing_scale == 1.0
-
-
-def test_group_by_group_as_the_paper_trains(shared: TrainingWorker) -> None:
-    training = replace(SHORT, texels_per_group=64, steps=40)
-    with threads(max(1, len(os.sched_getaffinity(0)) - 1)):
-        expected = encode_textures(TEXTURES, GROUPS, CODEC, training)
-    end, reports = finished(shared, replace(FROM_NOTHING, training=training))
-    assert same(pack_of(end), expected)
-    progress = [report for report in reports if isinstance(report, TrainingProgress)]
-    steps = [report.step for report in progress if report.work == "training step"]
-    assert steps == sorted(steps)
-    assert steps[-1] == 80
 
 
 def test_snapshots_come_early_and_can_be_swapped_in(shared: TrainingWorker) -> None:
@@ -244,28 +225,6 @@ def test_the_smallest_groups_come_first(shared: TrainingWorker) -> None:
     end, reports = finished(shared, request)
     assert [report.group for report in reports if isinstance(report, GroupSnapshot)] == [3, 1, 0, 2]
     assert [outcome.group for outcome in end.outcomes] == [0, 1, 2, 3]
-
-
-def test_encoded_again_only_the_dirty_group_changes_and_never_gets_worse(shared: TrainingWorker) -> None:
-    packs = sorted(
-        (encoded_by_group(TEXTURES, GROUPS, BLOCK_CODEC, seed) for seed in (1, 2)),
-        key=lambda pack: sum(texture.psnr_db or 0.0 for texture in pack.textures if texture.group == 0),
-    )
-    for start, other in (packs, packs[::-1]):
-        seed = int(other.training["seed"])
-        training = replace(BLOCK_OPTIONS, seed=seed)
-        request = replace(BLOCKS_FROM_NOTHING, training=training, start=start, dirty=frozenset({0}))
-        end, reports = finished(shared, request)
-        pack, (outcome,) = pack_of(end), end.outcomes
-        assert {report.group for report in reports if isinstance(report, GroupSnapshot)} == {0}
-        assert outcome.before_db is not None
-        assert outcome.kept_old == (outcome.after_db < outcome.before_db)
-        expected = start if outcome.kept_old else other
-        for index, texture in enumerate(pack.textures):
-            twin = (expected if index in (0, 2) else start).textures[index]
-            assert array_bytes(texture) == array_bytes(twin)
-        assert pack.training["seed"] == start.training["seed"]
-        assert pack.training["retrained"]["groups"] == [0]
 
 
 @pytest.mark.parametrize("budget", [StepBudget(1), TimeBudget(0.001), QualityBudget(5.0), QualityBudget(100.0)])
@@ -513,22 +472,6 @@ def test_nothing_is_left_of_a_program_that_ends_or_is_killed(tmp_path: Path, clo
     assert ends(process)
     assert blocks(owner.pid) == []
     assert owner.returncode == (0 if closed else -9)
-
-
-def test_gains_of_tables_that_ship_come_with_their_decoders(shared: TrainingWorker, tmp_path: Path) -> None:
-    sources = tuple(material(WHOLE, (32, 32), seed=seed) for seed in range(2))
-    grouping = make_grouping(GroupingConfig("universal"), sources)
-    config = config_for_bits(6.0, texture_set(sources, grouping.stored_decoders))
-    end, _ = finished(shared, replace(BLOCKS_FROM_NOTHING, textures=sources, grouping=grouping, codec=config))
-    pack = pack_of(end)
-    write_pack(tmp_path / "a.ntc", pack)
-    read = read_pack(tmp_path / "a.ntc")
-    assert len(read.decoders) == 2
-    for index, source in enumerate(sources):
-        assert (pack.textures[index].psnr_db or 0.0) > 25.0
-        assert psnr_db(decode_image(read, index), source.pixels) == pytest.approx(
-            pack.textures[index].psnr_db, abs=0.05
-        )
 
 
 def test_a_training_that_waits_for_the_compiler_says_so_and_can_be_cancelled(

@@ -114,14 +114,6 @@ def test_the_curve_of_a_texture_is_measured_once_on_all_its_texels(tmp_path: Pat
     assert point.psnr_db == point.by_map["base"] == pytest.approx(pack.textures[0].psnr_db)
 
 
-def test_two_thousand_textures_make_a_page_of_bounded_size() -> None:
-    own = record(*(texture(f"texture {number}") for number in range(2000)))
-    strips = {f"content of texture {number}": b"\0" * 4000 for number in range(2000)}
-    shown = page(PageContent(own, (), strips))
-    assert shown.count("<img") == 500
-    assert len(shown) < 8_000_000
-
-
 def test_a_record_is_read_as_it_was_written(tmp_path: Path) -> None:
     own, path = record(texture("roof")), tmp_path / "report.json"
     path.write_bytes(msgspec.json.encode(own))
@@ -136,10 +128,3 @@ def test_a_wrong_record_is_refused_in_one_line(tmp_path: Path, text: str) -> Non
         read_record(path)
     assert str(raised.value).startswith(f"{path}: ")
     assert "\n" not in str(raised.value)
-
-
-def test_a_record_of_another_format_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "report.json"
-    path.write_bytes(msgspec.json.encode(msgspec.structs.replace(record(), format=99)))
-    with pytest.raises(InputError, match="has format 99"):
-        read_record(path)

@@ -1,9 +1,5 @@
 """The command line of the design page is read as written, and bad arguments become one line."""
 
-import itertools
-import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -17,13 +13,9 @@ from lab.commands import SUBCOMMANDS as LAB_COMMANDS
 from ntc.errors import InputError
 from viewer import cli
 from viewer.cli.arguments import parse_arguments
-from viewer.cli.help_groups import GROUPS, MOST_IN_GROUP
+from viewer.cli.help_groups import GROUPS
 from viewer.cli.options import SUBCOMMANDS, DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
 from viewer.cli.render import chosen_lighting
-from viewer.commands import BY_ID, bindings
-from viewer.state.setting import sentence
-from viewer.training.settings import SETTINGS
-from viewer.ui.help.texts import control_text
 
 
 def options_of(arguments: Sequence[str]) -> Any:
@@ -226,44 +218,11 @@ def test_without_the_package_lab_only_its_commands_are_missing(monkeypatch: pyte
         parse_arguments(["study", "clusters", "--out", "o"])
 
 
-def test_the_viewer_imports_no_module_of_lab_by_itself() -> None:
-    code = "import sys, viewer.cli; sys.exit(any(name.split('.')[0] == 'lab' for name in sys.modules))"
-    subprocess.run([sys.executable, "-c", code], check=True)
-
-
-COMMANDS_WITH_HELP = [
-    *(command.name for command in (*SUBCOMMANDS, *LAB_COMMANDS)),
-    *(f"study {study.name}" for study in STUDIES),
-]
-
-
 def help_of(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
     """The lines of the help that `words` print."""
     with pytest.raises(SystemExit):
         parse_arguments(words)
     return capsys.readouterr().out.splitlines()
-
-
-@pytest.mark.parametrize("command", COMMANDS_WITH_HELP)
-def test_help_has_at_most_ten_options_in_a_group_and_no_broken_lines(
-    command: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    lines = help_of(capsys, *command.split(), "--help-all")
-    options: dict[str, list[str]] = {}
-    for line, below in itertools.pairwise(lines):
-        if below.startswith(" ---"):
-            options[line] = []
-        elif found := re.match(r"  --([a-z-]+)", line):
-            options[next(reversed(options))].append(found[1])
-    assert max(map(len, options.values())) <= MOST_IN_GROUP
-    assert [line for line in lines if len(line) > 80] == []
-    named = [name for own in options.values() for name in own]
-    assert sorted(named) == sorted(set(named))
-    for group in GROUPS.get(command, ()):
-        assert options[f" {group.title}"] == list(group.options)
-        for example in group.examples:
-            assert f"  Example: ntc-viewer {example}" in lines
-            assert len(example) < 66
 
 
 @pytest.mark.parametrize("command", GROUPS)
@@ -285,38 +244,3 @@ def test_first_help_explains_the_usual_options_and_names_all(command: str, capsy
     fields = {name for name, hint in hints if tyro.conf.Positional not in getattr(hint, "__metadata__", ())}
     written = {"as" if name == "image_format" else name.replace("_", "-") for name in fields}
     assert written == {option for group in GROUPS[command] for option in group.options}
-
-
-@pytest.mark.parametrize(
-    "command", ["slot.path", "overlay.palette", "overlay.scale", "overlay.opacity", "light.exposure", "materials.view"]
-)
-def test_help_of_an_option_is_the_tooltip_of_the_window(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit):
-        parse_arguments(["render", "--help-all"])
-    made = BY_ID[command]
-    tooltip = control_text(made, made.parameters[-1], bindings({})).partition("\nKey:")[0]
-    assert tooltip in " ".join(capsys.readouterr().out.split())
-
-
-@pytest.mark.parametrize(
-    ("option", "command", "number"),
-    [
-        ("environment", "light.environment", 0),
-        ("sun", "light.sun", 0),
-        ("sun", "light.sun", 1),
-        ("fov", "camera.look", -1),
-        ("cameras", "camera.play", 0),
-    ],
-)
-def test_help_of_an_option_has_the_text_of_a_command_s_value(option: str, command: str, number: int) -> None:
-    (said,) = (arg.help for arg in get_type_hints(RenderOptions, include_extras=True)[option].__metadata__)
-    text = BY_ID[command].parameters[number].arg.help.partition("; default")[0]
-    assert text in said or sentence(text) in said
-
-
-@pytest.mark.parametrize(
-    ("option", "setting"), [("grouping", "grouping"), ("codec", "codec"), ("texture_size", "size")]
-)
-def test_help_of_an_option_is_the_tooltip_of_a_training(option: str, setting: str) -> None:
-    (said,) = (arg.help for arg in get_type_hints(EncodeOptions, include_extras=True)[option].__metadata__)
-    assert said.startswith(sentence(SETTINGS[setting][1].help))

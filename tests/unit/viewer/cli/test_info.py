@@ -83,11 +83,6 @@ def test_bad_arguments(arguments: list[str], word: str, capsys: pytest.CaptureFi
     assert word in capsys.readouterr().err
 
 
-def test_an_empty_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["info", "--all", str(tmp_path)]) == 0
-    assert capsys.readouterr().out == "0 files: 0 read, 0 refused, 0 crashed\n"
-
-
 def test_info_shows_bounds_of_every_precision(tmp_path: Path) -> None:
     write_pack(tmp_path / "a.ntc", random_pack(config=HALVES))
     pack = read_pack(tmp_path / "a.ntc")

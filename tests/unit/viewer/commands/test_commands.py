@@ -2,7 +2,7 @@
 
 import ast
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -11,9 +11,9 @@ import pytest
 import viewer
 from ntc.errors import InputError
 from tests.support.spoilt_files import finished, open_context, write_scene
-from viewer.commands import COMMANDS, bindings, find_command, run, run_line, run_or_notify, why_not
-from viewer.commands.command import Context, words
-from viewer.commands.keys import NAMED_KEYS, RESERVED, Chord, parse_chord
+from viewer.commands import COMMANDS, bindings, run, run_line, run_or_notify, why_not
+from viewer.commands.command import Context
+from viewer.commands.keys import RESERVED, Chord, parse_chord
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -21,7 +21,6 @@ from viewer.state.motion import Turntable
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
-from viewer.ui.picture_input import imgui_key
 
 
 @pytest.fixture(scope="module")
@@ -89,11 +88,6 @@ def test_what_does_not_fit_is_one_line(context: Context, line: str, part: str) -
         run_line(context, line)
     assert "\n" not in str(caught.value)
     assert context.session.view == before
-
-
-def test_usage_shows_what_may_be_left_out() -> None:
-    assert find_command("compare.divider").usage == "compare.divider [POSITION]"
-    assert words("a 'b c' # d") == ["a", "b c"]
 
 
 @pytest.mark.parametrize(
@@ -180,10 +174,6 @@ def test_what_is_no_key_is_one_line(text: str) -> None:
     with pytest.raises(InputError, match="no such key") as caught:
         parse_chord(text)
     assert "\n" not in str(caught.value)
-
-
-def test_imgui_knows_every_key() -> None:
-    assert len({imgui_key(name) for name in NAMED_KEYS}) == len(NAMED_KEYS)
 
 
 def test_the_commands_own_keys_are_in_order() -> None:
@@ -277,26 +267,6 @@ def test_a_drag_is_one_change(written: Context, monkeypatch: pytest.MonkeyPatch)
     assert session.view.wipe_position == begin
 
 
-def test_what_changes_nothing_that_can_be_undone_is_not_looked_through(
-    written: Context, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    walked: list[object] = []
-
-    def walk(value: Any) -> Any:
-        walked.append(value)
-        return fields(value)
-
-    monkeypatch.setattr("viewer.commands.history.fields", walk)
-    for step in range(10):
-        run(written, "picture.hover", (step / 10.0, 0.5))
-    assert walked == []
-    assert "nothing to undo" in why_not(written, "edit.undo")
-    run_line(written, "window.theme light")
-    assert walked == [written.session.settings], "the view is the same object as before"
-    run_line(written, "edit.undo")
-    assert written.session.settings.theme == "dark"
-
-
 def test_what_other_hands_changed_since_stays(written: Context) -> None:
     session = written.session
     run_line(written, "compare.mode b")
@@ -387,23 +357,6 @@ def writes(source: str) -> list[int]:
         and is_state(node.args[0], aliases)
     ]
     return sorted(lines)
-
-
-@pytest.mark.parametrize(
-    ("source", "found"),
-    [
-        ("session.view = view", [1]),
-        ("self._session.window.toasts = ()", [1]),
-        ("self.session.window.open_panels -= {title}", [1]),
-        ("a, session.packs = 1, {}", [1]),
-        ("window = session.window\nwindow.show_help = True", [2]),
-        ("session.packs['a'] = pack", [1]),
-        ("setattr(app.session, 'view', view)", [1]),
-        ("self.session = session\nview = session.view\nx = session.window.toasts", []),
-    ],
-)
-def test_writes_are_found(source: str, found: list[int]) -> None:
-    assert writes(source) == found
 
 
 def test_only_commands_and_event_handlers_change_the_session() -> None:

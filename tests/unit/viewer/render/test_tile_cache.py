@@ -24,14 +24,6 @@ def never_asked() -> NDArray[np.uint32]:
     raise AssertionError("read back without need")
 
 
-def test_free_pages_come_first_and_ask_nothing() -> None:
-    pool = PagePool(3)
-    pages, gone = pool.place(numbers(7, 9), 1, never_asked)
-    assert pages.tolist() == [0, 1]
-    assert gone.tolist() == []
-    assert (pool.taken, pool.reach(0)) == (2, 2)
-
-
 def test_the_tile_that_was_read_longest_ago_goes() -> None:
     pool = PagePool(3)
     pool.place(numbers(1, 2, 3), 1, never_asked)
@@ -49,15 +41,6 @@ def test_what_this_frame_reads_or_has_just_placed_stays() -> None:
     assert gone.tolist() == []
     pages, gone = pool.place(numbers(5), 6, lambda: np.array([6, 6], np.uint32))
     assert (pages.tolist(), gone.tolist()) == ([], [])
-
-
-def test_dropped_tiles_leave_room() -> None:
-    pool = PagePool(2)
-    pool.place(numbers(1, 2), 1, never_asked)
-    pool.drop(numbers(1, 99))
-    assert pool.taken == 1
-    pages, _ = pool.place(numbers(3), 2, never_asked)
-    assert pages.tolist() == [0]
 
 
 @given(
@@ -106,12 +89,6 @@ def test_where_the_rest_is_long_tiles_get_a_share_of_it() -> None:
     assert paced(120.0) == pytest.approx(LEAST_SHARE * 120.0, abs=1e-3)
     assert paced(1000.0) == pytest.approx(25.0, abs=1e-3)
     assert min(paced(rest) or 0.0 for rest in range(60)) >= LEAST_MILLISECONDS
-
-
-def test_one_long_frame_changes_little() -> None:
-    budget = TileBudget(TileCacheConfig(milliseconds=25.0))
-    budget.note_frame(32.0)
-    assert budget.milliseconds == pytest.approx(0.5 * (25.0 + LEAST_MILLISECONDS))
 
 
 def test_what_has_no_limit_keeps_none_and_a_small_one_stays() -> None:

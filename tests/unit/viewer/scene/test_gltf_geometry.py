@@ -22,7 +22,6 @@ from viewer.scene.gltf.geometry import (
     TRIANGLE_FAN,
     TRIANGLE_STRIP,
     TRIANGLES,
-    joined,
     joined_indices,
     triangle_list,
     unit_normals,
@@ -394,20 +393,6 @@ def test_quantised_normals_and_tangents() -> None:
     np.testing.assert_allclose(scene.geometry.tangents, expected, atol=1e-6)
 
 
-def test_sparse_normals() -> None:
-    builder = GltfBuilder()
-    primitive = builder.triangle(None, NORMAL=UP)
-    sparse = {
-        "count": 1,
-        "indices": {"bufferView": builder.view(np.array([1], np.uint16).tobytes()), "componentType": 5123},
-        "values": {"bufferView": builder.view(np.array([0, 2, 0], np.float32).tobytes())},
-    }
-    builder.json["accessors"][primitive["attributes"]["NORMAL"]]["sparse"] = sparse
-    normals = built(builder.drawn(primitive)).geometry.normals
-    assert normals is not None
-    np.testing.assert_array_equal(normals, [[0, 0, 1], [0, 1, 0], [0, 0, 1]])
-
-
 @pytest.mark.parametrize(
     ("name", "values", "instead"),
     [
@@ -451,15 +436,6 @@ def test_other_formats_keep_their_normals(tmp_path: Path) -> None:
     normals = load_scene(path).geometry.normals
     assert normals is not None
     np.testing.assert_allclose(normals, np.tile([0, 1, 0], (3, 1)), atol=1e-6)
-
-
-def test_parts_are_joined_and_let_go() -> None:
-    parts: list[NDArray[np.float32] | None] = [np.ones((2, 3), np.float32), None, np.full((1, 3), 2.0, np.float32)]
-    whole = joined(parts, [2, 2, 1], 3, 5.0)
-    assert whole is not None
-    assert whole[:, 0].tolist() == [1, 1, 5, 5, 2]
-    assert parts == [None, None, None]
-    assert joined([None, None], [2, 2], 3) is None
 
 
 @pytest.mark.parametrize(("highest", "kind"), [(SHORT_INDICES - 1, np.uint16), (SHORT_INDICES, np.uint32)])

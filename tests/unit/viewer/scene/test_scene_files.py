@@ -18,10 +18,9 @@ from ntc.errors import InputError
 from tests.end_to_end.conftest import two_squares
 from tests.support.gltf_builder import GltfBuilder, ktx2, noise, png
 from tests.support.scenes import sorted_triangles, world_triangles
-from tests.support.work import processor_seconds
 from viewer.scene.cameras_file import cameras_beside, with_cameras_beside
 from viewer.scene.folder_listing import completed, list_folder, matching
-from viewer.scene.images import folder_textures, read_image, write_png
+from viewer.scene.images import folder_textures, write_png
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.scene.scene_files import FREE_BYTES, SCENES_NAMED, scene_file
@@ -110,19 +109,6 @@ def test_readers_of_other_formats_are_not_imported_for_plain_gltf(tmp_path: Path
         "assert not {'trimesh', 'DracoPy', 'meshopt', 'torch', 'PIL'} & set(sys.modules)"
     )
     subprocess.run([sys.executable, "-c", code, str(path)], check=True)
-
-
-def test_bistro_loads_in_little_more_time_than_its_images(data_folder: Path) -> None:
-    path = data_folder / "scenes/bistro/bistro.gltf"
-    entries = json.loads(path.read_text())
-
-    def decode_images() -> None:
-        for entry in entries["images"]:
-            read_image(path.parent / entry["uri"])
-
-    measured = [(processor_seconds(lambda: load_scene(path)), processor_seconds(decode_images)) for _ in range(2)]
-    whole, images = (min(times) for times in zip(*measured, strict=True))
-    assert whole < 6.0 * images
 
 
 def test_bistro(data_folder: Path) -> None:

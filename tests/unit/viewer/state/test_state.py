@@ -1,6 +1,5 @@
 """Animations, cameras, flying, the magnifying glass, colours of the divergence map, and packs that events bring."""
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,11 +10,11 @@ from lab.bench.random_pack import random_pack
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import Part, scene_of, texture
 from viewer.capture.pictures import with_color_bar
-from viewer.scene.model import AnimationFacts, Camera, Material, Pose, title_of
+from viewer.scene.model import AnimationFacts, Camera, Material, Pose
 from viewer.state.camera import NEAREST_SHARE, clip_distances
 from viewer.state.event_handlers import apply_event, expire_pointing, point_out
 from viewer.state.events import PackClosed, PackShown, PackUpdated
-from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turntable, between, chosen_animation
+from viewer.state.motion import PATH_SECONDS, AnimationPlayback, Playback, Turntable, chosen_animation
 from viewer.state.navigation import FASTER_STEP, NEAR_SHARE, fly, fly_speed, kept_in_sight
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.pack_files import preferred_source
@@ -82,12 +81,6 @@ def test_a_path_is_played_to_its_end() -> None:
     camera, motion = motion.advance(camera, BOUNDS, 100.0)
     assert (camera, motion) == (cameras[2], None)
     assert Playback(cameras[:1]).advance(CAMERA, BOUNDS, 0.0) == (cameras[0], None)
-
-
-def test_between_never_looks_at_itself() -> None:
-    other = replace(CAMERA, eye=CAMERA.target, target=CAMERA.eye)
-    halfway = between(CAMERA, other, 0.5)
-    assert math.dist(halfway.eye, halfway.target) > 0.0
 
 
 @pytest.mark.parametrize(
@@ -159,26 +152,12 @@ def test_what_is_under_the_mouse_stays_there(at: tuple[float, float]) -> None:
     assert zoom.corner == pytest.approx((0.0, 0.0))
 
 
-@pytest.mark.parametrize("centre", [(-1.0, 0.5), (0.0, 0.0), (1.0, 2.0), (0.4, 0.6)])
-def test_what_is_shown_never_leaves_the_picture(centre: tuple[float, float]) -> None:
-    zoom = Zoom(5.0, centre)
-    for corner in ((0.0, 0.0), (1.0, 1.0)):
-        assert all(-1e-9 <= value <= 1.0 + 1e-9 for value in zoom.window_to_image(*corner))
-
-
 def test_green_red_has_the_colours_of_the_paper_and_viridis_grows_brighter_all_the_way() -> None:
     expected = [(0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0)]
     np.testing.assert_allclose(palette_colors("green-red", np.array([0.0, 0.5, 1.0])), expected)
     # Whoever cannot tell hues apart still sees which block has more decoders.
     brightness = palette_colors("viridis", np.linspace(0.0, 1.0, 50)) @ np.array([0.2126, 0.7152, 0.0722])
     assert (np.diff(brightness) > 0.0).all()
-
-
-@pytest.mark.parametrize(
-    ("decoders", "most", "share"), [(1, 5, 0.0), (5, 5, 1.0), (3, 5, 0.5), (1, 1, 0.0), (9, 5, 1.0)]
-)
-def test_one_decoder_is_the_near_end(decoders: int, most: int, share: float) -> None:
-    assert share_of_most(decoders, most) == share
 
 
 @pytest.mark.parametrize("palette", list(PALETTES))
@@ -194,12 +173,6 @@ def test_the_bar_shows_every_number_in_its_colour(palette: PaletteName, most: in
     assert colors <= seen
     # White digits below.
     assert (drawn == 255).all(axis=2).any() or (drawn.min(axis=2) > 200).any()
-
-
-@pytest.mark.parametrize("size", [(5, 5), (40, 300), (300, 60)])
-def test_small_pictures_have_no_bar(size: tuple[int, int]) -> None:
-    picture = np.zeros((*size, 3), np.uint8)
-    np.testing.assert_array_equal(with_color_bar(picture, "viridis", 4), picture)
 
 
 def pack(seed: int) -> Pack:
@@ -272,8 +245,3 @@ def test_the_pack_that_was_shown_last_is_remembered_and_shown_again(tmp_path: Pa
     assert preferred_source(packs) == "clustered"
     assert preferred_source(packs, settings.last_packs[str(scene)]) == "scene.clustered-2"
     assert preferred_source(packs, str(tmp_path / "gone.ntc")) == "clustered"
-
-
-def test_a_scene_with_the_name_of_many_is_called_as_its_folder() -> None:
-    assert title_of(Path("/models/helmet/scene.gltf")) == "helmet"
-    assert title_of(Path("/models/helmet/helmet_2k.glb")) == "helmet_2k"

@@ -13,7 +13,6 @@ from ntc.codec.encoding import (
     SizeTarget,
     StepBudget,
     Target,
-    TimeBudget,
     texture_set,
 )
 from ntc.codec.textures import SourceTexture
@@ -22,7 +21,6 @@ from tests.end_to_end.conftest import two_squares
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.training.rates import (
-    Forecast,
     PointJob,
     RateCurve,
     RateCurves,
@@ -126,26 +124,6 @@ def test_a_forecast_says_what_a_target_gives(scene: Scene) -> None:
     assert at_bits.psnr_db == pytest.approx(38.0)
     assert at_quality.bits == pytest.approx(4.0)
     assert at_quality.megabytes == pytest.approx(at_bits.megabytes)
-
-
-def test_the_time_of_an_encoding_is_told_as_seconds_or_minutes(scene: Scene, monkeypatch: pytest.MonkeyPatch) -> None:
-    def time_of(settings: TrainingSettings) -> str:
-        found = RateCurves().forecast(settings, scene)
-        assert found is not None
-        return found.time
-
-    assert time_of(TrainingSettings()) == "seconds"
-    assert time_of(TrainingSettings(codec="grid", budget=TimeBudget(30.0))) == "seconds"
-    assert time_of(TrainingSettings(codec="grid", budget=TimeBudget(60.0))) == "minutes"
-    assert time_of(TrainingSettings(codec="grid", budget=StepBudget(5))) == "minutes"
-    monkeypatch.setattr("viewer.training.rates.TEXELS_OF_MINUTES", 4)
-    assert time_of(TrainingSettings()) == "minutes"
-
-
-def test_the_line_of_a_forecast() -> None:
-    found = Forecast(1, 5, (2048, 2048), True, "minutes", 2.1, 39.3)
-    assert found.line() == "5 maps of 2048x2048 -> about 2.1 MB, about 39 dB, takes minutes"
-    assert Forecast(9, 23, (512, 512), False, "seconds").line() == "23 maps of up to 512x512 -> takes seconds"
 
 
 @pytest.mark.process

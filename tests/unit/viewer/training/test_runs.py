@@ -17,7 +17,6 @@ import pytest
 from ntc.codec.encoding import TimeBudget
 from ntc.codec.grid.model import grid_parts
 from ntc.codec.model import Pack
-from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from tests.support.spoilt_files import (
     SECONDS,
@@ -114,26 +113,6 @@ def test_packs_that_are_written_at_once_replace_none_of_each_other(context: Cont
     assert all(file is not None and read_pack(file).textures for file in written)
 
 
-def test_quitting_asks_nothing(context: Context) -> None:
-    effects = PromptEffects(context)
-    finished(context)
-    run_line(context, "file.quit")
-    assert effects.is_closing
-
-
-@pytest.mark.parametrize(
-    ("line", "use"),
-    [
-        ("training.accept", "use training.keep"),
-        ("training.kept-back open 1", "use training.show, training.keep or training.discard"),
-        ("window.close", "use file.quit"),
-    ],
-)
-def test_commands_of_earlier_versions_say_what_to_use(context: Context, line: str, use: str) -> None:
-    with pytest.raises(InputError, match=use):
-        run_line(context, line)
-
-
 def test_the_slot_shows_the_pack_that_was_kept(context: Context, path: Path) -> None:
     finished(context)
     run_line(context, "slot.source a 'run 1'")
@@ -172,16 +151,6 @@ def test_a_pack_is_not_written_where_another_scene_would_open_it(context: Contex
     # A name that no scene there has is free.
     keep(context, other.with_name("elsewhere.ntc"))
     assert other.with_name("elsewhere.ntc").is_file()
-
-
-def test_saved_views_are_numbered(context: Context, path: Path) -> None:
-    for _ in range(3):
-        run_line(context, "view.save")
-    assert sorted(file.name for file in (path.parent / "pictures").iterdir()) == [
-        "view-2.json",
-        "view-3.json",
-        "view.json",
-    ]
 
 
 def test_escape_closes_what_is_on_top_and_never_the_window(context: Context) -> None:
