@@ -9,7 +9,6 @@ from ntc.errors import InputError
 from tests.support.gpu_memory import ForgetfulMemory, existing
 from viewer.gl.allocation import LIMIT_VARIABLE, GpuMemory, GpuMemoryError, limit_from_environment
 from viewer.gl.context import GraphicsContext
-from viewer.gl.texture_arrays import ImageArray
 from viewer.gl.ui_textures import NamedImages, Thumbnails
 
 
@@ -30,13 +29,6 @@ def test_a_buffer_that_cannot_grow_stays(graphics: GraphicsContext) -> None:
     grown = memory.grown("pixels", small, 60)
     assert (grown.size, memory.bytes_given, memory.objects_given) == (60, 60, 1)
     grown.release()
-
-
-def test_mips_of_images_count_against_the_limit(graphics: GraphicsContext) -> None:
-    # Two layers of 64 x 64 texels take 32,768 bytes, and their mips a third of it.
-    with pytest.raises(GpuMemoryError, match="2 source images of 64 x 64"):
-        ImageArray(replace(graphics, memory=GpuMemory(graphics.gl, 40_000)), (64, 64), 2)
-    ImageArray(replace(graphics, memory=GpuMemory(graphics.gl, 44_000)), (64, 64), 2).release()
 
 
 def test_the_interface_shows_grey_without_memory(graphics: GraphicsContext) -> None:

@@ -61,14 +61,6 @@ def test_a_loss_that_is_said_once_stays() -> None:
             reset.check()
 
 
-def test_without_the_function_no_context_counts_as_lost() -> None:
-    reset = ResetStatus(Driver())
-    assert not reset.is_supported
-    reset.check()
-    reset.check_after(ValueError())
-    assert reset.wait_until_over(0.0)
-
-
 def test_a_reset_is_waited_for_and_not_for_ever() -> None:
     said = iter([GUILTY, GUILTY, 0])
     assert ResetStatus(Driver(glGetGraphicsResetStatus=lambda: next(said))).wait_until_over(5.0)

@@ -86,14 +86,9 @@ def run(**environment: str) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("environment", "parts"),
     [
-        (
-            {"MESA_GL_VERSION_OVERRIDE": "3.3", "MESA_GLSL_VERSION_OVERRIDE": "330"},
-            ("4.1 is required", "3.3", "the driver offers"),
-        ),
         ({"__EGL_VENDOR_LIBRARY_FILENAMES": "/nonexistent"}, ("4.1 without a window is not available", "apt-get")),
-        ({WITHOUT_VARIABLE: "everything"}, ("'everything' is none of",)),
     ],
-    ids=["too old", "no driver", "unknown name"],
+    ids=["no driver"],
 )
 def test_what_is_needed_and_missing_is_one_line(environment: dict[str, str], parts: tuple[str, ...]) -> None:
     ran = run(**environment)

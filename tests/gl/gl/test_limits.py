@@ -9,7 +9,7 @@ from ntc.codec.gpu import SOFTWARE
 from ntc.codec.grid.model import GridConfig
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, WORD_BYTES, Limits
+from viewer.gl.limits import GROUPS_ACROSS, LARGEST_INT, Limits
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.pack_buffers import PackBuffers
@@ -39,16 +39,6 @@ def test_rows_of_work_groups_hold_all_and_hardly_more(groups: int) -> None:
         assert width <= across
         assert 1 <= height <= GROUPS_ACROSS
         assert groups <= width * height < groups + height or groups == 0
-
-
-def test_without_compute_what_shaders_read_of_a_buffer_is_that_of_texture_buffers(graphics: GraphicsContext) -> None:
-    limits = Limits.of(graphics.gl.info, computes=False)
-    assert (
-        limits.storage_block_bytes == graphics.gl.info["GL_MAX_TEXTURE_BUFFER_SIZE"] * WORD_BYTES >= 65536 * WORD_BYTES
-    )
-    memory = GpuMemory(graphics.gl, limits=replace(limits, storage_block_bytes=40_000))
-    with pytest.raises(GpuMemoryError, match=r"list: .*GL_MAX_TEXTURE_BUFFER_SIZE"):
-        memory.buffer("list", reserve=40_004, storage=True)
 
 
 def test_storage_buffers_larger_than_shaders_can_read_are_refused_in_one_line(small: GraphicsContext) -> None:

@@ -3,7 +3,6 @@
 import re
 from pathlib import Path
 
-import moderngl
 import numpy as np
 import pytest
 
@@ -142,17 +141,3 @@ void main() { value[0] = used + steps[gl_LocalInvocationID.x].x + 0.0 * removed;
             set_uniforms(program, {"used": 1.0, name: 1.0})
     output.release()
     factory.release()
-
-
-def test_equal_generated_files_share_their_programs(graphics: GraphicsContext) -> None:
-    text = (
-        HEAD
-        + '#include "value.glsl"\nlayout(std430, binding = 0) buffer Out { int value[]; };\nvoid main() { value[0] = VALUE; }\n'
-    )
-    factory = ProgramFactory(graphics.gl, library_of(main__comp=text))
-    one, two = (factory.with_generated({"value.glsl": f"#define VALUE {number}\n"}) for number in (1, 2))
-    assert factory.with_generated({"value.glsl": "#define VALUE 1\n"}) is one
-    assert one.compute("main.comp") is not two.compute("main.comp")
-    program = one.compute("main.comp")
-    factory.release()
-    assert isinstance(program.mglo, moderngl.InvalidObject)

@@ -111,15 +111,3 @@ def test_parts_of_pictures_arrive_as_they_are_read(graphics: GraphicsContext, ki
         framebuffer.release()
     for texture in (drawn, found):
         texture.release()
-
-
-def test_what_replaces_a_part_of_a_buffer_goes_by_way_of_another(
-    graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    buffer = graphics.memory.buffer("a test", bytes(8))
-    graphics.memory.write(buffer, b"abcd", 2)
-    assert buffer.read() == bytes(2) + b"abcd" + bytes(2)
-    monkeypatch.setattr(graphics.memory, "allows", lambda what, size: False)
-    graphics.memory.write(buffer, b"ef", 6)
-    assert buffer.read() == bytes(2) + b"abcdef", "without memory for another it is written at once"
-    buffer.release()

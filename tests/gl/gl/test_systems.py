@@ -12,7 +12,7 @@ from viewer import cli
 from viewer.gl.context import create_headless_context
 from viewer.gl.devices import DEVICE_VARIABLE, SOFTWARE, find_devices
 from viewer.gl.features import DRAWING_VERSION
-from viewer.gl.systems import LINUX, WINDOWS, make_context, set_up_drivers
+from viewer.gl.systems import LINUX, WINDOWS, make_context
 
 
 class OtherLibrary:
@@ -95,15 +95,6 @@ def test_what_windows_lacks_is_one_line_with_its_own_advice(
     assert all(part in line for part in parts), line
     assert "apt-get" not in line
     assert "\n" not in line
-
-
-def test_what_a_driver_needs_is_set_unless_the_user_has() -> None:
-    environment: dict[str, str] = {}
-    set_up_drivers(environment)
-    assert environment == {"ZINK_DESCRIPTORS": "lazy"}
-    environment["ZINK_DESCRIPTORS"] = "db"
-    set_up_drivers(environment)
-    assert environment == {"ZINK_DESCRIPTORS": "db"}
 
 
 def test_devices_are_listed_and_chosen(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> None:

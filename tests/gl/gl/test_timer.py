@@ -107,32 +107,3 @@ def test_times_have_64_bits(graphics: GraphicsContext) -> None:
     with timer.measure("long"):
         pass
     assert timer.take() == {"long": 6000.0}
-
-
-def test_what_is_forgotten_is_in_no_frame(watched: tuple[GraphicsContext, WatchedFunctions]) -> None:
-    context, functions = watched
-    timer = PassTimer(replace(context, waits=False))
-    with timer.measure("outside"):
-        pass
-    timer.forget()
-    with timer.measure("inside"):
-        pass
-    assert list(until_times(timer)) == ["inside"]
-    with timer.waiting(), timer.owned_by("now"), timer.measure("waited"):
-        pass
-    assert list(timer.take_owned()) == ["now"]
-    assert functions.called.count("glGenQueries") <= 4
-
-
-def test_every_read_of_a_buffer_texture_or_framebuffer_is_counted(graphics: GraphicsContext) -> None:
-    memory = graphics.memory
-    buffer, texture = memory.buffer("a test", bytes(64)), memory.texture("a test", (4, 4), 4)
-    framebuffer = memory.framebuffer("a test", [texture])
-    framebuffer.clear()
-    before = memory.blocking.count
-    assert buffer.read() == bytes(64)
-    assert texture.read() == framebuffer.read(components=4) == bytes(64)
-    buffer.read_into(bytearray(64))
-    assert memory.blocking.count == before + 4
-    for thing in (framebuffer, texture, buffer):
-        thing.release()

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from lab.bench.fixture import interleaved_words, white_material
 from lab.bench.random_pack import square_pack
 from ntc.codec.grid.model import GridConfig
+from tests.support.covering import covering
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
@@ -52,18 +53,21 @@ def hostile(words: Words) -> Words:
     return words
 
 
-@pytest.mark.parametrize("change", [with_background, same_texture, hostile, np.zeros_like], ids=lambda f: f.__name__)
-@pytest.mark.parametrize(("decoders", "size"), [(1, (64, 64)), (3, (37, 23)), (64, (130, 9)), (700, (61, 40))])
-@pytest.mark.parametrize(("codec", "precision", "shared_sums"), [(SMALL, "fp32", True), (FULL, "fp16", False)])
+@pytest.mark.parametrize(
+    ("change", "content", "kind"),
+    covering(
+        [with_background, same_texture, hostile, np.zeros_like],
+        [(1, (64, 64)), (3, (37, 23)), (64, (130, 9)), (700, (61, 40))],
+        [(SMALL, "fp32", True), (FULL, "fp16", False)],
+    ),
+)
 def test_each_pixel_is_decoded_once_as_on_the_deferred_path(
     graphics: GraphicsContext,
-    codec: GridConfig,
-    precision: Precision,
-    shared_sums: bool,
-    decoders: int,
-    size: tuple[int, int],
     change: Callable[[Words], Words],
+    content: tuple[int, tuple[int, int]],
+    kind: tuple[GridConfig, Precision, bool],
 ) -> None:
+    (decoders, size), (codec, precision, shared_sums) = content, kind
     pack = square_pack(decoders, decoders, 16, codec)
     words = change(interleaved_words(size, decoders))
     visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
@@ -111,31 +115,3 @@ def test_a_decoder_that_is_not_seen_is_not_run(graphics: GraphicsContext) -> Non
     assert groups.tolist() == [64 * 64 // 256, 0, 0, 0]
     for made in (target, material, binned, ranges, buffers, programs):
         made.release()
-
-
-def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsContext) -> None:
-    """As with 65535 of them and a picture of more than 16 million pixels."""
-    size, pack = (96, 61), square_pack(2, 2, 16, SMALL)
-    visibility = VisibilityTarget(graphics, size, SurfaceContent(False, False))
-    visibility.write(same_texture(interleaved_words(size, 2)))
-    layout, narrow = scene_includes(), scene_includes(5)
-    assert narrow != layout
-    material, pictures = white_material(graphics), []
-    for generated in (layout, narrow):
-        factory = ProgramFactory(graphics.gl, ShaderLibrary(shaders_folder(), generated))
-        buffers, ranges = PackBuffers(graphics, pack, range(2), "fp32"), DecoderRanges(graphics, pack, "fp32")
-        programs = codec_programs(factory, pack, buffers.variant)
-        binned, target = (
-            DecodeBinnedPass(graphics, programs, buffers, ranges, PlaneReading()),
-            ColorTarget(graphics, size),
-        )
-        binned.run(VisibilityInputs(visibility, material, textures=(0, 1)), target)
-        pictures.append(target.read())
-        groups = np.frombuffer(binned._bins.read(), BIN_RECORD)[0]
-        assert groups["groups_x"] * groups["groups_y"] >= -(-size[0] * size[1] // (64 * ranges.pixels))
-        for made in (target, binned, ranges, buffers, programs):
-            made.release()
-    assert groups["groups_y"] > 1
-    assert groups["groups_x"] <= 5
-    np.testing.assert_array_equal(pictures[0], pictures[1])
-    material.release()

@@ -32,7 +32,7 @@ def visibility_of(graphics: GraphicsContext, texture_ids: np.ndarray) -> Visibil
 
 
 @pytest.mark.parametrize("block", [(8, 8), (8, 4), (16, 4), (4, 4)])
-@pytest.mark.parametrize("size", [(64, 48), (33, 17), (1, 1), (131, 90)])
+@pytest.mark.parametrize("size", [(33, 17), (1, 1), (131, 90)])
 @pytest.mark.parametrize("decoders", [1, 5, 2000])
 def test_it_equals_numpy(
     graphics: GraphicsContext, counting: DivergencePass, block: tuple[int, int], size: tuple[int, int], decoders: int

@@ -47,19 +47,6 @@ def grid_studio(graphics: GraphicsContext) -> LitStudio:
     return LitStudio(graphics, spheres.scene, spheres.camera, SIZE)
 
 
-def test_spheres_vanish_in_a_white_furnace(graphics: GraphicsContext, tmp_path: Path) -> None:
-    studio = grid_studio(graphics)
-    white = panorama_file(tmp_path / "white.exr", np.ones((32, 64, 3)))
-    lighting = Lighting(white, sun_strength=0.0, exposure=-1.0, tone_map="none")
-    picture = studio.draw(studio.planes({"base": studio.factor_base()}), light=studio.light_drawer.prepare(lighting))
-    materials = studio.materials()
-    spheres = (materials >= 0) & (materials < 10)
-    assert spheres.sum() > 500
-    np.testing.assert_allclose(picture[spheres] * 2.0, 1.0, atol=0.05)
-    np.testing.assert_allclose(picture[materials < 0] * 2.0, 1.0, atol=1e-3)
-    studio.release()
-
-
 def test_the_sky_is_prefiltered_as_by_the_twin(graphics: GraphicsContext) -> None:
     studio = grid_studio(graphics)
     for elevation in (50.0, 3.0):
@@ -167,7 +154,7 @@ def sun_shares(studio: LitStudio, lighting: Lighting) -> tuple[np.ndarray, np.nd
     )
 
 
-@pytest.mark.parametrize(("azimuth", "elevation"), [(130.0, 35.0), (250.0, 60.0), (205.0, 25.0)])
+@pytest.mark.parametrize(("azimuth", "elevation"), [(130.0, 35.0), (205.0, 25.0)])
 def test_spheres_shade_the_floor_and_one_another(graphics: GraphicsContext, azimuth: float, elevation: float) -> None:
     factors = [[SurfaceFactors(metalness=0.0)] * 4] * 2
     spheres = sphere_grid(factors, (0.6, 0.6, 0.6), steps=48)

@@ -88,8 +88,7 @@ def test_given_frames_are_turned_with_the_instance(graphics: GraphicsContext, na
     assert found[2] == expected[2]
 
 
-@pytest.mark.parametrize("name", PLACES)
-@pytest.mark.parametrize("given", ["nothing", "zeros", "a normal alone"])
+@pytest.mark.parametrize(("name", "given"), zip(PLACES, ["nothing", "zeros", "a normal alone"] * 2, strict=True))
 def test_frames_that_the_file_lacks_follow_from_the_triangle(graphics: GraphicsContext, name: str, given: str) -> None:
     normal, tangent = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0, 1.0])
     lacking = {"nothing": (None, None), "zeros": (0.0 * normal, 0.0 * tangent), "a normal alone": (normal, None)}[given]

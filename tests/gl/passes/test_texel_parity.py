@@ -12,7 +12,7 @@ from ntc.codec.config import WrapMode
 from ntc.codec.grid.model import GridConfig
 from ntc.codec.latents import latent_levels
 from ntc.codec.model import Pack
-from tests.support.packs.parity import in_float32, largest_difference
+from tests.support.packs.parity import largest_difference
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 
@@ -22,7 +22,6 @@ SIZES = ((64, 64), (17, 33), (1, 1), (200, 3), (1024, 1024))
 WRAPS: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 WRAP_PAIRS = tuple(product(WRAPS, WRAPS))
 FP32_TOLERANCE = 1e-4
-FP16_TOLERANCE = 2e-3
 FULL = GridConfig()
 PAPER = GridConfig(levels=1)
 ADAPTED = GridConfig(adapters=True)
@@ -124,22 +123,6 @@ def test_whole_pictures_of_every_level_agree(full: tuple[Pack, GlTexelDecoder]) 
             assert found.shape == expected.shape
             assert np.abs(found.astype(int) - expected).max() <= 1
             assert (found == expected).mean() > 0.98
-
-
-def test_half_float_weights_stay_close(graphics: GraphicsContext) -> None:
-    """fp16 is a storage format of the weights: their rounding is all that separates it from fp32."""
-    pack = packed(FULL)
-    decoder = GlTexelDecoder(graphics, pack, "fp16")
-    random = np.random.default_rng(4)
-    errors = []
-    for texture in range(len(SIZES)):
-        uv, lod = random.uniform(-2.0, 2.0, (4000, 2)), random.uniform(0.0, 6.0, 4000)
-        expected = reference.decode_texels(pack, texture, in_float32(uv), in_float32(lod))
-        errors.append(np.abs(decoder.decode_texels(texture, uv, lod) - expected))
-    decoder.release()
-    error = np.concatenate(errors)
-    assert error.max() <= FP16_TOLERANCE
-    assert error.max() > FP32_TOLERANCE / 10.0, "fp16 weights should show"
 
 
 def test_no_texels_are_an_empty_answer(full: tuple[Pack, GlTexelDecoder]) -> None:

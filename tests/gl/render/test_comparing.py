@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -90,54 +91,29 @@ def test_the_flip_map_is_shown_on_its_palette_and_only_for_its_picture(renderer:
     np.testing.assert_array_equal(shown(renderer, view), unknown)
 
 
-@pytest.mark.parametrize("position", [0.25, 0.5, 0.9])
-@pytest.mark.parametrize("flipped", [False, True])
-def test_wipes_show_a_before_the_line_and_b_behind_it(renderer: Renderer, position: float, flipped: bool) -> None:
-    first, second = (shown(renderer, replace(VIEW, compare=mode)) for mode in ("a", "b"))
-    if flipped:
-        first, second = second, first
-    view = replace(VIEW, wipe_position=position, flipped=flipped)
-    column, row = round(position * SIZE[0]), round(position * SIZE[1])
-    vertical = shown(renderer, replace(view, compare="wipe"))
-    np.testing.assert_array_equal(vertical, np.concatenate([first[:, :column], second[:, column:]], axis=1))
-    across = shown(renderer, replace(view, compare="wipe-horizontal"))
-    np.testing.assert_array_equal(across, np.concatenate([first[:row], second[row:]]))
-
-
-@pytest.mark.parametrize("flipped", [False, True])
-def test_side_by_side_shows_the_middle_of_both(renderer: Renderer, flipped: bool) -> None:
-    first, second = (shown(renderer, replace(VIEW, compare=mode)) for mode in ("a", "b"))
-    if flipped:
-        first, second = second, first
+@pytest.mark.parametrize(
+    "change",
+    [
+        {},
+        {"wipe_position": 0.25, "flipped": True},
+        {"wipe_position": 0.9, "overlay": Overlay("divergence", opacity=0.5)},
+        {"zoom": Zoom(4.0, (0.4, 0.55))},
+    ],
+    ids=["plain", "flipped", "divergence", "zoomed"],
+)
+def test_layouts_are_made_of_the_parts_of_both_pictures(renderer: Renderer, change: dict[str, Any]) -> None:
+    view = replace(VIEW, **change)
+    modes: tuple[CompareMode, ...] = ("b", "a") if view.flipped else ("a", "b")
+    first, second = (shown(renderer, replace(view, compare=mode)) for mode in modes)
+    column, row = (round(view.wipe_position * side) for side in SIZE)
     middle = slice(SIZE[0] // 4, SIZE[0] // 4 + SIZE[0] // 2)
-    picture = shown(renderer, replace(VIEW, compare="side-by-side", flipped=flipped))
-    np.testing.assert_array_equal(picture, np.concatenate([first[:, middle], second[:, middle]], axis=1))
-
-
-def test_side_by_side_enlarges_the_same_pixels(renderer: Renderer) -> None:
-    view = replace(VIEW, zoom=Zoom(4.0, (0.4, 0.55)))
-    first, second = (shown(renderer, replace(view, compare=mode)) for mode in ("a", "b"))
-    middle = slice(SIZE[0] // 4, SIZE[0] // 4 + SIZE[0] // 2)
-    picture = shown(renderer, replace(view, compare="side-by-side"))
-    np.testing.assert_array_equal(picture, np.concatenate([first[:, middle], second[:, middle]], axis=1))
-
-
-@pytest.mark.parametrize("compare", ["a", "wipe", "wipe-horizontal", "side-by-side"])
-def test_the_map_of_decoders_follows_the_picture(renderer: Renderer, compare: CompareMode) -> None:
-    """The picture with the map is the picture's parts with their maps."""
-    overlay = Overlay("divergence", opacity=0.5)
-    first, second = (shown(renderer, replace(VIEW, compare=mode, overlay=overlay)) for mode in ("a", "b"))
-    assert (first != shown(renderer, replace(VIEW, compare="a"))).any()
-    picture = shown(renderer, replace(VIEW, compare=compare, overlay=overlay))
-    half, low = SIZE[0] // 2, SIZE[1] // 2
-    middle = slice(half // 2, half // 2 + half)
-    expected = {
-        "a": first,
-        "wipe": np.concatenate([first[:, :half], second[:, half:]], axis=1),
-        "wipe-horizontal": np.concatenate([first[:low], second[low:]]),
+    layouts: dict[CompareMode, NDArray[np.uint8]] = {
+        "wipe": np.concatenate([first[:, :column], second[:, column:]], axis=1),
+        "wipe-horizontal": np.concatenate([first[:row], second[row:]]),
         "side-by-side": np.concatenate([first[:, middle], second[:, middle]], axis=1),
-    }[compare]
-    np.testing.assert_array_equal(picture, expected)
+    }
+    for mode, expected in layouts.items():
+        np.testing.assert_array_equal(shown(renderer, replace(view, compare=mode)), expected, mode)
 
 
 @pytest.mark.parametrize("kind", ["error-texture", "error-decoder"])

@@ -102,12 +102,3 @@ def test_frames_agree_with_float64(renderer: Renderer, pack: Pack, name: str, pa
 def test_half_float_weights_stay_close_in_a_frame(renderer: Renderer, pack: Pack, path: DecodePath) -> None:
     error = np.abs(shown(renderer, "odd sides", path, "fp16") - expected(pack, "odd sides")).max()
     assert 1e-5 < error <= 2e-3
-
-
-def test_precisions_are_told_apart_by_their_memory(renderer: Renderer) -> None:
-    for precision in ("fp32", "fp16"):
-        shown(renderer, "magnified", "deferred", precision)
-    full, half = (renderer.memory(Slot("p", "deferred", precision)) for precision in ("fp32", "fp16"))
-    assert full is not None
-    assert half is not None
-    assert half.total < full.total

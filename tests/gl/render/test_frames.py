@@ -9,7 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from lab.bench.random_pack import random_pack
-from ntc.codec.mips import linear_to_srgb8
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
@@ -18,7 +17,7 @@ from viewer.render.frames import FrameResult
 from viewer.render.path_choice import drawable_paths
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Camera, Material
-from viewer.state.view_state import CompareMode, Overlay, Slot, ViewState
+from viewer.state.view_state import Overlay, Slot, ViewState
 
 SIZE = (64, 40)
 CAMERA = Camera("front", (0.0, 0.5, 5.0), (0.0, 0.0, 0.0))
@@ -64,15 +63,6 @@ def picture(frame: FrameResult) -> NDArray[np.uint8]:
     return pixels[::-1, :, :3]
 
 
-def test_images_that_no_frame_needed_are_not_uploaded(graphics: GraphicsContext) -> None:
-    parts = [cube(0, placed(1.0)), cube(1, placed(-12.0))]
-    fresh = Renderer(graphics, scene_of(parts, [Material(f"m{i}", i, WHITE) for i in (0, 1)], TEXTURES))
-    assert fresh.render(ViewState(CAMERA, SIZE)).skipped["images_not_uploaded"] == 1
-    far = Camera("far", (-12.0, 0.5, 5.0), (-12.0, 0.0, 0.0))
-    assert fresh.render(ViewState(far, SIZE)).skipped["images_not_uploaded"] == 0
-    fresh.release()
-
-
 @pytest.mark.computes
 def test_a_first_frame_runs_what_it_needs_and_says_how_it_was_timed(
     renderer: Renderer, graphics: GraphicsContext
@@ -95,12 +85,6 @@ def test_the_same_view_again_runs_no_pass(renderer: Renderer) -> None:
 
 
 @pytest.mark.computes
-def test_another_path_for_b_draws_only_b(renderer: Renderer) -> None:
-    renderer.render(VIEW)
-    assert passes(renderer.render(replace(VIEW, slot_b=FORWARD))) == {"decode_forward", "composite"}
-
-
-@pytest.mark.computes
 def test_another_size_draws_all(renderer: Renderer) -> None:
     renderer.render(VIEW)
     frame = renderer.render(replace(VIEW, size=(33, 17)))
@@ -117,28 +101,6 @@ def test_a_replaced_pack_is_drawn_again(renderer: Renderer) -> None:
     changed = (picture(frame) != before).any(axis=2)
     assert not changed[:, : SIZE[0] // 2].any()
     assert changed[:, SIZE[0] // 2 :].mean() > 0.1
-
-
-def test_setting_the_same_pack_again_changes_nothing(renderer: Renderer) -> None:
-    packs = {"p": pack()}
-    renderer.set_packs(packs)
-    renderer.render(VIEW)
-    renderer.set_packs(dict(packs))
-    assert passes(renderer.render(VIEW)) == set()
-
-
-def test_one_slot_alone_fills_the_picture(renderer: Renderer) -> None:
-    alone: tuple[tuple[CompareMode, Slot], ...] = (("a", VIEW.slot_a), ("b", VIEW.slot_b))
-    for compare, slot in alone:
-        shown = picture(renderer.render(replace(VIEW, compare=compare))).astype(int)
-        assert np.abs(shown - linear_to_srgb8(renderer.picture(slot))).max() <= 1
-
-
-def test_albedo_of_a_slot_that_was_not_shown_is_drawn_on_demand(renderer: Renderer) -> None:
-    renderer.render(replace(VIEW, compare="a"))
-    late = renderer.picture(FORWARD)
-    renderer.render(replace(VIEW, slot_b=FORWARD))
-    assert np.array_equal(renderer.picture(FORWARD), late)
 
 
 def test_packs_of_one_codec_share_their_programs(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:

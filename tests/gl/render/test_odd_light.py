@@ -64,12 +64,6 @@ def test_any_camera_sees_light(graphics: GraphicsContext, name: str) -> None:
     assert lit(graphics, both_sides, CAMERAS[name], Lighting()).mean() > 0.05
 
 
-def test_tiny_and_huge_scenes_look_alike(graphics: GraphicsContext) -> None:
-    small = lit(graphics, CUBE, frame_all(CUBE), Lighting())
-    huge = lit(graphics, SCENES["huge"], frame_all(SCENES["huge"]), Lighting())
-    assert (np.abs(small - huge).max(axis=-1) < 0.02).mean() > 0.99
-
-
 def test_a_pattern_stands_for_an_image_that_is_missing(graphics: GraphicsContext) -> None:
     scene = scene_of([Part(0)], [Material("m", -1, WHITE, missing_base=True)])
     renderer = Renderer(graphics, scene)

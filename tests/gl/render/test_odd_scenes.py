@@ -47,16 +47,6 @@ def test_a_scene_without_anything(graphics: GraphicsContext) -> None:
     renderer.release()
 
 
-def test_an_empty_view_after_a_full_one_is_empty(graphics: GraphicsContext) -> None:
-    renderer = Renderer(graphics, scene_of([MAP.quad((16, 16))], [Material("m", -1, WHITE)]))
-    renderer.render(ViewState(straight_camera(), (16, 16)))
-    assert renderer.covered().all()
-    renderer.render(ViewState(straight_camera(3), (16, 16)))
-    assert not renderer.covered().any()
-    assert not renderer.picture(Slot()).any()
-    renderer.release()
-
-
 def test_a_scene_without_textures_shows_its_factors(graphics: GraphicsContext) -> None:
     scene = scene_of([MAP.quad((16, 16))], [Material("m", -1, (0.5, 0.25, 0.75, 1.0))])
     for picture in drawn(graphics, scene, (16, 16), SLOTS):

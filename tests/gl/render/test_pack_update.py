@@ -24,7 +24,6 @@ from viewer.state.view_state import DecodePath, Precision, Slot, ViewState
 
 SIZE = (120, 72)
 GROUPS = (0, 1, 0, 1)
-CHANGED = frozenset({1})
 ENCODED_SIZES = ((256, 256), (512, 256), (160, 96), (330, 330))
 """Larger than the scene's images: the latents of a group take more than one frame."""
 MEMBERS = [1, 3]
@@ -169,18 +168,6 @@ def test_the_old_picture_is_shown_until_all_is_uploaded(graphics: GraphicsContex
     renderer.release()
 
 
-def test_a_whole_frame_waits_for_nothing(graphics: GraphicsContext) -> None:
-    old = pack_of(0)
-    new = trained(old)
-    renderer = opened(graphics, old, 60)
-    draw(renderer)
-    renderer.update_pack("p", new)
-    assert draw(renderer).upload.is_pending
-    assert not draw(renderer, whole=True).upload.is_pending
-    np.testing.assert_array_equal(renderer.picture(DEFERRED), fresh(graphics, new))
-    renderer.release()
-
-
 def test_mips_that_come_into_sight_meanwhile_are_replaced_too(graphics: GraphicsContext) -> None:
     old, far = pack_of(0), replace(FRONT, eye=(15.0, 25.0, 70.0))
     new = trained(old)
@@ -231,8 +218,14 @@ def test_unchanged_tiles_are_kept(graphics: GraphicsContext) -> None:
     renderer.release()
 
 
-@pytest.mark.parametrize("groups", [(0, 0, 0, 0), (0, 1, 0, 2), (1, 0, 1, 0)], ids=str)
-@pytest.mark.parametrize("path", ["forward", "deferred", "binned", "cached"])
+@pytest.mark.parametrize(
+    ("path", "groups"),
+    zip(
+        ["forward", "deferred", "binned", "cached"],
+        [(0, 0, 0, 0), (0, 1, 0, 2), (1, 0, 1, 0), (0, 1, 0, 2)],
+        strict=True,
+    ),
+)
 def test_textures_may_change_their_groups(graphics: GraphicsContext, groups: tuple[int, ...], path: DecodePath) -> None:
     old, new, slot = pack_of(0), pack_of(1, groups=groups), Slot("p", path)
     renderer = opened(graphics, old)

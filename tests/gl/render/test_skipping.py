@@ -164,27 +164,3 @@ def test_only_the_mips_that_are_read_are_uploaded(graphics: GraphicsContext, pat
     assert left_out[0] > left_out[1] or not graphics.features.compute
     for made in (renderer, complete):
         made.release()
-
-
-def test_a_budget_without_room_shows_a_coarser_mip(graphics: GraphicsContext) -> None:
-    scene = apart()
-    near = replace(AHEAD, eye=(0.0, 0.0, -2.99), fov_degrees=20.0)
-    tight = opened(graphics, scene, 256, latents=LatentBudget(1600))
-    roomy = opened(graphics, scene, 256)
-    slot = Slot("p", "deferred")
-    pictures = []
-    for renderer in (tight, roomy):
-        renderer.render(view("deferred", near))
-        pictures.append(renderer.picture(slot))
-    counts = tight._packs.on_gpu(slot).buffers.latent_store.counts
-    assert counts.levels_without_room > 0
-    assert counts.bytes_uploaded <= 1600
-    assert np.isfinite(pictures[0]).all()
-    assert not np.array_equal(pictures[0], pictures[1])
-    # Seen from afar there is room for all that is needed.
-    far = replace(AHEAD, eye=(0.0, 0.0, 60.0), target=(0.0, 0.0, 39.0))
-    for renderer in (tight, roomy):
-        renderer.render(view("deferred", far))
-    np.testing.assert_array_equal(tight.picture(slot), roomy.picture(slot))
-    for renderer in (tight, roomy):
-        renderer.release()

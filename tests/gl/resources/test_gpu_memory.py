@@ -154,8 +154,8 @@ def truth(
 @pytest.mark.parametrize(
     ("for_good", "first", "step"),
     [
-        pytest.param(False, 0, 2, id="once"),
-        pytest.param(True, 1, 4, id="for good"),
+        pytest.param(False, 0, 5, id="once"),
+        pytest.param(True, 1, 7, id="for good"),
         pytest.param(False, 1, 2, id="once, others", marks=pytest.mark.nightly),
         *(pytest.param(True, first, 4, id=f"for good, {first}", marks=pytest.mark.nightly) for first in (0, 2, 3)),
     ],

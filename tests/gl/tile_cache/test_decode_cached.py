@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -21,6 +21,7 @@ from tests.gl.render.test_frame_parity import Case
 from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
+from viewer.gl.allocation import GpuMemory
 from viewer.gl.context import GraphicsContext
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.frames import FrameResult
@@ -31,7 +32,7 @@ from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts
 from viewer.render.tile_cache.decode_cached import PAGE_BYTES
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
-from viewer.state.view_state import Anisotropy, Slot, ViewState
+from viewer.state.view_state import Anisotropy, DecodePath, Slot, ViewState
 
 SIZE = (48, 32)
 SIZES = ((150, 90), (40, 24), (17, 33), (64, 32))
@@ -43,8 +44,7 @@ CASES = test_frame_parity.CASES | {
     f"{corner}, {wrap[0]} and {wrap[1]}, {SIZES[number][0]} texels": Case(
         PixelMap(begin, (1 / 1024, 0.0), (0.0, 1 / 512)), number, wrap
     )
-    for corner, begin in CORNERS.items()
-    for wrap in WRAPS
+    for (corner, begin), wrap in zip(CORNERS.items(), WRAPS, strict=True)
     for number in (2, 3)
 }
 CACHED = Slot("p", "cached")
@@ -90,19 +90,19 @@ def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, pack: Pa
     made.release()
 
 
-def decoded_mips(pack: Pack, name: str) -> list[NDArray[np.uint8]]:
-    """All mips of a case's texture by the float64 decode, under the case's wrap modes."""
-    case = CASES[name]
-    levels = latent_levels(*SIZES[case.texture], pack.config)
-    decode = partial(reference.decode_texels, pack, wrap=case.wrap)
-    return [reference.image_of_texels(pack, case.texture, level, decode) for level in range(len(levels))]
+@cache
+def decoded_mips(pack: Pack, texture: int, wrap: tuple[WrapMode, WrapMode]) -> list[NDArray[np.float64]]:
+    """All mips of a texture by the float64 decode, in linear light."""
+    levels = latent_levels(*SIZES[texture], pack.config)
+    decode = partial(reference.decode_texels, pack, wrap=wrap)
+    images = [reference.image_of_texels(pack, texture, level, decode) for level in range(len(levels))]
+    return [srgb_to_linear(image / 255.0) for image in images]
 
 
 @pytest.mark.parametrize("name", CASES)
 def test_frames_are_the_filtered_decode(renderer: Renderer, pack: Pack, name: str) -> None:
     case = CASES[name]
-    size = SIZES[case.texture]
-    chain = [srgb_to_linear(image / 255.0) for image in decoded_mips(pack, name)]
+    size, chain = SIZES[case.texture], decoded_mips(pack, case.texture, case.wrap)
     renderer.render(ViewState(straight_camera(list(CASES).index(name)), SIZE, CACHED))
     assert renderer.covered().all()
     shown = renderer.picture(CACHED).reshape(-1, 3)
@@ -144,17 +144,6 @@ def opened(graphics: GraphicsContext, config: TileCacheConfig | None = None) -> 
     return made
 
 
-def test_a_still_camera_decodes_nothing_again(graphics: GraphicsContext) -> None:
-    renderer = opened(graphics)
-    first = render(renderer)
-    assert counts(first).decoded > 0
-    assert first.is_complete
-    again = render(renderer)
-    assert "decode_cached" not in again.timings_ms
-    assert counts(again).decoded == counts(first).decoded
-    renderer.release()
-
-
 def test_a_small_turn_decodes_only_what_comes_into_sight(graphics: GraphicsContext) -> None:
     renderer = opened(graphics)
     first = counts(render(renderer)).decoded
@@ -182,27 +171,6 @@ def test_missing_tiles_come_within_the_promised_frames(graphics: GraphicsContext
     np.testing.assert_allclose(patient.picture(CACHED), truth, atol=ELSEWHERE)
     for made in (eager, patient):
         made.release()
-
-
-def test_where_frames_are_long_tiles_are_decoded_ahead_of_the_picture(graphics: GraphicsContext) -> None:
-    eager, busy = opened(graphics), opened(graphics, TileCacheConfig(milliseconds=25.0, least_tiles=2))
-    expected = picture(eager)
-    render(busy)
-    drawn = 0
-    for _ in range(1000):
-        # However long tiles take on a busy machine, the rest takes longer.
-        busy.tile_budget.note_frame(1e6)
-        assert busy.tile_budget.is_tight
-        frame = render(busy)
-        drawn += "composite" in frame.timings_ms
-        if frame.is_complete:
-            break
-    decoded = counts(frame).decoded
-    assert frame.is_complete
-    assert drawn < decoded / 4
-    np.testing.assert_array_equal(busy.picture(CACHED), expected)
-    eager.release()
-    busy.release()
 
 
 def test_a_coarser_tile_stands_in_for_a_missing_one_from_the_first_frame_on(graphics: GraphicsContext) -> None:
@@ -272,7 +240,7 @@ def test_long_footprints_are_probed_along_their_longer_side(renderer: Renderer, 
     assert count > 1
     longer = sides[int(np.argmax(lengths))]
     offsets = [longer * (number / (count + 1) - 0.5) for number in range(1, count + 1)]
-    chain = [srgb_to_linear(image / 255.0) for image in decoded_mips(pack, name)]
+    chain = decoded_mips(pack, case.texture, case.wrap)
     sampler, lod = replace(case.sampler, wrap=case.wrap), float(np.log2(max(lengths) / count))
     probes = [sample_chain(chain, case.map.uv(SIZE) + offset, lod, sampler) for offset in offsets]
     error = np.abs(shown - np.mean(probes, axis=0) * [0.9, 1.0, 0.7])
@@ -306,3 +274,18 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
         render(none)
     for made in (renderer, none):
         made.release()
+
+
+@pytest.mark.computes
+@pytest.mark.parametrize("path", ["binned", "cached"])
+def test_more_work_groups_than_fit_into_a_row_lie_in_several(graphics: GraphicsContext, path: DecodePath) -> None:
+    """As with 65535 of them and a picture of more than 16 million pixels."""
+    slot, pictures = Slot("p", path), []
+    for across in (65535, 3):
+        limits = replace(graphics.memory.limits, groups_across=across)
+        made = Renderer(replace(graphics, memory=GpuMemory(graphics.gl, limits=limits)), objects())
+        made.set_packs({"p": pack_of(made.scene)})
+        made.render(ViewState(FRONT, (120, 72), slot), whole=True)
+        pictures.append(made.picture(slot))
+        made.release()
+    np.testing.assert_allclose(pictures[1], pictures[0], atol=ELSEWHERE)

@@ -105,16 +105,3 @@ def test_an_answer_that_is_late_holds_nothing_up(graphics: GraphicsContext, monk
     assert frame.is_complete
     made.release()
     truth.release()
-
-
-def test_a_pack_that_is_replaced_in_motion(graphics: GraphicsContext) -> None:
-    made, truth = renderer(graphics, TileCacheConfig(milliseconds=1.0, least_tiles=1)), renderer(graphics, waits=True)
-    settled(made, VIEW)
-    other = pack(seed=3)
-    made.render(ASIDE)
-    made.update_pack("p", other)
-    truth.update_pack("p", other)
-    made.render(VIEW)
-    assert_same(made, truth, VIEW)
-    made.release()
-    truth.release()

@@ -14,7 +14,6 @@ from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, te
 from viewer.gl.context import GraphicsContext
 from viewer.locations import builtin_scene_path
 from viewer.render.renderer import Renderer
-from viewer.scene.bounds import world_bounds
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera, Material, Scene
 from viewer.viewpoints.sampling import ViewpointConfig, sample_viewpoints
@@ -43,14 +42,6 @@ def eyes(graphics: GraphicsContext) -> Iterator[Callable[[Scene], See]]:
 @pytest.fixture(scope="module")
 def courtyard() -> Scene:
     return load_scene(builtin_scene_path())
-
-
-def scaled(scene: Scene, scale: float) -> Scene:
-    """`scene` in other units."""
-    transform = scene.instances.transform.copy()
-    transform[:, :3] *= scale
-    instances = replace(scene.instances, transform=transform)
-    return replace(scene, instances=instances, bounds=world_bounds(scene.geometry, scene.primitives, instances))
 
 
 def seen(see: See, cameras: tuple[Camera, ...]) -> list[set[int]]:
@@ -89,15 +80,6 @@ def test_small_scenes_give_what_was_asked_for(name: str, count: int, eyes: Calla
     cameras = sample_viewpoints(scene, see, ViewpointConfig(count=count))
     assert len(cameras) == count
     assert min(len(view) for view in seen(see, cameras)) >= 2
-
-
-@pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_the_builtin_scene_in_other_units(courtyard: Scene, scale: float, eyes: Callable[[Scene], See]) -> None:
-    scene = scaled(courtyard, scale)
-    see = eyes(scene)
-    cameras = sample_viewpoints(scene, see, ViewpointConfig(count=6))
-    assert len(cameras) == 6
-    assert min(len(view) for view in seen(see, cameras)) >= 20
 
 
 @pytest.mark.parametrize("turn", [np.eye(4, dtype=np.float32), GROUND], ids=["upright", "lying"])

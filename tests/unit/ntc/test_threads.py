@@ -1,6 +1,5 @@
 """Threads that encode: as many as pay, in order, and no further than is asked for."""
 
-import os
 import threading
 import time
 from collections.abc import Callable
@@ -8,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from ntc.threads import PacedThreads, usable_cores, wait_passively
+from ntc.threads import PacedThreads
 
 Items = Callable[[int], int]
 
@@ -81,11 +80,3 @@ def test_what_work_raises_is_raised(count: int) -> None:
 
     with PacedThreads(count, count=count) as threads, pytest.raises(ValueError, match="item 0"):
         list(threads.map(fail, range(5), [1] * 5))
-
-
-def test_what_the_user_has_set_about_waiting_stays(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("OMP_WAIT_POLICY", "active")
-    monkeypatch.delenv("KMP_BLOCKTIME", raising=False)
-    wait_passively()
-    assert (os.environ["OMP_WAIT_POLICY"], os.environ["KMP_BLOCKTIME"]) == ("active", "0")
-    assert usable_cores() >= 1

@@ -14,8 +14,8 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.reference import image_of
 from ntc.codec.config import WrapMode
-from ntc.codec.grid.model import LOD_INPUT_SCALE, GridConfig, grid_parts
-from ntc.codec.grid.reference import decoder_inputs, run_decoder
+from ntc.codec.grid.model import GridConfig, grid_parts
+from ntc.codec.grid.reference import run_decoder
 from ntc.codec.grid.torch_twin import TorchGrid
 from ntc.codec.latents import latent_levels, texture_levels
 from ntc.codec.model import Pack
@@ -185,34 +185,6 @@ def test_mirror_and_clamp_are_what_their_names_say() -> None:
     np.testing.assert_allclose(
         repeated, decode_texels(pack, 1, np.array([[0.3, 0.6]]), lod, ("repeat", "repeat")), atol=1e-9
     )
-
-
-def test_inputs_are_latents_then_encoding_then_lod() -> None:
-    pack = four_textures("grid")
-    texture = grid_parts(pack).textures[0]
-    levels = latent_levels(64, 64, pack.config)
-    # The centre of cell (5, 2) of level 1, 8 x 8 cells: no blending with neighbours.
-    uv = np.array([[5.5 / 8.0, 2.5 / 8.0]])
-    inputs = decoder_inputs(pack, texture, uv, np.array([1.0]), ("repeat", "repeat"))[0]
-    stored = texture.latents[levels[1].first_cell + 2 * 8 + 5]
-    np.testing.assert_allclose(inputs[:4], texture.offset + texture.scale.astype(np.float64) * stored, atol=1e-6)
-    turn = uv[0, 0] * 32 / 2.0
-    assert inputs[4] == pytest.approx(4.0 * abs(turn - np.floor(turn) - 0.5) - 1.0)
-    assert inputs[-1] == LOD_INPUT_SCALE
-    assert len(inputs) == grid_parts(pack).config.decoder_inputs
-
-
-def test_decoder_against_plain_sums() -> None:
-    pack = four_textures("grid")
-    decoder, values = grid_parts(pack).decoders[1], np.linspace(-1.0, 1.0, grid_parts(pack).config.decoder_inputs)
-    layer = list(values)
-    for number, (weight, bias) in enumerate(zip(decoder.weights, decoder.biases, strict=True)):
-        sums = [
-            sum(float(w) * x for w, x in zip(row, layer, strict=True)) + float(b)
-            for row, b in zip(weight, bias, strict=True)
-        ]
-        layer = sums if number == 2 else [x if x > 0.0 else 0.01 * x for x in sums]
-    np.testing.assert_allclose(run_decoder(decoder, values[None], 0.01)[0], layer, atol=1e-9)
 
 
 def test_an_adapter_scales_and_shifts_hidden_layers_in_place_of_the_bias() -> None:

@@ -95,12 +95,6 @@ def test_a_checkerboard_is_averaged_in_linear_light() -> None:
 SIZES = [(1024, 1024), (1024, 256), (17, 33), (200, 3), (1, 1), (2, 5000), (16, 16), (20, 20)]
 
 
-def test_a_1024_texture_starts_at_256_cells_and_ends_at_4() -> None:
-    levels = latent_levels(1024, 1024, GridConfig())
-    assert [(level.width, level.height) for level in levels] == [(256 >> n, 256 >> n) for n in range(7)]
-    assert [(level.texel_width, level.texel_height) for level in levels] == [(1024 >> n, 1024 >> n) for n in range(7)]
-
-
 def test_a_non_square_texture_ends_when_its_longer_side_is_small() -> None:
     levels = latent_levels(1024, 64, GridConfig())
     assert [(level.width, level.height) for level in levels] == [

@@ -123,15 +123,6 @@ def test_waves_fall_into_their_octave(per_texel: float, octave: int) -> None:
     assert spectrum.sum() == pytest.approx(0.25**2 / 2, rel=0.05)
 
 
-def test_edges_are_counted() -> None:
-    step = np.zeros((32, 32))
-    step[:, 16:] = 1.0
-    assert edge_density(step) == pytest.approx(2 / 32)
-    assert edge_density(step * 0.05) == 0.0
-    np.testing.assert_allclose(edge_directions(step), np.eye(DIRECTIONS)[0], atol=1e-12)
-    np.testing.assert_allclose(edge_directions(np.ones((8, 8))), 1 / DIRECTIONS)
-
-
 def test_what_is_no_features_or_not_installed_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     name: Any = "colour"
     with pytest.raises(ValueError, match="features 'colour'"):

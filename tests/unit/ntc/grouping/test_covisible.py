@@ -104,18 +104,6 @@ def test_it_finds_what_belongs_together() -> None:
     assert grouping.group_count == 6
 
 
-def test_it_beats_chance_and_keeps_the_bound() -> None:
-    seen = seen_blocks([neighbours(seed) for seed in range(3)], TEXTURES)
-    features = np.random.default_rng(1).normal(size=(TEXTURES, 4))
-    grouping = covisible_grouping(seen, features, CovisibleConfig(clusters=6, largest_share=0.2))
-    sizes = np.bincount(grouping.groups)
-    assert sizes.max() <= 5
-    random = np.random.default_rng(2)
-    by_chance = [seen.excess(random.permutation(np.array(grouping.groups))) for _ in range(20)]
-    assert seen.excess(np.array(grouping.groups)) < 0.8 * min(by_chance)
-    assert grouping.parameters["baseline_excess"] == seen.excess(np.arange(TEXTURES))
-
-
 @pytest.mark.parametrize(("textures", "clusters"), [(2, 10), (3, 3), (5, 1)])
 def test_few_textures(textures: int, clusters: int) -> None:
     seen = seen_blocks([neighbours(0, textures)], textures)

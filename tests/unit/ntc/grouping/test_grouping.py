@@ -39,15 +39,6 @@ def three_kinds() -> list[SourceTexture]:
     return textures
 
 
-@pytest.mark.parametrize("features", ["low_level", "spectral"])
-def test_covisible_says_how_it_was_found(features: Any) -> None:
-    views = GroupingInputs(views=[np.random.default_rng(0).integers(-1, 9, (64, 64)).astype(np.int32)])
-    grouping = make_grouping(GroupingConfig("covisible", 3, features), three_kinds(), views)
-    assert grouping.group_count == 3
-    assert grouping.parameters["features"] == features
-    assert grouping.parameters["excess"] <= grouping.parameters["baseline_excess"]
-
-
 @pytest.mark.parametrize("count", [0, 1, 9])
 def test_baseline_and_single(count: int) -> None:
     textures = three_kinds()[:count]

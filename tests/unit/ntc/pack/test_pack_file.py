@@ -142,14 +142,6 @@ def test_files_hold_what_the_format_says(tmp_path: Path, pieces: Pieces) -> None
     assert pieces["block"].tensors["latents.0"]["shape"] == [8, 4]
 
 
-def test_files_of_codec_grid_name_no_kind_and_may(tmp_path: Path, pieces: Pieces) -> None:
-    plain, named = tmp_path / "plain.ntc", tmp_path / "named.ntc"
-    plain.write_bytes(pieces["grid"].file())
-    assert "kind" not in pieces["grid"].metadata["codec"]
-    named.write_bytes(pieces["grid"].changed(codec("kind", "grid")))
-    assert read_pack(named).config == read_pack(plain).config
-
-
 def test_files_name_maps_only_where_there_are_sets(tmp_path: Path, pieces: Pieces) -> None:
     plain, sets = pieces["block"].metadata, pieces["sets"].metadata
     assert all("maps" not in texture for texture in (plain["codec"], *plain["textures"]))
@@ -453,12 +445,6 @@ def test_what_decodes_differently_is_found() -> None:
     brighter = replace(first, basis_scale=first.basis_scale + np.uint8(16))
     assert changed_textures(old, replace(old, decoders=(brighter, second))) == {0, 2}
     assert not same_shape(old, random_pack())
-
-
-def test_another_map_is_another_shape() -> None:
-    old, new = (random_block_pack(config=SETS, maps=[kind] * 3) for kind in (("normal", "occlusion"), ("base",)))
-    assert not same_shape(old, new)
-    assert changed_textures(old, new) == {0, 1, 2}
 
 
 def test_a_damaged_pack_is_not_overwritten_by_a_failed_write(tmp_path: Path) -> None:

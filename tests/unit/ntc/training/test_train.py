@@ -37,12 +37,6 @@ def own_decoders(count: int) -> Grouping:
     return Grouping("baseline", tuple(range(count)))
 
 
-def initial_decoders(config: GridConfig, count: int, seed: int) -> list[NDArray[np.float32]]:
-    """The decoders that a training with `seed` starts from."""
-    stack = DecoderStack(config, count, torch.Generator().manual_seed(seed)).export()
-    return [array for decoder in stack for array in (*decoder.weights, *decoder.biases)]
-
-
 def decoder_arrays(pack: Pack) -> list[NDArray[np.float32]]:
     """All decoder arrays of a pack."""
     return [array for decoder in grid_parts(pack).decoders for array in (*decoder.weights, *decoder.biases)]
@@ -203,14 +197,6 @@ def test_a_smooth_texture_is_learnt_well() -> None:
         assert psnr_db(decode_image(pack, 0, level), mip) > 30.0
 
 
-def test_frozen_from_the_start_the_decoder_stays_as_it_began() -> None:
-    training = replace(SHORT, freezing=FreezingConfig(start=0.0, duration=0.0))
-    pack = encode_textures([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, training)
-    assert unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(pack))
-    thawed = encode_textures([texture(16, 16), texture(8, 8, seed=1)], own_decoders(2), SMALL, SHORT)
-    assert not unchanged(initial_decoders(SMALL, 2, SHORT.seed), decoder_arrays(thawed))
-
-
 def watched_decoders(monkeypatch: pytest.MonkeyPatch, training: TrainingConfig) -> list[list[NDArray[np.float32]]]:
     """The decoder's arrays as each step of a training on one texture finds them, and last as the pack holds them."""
     seen: list[list[NDArray[np.float32]]] = []
@@ -276,15 +262,6 @@ def test_progress_ends_with_the_last_step(per_group: int | None) -> None:
         values = (report.mean_psnr_db, report.ktexels_per_second, *report.losses.values())
         assert np.isfinite(values).all()
         assert report.freezing_scale == 1.0
-
-
-def test_channels_that_no_texture_has_are_not_trained() -> None:
-    config = GridConfig(hidden_width=16, output_channels=4)
-    pack = encode_textures([texture(8, 8, 1)], own_decoders(1), config, SHORT)
-    start = DecoderStack(config, 1, torch.Generator().manual_seed(SHORT.seed)).export()[0]
-    last = grid_parts(pack).decoders[0].weights[2]
-    assert not np.array_equal(last[0], start.weights[2][0])
-    np.testing.assert_array_equal(last[1:], start.weights[2][1:])
 
 
 def test_the_paper_recipe_runs() -> None:

@@ -67,14 +67,6 @@ def test_stopped_at_any_step_it_ends_alike(tmp_path: Path, way: str, step: int) 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_stopped_again_and_again_it_ends_alike(tmp_path: Path) -> None:
-    path = tmp_path / "a.state"
-    for _ in range(5):
-        with pytest.raises(TrainingCancelledError):
-            encode_textures(TEXTURES, GROUPS, FULL, SHORT, cancelled=stopping_after(11), state=path)
-    assert same(encode_textures(TEXTURES, GROUPS, FULL, SHORT, state=path), whole_training(SHORT))
-
-
 def saved(path: Path) -> Path:
     """The state of a training that was stopped half-way."""
     with pytest.raises(TrainingCancelledError):
@@ -192,11 +184,6 @@ def test_three_in_a_row_stop_it_with_the_state_saved(monkeypatch: pytest.MonkeyP
     assert not path.exists()
 
 
-def test_bad_steps_with_good_ones_between_do_not_stop_it(monkeypatch: pytest.MonkeyPatch) -> None:
-    spoilt(monkeypatch, range(10, 110, 20), float("nan"))
-    assert encode_textures(TWO_TEXTURES, PAIR, CONFIG, LONGER).training["dropped_steps"] == 5
-
-
 @pytest.mark.parametrize("rate", ["decoder_rate", "hidden_rate", "latent_rate"])
 def test_absurd_rates_end_in_a_pack_or_in_one_line(rate: str) -> None:
     try:
@@ -204,9 +191,3 @@ def test_absurd_rates_end_in_a_pack_or_in_one_line(rate: str) -> None:
     except TrainingFailedError:
         return
     assert all(np.isfinite(array).all() for array in arrays(pack))
-
-
-def test_without_trouble_nothing_is_dropped() -> None:
-    first, again = (encode_textures(TWO_TEXTURES, PAIR, CONFIG, LONGER) for _ in range(2))
-    assert first.training["dropped_steps"] == 0
-    assert same(first, again)

@@ -14,7 +14,7 @@ from ntc.errors import InputError
 from viewer import cli
 from viewer.cli.arguments import parse_arguments
 from viewer.cli.help_groups import GROUPS
-from viewer.cli.options import SUBCOMMANDS, DecodeOptions, EncodeOptions, InfoOptions, RenderOptions, ViewOptions
+from viewer.cli.options import SUBCOMMANDS, InfoOptions, RenderOptions, ViewOptions
 from viewer.cli.render import chosen_lighting
 
 
@@ -84,21 +84,6 @@ def test_the_sun_may_be_turned_more_than_once(azimuth: str, turned: float) -> No
         chosen_lighting(options_of(["render", "--out", "o", "--sun", "nan", "30"]))
 
 
-def test_encode_decode_and_info() -> None:
-    encode = options_of(
-        words(
-            "encode s.glb --out f.ntc --grouping random --clusters 4 --recipe paper"
-            " --texture-size 256 --steps 9 --seed 3 --device cpu"
-        ),
-    )
-    assert isinstance(encode, EncodeOptions)
-    assert (encode.grouping, encode.clusters, encode.recipe, encode.texture_size) == ("random", 4, "paper", 256)
-    assert (encode.steps, encode.seed, encode.device) == (9, 3, "cpu")
-    decode = options_of(["decode", "f.ntc", "--out", "d", "--backend", "gl", "--precision", "fp16"])
-    assert decode == DecodeOptions(pack=Path("f.ntc"), out=Path("d"), backend="gl", precision="fp16")
-    assert options_of(["info", "f.ntc", "--json"]) == InfoOptions(file=Path("f.ntc"), json=True)
-
-
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
@@ -161,12 +146,6 @@ def test_an_output_in_a_folder_that_does_not_exist_makes_none(
     assert f"the folder {tmp_path / 'typo'} does not exist; create it first" in printed
     assert printed.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
-
-
-def test_the_folder_of_an_output_may_be_no_file(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("")
-    with pytest.raises(InputError, match="file is not a folder"):
-        options_of(["render", "--out", str(tmp_path / "file" / "picture")])
 
 
 @pytest.mark.parametrize(

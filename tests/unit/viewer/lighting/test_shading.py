@@ -203,14 +203,6 @@ def test_ior_and_specular_set_the_reflectance_of_dielectrics_alone() -> None:
     np.testing.assert_allclose(found.metal, 0.5)
 
 
-def test_the_table_does_not_depend_on_its_size() -> None:
-    exact = brdf_table(8, 4096)
-    for row in range(8):
-        for column in range(8):
-            place = np.array([[(column + 0.5) / 8]]), np.array([[(row + 0.5) / 8]])
-            np.testing.assert_allclose(table_lookup(brdf_table(), *place), exact[row, column][:, None, None], atol=0.02)
-
-
 COLORS = np.concatenate(
     [
         np.random.default_rng(0).uniform(0.0, 1.0, (50, 3)),

@@ -84,15 +84,3 @@ def test_what_is_seen_alone_is_whole() -> None:
     places.arrived(places.pending)
     assert [places.content[place].level for place in places.of([15])] == [0]
     assert coarse not in places.content
-
-
-def test_the_same_view_changes_nothing() -> None:
-    scene = scene_of_textures(60)
-    places = ImagePlaces(scene, "base", plane_bytes(scene, "base") // 3)
-    places.want([1, 2, 3])
-    places.arrived(places.pending)
-    before = dict(places.content)
-    for visible in ([3, 2, 1], [1, 2, 3, 61], [2]):
-        places.want(visible)
-        assert not places.pending
-    assert places.content == before

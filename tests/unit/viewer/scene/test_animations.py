@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, GltfBuilder
-from tests.support.scenes import built, world_triangles
+from tests.support.scenes import world_triangles
 from viewer.scene.gltf.container import parse_gltf
 from viewer.scene.gltf.motion.animations import AnimatedPath, Channel, Interpolation
 from viewer.scene.load import build_scene, load_scene
@@ -234,12 +234,6 @@ def test_broken_skins_name_the_field() -> None:
     elsewhere = skinned()
     elsewhere.json["scenes"] = [{"nodes": [0, 1]}]
     refusal(elsewhere, "node 2 is not in the scene that is drawn", None)
-
-
-def test_animated_properties_that_are_none_of_a_nodes_are_reported() -> None:
-    builder = moving_node()
-    builder.json["animations"][0]["channels"][0]["target"] = {"path": "pointer"}
-    assert any("none of a node's" in line for line in built(builder).report.ignored)
 
 
 @pytest.mark.parametrize("path", [["rotation"], {}, None, 3, "color"])

@@ -11,11 +11,10 @@ import pytest
 from ntc.errors import InputError
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from tests.support.scenes import built
-from viewer.scene.cameras_file import find_camera, read_cameras, with_cameras_beside
+from viewer.scene.cameras_file import find_camera, read_cameras
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.scene.surface_samples import SAMPLES, SurfaceSamples
-from viewer.state.navigation import fly_speed
 
 
 def test_all_cameras_in_world_space() -> None:
@@ -126,13 +125,3 @@ def test_distances_are_those_to_the_nearest_surface(floor: Scene) -> None:
         x, y, z = (inside + normal * height).tolist()
         assert samples.distance((x, y, z)) == pytest.approx(height, rel=0.02)
     assert samples.distance((math.nan, 0.0, 0.0)) == math.inf
-
-
-def test_a_city_is_walked_at_street_level(data_folder: Path) -> None:
-    scene = with_cameras_beside(load_scene(data_folder / "scenes" / "bistro" / "bistro.gltf"))
-    samples = SurfaceSamples(scene)
-    street = next(camera for camera in scene.cameras if camera.name == "street")
-    high = (street.eye[0], 150.0, street.eye[2])
-    # Metres a second: a walk in the street, and faster above the roofs.
-    assert 0.5 < fly_speed(scene.bounds, samples.distance(street.eye), 0.0, False) < 3.0
-    assert fly_speed(scene.bounds, samples.distance(high), 0.0, False) > 10.0

@@ -1,7 +1,6 @@
 """Materials, samplers, images, variants and factors, and the identity of textures."""
 
 import base64
-import json
 from pathlib import Path
 from typing import Any
 
@@ -79,15 +78,6 @@ def test_alpha_is_kept_where_it_is_read() -> None:
     np.testing.assert_array_equal(texture.alpha, pixels[..., 3])
     assert texture.pixel_hash == hash_pixels(pixels)
     assert (scene.materials[0].alpha_mode, scene.materials[0].alpha_cutoff) == ("mask", 0.25)
-
-
-def test_an_image_that_differs_only_in_alpha_is_a_texture() -> None:
-    pixels = noise(channels=4)
-    pixels[..., :3] = 200
-    builder = GltfBuilder()
-    assert len(with_material(builder, builder.material(builder.image(png(pixels)), alphaMode="MASK")).textures) == 1
-    builder = GltfBuilder()
-    assert len(with_material(builder, builder.material(builder.image(png(pixels)))).textures) == 0
 
 
 @pytest.mark.parametrize(
@@ -278,18 +268,6 @@ def test_broken_mappings_name_the_field(mapping: dict[str, Any], words: str) -> 
         built(shoe(**mapping))
 
 
-def test_the_command_changes_the_variant_and_keeps_what_is_open(tmp_path: Path) -> None:
-    scene = load_scene(shoe().write(tmp_path / "shoe.glb"))
-    context = Context(new_session(scene, {}, ViewerSettings(), InitialView(), tmp_path))
-    PromptEffects(context)
-    session, view = context.session, context.session.view
-    run(context, "materials.variant", "blue")
-    np.testing.assert_array_equal(drawn_pixels(session.scene), noise(seed=2))
-    assert session.view == view
-    run(context, "materials.variant", "default")
-    assert session.scene.variant == ""
-
-
 def test_another_variant_or_moment_reads_no_image_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     builder = shoe()
     times, places = np.array([0, 2], np.float32), np.array([[0, 0, 0], [4, 0, 0]], np.float32)
@@ -329,11 +307,6 @@ def test_a_file_that_has_changed_is_read_whole(tmp_path: Path) -> None:
     np.testing.assert_array_equal(drawn_pixels(scene), noise(8, 8, seed=9))
 
 
-def test_the_names_are_told_by_info(tmp_path: Path) -> None:
-    text = json.dumps(built(shoe()).report.honoured)
-    assert "KHR_materials_variants: variants (3)" in text
-
-
 def scene_of(pbr: dict[str, Any] | None = None, **entry: Any) -> Scene:
     builder = GltfBuilder()
     return built(builder.drawn(builder.triangle(builder.material(pbr=pbr or {}, **entry))))
@@ -341,10 +314,6 @@ def scene_of(pbr: dict[str, Any] | None = None, **entry: Any) -> Scene:
 
 def factors_of(pbr: dict[str, Any] | None = None, **entry: Any) -> SurfaceFactors:
     return scene_of(pbr, **entry).materials[0].factors
-
-
-def test_defaults_are_those_of_the_specification() -> None:
-    assert factors_of() == SurfaceFactors()
 
 
 def test_extensions_are_read() -> None:

@@ -1,6 +1,5 @@
 """Images in and out, also KTX2; read when they are needed, and kept in bounded memory."""
 
-import json
 import sys
 import threading
 import tracemalloc
@@ -133,14 +132,6 @@ def test_reduction_by_any_ratio_keeps_the_mean() -> None:
         reduce_texture(texture, 0)
 
 
-def test_reduction_keeps_the_alpha_of_two_channels_linear() -> None:
-    pixels = np.zeros((2, 2, 2), np.uint8)
-    pixels[0] = 200
-    small = reduce_texture(SourceTexture("a", pixels, "hash"), 1).pixels
-    assert small[0, 0, 1] == 100
-    assert small[0, 0, 0] > 100
-
-
 def test_source_textures_follow_the_texture_ids() -> None:
     builder = GltfBuilder()
     materials = [builder.material(builder.image(png(noise(8, 8, 4, seed)))) for seed in (1, 2)]
@@ -231,30 +222,6 @@ def test_basis_universal_is_decoded(codec: str) -> None:
     found = decode_image(encoded, "a.ktx2")
     assert found.shape == (16, 24, 3)
     assert np.abs(found.astype(int) - ramp()).mean() < (3 if codec == "etc1s" else 1)
-
-
-@pytest.mark.parametrize("kind", ["color", "occlusion_roughness_metallic", "normal"])
-def test_the_pairs_of_a_robot_show_the_same(data_folder: Path, kind: str) -> None:
-    folder = data_folder / "scenes/ur3e_ktx2"
-    plain, packed = (read_image(folder / f"ur3e_{kind}.{ending}") for ending in ("png", "ktx2"))
-    assert plain.shape[:2] == packed.shape[:2]
-    assert np.abs(plain[..., :3].astype(int) - packed[..., :3]).mean() < 4
-
-
-def test_a_scene_with_basis_universal_alone_has_its_textures(data_folder: Path) -> None:
-    folder = data_folder / "scenes/ur3e_ktx2"
-    twin = (folder / "base.gltf").read_text()
-    plain = load_scene(folder / "base.gltf")
-    content = json.loads(twin)
-    for texture in content["textures"]:
-        texture.pop("source")
-    content["extensionsRequired"] = ["KHR_texture_basisu"]
-    file = parse_gltf(json.dumps(content).encode(), "twin.gltf", folder)
-    packed = build_scene(file, "twin", None)
-    assert not packed.report.missing
-    assert [t.pixels.shape for t in packed.textures] == [t.pixels.shape for t in plain.textures]
-    difference = packed.textures[0].pixels.astype(int) - plain.textures[0].pixels
-    assert 0 < np.abs(difference).mean() < 2.5
 
 
 def test_the_plain_image_is_preferred_to_its_compressed_copy() -> None:
@@ -485,17 +452,6 @@ def test_what_several_threads_ask_for_is_made_once() -> None:
         found = list(pool.map(ask, range(4)))
     assert len(made) == cache.made == 1
     assert all(each is found[0] for each in found)
-
-
-def test_what_fails_is_tried_again() -> None:
-    cache = PixelCache(100)
-
-    def fail() -> np.ndarray:
-        raise InputError("gone")
-
-    with pytest.raises(InputError, match="gone"):
-        cache.get("a", fail)
-    assert len(cache.get("a", lambda: block(3))) == 3
 
 
 def test_many_threads_stay_within_the_bytes() -> None:

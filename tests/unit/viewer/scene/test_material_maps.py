@@ -111,20 +111,6 @@ def test_all_maps_of_a_material_are_one_set_in_the_order_of_maps() -> None:
     assert (plain.maps, plain.pixel_hash) == (("base",), texture.pixel_hash)
 
 
-def test_maps_in_several_images_are_the_same_set() -> None:
-    maps = Maps()
-    packed = noise(seed=3)
-    maps.material(
-        baseColorTexture=maps.info(noise(seed=1)),
-        metallicRoughnessTexture=maps.info(packed),
-        occlusionTexture=maps.info(packed[..., :1]),
-    )
-    _, (texture,), scene = one(maps)
-    assert texture.maps == ("base", "roughness", "metalness", "occlusion")
-    np.testing.assert_array_equal(texture.further_maps["occlusion"], packed[..., :1])
-    assert scene.report.used["images"] == 3
-
-
 def test_constant_channels_become_factors_and_cost_nothing() -> None:
     maps = Maps()
     packed = noise()
@@ -231,12 +217,6 @@ def test_maps_of_a_plane_are_brought_to_the_larger_size() -> None:
     np.testing.assert_array_equal(texture.further_maps["roughness"], resampled(packed[..., 1:2], 4, 8))
     assert any("roughness maps resampled" in line for line in scene.report.notes)
     assert material.surface is not None
-
-
-def test_resampling_keeps_constants_ends_and_means() -> None:
-    ramp = np.array([0, 50, 100, 150, 200], np.uint8)[None, :, None]
-    np.testing.assert_array_equal(resampled(ramp, 10, 1)[0, :, 0], [0, 13, 38, 63, 88, 113, 138, 163, 188, 200])
-    assert (resampled(np.full((3, 5, 2), 77, np.uint8), 7, 4) == 77).all()
 
 
 def test_maps_of_a_plane_that_are_sampled_otherwise_are_left_out() -> None:

@@ -158,12 +158,6 @@ def test_many_views_of_the_same_bytes_are_bounded() -> None:
         read_all()
 
 
-def test_constant_attributes_compress_as_far_as_the_format_allows() -> None:
-    values = np.zeros((1 << 16, 64), np.float32)
-    builder = view_of(values, "ATTRIBUTES", version=1)
-    np.testing.assert_array_equal(decoded(builder), values.view(np.uint8).reshape(-1))
-
-
 def test_accessors_read_decoded_views_with_their_stride() -> None:
     builder = GltfBuilder()
     rows = np.zeros((3, 4), np.float32)

@@ -97,14 +97,6 @@ def test_a_scene_that_is_opened_behind_its_back_gets_no_pack(context: Context, p
     assert (packs_in(path), packs_in(other)) == (["scene.single.ntc"], ["scene.single.ntc"])
 
 
-def test_a_scene_that_cannot_be_opened_ends_nothing(context: Context, path: Path, tmp_path: Path) -> None:
-    finished(context)
-    run_or_notify(context, "file.open", tmp_path / "absent.gltf")
-    assert errors(context)
-    assert context.session.scene.path == path
-    assert context.training.log.chosen == 1
-
-
 def test_packs_that_are_written_at_once_replace_none_of_each_other(context: Context, path: Path) -> None:
     pack, place = finished(context), path.with_name("scene.random.ntc")
     with ThreadPoolExecutor(8) as pool:
@@ -335,18 +327,6 @@ def test_two_windows_of_a_scene_write_other_files_and_share_what_is_there(path: 
     assert autosaved(folder) == ["random-2.ntc"]
 
 
-def test_another_scene_lists_its_own_runs(path: Path, other: Path, folder: Path) -> None:
-    context = window(path, folder)
-    end_run(context)
-    run_or_notify(context, "file.open", other)
-    context.training.tick(context.session.scene, frozenset())
-    assert (context.session.scene.path, unsaved(context)) == (other, [])
-    run_or_notify(context, "file.open", path)
-    context.training.tick(context.session.scene, frozenset())
-    assert unsaved(context) == [1]
-    assert context.training.log[1].earlier
-
-
 def test_a_scene_that_has_changed_gets_no_pack_of_its_earlier_self(path: Path, other: Path, folder: Path) -> None:
     first = window(path, folder)
     end_run(first)
@@ -456,8 +436,3 @@ def test_a_kept_pack_lies_in_the_data_folder_and_is_opened_with_the_scene(instal
     assert packs_beside(scene_path) == (installed / "scene.single.ntc", *written)
     run_or_notify(context, "file.open", scene_path)
     assert {pack.path for pack in context.session.packs.values()} == set(packs_beside(scene_path))
-
-
-def test_the_same_file_elsewhere_keeps_its_packs_beside_it(installed: Path, tmp_path: Path) -> None:
-    copied = Path(shutil.copytree(installed, tmp_path / "copied")) / "scene.gltf"
-    assert locations.packs_folder(copied) == copied.parent

@@ -15,14 +15,6 @@ from threadpoolctl import threadpool_info
 from ntc.codec.block.config import LARGEST_WORDS, BlockConfig, BlockOptions
 from ntc.codec.block.encoding.frozen import encode_with_decoders
 from ntc.codec.block.encoding.rate import block_count, config_for_bits, config_for_bytes, side_bits, texel_count
-from ntc.codec.block.encoding.sharing import (
-    RateCurve,
-    Sharing,
-    best_block_words,
-    price_at_error,
-    share_words,
-    sizes_within,
-)
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.storage import level_codes
 from ntc.codec.block.tensors import decoder_shapes, decoder_tensors, read_decoder
@@ -212,14 +204,6 @@ def test_textures_and_blocks_share_words_by_what_they_are_worth() -> None:
     assert config.mean_words - 0.1 < mean <= config.mean_words
 
 
-def test_blocks_that_are_alike_share_out_all_words() -> None:
-    errors = np.tile(np.array([[8.0, 4.0, 1.0]], np.float32), (100, 1))
-    lengths = np.array([2, 4, 6])
-    for words in (2.0, 3.1, 4.0, 5.5, 6.0, 9.0):
-        mean = lengths[sizes_within(errors, (2, 4, 6), words)].mean()
-        assert min(words, 6.0) - 0.05 < mean <= words
-
-
 PAIR = Grouping("single", (0, 0))
 
 
@@ -362,38 +346,6 @@ def test_what_can_never_be_reached_is_refused(make: object, words: str) -> None:
         make()
 
 
-def curve(slope: float, blocks: int = 64) -> RateCurve:
-    """Errors that fall by `slope` with each word, a little differently from block to block."""
-    words = (1, 2, 4, 8, 16)
-    random = np.random.default_rng(0).uniform(0.5, 2.0, (blocks, 1))
-    return RateCurve((random * np.array(words) ** -slope).astype(np.float32), words, blocks)
-
-
-def test_a_price_is_the_highest_at_which_the_error_is_small_enough() -> None:
-    found = curve(1.0)
-    price = price_at_error(found, 0.2)
-    assert found.at(price)[1] <= 0.2 < found.at(price * 1.05)[1]
-    words, error = found.at(price_at_error(found, 1e-9))
-    assert words == 16.0
-    assert error > 1e-9
-
-
-def test_sizes_follow_what_textures_need() -> None:
-    curves = [curve(1.0), curve(1.0)]
-    cheap = best_block_words(curves, [price_at_error(each, 0.8) for each in curves], 2)
-    dear = best_block_words(curves, [price_at_error(each, 0.1) for each in curves], 2)
-    assert cheap == (1, 2)
-    assert dear[-1] == 16
-
-
-def test_words_are_shared_by_worth() -> None:
-    curves = [curve(1.0), curve(1.0)]
-    same, more = share_words(curves, 512.0), share_words(curves, 512.0, Sharing(worth=(4.0, 1.0)))
-    assert same[0] == same[1]
-    assert more[0] > same[0] > more[1]
-    assert 64 * sum(more) <= 512.0
-
-
 def test_the_decoder_that_ships_serves_a_quality_and_a_size(pair: tuple[SourceTexture, SourceTexture]) -> None:
     universal = Grouping(UNIVERSAL, (0, 0), dict(codec_named("block").shipped))
     assert min(decibels(encoded_to(pair, universal, QualityTarget(30.0), levels=1))) >= 30.0
@@ -468,12 +420,6 @@ def test_a_pack_holds_no_decoder_and_reads_back(tmp_path: Path, channels: int) -
         found = decode_image(read, index)
         np.testing.assert_array_equal(found, decode_image(pack, index))
         assert psnr_db(found, source.pixels) > 30.0
-
-
-def test_more_bits_are_nearer_under_the_shipped_decoder() -> None:
-    sources = [waves(128, 128, seed=seed) for seed in range(2)]
-    found = [min(texture.psnr_db or 0.0 for texture in encoded(sources, bits).textures) for bits in (1.0, 2.0, 4.0)]
-    assert found[0] + 1.0 < found[1] < found[2] - 1.0
 
 
 @pytest.mark.parametrize(

@@ -207,16 +207,6 @@ def test_bits_count_everything_that_sets_store() -> None:
     assert side_bits(replace(plain, groups=0), BlockConfig(block_words=(4,))) == 32 * (2 * 3 + 9)
 
 
-def test_rows_of_the_basis_are_of_one_channel_and_stored_as_such() -> None:
-    _, pack = mixed_pack()
-    decoder = block_parts(pack).decoders[0]
-    assert decoder.basis.any(axis=1).all()
-    config = block_parts(pack).config
-    tables = config.coefficients * (64 + 2 + config.modes) + config.modes * len(config.planes)
-    assert decoder.stored_bits(config) == 8 * tables
-    assert config.multiply_adds == config.coefficients + config.axis_numbers
-
-
 def test_sets_have_room_for_larger_codes_and_more_modes() -> None:
     assert replace(SETS, block_words=(16, 32), mean_words=32.0, modes=128).largest_words == 32
     plain = BlockConfig()

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ntc.codec.block.config import BlockConfig, BlockOptions
-from ntc.codec.block.encoding.blocks import sample_textures
-from ntc.codec.block.encoding.gains import fitted_gains, shared_gains, steps_between
+from ntc.codec.block.config import BlockOptions
+from ntc.codec.block.encoding.gains import shared_gains, steps_between
 from ntc.codec.block.encoding.rate import config_for_bits
 from ntc.codec.block.model import block_parts
 from ntc.codec.block.tensors import decoder_shapes
@@ -19,12 +18,11 @@ from ntc.codec.block.universal import (
     scaled_decoder,
     set_config,
     set_tables,
-    set_tables_path,
 )
 from ntc.codec.config import GroupingConfig
-from ntc.codec.encoding import BitsTarget, EncodingChoices, QualityTarget, SizeTarget, texture_set
-from ntc.codec.maps import BASE_ALONE, MAPS, MapName, joint_maps
-from ntc.codec.model import Grouping, Pack
+from ntc.codec.encoding import EncodingChoices, QualityTarget, SizeTarget, texture_set
+from ntc.codec.maps import BASE_ALONE, MapName, joint_maps
+from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image
 from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
@@ -34,12 +32,8 @@ from ntc.library.joining import joined_pack
 from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
 from ntc.training.encode import encode_chosen, encode_textures
-from ntc.training.messages import moved_texture
 from tests.support.pack_bytes import PackBytes
 from tests.unit.ntc.codec.block.test_material_sets import KINDS, WHOLE, material
-from viewer.locations import named_scene
-from viewer.scene.load import load_scene
-from viewer.scene.source_textures import source_textures
 
 
 def encoded(sources: list[SourceTexture], bits: float = 6.0, clusters: int | None = None) -> Pack:
@@ -63,10 +57,6 @@ def test_every_kind_of_maps_has_tables(maps: tuple[MapName, ...]) -> None:
     # No row has a place in a plane that lists have no room for.
     for plane in config.planes:
         assert np.isin(decoder.channels, plane).sum() <= 256
-
-
-def test_the_tables_are_small() -> None:
-    assert set_tables_path(SET_VERSION).stat().st_size < 150_000
 
 
 def test_gains_move_the_scales_of_coefficients() -> None:
@@ -125,19 +115,6 @@ def test_sizes_and_qualities_are_kept() -> None:
     assert min(texture.psnr_db or 0.0 for texture in good.textures) >= 33.0
 
 
-def test_small_scenes_gain_what_tables_of_their_own_take() -> None:
-    scene = load_scene(named_scene(Path("gallery")))
-    source = next(each for each in source_textures(scene, 128, "all") if each.name == "wood_painted_teal")
-    own = make_grouping(GroupingConfig("single"), [source])
-    choices = EncodingChoices(target=BitsTarget(4.0))
-    fitted = encode_chosen([source], own, codec_named("block"), choices)
-    shipped = encode_chosen(
-        [source], make_grouping(GroupingConfig("universal"), [source]), codec_named("block"), choices
-    )
-    assert (shipped.textures[0].psnr_db or 0.0) > (fitted.textures[0].psnr_db or 0.0) + 1.0
-    assert len(pack_bytes(shipped)) <= len(pack_bytes(fitted)) + 200
-
-
 def test_many_materials_share_gains_with_those_that_are_alike() -> None:
     sources = [material(WHOLE, (32, 32), seed=seed) for seed in range(MOST_SCALED_GROUPS + 4)]
     groups = make_grouping(GroupingConfig("universal"), sources).groups
@@ -150,12 +127,6 @@ def test_many_materials_share_gains_with_those_that_are_alike() -> None:
         each.pixels[..., :5] = sources[0].pixels[..., :5]
     found = shared_gains([*sources[:2], *weak], 2)
     assert found[2] == found[3] != found[0]
-
-
-def test_textures_move_between_groups_with_gains_of_their_own() -> None:
-    assert moved_texture(Grouping("universal", (0, 1, 1)), 0, 1).groups == (0, 0, 0)
-    with pytest.raises(InputError, match="one decoder for all textures"):
-        moved_texture(Grouping("universal", (0, 0)), 0, 1)
 
 
 def test_packs_join_with_their_gains() -> None:
@@ -182,30 +153,6 @@ def test_packs_of_tables_that_do_not_ship_are_refused(tmp_path: Path, field: str
     path.write_bytes(parts.changed(lambda p: p.metadata["codec"].__setitem__(field, value)))
     with pytest.raises(InputError, match=words):
         read_pack(path)
-
-
-def test_other_packs_know_nothing_of_it() -> None:
-    sources = [material(WHOLE, (32, 32))]
-    single = encode_chosen(
-        sources, make_grouping(GroupingConfig("single"), sources), codec_named("block"), EncodingChoices()
-    )
-    parts = PackBytes.of(pack_bytes(single))
-    assert "tables" not in parts.metadata["codec"]
-    with pytest.raises(ValueError, match=r"codec\.tables"):
-        BlockConfig(tables=0)
-    with pytest.raises(InputError, match="no tables of version 98"):
-        set_tables(MAPS, 11, 98)
-
-
-def test_a_group_has_the_gains_of_all_its_textures() -> None:
-    sources = [material(WHOLE, (64, 64), seed=seed) for seed in (1, 2)]
-    config = set_config(WHOLE, 8)
-    alone = [fitted_gains(sample_textures([each], config), config).gains for each in sources]
-    both = fitted_gains(sample_textures(sources, config), config).gains
-    assert both is not None
-    each = np.stack([own for own in alone if own is not None])
-    least, most = each.min(0), each.max(0)
-    assert ((both >= least.astype(int) - 1) & (both <= most.astype(int) + 1)).all()
 
 
 def test_large_textures_have_a_gain_for_each_coefficient(tmp_path: Path) -> None:

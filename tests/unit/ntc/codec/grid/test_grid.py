@@ -56,17 +56,6 @@ def test_order_is_axis_octave_phase() -> None:
     )
 
 
-def test_values_stay_in_range_and_repeat_with_the_longest_period() -> None:
-    texels = np.random.default_rng(0).uniform(-100.0, 100.0, (500, 2))
-    encoded = positional_encoding(texels, 3)
-    assert encoded.shape == (500, 12)
-    assert np.abs(encoded).max() <= 1.0
-    np.testing.assert_allclose(positional_encoding(texels + 8.0, 3), encoded, atol=1e-12)
-    # Texels of one latent cell differ.
-    cell = np.stack(np.meshgrid(np.arange(8) + 0.5, np.arange(8) + 0.5), axis=-1).reshape(-1, 2)
-    assert len(np.unique(np.round(positional_encoding(cell, 3), 9), axis=0)) == 64
-
-
 @pytest.mark.parametrize("largest", [15, 255])
 @pytest.mark.parametrize("spread", [1e-4, 0.25, 30.0])
 def test_error_is_at_most_half_a_step(spread: float, largest: int) -> None:
