@@ -11,6 +11,7 @@ import pytest
 os.environ.setdefault("OMP_NUM_THREADS", "1")
 os.environ.setdefault("LP_NUM_THREADS", "1")
 
+from tests.changes import changed_paths, has_to_run
 from tests.drivers.messages import own_session_folders
 from tests.shared_context import free_unreachable, share
 from tests.support.checked_indices import checked_indices
@@ -39,8 +40,17 @@ def pytest_configure(config: pytest.Config) -> None:
     config.add_cleanup(stack.close)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark what folders have in common."""
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the option that `tests/run` gives."""
+    parser.addoption("--changed", action="store_true", help="leave out tests that guard nothing that has changed")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark what folders have in common, and leave out what guards nothing that has changed."""
+    if config.getoption("--changed"):
+        left_out = [item for item in items if guards_in_vain(item)]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in set(left_out)]
     for item in items:
         folder = item.path.relative_to(TESTS).parts[0]
         if folder in DRAWING:
@@ -52,6 +62,14 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Note what the process has before its first test."""
     session.config.stash[AT_START] = megabytes()
+
+
+def guards_in_vain(item: pytest.Item) -> bool:
+    """Whether neither the test nor what its sets guard has changed."""
+    names, changed = [mark.args[0] for mark in item.iter_markers("guards")], changed_paths()
+    file = item.path.relative_to(TESTS.parent).as_posix()
+    is_new = changed is None or file in changed
+    return bool(names) and not is_new and not any(has_to_run(name, changed) for name in names)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -39,7 +39,7 @@ def copy_tracked(repository: Path, folder: Path) -> None:
 
 def status_of(test: str, folder: Path) -> int:
     """Return the exit status of pytest for `test` in the copy in `folder`."""
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not nightly", "-p", "no:cacheprovider", test]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", test]
     environment = {**os.environ, "PYTHONPATH": str(folder)}
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=False).returncode
 

@@ -1,8 +1,6 @@
 """Every decoder finds the same texels in small packs that use every feature of the formats; libntc stands what is not a pack."""
 
-import os
 import subprocess
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -222,32 +220,3 @@ def test_changed_packs_are_refused_or_decoded_without_a_fault(tmp_path: Path) ->
     done = subprocess.run([program, "4000", "1", *packs], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert 1000 < int(done.stdout.split()[0]) < 3000
-
-
-@pytest.mark.process
-@pytest.mark.nightly
-def test_webassembly_decodes_them(tmp_path: Path) -> None:
-    wasmtime = pytest.importorskip("wasmtime", reason="pip install wasmtime ziglang")
-    pytest.importorskip("ziglang", reason="pip install wasmtime ziglang")
-    program = tmp_path / "dump.wasm"
-    target = ["-target", "wasm32-wasi", "-std=c99", "-Os", "-s", "-I", str(HERE.parents[1] / "ntc" / "c")]
-    sources = [str(HERE / "dump.c"), str(HERE.parents[1] / "ntc" / "c" / "ntc.c")]
-    caches = {f"ZIG_{kind}_CACHE_DIR": tempfile.gettempdir() + "/zig" for kind in ("LOCAL", "GLOBAL")}
-    command = ["python", "-m", "ziglang", "cc", *target, *sources, "-o", str(program)]
-    subprocess.run(command, check=True, env={**os.environ, **caches})
-    assert program.stat().st_size < 100_000
-    engine = wasmtime.Engine()
-    module = wasmtime.Module.from_file(engine, str(program))
-    for name in PACKS:
-        pack = read_pack(FOLDER / f"{name}.ntc")
-        (tmp_path / "pack").write_bytes((FOLDER / f"{name}.ntc").read_bytes())
-        (tmp_path / "tables").write_bytes(tables_of(pack))
-        store, linker = wasmtime.Store(engine), wasmtime.Linker(engine)
-        linker.define_wasi()
-        wasi = wasmtime.WasiConfig()
-        wasi.argv = ["dump", "pack", *(["tables"] if tables_of(pack) else [])]
-        wasi.preopen_dir(str(tmp_path), "/")
-        wasi.stdout_file = str(tmp_path / "texels")
-        store.set_wasi(wasi)
-        linker.instantiate(store, module).exports(store)["_start"](store)
-        assert steps_apart((tmp_path / "texels").read_bytes(), name) <= 1

@@ -14,7 +14,6 @@ from lab.bench.random_pack import random_pack
 from lab.commands import bench as command
 from ntc.codec.grid.model import GridConfig
 from ntc.pack.file import write_pack
-from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.gl.context import create_headless_context
@@ -127,19 +126,6 @@ def test_a_scene(tmp_path: Path, scene_path: Path, capsys: pytest.CaptureFixture
     assert {path.name for path in tmp_path.iterdir()} == {"r.json", "r.md", "r.png"}
 
 
-def test_without_options_it_times_one_camera_in_fp32_and_writes_nothing(
-    tmp_path: Path, scene_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert cli.main(["bench", str(scene_path), "--size", "48x32"]) == 0
-    shown = capsys.readouterr()
-    assert ": 1 cameras, 48x32" in shown.err or ": 1 camera, 48x32" in shown.err
-    assert "fp32" in shown.err
-    assert "fp16" not in shown.err
-    assert ": take --path " in shown.err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_filters_of_a_scene(tmp_path: Path, scene_path: Path) -> None:
     out = tmp_path / "r.json"
     arguments = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "48x32"]
@@ -150,14 +136,6 @@ def test_filters_of_a_scene(tmp_path: Path, scene_path: Path) -> None:
     assert found == {("deferred", "exact"), ("deferred", "stochastic"), ("cached", "exact")}
     assert {row["filter"] for row in decoded if row["float64_pixels"]} == {"exact"}
     assert all(row["psnr_db"] > 3.0 for row in decoded)
-
-
-def test_all_is_one_record(tmp_path: Path, scene_path: Path) -> None:
-    out = tmp_path / "r.json"
-    small = ["--paths", "deferred", "--precisions", "fp32", "--size", "32x16", *WORST[2:], "--thorough"]
-    assert cli.main(["bench", str(scene_path), "--json", str(out), *TINY, *small]) == 0
-    recorded(out, "worst_case", "scene")
-    assert len(list(tmp_path.iterdir())) == 4
 
 
 def test_what_was_done_is_kept_when_it_is_stopped(
@@ -199,56 +177,6 @@ def test_candidates_take_turns() -> None:
     context.gl.release()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--what", "nothing"], "nothing"),
-        (["--size", "0x10"], "0x10"),
-        (["--worst-sizes", "64x64", "0x64"], "0x64"),
-        (["--worst-sizes", "99999x99999"], "99999x99999"),
-        (["--worst-sizes"], "worst-sizes"),
-        (["--scaling-sizes", "8"], "8"),
-        (["--size", "16384x16384", "--what", "scene"], "more than --memory-mb 4096"),
-        (["--size", "2048x2048", "--memory-mb", "16"], "more than --memory-mb 16"),
-        (["--memory-mb", "0"], "--memory-mb 0: must be at least"),
-        (["--repeats", "0"], "--repeats 0: must be at least 1"),
-        (["--decoders", "0"], "--decoders 0: must be 1 to 64"),
-        (["--decoders", "65"], "--decoders 65: must be 1 to 64"),
-        (["--hidden-width", "260"], "--hidden-width 260: must be a multiple of 4"),
-        (["--pack", "nowhere.ntc"], "nowhere.ntc"),
-        (
-            ["--decoder-variant", "gpu", "--what", "worst-case"],
-            "--decoder-variant gpu: only --what scene and all",
-        ),
-        (["--views", "nowhere.json"], "nowhere.json"),
-        (["--paths", "sideways"], "sideways"),
-        (["nowhere.glb"], "nowhere.glb"),
-        (["--json", "record.txt"], "record.txt: a record's name ends in .json"),
-    ],
-)
-def test_bad_input_is_one_line_and_writes_nothing(
-    arguments: list[str],
-    words: str,
-    tmp_path: Path,
-    scene_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    scene = [] if arguments[0] == "nowhere.glb" else [str(scene_path)]
-    assert cli.main(["bench", *scene, "--json", "r.json", *TINY[:2], *arguments]) == 2
-    assert words in error_line(capsys.readouterr().err)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_how_the_packs_of_a_scene_are_decoded_is_chosen_and_recorded(tmp_path: Path, scene_path: Path) -> None:
-    out = tmp_path / "r.json"
-    command = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "16x16"]
-    how = ["--decoder-variant", "gpu", "--precisions", "fp32"]
-    assert cli.main([*command, *how, "--paths", "binned", "cached"]) == 0
-    assert recorded(out, "scene")["scene"]["settings"]["decoder_variant"] == "gpu"
-
-
 def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(
     tmp_path: Path, scene_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -266,10 +194,3 @@ def test_without_compute_the_scene_alone_is_timed_by_the_paths_that_draw(
     assert capsys.readouterr().err.startswith("the worst case needs compute shaders")
     paths = {row["path"] for row in recorded(out, "scene")["scene"]["rows"]}
     assert paths == {"", "forward"}
-
-
-def test_a_scene_without_packs_says_how_to_get_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = two_squares().write(tmp_path / "alone.glb")
-    assert cli.main(["bench", str(path), "--json", str(tmp_path / "r.json")]) == 2
-    assert "has no packs beside it; name some with --pack" in capsys.readouterr().err
-    assert {path.name for path in tmp_path.iterdir()} == {"alone.glb"}

@@ -13,7 +13,6 @@ from ntc.codec.quality import psnr_db
 from ntc.codec.registry import codec_of
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack
-from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.cli.decode import image_file_names
@@ -110,15 +109,6 @@ def test_a_scene_in_every_grouping(scene: Path, tmp_path: Path, grouping: str) -
     assert min(texture.psnr_db or 0.0 for texture in pack.textures) > 24.0
 
 
-def test_the_same_seed_gives_the_same_bytes(folder: Path, tmp_path: Path) -> None:
-    files = [tmp_path / f"{name}.ntc" for name in ("one", "two", "three")]
-    for out, seed in zip(files, ("3", "3", "4"), strict=True):
-        assert encode(folder, out, "--grouping", "single", "--seed", seed) == 0
-    one, two, three = (out.read_bytes() for out in files)
-    assert one == two
-    assert one != three
-
-
 def test_bits_are_met(folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     found = []
     for asked in (3.0, 5.0, 8.0):
@@ -171,30 +161,3 @@ def test_channels_and_levels(tmp_path: Path) -> None:
     assert all(len(tables.level_rows(texture)) == 1 for texture in pack.textures)
     assert pack.config.output_channels == max(texture.channels for texture in pack.textures)
     assert min(texture.psnr_db or 0.0 for texture in pack.textures) > 28.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--bits", "0"], "--bits 0: must be above 0"),
-        (["--bits", "-1"], "must be above 0"),
-        (["--bits", "nan"], "must be above 0"),
-        (["--bits", "1000"], "--bits 1000: set it above 0 and up to"),
-        (["--steps", "5"], "--steps 5: codec block is not trained"),
-        (["--epochs", "5"], "codec block is not trained"),
-        (["--state", "a.state"], "--state a.state: codec block is not trained"),
-        (["--recipe", "paper"], "--recipe paper: codec block is not trained"),
-        (["--device", "cuda"], "--device cuda: codec block is not trained"),
-        (["--codec", "grid", "--bits", "2"], "--bits 2: only --codec block"),
-        (["--codec", "grid", "--recipe", "paper", "--bits", "2"], "--bits 2: only --codec block"),
-        (["--codec", "wavelet"], "wavelet"),
-    ],
-)
-def test_bad_options_are_one_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-) -> None:
-    out = tmp_path / "o.ntc"
-    codec = [] if "--codec" in arguments else ["--codec", "block"]
-    assert cli.main(["encode", str(folder), "--out", str(out), "--grouping", "single", *codec, *arguments]) == 2
-    assert words in error_line(capsys.readouterr().err)
-    assert not out.exists()

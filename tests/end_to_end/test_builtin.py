@@ -38,14 +38,10 @@ def test_viewing_a_pack_imports_no_training_libraries(tmp_path: Path) -> None:
     assert np.load(tmp_path / "o" / "divergence.npy").max() >= 3
 
 
-@pytest.mark.parametrize("of", ["a small scene", pytest.param("the courtyard", marks=pytest.mark.nightly)])
-def test_without_a_display_pictures_are_drawn_and_their_place_is_said(
-    encoded_scene: Path, tmp_path: Path, of: str
-) -> None:
-    scene = [str(encoded_scene)] if of == "a small scene" else []
+def test_without_a_display_pictures_are_drawn_and_their_place_is_said(encoded_scene: Path, tmp_path: Path) -> None:
     environment = {"PATH": "/usr/bin:/bin", "HOME": str(tmp_path), SHADERS_VARIABLE: os.environ[SHADERS_VARIABLE]}
     result = subprocess.run(
-        [sys.executable, "-m", "viewer", *scene],
+        [sys.executable, "-m", "viewer", str(encoded_scene)],
         cwd=tmp_path,
         env=environment,
         capture_output=True,
@@ -78,8 +74,3 @@ def test_a_grouping_that_does_not_ship_is_encoded_once(
     assert "encoded" not in capsys.readouterr().err
     assert pack.stat() == made
     assert [path.name for path in installed.iterdir()] == ["courtyard.glb"]
-
-
-def test_a_grouping_of_no_name_is_not_encoded(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["render", "--grouping", "nonsense", "--out", str(tmp_path / "picture")]) == 2
-    assert "--grouping nonsense: no such pack" in capsys.readouterr().err

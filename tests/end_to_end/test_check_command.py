@@ -107,31 +107,6 @@ def test_the_encoder_records_what_is_measured(folder: Path) -> None:
             assert own[texture.content].maps[name].psnr_db == pytest.approx(quality.psnr_db, abs=0.02)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "problem"),
-    [
-        (["--budget", "absent.toml"], "absent.toml: cannot be read"),
-        (["--against", "absent.json"], "absent.json: cannot be read"),
-        (["--grouping", "reference"], "has no pack to check"),
-        (["--out", "scene.glb"], "is a file; name a folder"),
-    ],
-)
-def test_bad_input_is_one_line_and_writes_nothing(
-    folder: Path,
-    arguments: list[str],
-    problem: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.chdir(folder)
-    before = sorted(folder.iterdir())
-    assert checked(folder, "8", *arguments) == 2
-    error = capsys.readouterr().err
-    assert problem in error
-    assert error.count("error: ") == 1
-    assert sorted(folder.iterdir()) == before
-
-
 def test_a_damaged_cache_is_measured_again(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path))
     (tmp_path / "checks").mkdir()

@@ -1,9 +1,6 @@
 """`encode`, `decode` and `info` on a small scene and on a folder of images."""
 
 import json
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +8,6 @@ import pytest
 
 from ntc.codec.grid.model import grid_parts
 from ntc.pack.file import read_pack
-from ntc.training.compiling import COMPILING
-from tests.drivers.messages import error_line
-from tests.support.rest.detailed_scenes import write_wall
 from viewer import cli
 from viewer.scene.images import read_image, write_png
 
@@ -75,14 +69,6 @@ def test_paper_recipe_with_epochs(encoded_scene: Path, tmp_path: Path) -> None:
     assert pack.training["recipe"] == "paper"
 
 
-def test_info_of_a_scene(encoded_scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["info", str(encoded_scene), "--json"]) == 0
-    information = json.loads(capsys.readouterr().out)
-    assert len(information["textures"]) == 2
-    assert cli.main(["info", str(encoded_scene)]) == 0
-    assert "picture 0" in capsys.readouterr().out
-
-
 def test_covisible_looks_from_the_cameras_of_a_file(encoded_scene: Path, tmp_path: Path) -> None:
     views = tmp_path / "views.json"
     views.write_text(json.dumps([{"name": "front", "eye": [0.03, 0, 1.5], "target": [0.03, 0, 0], "fov": 60}]))
@@ -93,32 +79,6 @@ def test_covisible_looks_from_the_cameras_of_a_file(encoded_scene: Path, tmp_pat
     assert grouping.name == "covisible"
     assert grouping.parameters["excess"] == 0.0
     assert grouping.parameters["baseline_excess"] > 0.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--grouping", "covisible", "--sampled-views", "-1"], "--sampled-views -1: must be 0 to 1000"),
-        (["--grouping", "covisible", "--sampled-views", "0"], "the scene has no cameras"),
-        (["--grouping", "clustered", "--sampled-views", "5"], "only --grouping covisible"),
-        (["--grouping", "clustered", "--labels", "l.csv"], "only --grouping category"),
-        (["--grouping", "category", "--labels", "nowhere.csv"], "nowhere.csv: cannot be read"),
-        (["--grouping", "clustered", "--features", "shape"], "shape"),
-        (["--grouping", "clustered", "--features", "clip"], "--clip-weights"),
-        (["--grouping", "clustered", "--clusters", "1000"], "there are only 2 textures"),
-        (["--grouping", "single", "--views", "v.json"], "only --grouping covisible"),
-        (["--grouping", "covisible", "--views", "nowhere.json"], "nowhere.json"),
-        (["--grouping", "clustered", "--clusters", "0"], "at least 1"),
-    ],
-)
-def test_bad_groupings_are_one_line(
-    encoded_scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-) -> None:
-    capsys.readouterr()
-    out = tmp_path / "o.ntc"
-    assert cli.main(["encode", str(encoded_scene), "--out", str(out), *arguments]) == 2
-    assert words in error_line(capsys.readouterr().err)
-    assert not out.exists()
 
 
 def test_category_takes_the_labels_of_folders(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -140,25 +100,3 @@ def test_category_takes_the_labels_of_folders(tmp_path: Path, capsys: pytest.Cap
     labels.write_text("texture,category\nbrick/9,stone\n")
     assert cli.main([*arguments, "--labels", str(labels)]) == 2
     assert "unknown textures: 'brick/9'" in capsys.readouterr().err
-
-
-def test_covisible_samples_places_where_there_are_no_cameras(encoded_scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "sampled.ntc"
-    arguments = ["encode", str(encoded_scene), "--out", str(out), "--grouping", "covisible", "--clusters", "1"]
-    assert cli.main([*arguments, "--steps", "5", "--device", "cpu"]) == 0
-    assert read_pack(out).grouping.groups == (0, 0)
-
-
-@pytest.mark.nightly
-def test_the_first_encoding_says_that_the_encoder_is_compiled_and_later_ones_do_not(tmp_path: Path) -> None:
-    scene = write_wall(tmp_path / "wall.glb")
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    packs, messages = list[bytes](), list[str]()
-    for number in range(2):
-        out = tmp_path / f"{number}.ntc"
-        command = [sys.executable, "-m", "viewer", "encode", str(scene), "--out", str(out)]
-        result = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-        packs.append(out.read_bytes())
-        messages.append(result.stderr)
-    assert [COMPILING in message for message in messages] == [True, False]
-    assert packs[0] == packs[1]

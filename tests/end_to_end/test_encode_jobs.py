@@ -95,39 +95,6 @@ def test_a_library_keeps_what_can_be_read_and_names_the_rest(
     assert before == {path: path.stat().st_mtime_ns for path in library.glob("*.ntc")}
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("--workers", "0"), "--workers 0: must be at least 1"),
-        (("--workers", "2", "--ray", "auto"), "--workers and --ray exclude each other"),
-        (("--workers", "2", "--quality", "30"), "--quality: needs all textures at once"),
-        (("--workers", "2", "--grouping", "covisible"), "--grouping covisible: cannot be encoded by jobs"),
-        (("--ray", "auto"), "--ray: needs the extra `ray`: pip install 'ntc-viewer[ray]'"),
-        (("--ray", "auto", "--gpus-per-job", "-1"), "--gpus-per-job -1: must be 0 or more"),
-        (("--decoders", "none.ntc"), "none.ntc: no such file"),
-        (("--decoders", "none.ntc", "--maps", "base", "--bits", "2"), "--bits: --decoders none.ntc decides about it"),
-        (
-            ("--report", "report"),
-            "encode --report: there is no such option any more; write a report with: ntc-viewer check",
-        ),
-    ],
-)
-def test_what_jobs_cannot_do_is_refused_in_one_line(
-    arguments: tuple[str, ...],
-    words: str,
-    folder: Path,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setitem(sys.modules, "ray", None)
-    assert encode(folder, tmp_path / "a.ntc", *arguments) == 2
-    lines = capsys.readouterr().err.splitlines()
-    assert words in lines[-1]
-    assert not [line for line in lines if "Traceback" in line]
-    assert not (tmp_path / "a.ntc").exists()
-
-
 def test_ctrl_c_keeps_what_is_done(
     folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -136,12 +103,3 @@ def test_ctrl_c_keeps_what_is_done(
     assert "0 textures kept in" in capsys.readouterr().err
     assert (tmp_path / "a.ntc.jobs").is_dir()
     assert not (tmp_path / "a.ntc").exists()
-
-
-def test_a_folder_that_holds_other_things_is_no_library(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "other").write_text("mine")
-    assert encode(folder, tmp_path) == 2
-    assert "holds other files and no library" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["other"]

@@ -10,7 +10,6 @@ import pytest
 
 from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack
-from tests.drivers.messages import error_line
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
 from viewer.cli.encode import worth_on_screen
@@ -62,33 +61,6 @@ def test_a_size_and_a_preset_say_what_came(folder: Path, tmp_path: Path, capsys:
     assert figures == [f"bits: {bits_with_mips(pack):.2f} per texel of mip 0"]
     assert "target: 2 bits per texel of mip 0" in printed
     assert "codec block: blocks of 4x4 texels, codes of 1 word of 32 bits" in printed
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--quality", "0"], "--quality 0: set it above 0 and up to 58.9 dB"),
-        (["--quality", "100"], "--quality 100: set it above 0 and up to 58.9 dB"),
-        (["--quality", "nan"], "--quality nan: set it above 0"),
-        (["--size", "0"], "--size 0: must be a number of megabytes above 0"),
-        (["--size", "0.001"], "--size 0.001: at least 0.0"),
-        (["--bits", "0"], "--bits 0: must be above 0"),
-        (["--preset", "huge"], "huge"),
-        (["--bits", "2", "--quality", "30"], "--bits and --quality exclude each other: give one of them"),
-        (["--size", "1", "--preset", "fast"], "--size and --preset exclude each other: give one of them"),
-        (["--quality", "30", "--steps", "5"], "--quality 30: only --codec block takes it"),
-        (["--codec", "grid", "--preset", "2bit"], "--preset 2bit: only --codec block takes it"),
-        (["--size", "1", "--views", "v.json"], "--views v.json: a folder of images has no viewpoints"),
-        (["--quality", "30", "--views", "v.json"], "--views v.json: only --grouping covisible and --size take it"),
-    ],
-)
-def test_what_cannot_be_had_is_one_line(
-    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], words: str
-) -> None:
-    out = tmp_path / "o.ntc"
-    assert encode(folder, out, *arguments) == 2
-    assert words in error_line(capsys.readouterr().err)
-    assert not out.exists()
 
 
 def test_views_share_out_a_size(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -31,11 +31,6 @@ def test_a_script_and_lines_after_it(scene_file: Path, tmp_path: Path, capsys: p
     assert capsys.readouterr().err == ""
 
 
-def test_without_a_script_one_picture(scene_file: Path, tmp_path: Path) -> None:
-    assert run(scene_file, tmp_path / "out") == 0
-    assert [file.name for file in (tmp_path / "out").iterdir()] == ["window.png"]
-
-
 def test_the_command_line_says_how_packs_are_decoded(
     scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -49,22 +44,3 @@ def test_the_command_line_says_how_packs_are_decoded(
     assert run(scene_file, tmp_path / "out", "--path", "cached", "--decoder-variant", "gpu") == 0
     assert set(taken) == {GPU}
     assert read_image(tmp_path / "out" / "window.png").std() > 5.0
-
-
-@pytest.mark.parametrize(
-    ("arguments", "part"),
-    [
-        (("--exec", "wait frames 1; compare.mod a"), "--exec:2: 'compare.mod': no such command; did you mean"),
-        (("--exec", "expect source nothing"), "--exec:1: expected that source is 'nothing'"),
-        (("--script", "missing.script"), "missing.script: cannot be read"),
-        (("--size", "10x10"), "--size: each side must be 64 to 8192"),
-    ],
-)
-def test_what_is_wrong_is_one_line(
-    scene_file: Path, tmp_path: Path, arguments: tuple[str, ...], part: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    assert run(scene_file, tmp_path / "out", *arguments) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("error: ")
-    assert part in line
-    assert not (tmp_path / "out").exists()

@@ -80,32 +80,3 @@ def test_new_textures_take_decoders_of_a_pack(scene: Path, tmp_path: Path, capsy
     assert [each.name for each in new.textures] == ["0", "1", "2"]
     assert new.config == old.config
     assert 1 <= len(new.decoders) <= len(old.decoders)
-
-
-@pytest.mark.parametrize(
-    ("words", "named"),
-    [
-        (["add", "{folder}/new"], "name the packs"),
-        (["add", "{folder}/new", "{folder}/none.ntc"], "none.ntc"),
-        (["list", "{folder}/none"], "holds no library"),
-        (["assign", "{library}", "{folder}"], "ntc-viewer encode SCENE --decoders F.ntc"),
-        (["compact", "{library}"], "the index renews itself"),
-        (["verify", "{library}", "more"], "the library alone"),
-        (["extract", "{library}"], "--out"),
-        (["extract", "{library}", "--out", "{folder}/x.png"], "--out"),
-        (["list", "{library}", "--out", "{folder}/x.ntc"], "only extract"),
-        (["verify", "{library}", "--json"], "only list"),
-    ],
-)
-def test_bad_input_is_one_line(
-    library: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], named: str
-) -> None:
-    capsys.readouterr()
-    given = [word.format(folder=tmp_path, library=library) for word in words]
-    assert cli.main(["library", *given]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: ")
-    assert error.count("\n") == 1
-    assert named in error
-    assert not (tmp_path / "new").exists()
-    assert not (tmp_path / "none").exists()

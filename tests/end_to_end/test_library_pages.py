@@ -12,7 +12,7 @@ PICTURES = 3
 
 @pytest.mark.process
 @pytest.mark.gl
-@pytest.mark.nightly
+@pytest.mark.guards("notebook")
 def test_the_notebook_runs() -> None:
     nbformat = pytest.importorskip("nbformat", reason="pip install nbclient")
     nbclient = pytest.importorskip("nbclient", reason="pip install nbclient")

@@ -69,17 +69,6 @@ def test_all_maps_are_encoded_shown_and_decoded(
     assert read_image(tmp_path / "png" / f"{first}.normal.png").shape == (32, 32, 3)
 
 
-def test_whole_materials_are_what_codec_block_takes_by_itself(scene_path: Path, tmp_path: Path) -> None:
-    whole, base = tmp_path / "whole.ntc", tmp_path / "base.ntc"
-    assert encode(scene_path, whole, "--map-weights", "equal") == 0
-    assert read_pack(whole).config.maps == WHOLE
-    assert encode(scene_path, base, "--maps", "base") == 0
-    pack = read_pack(base)
-    assert pack.config.maps == BASE_ALONE
-    # A pack of base colours is found for whole materials too.
-    assert match_scene(pack, load_scene(scene_path)).matched == 2
-
-
 def test_tables_that_ship_take_whole_materials(
     scene_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

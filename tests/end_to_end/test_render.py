@@ -7,9 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from lab.bench.random_pack import random_pack
 from ntc.metrics.block_compression import INSTALL_HINT
 from ntc.metrics.divergence import divergence_map
+from ntc.pack.file import read_pack, write_pack
+from tests.drivers.messages import error_line
+from tests.end_to_end.conftest import two_squares
+from tests.support.gltf_builder import GltfBuilder
 from viewer import cli
+from viewer.gl.context_loss import LOSE_VARIABLE
 from viewer.scene.images import read_image
 
 VIEW = ["--eye", "0", "0", "1.2", "--target", "0", "0", "0", "--fov", "60", "--size", "100x60"]
@@ -20,8 +26,9 @@ def rendered(scene: Path, out: Path, *arguments: str) -> dict:
     return json.loads((out / "stats.json").read_text())
 
 
-@pytest.mark.parametrize("path", ["deferred", "forward", "binned"])
-@pytest.mark.parametrize("grouping", ["single", "baseline"])
+@pytest.mark.parametrize(
+    ("path", "grouping"), [("deferred", "single"), ("forward", "baseline"), ("binned", "baseline")]
+)
 def test_files_and_statistics(encoded_scene: Path, tmp_path: Path, path: str, grouping: str) -> None:
     stats = rendered(encoded_scene, tmp_path, "--grouping", grouping, "--path", path, "--overlay", "divergence")
     color = read_image(tmp_path / "color.png")
@@ -103,30 +110,67 @@ def test_a_missing_encoder_is_one_line(
     assert not (tmp_path / "out").exists()
 
 
-def test_paths_agree(encoded_scene: Path, tmp_path: Path) -> None:
-    pictures = {}
-    for path in ("forward", "deferred"):
-        rendered(encoded_scene, tmp_path / path, "--grouping", "baseline", "--path", path)
-        pictures[path] = read_image(tmp_path / path / "color.png").astype(int)
-    difference = np.abs(pictures["forward"] - pictures["deferred"]).max(axis=-1)
-    assert (difference > 1).mean() <= 0.001
-
-
-def test_half_precision_storage_is_close(encoded_scene: Path, tmp_path: Path) -> None:
-    for precision in ("fp32", "fp16"):
-        rendered(encoded_scene, tmp_path / precision, "--precision", precision)
-    pictures = [read_image(tmp_path / precision / "color.png").astype(int) for precision in ("fp32", "fp16")]
-    assert np.abs(pictures[0] - pictures[1]).max() <= 3
-
-
-def test_error_overlay_is_black_for_the_reference(encoded_scene: Path, tmp_path: Path) -> None:
-    rendered(encoded_scene, tmp_path, "--grouping", "reference", "--overlay", "error")
-    assert not read_image(tmp_path / "overlay.png").any()
-
-
 def test_cameras_file_and_name(encoded_scene: Path, tmp_path: Path) -> None:
     cameras = tmp_path / "cameras.json"
     cameras.write_text(json.dumps([{"name": "near", "eye": [0, 0, 2], "target": [0, 0, 0], "fov": 40}]))
     arguments = ["render", str(encoded_scene), "--out", str(tmp_path / "o"), "--size", "64x64"]
     assert cli.main([*arguments, "--cameras", str(cameras), "--camera", "near"]) == 0
     assert json.loads((tmp_path / "o" / "stats.json").read_text())["camera"] == "near"
+
+
+def test_an_image_that_does_not_decode_is_reported_and_replaced(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    builder = two_squares()
+    view = builder.view(b"this is no image")
+    builder.json["images"][0] = {"bufferView": view, "mimeType": "image/png", "name": "torn"}
+    path = builder.write(tmp_path / "torn.glb")
+    assert cli.main(["info", str(path), "--json"]) == 0
+    information = json.loads(capsys.readouterr().out)
+    assert any("torn" in line for line in information["missing"])
+    assert len(information["textures"]) == 1
+
+
+def test_a_pack_that_holds_a_part_is_used_and_noted(
+    encoded_scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    whole = read_pack(encoded_scene.with_name("scene.baseline.ntc"))
+    hashes = [whole.textures[0].pixel_hash, "f" * 32]
+    path = tmp_path / "part.ntc"
+    write_pack(path, random_pack(((32, 32), (32, 32)), (0, 1), hashes=hashes))
+    stats = rendered(encoded_scene, tmp_path / "o", "--pack", str(path))
+    assert "1 of 2 textures match" in capsys.readouterr().err
+    assert 0 < stats["pixels"]["decoded"] < stats["pixels"]["covered"]
+
+
+def test_a_scene_without_textures_has_no_psnr(tmp_path: Path) -> None:
+    builder = GltfBuilder()
+    material = builder.material(pbr={"baseColorFactor": [0.5, 0.2, 0.1, 1.0]})
+    scene = builder.drawn(builder.triangle(material)).write(tmp_path / "plain.glb")
+    write_pack(tmp_path / "any.ntc", random_pack(((16, 16),), (0,)))
+    out = tmp_path / "o"
+    assert (
+        cli.main(["render", str(scene), "--pack", str(tmp_path / "any.ntc"), "--size", "32x24", "--out", str(out)]) == 0
+    )
+    stats = json.loads((out / "stats.json").read_text(), parse_constant=lambda name: 1 / 0)
+    assert stats["psnr_db"] is None
+    assert stats["pixels"]["covered"] > 0
+    assert np.load(out / "decoder_id.npy").max() == -1
+
+
+def test_a_context_that_is_lost_after_all_is_read_back_loses_nothing(
+    encoded_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(LOSE_VARIABLE, "8")
+    assert rendered(encoded_scene, tmp_path)["renderer"]
+
+
+def test_view_headless_keeps_the_pictures_before_a_context_is_lost(
+    encoded_scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv(LOSE_VARIABLE, "400")
+    lines = "wait settled; screenshot a.png; wait frames 600; screenshot b.png"
+    command = ["view", str(encoded_scene), "--headless", "--out", str(tmp_path / "out"), "--exec", lines]
+    assert cli.main(command) == 2
+    assert "the graphics driver was reset" in error_line(capsys.readouterr().err)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["a.png"]

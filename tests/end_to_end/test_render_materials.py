@@ -80,27 +80,6 @@ def test_a_panorama_lights_the_scene(tmp_path: Path) -> None:
     assert picture[..., 0].mean() > 2.0 * picture[..., 2].mean()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "named"),
-    [
-        (["--view", "lit", "--environment", "nowhere.hdr"], "nowhere.hdr"),
-        (["--view", "lit", "--sun", "nan", "0"], "sun azimuth"),
-        (["--view", "lit", "--sun", "10", "95"], "sun elevation"),
-        (["--view", "lit", "--exposure", "99"], "exposure"),
-        (["--error-by-map"], "--error-by-map"),
-    ],
-)
-def test_bad_light_is_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[str], named: str
-) -> None:
-    assert cli.main(["render", "gallery", "--out", str(tmp_path / "out"), *BALLS, *arguments]) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert lines[0].startswith("error: ")
-    assert named in lines[0]
-    assert not (tmp_path / "out").exists()
-
-
 def test_aovs_hold_the_maps(tmp_path: Path) -> None:
     rendered(tmp_path, "--grouping", "reference", "--view", "lit", "--aovs")
     found = channels_of(tmp_path / "aovs.exr")

@@ -43,18 +43,9 @@ def kept(scene: Path, encoded: Path) -> Path:
     return scene
 
 
-def refusal(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
-    assert cli.main(list(arguments)) == 2
-    return capsys.readouterr().err
-
-
 def view(scene: Path, expected: str) -> int:
     out = ("--headless", "--out", str(scene.parent / "pictures"), "--size", "160x120")
     return cli.main(["view", str(scene), *out, "--exec", f"expect source {expected}"])
-
-
-def test_view_shows_the_kept_pack(kept: Path) -> None:
-    assert view(kept, "single") == 0
 
 
 def test_view_shows_the_reference_where_none_was_kept(scene: Path) -> None:
@@ -70,11 +61,6 @@ def test_render_draws_the_kept_pack(kept: Path, encoded: Path) -> None:
     assert pictures[0] == pictures[1]
 
 
-def test_render_has_no_pack_where_none_was_kept(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    out = str(scene.parent / "out")
-    assert "baseline" in refusal(capsys, "render", str(scene), "--out", out, "--grouping", "baseline")
-
-
 def test_check_measures_the_kept_pack(kept: Path, encoded: Path) -> None:
     report = kept.parent / "report"
     command = ["check", str(kept), "--size", "96x64", "--views", "1"]
@@ -85,17 +71,9 @@ def test_check_measures_the_kept_pack(kept: Path, encoded: Path) -> None:
     assert cli.main([*command, *against]) == 0
 
 
-def test_check_has_no_pack_where_none_was_kept(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "has no pack to check" in refusal(capsys, "check", str(scene))
-
-
 def test_export_writes_the_kept_pack(kept: Path) -> None:
     out = kept.parent / "export" / "scene.gltf"
     out.parent.mkdir()
     assert cli.main(["export", str(kept), "--out", str(out)]) == 0
     (pack,) = out.parent.glob("*.ntc")
     assert read_pack(pack).grouping.name == "single"
-
-
-def test_export_has_no_pack_where_none_was_kept(scene: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert "no pack lies beside it" in refusal(capsys, "export", str(scene), "--out", str(scene.parent / "a.gltf"))

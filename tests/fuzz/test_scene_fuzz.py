@@ -9,7 +9,6 @@ from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-import pytest
 
 from ntc.errors import InputError
 from tests.support.gltf_builder import GltfBuilder, noise, png
@@ -149,14 +148,13 @@ def places(value: Any) -> Iterator[tuple[Any, Any]]:
             yield from places(child)
 
 
-@pytest.mark.parametrize("values", [2, pytest.param(12, marks=pytest.mark.nightly)])
-def test_every_field_removed_and_replaced(values: int) -> None:
+def test_every_field_removed_and_replaced() -> None:
     builder = rich_builder()
     original = builder.json
     chooser = random.Random(0)
     loaded = 0
     for number in range(len(list(places(original)))):
-        for value in (..., *chooser.sample(VALUES, values)):
+        for value in (..., *chooser.sample(VALUES, 2)):
             builder.json = copy.deepcopy(original)
             owner, key = list(places(builder.json))[number]
             if value is ...:
@@ -175,10 +173,9 @@ def test_truncated_files() -> None:
         assert not loads_or_refuses(data[:length])
 
 
-@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.nightly) for seed in range(1, 4))])
-def test_changed_bytes(seed: int) -> None:
+def test_changed_bytes() -> None:
     data = rich_builder().glb()
-    chooser = random.Random(seed)
+    chooser = random.Random(0)
     for _ in range(150):
         changed = bytearray(data)
         for _ in range(chooser.choice((1, 2, 8, 64))):

@@ -45,7 +45,7 @@ def test_other_paths_and_groupings_of_codec_block_are_as_accepted(studio: Studio
 
 @pytest.mark.once
 @pytest.mark.parametrize(
-    "precision", ["fp16", "fp16-accumulate", pytest.param("fp16-arithmetic", marks=pytest.mark.nightly)]
+    "precision", ["fp16", "fp16-accumulate", pytest.param("fp16-arithmetic", marks=pytest.mark.guards("drawing"))]
 )
 def test_pictures_in_halves_are_as_accepted(studio: Studio, precision: Precision) -> None:
     assert precision in HALF_PATHS

@@ -8,7 +8,7 @@ import pytest
 
 
 def covering(*lists: Sequence[Any]) -> list[Any]:
-    """All combinations of `lists` for `pytest.mark.parametrize`. Those that every run needs are not marked `nightly`.
+    """All combinations of `lists` for `pytest.mark.parametrize`. Those that are not chosen guard set `drawing`.
 
     They are chosen one by one: each is the first that adds most pairs of values, until every pair occurs.
     """
@@ -22,7 +22,7 @@ def covering(*lists: Sequence[Any]) -> list[Any]:
     return [
         pytest.param(
             *(values[place] for values, place in zip(lists, case, strict=True)),
-            marks=() if case in chosen else pytest.mark.nightly,
+            marks=() if case in chosen else pytest.mark.guards("drawing"),
         )
         for case in cases
     ]

@@ -135,13 +135,6 @@ def test_what_was_encoded_before_needs_no_process(driven: DrivenApp, helpers: He
     assert helpers.calls == calls
 
 
-def test_swapping_slots_swaps_what_they_wait_for(driven: DrivenApp, helpers: HeldHelpers) -> None:
-    helpers.may_go = False
-    driven.run("slot.source", "a", "bc1")
-    driven.run("compare.swap")
-    assert driven.session.awaited_formats == {"b": "bc1"}
-
-
 def test_a_missing_encoder_is_one_message_and_changes_nothing(driven: DrivenApp, helpers: HeldHelpers) -> None:
     def missing(_request: CompressionRequest) -> CompressedTexture:
         raise InputError("block compression: the packages are not installed (x); pip install 'ntc-viewer[lab]'")

@@ -50,19 +50,6 @@ def test_modes(app: DrivenApp, label: str, mode: str) -> None:
     assert app.session.view.compare == mode
 
 
-def test_the_difference_is_chosen_in_the_panel(app: DrivenApp) -> None:
-    app.click("Difference")
-    app.click("difference")
-    app.click("difference: relative")
-    assert app.session.view.difference.kind == "relative"
-    assert "gain" not in labels(app)
-    run_line(app.context, "compare.gain 12")
-    run_line(app.context, "compare.difference amplified")
-    app.settle()
-    assert app.session.view.difference.gain == 12.0
-    assert "gain" in labels(app)
-
-
 def test_the_line_across_is_dragged_within_12_pixels_and_recentred(app: DrivenApp) -> None:
     hide_panels(app)
     run_line(app.context, "compare.mode wipe-horizontal")
@@ -194,15 +181,6 @@ def test_nothing_is_computed_while_the_camera_moves_and_stale_figures_are_droppe
     assert found.pixels == renderer.covered().sum()
 
 
-def test_no_figures_where_both_slots_show_the_same(live: DrivenApp) -> None:
-    live.session.view = replace(live.session.view, slot_a=Slot(), slot_b=Slot())
-    live.until(lambda: not live.frontend.needs_frame(SIZE))
-    time.sleep(0.35)
-    live.frame(8)
-    assert live.frontend.facts().live.comparison is None
-    assert not live.frontend.live.is_computing
-
-
 def test_the_errors_are_sorted_coloured_and_highlighted(live: DrivenApp) -> None:
     live.until(lambda: live.frontend.facts().live.is_current)
     live.click("show histogram")
@@ -286,23 +264,3 @@ def test_pixels_at_the_edge_and_beside_each_other(app: DrivenApp) -> None:
         hovered = app.session.inspection.hovered
         assert hovered is not None
         assert hovered[0] == pytest.approx(seen, abs=0.004)
-
-
-def test_a_click_keeps_the_pixel(app: DrivenApp) -> None:
-    run_line(app.context, "pixel.panel")
-    hide_panels(app)
-    app.click_at(MIDDLE[0] + 60, MIDDLE[1] + 30)
-    kept = app.session.inspection.pixel
-    assert kept == pytest.approx(((MIDDLE[0] + 60) / SIZE[0], (MIDDLE[1] + 30) / SIZE[1]))
-
-
-def test_the_list_of_errors_has_room_for_eight_rows(live: DrivenApp) -> None:
-    live.resize((1280, 720))
-    live.session.resolution = 0.25
-    live.run("errors.panel")
-    live.until(lambda: live.frontend.live.figures.is_current)
-    live.settle()
-    tops = sorted(live.widgets.centre(label)[1] for label in labels(live) if label.startswith("error texture"))
-    row = tops[1] - tops[0]
-    heading, middle = live.widgets.centre("sort by name")[1], live.widgets.centre("errors table")[1]
-    assert 2.0 * (middle - heading) / row >= 8.0

@@ -70,27 +70,10 @@ def test_training_goes_on(display: str, scene_path: Path, tmp_path: Path) -> Non
     assert (found["outcome"], found["has_pack"]) == ("done", True)
 
 
-@pytest.mark.nightly
-def test_losses_leave_nothing_behind(display: str, scene_path: Path, tmp_path: Path) -> None:
-    found = lose(display, tmp_path, "often", scene_path, 5)
-    assert found["told"] == 5
-    assert all(alive["Context"] == 1 for alive in found["objects"])
-    # Comparisons and thumbnails come when they come; what a second window holds is twice as much.
-    totals = [sum(alive.values()) for alive in found["objects"]]
-    assert max(totals) < 1.5 * min(totals), found["objects"]
-    # A comparison may be under way, with a pipe; a window that stays open would add to it each time.
-    assert found["handles"][-1] < found["handles"][0] + 4
-
-
 def test_a_loss_in_the_midst_of_a_panel(display: str, scene_path: Path, tmp_path: Path) -> None:
     found = lose(display, tmp_path, "in_a_panel", scene_path)
     assert found["raised"]
     assert found["told"] == [RECOVERED]
-
-
-@pytest.mark.nightly
-def test_losses_before_anything_is_drawn(display: str, scene_path: Path, tmp_path: Path) -> None:
-    assert lose(display, tmp_path, "before_any_frame", scene_path, 6)["told"] == 6
 
 
 def test_a_script_plays_on(display: str, scene_path: Path, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The divergence map in the window: settings, figures, the block under the mouse, the magnifying glass, recorded paths."""
 
-import json
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +11,6 @@ from tests.ui.conftest import SIZE
 from viewer.app import frontend
 from viewer.render.viewport import Viewport
 from viewer.scene.cameras_file import read_cameras
-from viewer.state.open_files import InitialView, new_session
-from viewer.state.settings import parse_settings
 from viewer.state.view_state import WHOLE, Overlay, Slot
 from viewer.ui.annotations import slot_note
 
@@ -51,12 +48,6 @@ def wheel(app: DrivenApp, at: tuple[float, float], notches: int) -> None:
     for key in (imgui.Key.left_ctrl, imgui.Key.mod_ctrl):
         app.key(key, False)
     app.settle()
-
-
-def test_the_panel_is_there_with_the_map_only(mapped: DrivenApp) -> None:
-    assert {"divergence figures", "% of blocks", "% with so many or fewer"} <= set(labels(mapped))
-    mapped.press(imgui.Key.o)
-    assert "divergence figures" not in labels(mapped)
 
 
 def test_block_shape_and_palette_are_chosen(mapped: DrivenApp) -> None:
@@ -112,16 +103,6 @@ def test_the_map_is_opaque_titled_and_its_scale_does_not_depend_on_the_other_slo
     assert "map legend" not in labels(mapped)
 
 
-def test_numbers_of_the_legend_stand_below_their_colours(mapped: DrivenApp) -> None:
-    left, _, right, bottom = (round(value) for value in mapped.widgets._rects["map legend"])
-    fields = len(mapped.session.view.overlay.legend(2))
-    numbers = mapped.screenshot()[bottom - 20 : bottom - 3, left + 8 : right - 8, :3].min(axis=2) > 150
-    places = np.nonzero(numbers.any(axis=0))[0] * fields / numbers.shape[1]
-    for field in range(fields):
-        own = places[(places >= field) & (places < field + 1)]
-        assert (own.min() + own.max()) / 2.0 == pytest.approx(field + 0.5, abs=0.12)
-
-
 def test_while_moving_blocks_are_as_large_as_at_rest_and_figures_stay(
     mapped: DrivenApp, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -141,26 +122,6 @@ def test_while_moving_blocks_are_as_large_as_at_rest_and_figures_stay(
     monkeypatch.undo()
     mapped.settle()
     assert not mapped.frontend.facts().is_preview
-
-
-def test_how_the_map_looks_is_remembered_but_not_that_it_is_shown(mapped: DrivenApp) -> None:
-    mapped.run("overlay.palette", "green-red")
-    mapped.run("overlay.opacity", 0.5)
-    mapped.run("overlay.block", "16x4")
-    kept = parse_settings(json.dumps(asdict(mapped.session.present_settings)), "settings.json")
-    again = new_session(mapped.session.scene, mapped.session.packs, kept, InitialView())
-    assert again.view.overlay == Overlay("none", 0.5, "green-red", "16x4")
-
-
-def test_both_sides_and_the_cut_are_shown(mapped: DrivenApp) -> None:
-    mapped.session.view = replace(mapped.session.view, compare="wipe")
-    mapped.settle()
-    figures = mapped.frontend.facts().divergence
-    assert figures["clustered"].excess > 0
-    assert figures["single"].excess == 0
-    before = mapped.frontend.facts().skipped.get("passes", 0)
-    mapped.settle()
-    assert mapped.frontend.facts().skipped.get("passes", 0) == before
 
 
 def test_pointing_at_a_block_says_what_is_in_it(mapped: DrivenApp) -> None:
@@ -197,20 +158,6 @@ def test_a_click_keeps_the_block_and_lets_it_go(mapped: DrivenApp) -> None:
     assert f"block texture {block.textures[0].texture_id}" in labels(mapped)
     mapped.click("release")
     assert mapped.session.inspection.block is None
-
-
-def test_a_drag_moves_the_camera_and_keeps_no_block(mapped: DrivenApp) -> None:
-    mapped.session.window.show_panels = False
-    camera = mapped.session.view.camera
-    mapped.drag((MEETING[0], MEETING[1] + 60), (MEETING[0] + 30, MEETING[1] + 80))
-    assert mapped.session.view.camera != camera
-    assert mapped.session.inspection.block is None
-
-
-def test_without_the_map_a_click_keeps_nothing(app: DrivenApp) -> None:
-    app.session.window.show_panels = False
-    app.click_at(MEETING[0] - 20, MEETING[1] + 60)
-    assert app.session.inspection.block is None
 
 
 def test_the_magnifying_glass_shows_pixels_and_a_grid(mapped: DrivenApp) -> None:

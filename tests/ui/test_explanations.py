@@ -2,7 +2,6 @@
 
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from functools import wraps
 from pathlib import Path
@@ -171,23 +170,3 @@ def test_the_glossary_explains_the_words_of_the_figures(app: DrivenApp) -> None:
     assert "glossary" in app.widgets.labels()
     app.press(imgui.Key.escape)
     assert not app.session.window.show_glossary
-
-
-def test_the_palette_marks_one_row(app: DrivenApp) -> None:
-    app.run("help.palette")
-    app.settle()
-    first = app.widgets.centre("palette: compare.next")
-    app.move(*app.widgets.centre("palette: compare.swap"))
-    app.move(first[0] + 1.0, app.widgets.centre("palette: compare.swap")[1])
-    app.frame(2)
-    picture = app.screenshot()
-
-    def ground(name: str) -> tuple[int, ...]:
-        """The colour of most pixels of a row of the palette."""
-        x, y = (int(place) for place in app.widgets.centre(f"palette: {name}"))
-        return Counter(map(tuple, picture[y + 6, x - 200 : x + 200].tolist())).most_common(1)[0][0]
-
-    grounds = {ground(name) for name in ("compare.next", "compare.mode")}
-    marked = ground("compare.swap")
-    assert len(grounds) == 1, "the row that the arrows marked is not marked any more"
-    assert marked not in grounds

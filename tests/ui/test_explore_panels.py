@@ -1,6 +1,5 @@
 """Textures, groups, nodes, memory and messages in the window; the layout of the panels and their theme."""
 
-import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,10 +11,9 @@ from tests.support.driven_app import DrivenApp
 from tests.support.picture_scenes import Part, scene_of, texture
 from tests.ui.conftest import SIZE, Opener
 from viewer.commands import find_command
-from viewer.inspect.texture_table import TextureRow
 from viewer.scene.model import Material, Scene
 from viewer.state.event_handlers import notify
-from viewer.state.settings import ViewerSettings, load_settings, save_settings
+from viewer.state.settings import load_settings, save_settings
 from viewer.ui.annotations import slot_note
 from viewer.ui.panels.timings import counts
 from viewer.ui.widgets import text_width, two_lines
@@ -222,30 +220,6 @@ def test_panels_are_closed_and_the_layout_is_reset(opener: Opener) -> None:
     assert again == first
 
 
-def test_the_log_opens_on_request_and_again_after_its_cross(app: DrivenApp) -> None:
-    run(app, "log.panel")
-    assert "errors only" in labels(app)
-    run(app, "window.panel", "Log", "off")
-    assert "errors only" not in labels(app)
-    run(app, "log.panel")
-    assert "errors only" in labels(app)
-
-
-def test_an_unknown_panel_is_a_message(app: DrivenApp) -> None:
-    run(app, "window.panel", "Nonsense", "on")
-    assert "Compare" in app.session.window.toasts[-1].text
-
-
-def test_the_middle_of_the_window_is_left_to_the_picture(opener: Opener) -> None:
-    app = opener((1280, 720))
-    camera = app.session.view.camera
-    app.drag((700, 300), (740, 310))
-    assert app.session.view.camera.eye != camera.eye
-    camera = app.session.view.camera
-    app.drag((100, 300), (140, 310))
-    assert app.session.view.camera == camera
-
-
 @pytest.mark.parametrize("size", [(640, 360), (320, 200), (1280, 720)])
 def test_every_panel_can_be_had_at_every_size(opener: Opener, size: tuple[int, int]) -> None:
     app = opener(size)
@@ -278,38 +252,6 @@ def test_theme_and_scale_are_applied_and_kept(app: DrivenApp, tmp_path: Path) ->
     run(app, "window.theme", "dark")
     run(app, "window.ui-scale", "1")
     assert np.abs(app.screenshot()[100:].astype(int) - dark[100:].astype(int)).mean() < 5.0
-
-
-@pytest.mark.parametrize(
-    "content",
-    [{"theme": "pink"}, {"hidden_panels": "Log"}, {"hidden_panels": [1]}, {"hidden_panels": ["x" * 65]}],
-)
-def test_settings_that_make_no_sense_are_refused(tmp_path: Path, content: dict[str, object]) -> None:
-    (tmp_path / "settings.json").write_text(json.dumps(content))
-    settings, problem = load_settings(tmp_path)
-    assert settings == ViewerSettings()
-    assert problem is not None
-
-
-def test_a_panel_is_hidden_and_shown_by_its_title_and_no_other_with_it(app: DrivenApp) -> None:
-    run(app, "overlay.kind", "divergence")
-    titles = app.session.window.panel_titles
-
-    def open_panels() -> list[str]:
-        windows = {title: imgui.internal.find_window_by_name(title) for title in titles}
-        return [title for title, window in windows.items() if window is not None and window.was_active]
-
-    at_first = open_panels()
-    assert len(at_first) > 7, "all but those of a selection"
-    for title in at_first:
-        run(app, "window.panel", title, "off")
-        assert open_panels() == [other for other in at_first if other != title]
-        run(app, "window.panel", title, "on")
-    assert open_panels() == at_first
-
-
-def test_the_row_of_a_texture_is_plain_data() -> None:
-    assert TextureRow(0, "a", 1, 1, "", 0, None, None).gpu_bytes is None
 
 
 def test_a_group_of_the_list_is_pointed_out_in_the_picture(app: DrivenApp) -> None:

@@ -108,13 +108,6 @@ def test_shares_of_the_error_are_of_squares_and_sort(scene: Scene) -> None:
     assert [row.texture_id for row in ordered(rows, "error %", descending=True)] == [2, 0, 1, 3]
 
 
-def test_bytes_of_mips() -> None:
-    assert mip_sizes(8, 2) == [(8, 2), (4, 1), (2, 1), (1, 1)]
-    plain, blocks = scene_memory(scene_of([], [], [texture(8, 4)]))
-    assert plain.bytes == 4 * (32 + 8 + 2 + 1)
-    assert blocks.bytes == 16 * (2 + 1 + 1 + 1)
-
-
 def test_originals_are_counted_with_all_their_maps() -> None:
     whole = replace(texture(8, 8), maps=MAPS)
     one = sum(side * side for side in (8, 4, 2, 1))
@@ -186,13 +179,6 @@ def test_groups_and_their_distances(scene: Scene) -> None:
     assert distances[0] > 0.0
 
 
-def test_features_that_need_a_network_have_a_stand_in() -> None:
-    pack = random_pack()
-    assert grouping_features(pack) is None
-    by_network = replace(pack, grouping=Grouping("clustered", pack.grouping.groups, {"features": "clip"}))
-    assert grouping_features(by_network) == ("low_level", "clip")
-
-
 def test_a_flat_texture_is_what_the_reference_decoder_says(scene: Scene) -> None:
     pack = random_pack(((32, 32),), (0,), hashes=[scene.textures[3].pixel_hash])
     flat = decode_flat(scene.textures[3], pack, 0, JobReport())
@@ -200,14 +186,6 @@ def test_a_flat_texture_is_what_the_reference_decoder_says(scene: Scene) -> None
     np.testing.assert_array_equal(flat.mips[0], expected)
     assert flat.psnr_db == pytest.approx(psnr_db(scene.textures[3].pixels, expected))
     assert not flat.reduced
-
-
-def test_a_reduced_texture_is_compared_with_the_reduced_original(scene: Scene) -> None:
-    pack = random_pack(((16, 16),), (0,), hashes=[scene.textures[3].pixel_hash])
-    flat = decode_flat(scene.textures[3], pack, 0, JobReport())
-    assert flat.mips[0].shape == (16, 16, 3)
-    assert flat.reduced
-    assert flat.psnr_db is not None
 
 
 def test_a_large_texture_is_shown_coarse_first() -> None:

@@ -6,7 +6,6 @@ from typing import get_args
 
 import numpy as np
 import pytest
-from imgui_bundle import imgui
 
 from ntc.pack.file import read_pack
 from tests.support.driven_app import DrivenApp
@@ -80,16 +79,3 @@ def test_pictures_go_to_a_folder_that_is_no_more(window: DrivenApp, tmp_path: Pa
     window.run("file.screenshot-picture", get_args(PictureKind)[-1], "other.png")
     window.settle()
     assert ["cannot be written" in line for line in errors(window)] == [True, True]
-
-
-@pytest.mark.parametrize("name", ["~nobody-at-all/scene.glb", "x" * 300 + ".glb"])
-def test_what_is_typed_need_not_be_a_file(window: DrivenApp, name: str) -> None:
-    window.run("file.open")
-    window.settle()
-    window.type(name if "/" in name else f"./{name}")
-    window.press(imgui.Key.enter)
-    assert len(errors(window)) == 1
-    window.run("file.open", Path("a\0b.glb"))
-    window.run("file.open", Path("a\0b.ntc"))
-    window.settle()
-    assert len(errors(window)) == 3

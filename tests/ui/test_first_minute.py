@@ -9,7 +9,7 @@ from imgui_bundle import imgui
 
 from tests.support.driven_app import DrivenApp
 from tests.support.gltf_builder import GltfBuilder, png
-from tests.ui.conftest import Opener, run_window, write_scene
+from tests.ui.conftest import Opener, run_window
 from viewer.scene.load import load_scene
 from viewer.scene.model import Camera
 from viewer.state.framing import frame_all
@@ -36,24 +36,6 @@ def test_the_card_is_closed_for_good_and_comes_back_from_the_menu(app: DrivenApp
     app.click("menu: Help")
     app.click("menu: help.first-steps")
     assert "Got it" in app.widgets.labels()
-
-
-def test_the_card_lies_within_the_picture(app: DrivenApp) -> None:
-    app.resize((1280, 720))
-    app.run("help.first-steps")
-    app.settle()
-    area = app.frontend.interface.picture_area
-    assert area is not None
-    x, y = app.widgets.centre("first step 2")
-    assert area.left < x < area.right
-    assert area.top < y < area.bottom
-
-
-def test_keys_work_while_the_card_is_shown(app: DrivenApp) -> None:
-    app.run("help.first-steps")
-    app.settle()
-    app.press(imgui.Key.o)
-    assert app.session.view.overlay.kind == "divergence"
 
 
 @pytest.mark.process
@@ -111,29 +93,12 @@ def test_the_speed_is_shown_and_goes(app: DrivenApp, monkeypatch: pytest.MonkeyP
     assert not shown_speed(app)
 
 
-def test_the_wheel_changes_the_speed_and_says_so(app: DrivenApp) -> None:
-    known(app)
-    app.run("camera.mode", "fly")
-    app.run("camera.fly-faster", 2.0)
-    app.settle()
-    assert shown_speed(app).endswith("(1.6 x the usual speed)")
-    assert not any("speed" in toast.text for toast in app.session.window.toasts)
-
-
 def test_letters_that_are_typed_do_not_fly(app: DrivenApp) -> None:
     before = app.session.view.camera
     app.run("file.open")
     app.settle()
     hold(app, imgui.Key.w, 3)
     assert app.session.view.camera == before
-
-
-def test_keys_of_commands_do_not_fly(app: DrivenApp) -> None:
-    app.run("camera.mode", "fly")
-    app.settle()
-    app.key(imgui.Key.mod_ctrl, True)
-    assert hold(app, imgui.Key.q, 5) == 0.0
-    app.key(imgui.Key.mod_ctrl, False)
 
 
 SHEETS = ("##offer", "##first steps")
@@ -185,18 +150,6 @@ def test_sheets_lie_beside_warnings_and_hints(
     app.run("help.first-steps")
     app.settle()
     sheets(app)
-
-
-def test_sheets_are_narrow_or_low(app: DrivenApp, tmp_path: Path) -> None:
-    app.drop(half_a_scene(tmp_path))
-    app.run("help.first-steps")
-    for size, limits in (((1280, 720), (300.0, 230.0)), ((900, 600), (540.0, 140.0))):
-        app.resize(size)
-        searched(app)
-        app.settle()
-        left, top, right, bottom = sheets(app)["##first steps"]
-        assert right - left <= limits[0]
-        assert bottom - top <= limits[1]
 
 
 def test_messages_lie_above_an_offer_in_a_lower_corner(
@@ -270,14 +223,6 @@ def searched(app: DrivenApp) -> None:
     assert not app.session.seeks_first_view
 
 
-def test_a_small_scene_is_seen_whole(app: DrivenApp, tmp_path: Path) -> None:
-    app.drop(write_scene(tmp_path, seed=21))
-    searched(app)
-    width, height = app.session.window.picture_size
-    assert app.session.view.camera == frame_all(app.session.scene, app.session.settings.fov_degrees, width / height)
-    assert not any("searching" in toast.text for toast in app.session.window.toasts)
-
-
 def test_a_place_is_found_in_a_scene_that_is_a_speck_from_afar(app: DrivenApp, tmp_path: Path) -> None:
     app.drop(courtyard(tmp_path))
     assert any("searching for a better first view" in toast.text for toast in app.session.window.toasts)
@@ -327,12 +272,3 @@ def test_a_camera_that_was_moved_stays(app: DrivenApp, tmp_path: Path) -> None:
     app.run("camera.set", Camera("free", (0.0, 2.0, 0.0), (0.0, 2.0, -1.0)))
     searched(app)
     assert app.session.view.camera.eye == (0.0, 2.0, 0.0)
-
-
-def test_looking_from_elsewhere_leaves_the_picture(app: DrivenApp) -> None:
-    app.settle()
-    before, renderer = app.screenshot(), app.frontend.picture.renderer
-    assert renderer is not None
-    renderer.texture_ids_from(Camera("aside", (0.0, 0.0, 9.0), (0.0, 0.0, 0.0)), (64, 36))
-    app.frame(2)
-    np.testing.assert_array_equal(app.screenshot(), before)

@@ -99,16 +99,6 @@ def test_the_dialog_opens_a_folder(app: DrivenApp, tmp_path: Path, what: str) ->
     assert len(app.session.scene.textures) == (2 if what == "a scene" else 1)
 
 
-def test_a_folder_with_nothing_to_open_is_a_line_in_the_dialog(app: DrivenApp, tmp_path: Path) -> None:
-    dialog(app)
-    app.type(f"{tmp_path}/")
-    app.press(imgui.Key.enter)
-    app.click("Open folder")
-    app.settle()
-    assert app.session.window.file_dialog
-    assert "holds no scene" in app.session.window.toasts[-1].text
-
-
 def test_a_path_can_be_typed_and_completed(app: DrivenApp, tmp_path: Path) -> None:
     path = write_scene(tmp_path, seed=11)
     dialog(app)
@@ -118,18 +108,6 @@ def test_a_path_can_be_typed_and_completed(app: DrivenApp, tmp_path: Path) -> No
     app.press(imgui.Key.enter)
     assert app.session.scene.path == path
     assert not app.session.window.file_dialog
-
-
-def test_a_typed_path_stays_after_an_error(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=16)
-    dialog(app)
-    app.type(f"{path}x")
-    app.press(imgui.Key.enter)
-    assert app.session.window.file_dialog
-    assert "scene.glbx" in app.session.window.toasts[-1].text
-    app.press(imgui.Key.backspace)
-    app.press(imgui.Key.enter)
-    assert app.session.scene.path == path
 
 
 def test_the_dialog_goes_through_folders_and_filters(app: DrivenApp, tmp_path: Path) -> None:
@@ -208,23 +186,6 @@ def test_a_folder_with_an_odd_name_can_be_shown(
     assert app.session.scene.path == folder / "scene.glb"
 
 
-def test_the_dialog_stays_in_front_of_panels(app: DrivenApp) -> None:
-    app.resize((1000, 600))
-    app.settle()
-    dialog(app)
-    app.click_at(30.0, 200.0)
-    app.click("file: ../")
-    app.click("Cancel opening")
-    assert not app.session.window.file_dialog
-
-
-def test_escape_closes_the_dialog_and_nothing_else(app: DrivenApp) -> None:
-    dialog(app)
-    app.press(imgui.Key.escape)
-    assert not app.session.window.file_dialog
-    assert not app.is_closing
-
-
 def test_a_scene_that_cannot_be_drawn_is_put_away(
     app: DrivenApp, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -269,21 +230,6 @@ def test_cameras_beside_a_scene_are_there_when_it_opens(app: DrivenApp, tmp_path
     assert app.session.view.camera.name == "street"
 
 
-def test_a_broken_cameras_file_does_not_keep_a_scene_closed(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=13)
-    path.with_name("cameras.json").write_text("[{}]")
-    app.drop(path)
-    assert app.session.scene.path == path
-    assert any("cameras.json" in toast.text and toast.kind == "error" for toast in app.session.window.toasts)
-
-
-def test_a_dropped_folder_with_one_scene_opens_it(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=14)
-    app.drop(tmp_path)
-    assert app.session.scene.path == path
-    assert "clustered" in app.session.packs
-
-
 def test_opened_files_can_be_opened_again(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
     path = write_scene(tmp_path, seed=15)
     app.drop(path)
@@ -292,29 +238,6 @@ def test_opened_files_can_be_opened_again(app: DrivenApp, scene_path: Path, tmp_
     app.run("file.open-recent", str(scene_path))
     assert app.session.scene.path == scene_path
     assert app.session.settings.recent_files == (str(scene_path), str(path))
-
-
-def test_look_suggests_where_the_camera_is(app: DrivenApp) -> None:
-    before = app.session.view.camera
-    app.run("palette.set", "camera.look")
-    for _ in range(7):
-        app.settle()
-        app.press(imgui.Key.enter)
-    after = app.session.view.camera
-    assert app.session.window.palette is None
-    np.testing.assert_allclose([after.eye, after.target], [before.eye, before.target], rtol=1e-4)
-    assert after.fov_degrees == before.fov_degrees
-
-
-def test_a_frame_says_what_is_opened_before_the_window_stands_still(app: DrivenApp, tmp_path: Path) -> None:
-    path, before = write_scene(tmp_path, seed=19), app.session.scene
-    run_or_notify(app.context, "file.open", path)
-    assert not app.is_settled
-    app.frame()
-    assert app.session.scene is before
-    assert app.widgets.explanation("work").startswith("opening scene.glb")
-    app.settle()
-    assert app.session.scene.path == path
 
 
 class HeldReading:
@@ -367,15 +290,6 @@ def test_reading_can_be_ended(app: DrivenApp, tmp_path: Path, monkeypatch: pytes
     assert app.session.scene.path == path
 
 
-def test_what_cannot_be_read_leaves_all_as_it_was(app: DrivenApp, tmp_path: Path) -> None:
-    before = app.session.scene
-    (tmp_path / "broken.glb").write_bytes(b"glTF")
-    run_or_notify(app.context, "file.open", tmp_path / "broken.glb")
-    app.settle()
-    assert app.session.scene is before
-    assert app.session.window.log[-1].kind == "error"
-
-
 @pytest.mark.process
 def test_a_scene_is_exported_beside_the_frames(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
     folder = tmp_path / "exported"
@@ -394,25 +308,3 @@ def test_a_scene_is_exported_beside_the_frames(app: DrivenApp, scene_path: Path,
     app.click("cancel work")
     app.until(lambda: not app.effects.exporting.is_under_way)
     assert "was cancelled" in app.session.window.log[-1].text
-
-
-@pytest.mark.process
-def test_an_export_tells_how_far_it_is(app: DrivenApp, tmp_path: Path) -> None:
-    app.run("file.export", "gltf-bc7", tmp_path / "images")
-    shares: set[float | None] = set()
-
-    def ended() -> bool:
-        shares.update(work.share for work in app.effects.exporting.work)
-        return not app.effects.exporting.is_under_way
-
-    app.until(ended)
-    assert app.session.window.log[-1].text.startswith("exported into")
-    assert len(shares - {None}) > 0
-    assert all(share is None or 0.0 < share <= 1.0 for share in shares)
-
-
-def test_the_palette_says_that_nothing_was_found(app: DrivenApp) -> None:
-    app.run("help.palette")
-    app.settle()
-    app.type("xyzzy")
-    assert "nothing found" in app.widgets.labels()

@@ -1,7 +1,6 @@
 """A real window on a virtual screen."""
 
 import json
-import shutil
 from pathlib import Path
 
 import pytest
@@ -28,45 +27,6 @@ def test_the_window_opens_draws_and_remembers(display: str, scene_path: Path, tm
     assert result.returncode == 0, result.stderr
     assert "Traceback" not in result.stderr
     assert (tmp_path / "settings" / "settings.json").is_file()
-
-
-def test_the_window_is_called_after_its_scene(display: str, scene_path: Path, tmp_path: Path) -> None:
-    if shutil.which("xwininfo") is None:
-        pytest.skip("xwininfo is not installed")
-    listing = tmp_path / "windows.txt"
-    program = (
-        "import os, subprocess, sys; from viewer.app.imgui_window import ImguiWindow; told = ImguiWindow.set_title\n"
-        "def listed(window, scene):\n"
-        "    told(window, scene)\n"
-        f"    open({str(listing)!r}, 'w').write(subprocess.check_output(['xwininfo', '-root', '-tree'], text=True))\n"
-        "ImguiWindow.set_title = listed\n"
-        "from viewer.cli import main; sys.exit(main(sys.argv[1:]))"
-    )
-    result = run_window(
-        display, tmp_path, "-c", program, str(scene_path), variables={"NTC_VIEWER_EXIT_AFTER_FRAMES": "3"}
-    )
-    assert result.returncode == 0, result.stderr
-    # Many scenes are called scene: that name gives way to the folder's.
-    assert f'"{scene_path.parent.name} - ntc-viewer"' in listing.read_text()
-
-
-def test_closing_the_window_asks_nothing_about_an_unsaved_run(display: str, scene_path: Path, tmp_path: Path) -> None:
-    """As the cross of the window's frame does it."""
-    program = (
-        "import glfw, sys; from viewer.app.window_app import WindowApp; from viewer.training.run_log import Run\n"
-        "opened = WindowApp.show\n"
-        "def show(app, frames=None):\n"
-        "    app.training.enter(app.session.scene)\n"
-        "    pack = app.session.packs['single']\n"
-        "    app.training.log.add(Run(1, 'encode single', '', 1, 'done', 1.0, None, pack=pack))\n"
-        "    glfw.set_window_should_close(app._handle, True)\n"
-        "    opened(app, frames)\n"
-        "WindowApp.show = show\n"
-        "from viewer.cli import main; sys.exit(main(sys.argv[1:]))"
-    )
-    result = run_window(display, tmp_path, "-c", program, str(scene_path))
-    assert result.returncode == 0, result.stderr
-    assert "Traceback" not in result.stderr
 
 
 def test_no_window_system_is_one_line(scene_path: Path, tmp_path: Path) -> None:
@@ -104,13 +64,6 @@ def test_a_script_plays_in_the_window_and_closes_it(display: str, scene_path: Pa
     times = [own["decode_ms"] for own in json.loads((tmp_path / "out" / "f.json").read_text()).values()]
     assert len(times) == 2
     assert all(times)
-
-
-def test_where_the_chosen_tab_is_closed_the_first_one_is_on_top(display: str, scene_path: Path, tmp_path: Path) -> None:
-    for lines in ('window.panel Errors; wait settled; expect label "errors by decoder"', 'expect label "sun height"'):
-        script = f"wait settled; wait frames 10; {lines}; file.quit"
-        result = run_window(display, tmp_path, "-m", "viewer", "view", str(scene_path), "--exec", script)
-        assert result.returncode == 0, result.stderr
 
 
 def test_a_mistake_in_a_panel_ends_with_its_traceback(display: str, scene_path: Path, tmp_path: Path) -> None:

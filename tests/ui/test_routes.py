@@ -1,4 +1,4 @@
-"""Every command is reached by key, menu, palette and script, with the arguments that were chosen there."""
+"""Commands are reached by key, menu, palette and script, with the arguments that were chosen there."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -94,18 +94,16 @@ def shape(command: Command) -> tuple[object, ...]:
 
 SHAPES = {shape(command): command for command in COMMANDS}
 """A command of each shape."""
-every_command = pytest.mark.parametrize("command", COMMANDS, ids=lambda command: command.id)
-some_commands = pytest.mark.parametrize(
-    "command",
-    [
-        pytest.param(command, marks=() if SHAPES[shape(command)] is command else pytest.mark.nightly)
-        for command in COMMANDS
-    ],
-    ids=[command.id for command in COMMANDS],
-)
+each_shape = pytest.mark.parametrize("command", SHAPES.values(), ids=lambda command: command.id)
+CHORDS = {
+    (chord.ctrl, chord.shift, chord.alt): (command, chord)
+    for command in COMMANDS
+    for chord in bindings({}).chords.get(command.id, ())
+}
+"""A command, and a chord of it, for each choice of modifiers."""
 
 
-@every_command
+@each_shape
 def test_by_script(shared: DrivenApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
     quoted = " ".join(f"'{argument}'" for argument in arguments)
@@ -113,7 +111,7 @@ def test_by_script(shared: DrivenApp, seen: Seen, command: Command) -> None:
     assert seen == [(command.id, command.parse(arguments))]
 
 
-@some_commands
+@each_shape
 def test_by_palette(shared: DrivenApp, seen: Seen, command: Command) -> None:
     arguments = chosen(command, shared.session)
     shared.session.window.palette = ""
@@ -137,7 +135,7 @@ def test_every_command_is_in_a_menu_or_only_typed() -> None:
     assert {command.id for command in COMMANDS if menu_of(command) is None} == set(ONLY_TYPED)
 
 
-@some_commands
+@each_shape
 def test_by_menu(shared: DrivenApp, seen: Seen, command: Command) -> None:
     menu = menu_of(command)
     if menu is None:
@@ -164,20 +162,10 @@ def test_by_menu(shared: DrivenApp, seen: Seen, command: Command) -> None:
     assert seen == [(command.id, command.parse(arguments))]
 
 
-@pytest.mark.parametrize(
-    ("command", "chord"),
-    [(command, chord) for command in COMMANDS for chord in bindings({}).chords.get(command.id, ())],
-    ids=lambda value: value.id if isinstance(value, Command) else str(value),
-)
+@pytest.mark.parametrize(("command", "chord"), CHORDS.values(), ids=lambda value: str(getattr(value, "id", value)))
 def test_by_key(shared: DrivenApp, seen: Seen, command: Command, chord: Chord) -> None:
     press_chord(shared, chord)
     assert seen == [(command.id, ())]
-
-
-def test_a_key_with_other_modifiers_does_nothing(shared: DrivenApp, seen: Seen) -> None:
-    press_chord(shared, Chord("F", ctrl=True, alt=True))
-    press_chord(shared, Chord("F", shift=True))
-    assert seen == []
 
 
 def test_a_click_beside_the_palette_and_escape_close_it(shared: DrivenApp, seen: Seen) -> None:

@@ -12,15 +12,12 @@ from PIL.WebPImagePlugin import WebPImageFile
 
 from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
-from tests.ui.conftest import write_scene
 from viewer.commands import COMMANDS
 from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
-from viewer.scene.model import Camera, Scene
+from viewer.scene.model import Camera
 from viewer.script.script import parse_script
 from viewer.state.session import Toast
-from viewer.state.view_state import Zoom
-from viewer.ui.status_bar import status_bar_height
 from viewer.ui.user_interface import SETTLING_FRAMES
 
 
@@ -73,13 +70,6 @@ def test_a_film_shows_what_changed(app: DrivenApp, tmp_path: Path) -> None:
         assert film.n_frames >= 2
 
 
-def test_a_film_that_is_not_ended_is_written(scene: Scene, tmp_path: Path) -> None:
-    app = DrivenApp(scene, {}, (320, 200), tmp_path)
-    play(app, "film a.webp", "wait frames 2")
-    app.close()
-    assert (tmp_path / "a.webp").is_file()
-
-
 def test_a_script_that_waits_draws_what_changes_alone(app: DrivenApp) -> None:
     frames = 0
     draw = app.frontend.build
@@ -116,11 +106,6 @@ def test_keys_and_clicks_that_come_at_once_are_all_taken(app: DrivenApp) -> None
     assert app.session.window.flickers
 
 
-def test_waiting_for_a_run_that_never_began(app: DrivenApp) -> None:
-    with pytest.raises(InputError, match="test:1: wait trained: no training has begun"):
-        play(app, "wait trained")
-
-
 def test_pictures_that_are_there_stay(app: DrivenApp) -> None:
     folder = app.session.pictures_folder
     play(app, "file.screenshot a.png", "file.screenshot a.png", "file.screenshot-picture a a.png", "wait settled")
@@ -128,17 +113,6 @@ def test_pictures_that_are_there_stay(app: DrivenApp) -> None:
     before = (folder / "a.png").stat().st_mtime_ns
     play(app, "screenshot a.png", "wait settled")
     assert (folder / "a.png").stat().st_mtime_ns > before, "a script says exactly which file it means"
-
-
-def test_files_are_dropped(app: DrivenApp, scene_path: Path) -> None:
-    play(app, "compare.mode a", f"drop '{scene_path.with_name('scene.single.ntc')}'", "expect source single")
-
-
-def test_the_mouse_with_a_modifier(app: DrivenApp) -> None:
-    play(app, "window.panels", "move 40% 50%", "hold Ctrl", "wheel 3", "release Ctrl")
-    assert app.session.view.zoom.factor == pytest.approx(1.25**3)
-    play(app, "view.magnify 8 0.25 0.75")
-    assert app.session.view.zoom == Zoom(8.0, (0.25, 0.75))
 
 
 def test_pictures(app: DrivenApp, tmp_path: Path) -> None:
@@ -166,17 +140,6 @@ def test_pictures(app: DrivenApp, tmp_path: Path) -> None:
     assert shots["window"].shape[:2] == app.size[::-1]
     with pytest.raises(InputError, match=r"must end in \.png"):
         play(app, "file.screenshot a.jpg")
-
-
-def test_the_window_shows_the_same_after_a_picture_of_something_else(app: DrivenApp) -> None:
-    play(app, "wait settled")
-    # The status bar goes on showing the last message.
-    rest = slice(None, -round(status_bar_height()))
-    before = app.screenshot()[rest]
-    play(app, "file.screenshot-picture b b.png", "wait settled")
-    app.session.window.toasts = ()
-    app.settle()
-    np.testing.assert_array_equal(app.screenshot()[rest], before)
 
 
 def test_views_go_through_files_and_the_clipboard(app: DrivenApp, tmp_path: Path) -> None:
@@ -233,14 +196,6 @@ def test_paths_are_played(app: DrivenApp, tmp_path: Path) -> None:
     play(app, "camera.play", "wait frames 30", "expect camera p1")
 
 
-def test_what_is_recorded_can_be_played(app: DrivenApp) -> None:
-    play(
-        app, "camera.record", "wait frames 2", "camera.frame-all", "wait seconds 0.3", "camera.record", "wait frames 1"
-    )
-    assert app.session.navigation.last_path
-    play(app, "camera.play", "wait frames 60", "expect moving off")
-
-
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
@@ -261,33 +216,11 @@ def test_what_ends_a_script(app: DrivenApp, lines: tuple[str, ...], message: str
     assert "\n" not in str(caught.value)
 
 
-def test_errors_that_are_expected_do_not_end_it(app: DrivenApp) -> None:
-    play(app, "file.open missing.glb", "expect toast missing.glb", "slot.source a no", "expect toast 'one of'", "key H")
-    assert not app.session.window.show_panels
-
-
-def test_a_line_that_opens_a_file_ends_when_it_is_open(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=31)
-    before = app.session.scene
-    play(app, f"file.open '{path}'", f"file.open '{path.with_name('scene.single.ntc')}'", "expect source single")
-    assert app.session.scene.path == path
-    assert app.session.scene is not before
-
-
-def test_closing_ends_a_script(app: DrivenApp) -> None:
-    play(app, "file.quit", "expect source nothing-of-the-kind")
-    assert app.is_closing
-
-
 def test_keys_of_the_users_own(app: DrivenApp) -> None:
     app.session.settings = replace(app.session.settings, keys={"window.panels": "Ctrl+H", "slot.source": "Ctrl+G"})
     play(app, "key H", "expect panels on", "key Ctrl+H", "expect panels off")
     play(app, "key Ctrl+G", "expect palette on", "type b", "key Enter", "type single", "key Enter")
     play(app, "expect source-b single", "expect palette off")
-
-
-def test_tab_is_a_key_of_commands_even_after_a_click_into_a_panel(app: DrivenApp) -> None:
-    play(app, "click divergence", "key Tab", "key Tab", "key H", "expect panels off")
 
 
 def test_no_command_breaks_the_window(app: DrivenApp) -> None:

@@ -168,7 +168,7 @@ def picture_at_rest(app: DrivenApp) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    ("codec", "budget"), [pytest.param("grid", "30steps", marks=pytest.mark.nightly), ("block", "1s")]
+    ("codec", "budget"), [pytest.param("grid", "30steps", marks=pytest.mark.guards("training")), ("block", "1s")]
 )
 def test_encode_keep_retrain_discard(
     app: DrivenApp, folder: Path, monkeypatch: pytest.MonkeyPatch, codec: str, budget: str
@@ -305,14 +305,6 @@ def test_pause_resume_cancel_and_a_killed_process(app: DrivenApp) -> None:
     assert not blocks()
 
 
-def test_cancel_while_preparing(app: DrivenApp) -> None:
-    run_line(app.context, "training.encode clustered 2 32 600s")
-    run_line(app.context, "training.cancel")
-    training = wait(app, lambda t: t.active is None)
-    assert training.log.runs[-1].outcome == "cancelled"
-    assert "it made no pack" in messages(app)
-
-
 def test_another_scene_ends_the_training(app: DrivenApp, folder: Path) -> None:
     other = two_squares(6).write(folder / "other.glb")
     run_line(app.context, "training.encode single auto 32 600s")
@@ -351,12 +343,6 @@ def test_what_cannot_be_is_said(app: DrivenApp) -> None:
     for line, message in REFUSED:
         with pytest.raises(InputError, match=message):
             run_line(app.context, line)
-
-
-def test_more_groups_than_textures(app: DrivenApp) -> None:
-    run(app, "training.encode clustered 9 32 10steps")
-    assert "the scene has 2 textures" in messages(app)
-    assert not app.session.packs
 
 
 def test_a_script_waits_for_a_run(app: DrivenApp, folder: Path) -> None:

@@ -1,12 +1,8 @@
 """Clicking through the user interface without a window."""
 
-import copy
 import json
-import time
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,20 +13,13 @@ from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE, Opener, hide_panels
 from viewer.commands import COMMANDS, run, run_line
-from viewer.commands.command import Command
-from viewer.commands.effects import Effect
-from viewer.commands.keys import parse_chord
 from viewer.inspect.costs import cost_bars
 from viewer.inspect.measured_figures import figure_rows
 from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
-from viewer.script.directions import hold
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
-from viewer.state.pack_files import open_packs, packs_beside, source_label
-from viewer.state.session import Session
-from viewer.state.settings import ViewerSettings
-from viewer.state.view_state import REFERENCE, Overlay, Side, Slot, Zoom
+from viewer.state.view_state import REFERENCE, Overlay, Side, Slot
 from viewer.ui.panels.timings import timings_text
 from viewer.ui.theme import ERROR_ICON, WARNING_ICON, icon
 
@@ -63,19 +52,6 @@ def test_slots_are_chosen_from_lists(app: DrivenApp) -> None:
     app.click("B source: clustered")
     assert app.session.view.slot_a == Slot("single", "forward", "fp16")
     assert app.session.view.slot_b == Slot("clustered")
-
-
-def test_a_precision_that_the_driver_lacks_is_grey_with_the_reason(app: DrivenApp) -> None:
-    if not app.session.unsupported:
-        pytest.skip("this driver has half arithmetic")
-    before = app.session.view.slot_a
-    app.click("A precision")
-    assert "no 16-bit arithmetic" in app.widgets.explanation("A precision: fp16-accumulate")
-    app.click("A precision: fp16-accumulate")
-    assert app.session.view.slot_a == before
-    app.press(imgui.Key.escape)
-    with pytest.raises(InputError, match=r"fp16-accumulate: .* has no 16-bit arithmetic"):
-        run(app.context, "slot.precision", "a", "fp16-accumulate")
 
 
 def test_paths_that_the_driver_lacks_are_grey_with_the_reason_and_left_out_by_the_key(app: DrivenApp) -> None:
@@ -112,25 +88,9 @@ def test_auto_finds_the_cheapest_precision_beside_the_frames(open_window: Opener
     assert any("clustered: precision fp16" in toast.text for toast in app.session.window.toasts)
 
 
-def test_auto_lasts_until_another_precision_is_asked_for(app: DrivenApp) -> None:
-    app.run("slot.precision", "a", "auto")
-    assert not app.is_settled
-    app.run("slot.precision", "a", "fp32")
-    for _ in range(20):
-        app.frame()
-        time.sleep(0.01)
-    assert app.session.view.slot_a.precision == "fp32"
-
-
 def test_the_reference_has_no_precision(app: DrivenApp) -> None:
     app.run("slot.precision", "b", "auto")
     assert any("slot B shows the reference" in toast.text for toast in app.session.window.toasts)
-
-
-@pytest.mark.parametrize(("label", "mode"), [("A", "a"), ("B", "b"), ("Left/right", "wipe")])
-def test_modes(app: DrivenApp, label: str, mode: str) -> None:
-    app.click(label)
-    assert app.session.view.compare == mode
 
 
 def test_the_picture_is_what_the_mode_says(app: DrivenApp) -> None:
@@ -145,33 +105,6 @@ def test_the_picture_is_what_the_mode_says(app: DrivenApp) -> None:
     np.testing.assert_array_equal(shots["wipe"][rows, left], shots["a"][rows, left])
     np.testing.assert_array_equal(shots["wipe"][rows, right], shots["b"][rows, right])
     assert np.abs(shots["a"] - shots["b"])[rows].max() > 20
-
-
-def test_the_picture_stands_upright(app: DrivenApp) -> None:
-    hide_panels(app)
-    app.session.view = replace(app.session.view, compare="b", material_view="base")
-    app.settle()
-    picture = app.screenshot()[60:-60].mean(axis=2)
-    shown = np.nonzero(picture.max(axis=1) > 60)[0]
-    # The texture grows brighter downwards (row 0 is its top).
-    quarter = len(shown) // 4
-    top, bottom = picture[shown[:quarter]], picture[shown[-quarter:]]
-    assert top[top > 10].mean() < bottom[bottom > 10].mean()
-
-
-def test_space_held_shows_the_other_slot(app: DrivenApp) -> None:
-    hide_panels(app)
-    app.session.view = replace(app.session.view, compare="a")
-    app.settle()
-    before = app.screenshot()
-    app.key(imgui.Key.space, True)
-    app.settle()
-    held = app.screenshot()
-    app.key(imgui.Key.space, False)
-    app.settle()
-    assert (held != before).any()
-    assert app.session.view.compare == "a"
-    np.testing.assert_array_equal(app.screenshot(), before)
 
 
 def test_the_divider_is_dragged_and_recentred(app: DrivenApp) -> None:
@@ -195,19 +128,6 @@ def test_beside_the_divider_the_mouse_moves_the_camera(app: DrivenApp) -> None:
     panned = app.session.view.camera
     app.drag((MIDDLE[0] + 60, MIDDLE[1]), (MIDDLE[0] + 90, MIDDLE[1]), button=1)
     assert app.session.view.camera.target != panned.target
-
-
-def test_flying(app: DrivenApp) -> None:
-    hide_panels(app)
-    app.press(imgui.Key.v)
-    assert app.session.settings.camera_mode == "fly"
-    before = app.session.view.camera
-    app.key(imgui.Key.w, True)
-    app.frame(3)
-    app.key(imgui.Key.w, False)
-    after = app.session.view.camera
-    forward = np.subtract(before.target, before.eye)
-    assert np.dot(np.subtract(after.eye, before.eye), forward) > 0
 
 
 def test_nothing_is_drawn_when_nothing_changed(app: DrivenApp) -> None:
@@ -259,21 +179,6 @@ def test_measuring_fills_the_table(app: DrivenApp) -> None:
     assert all("-" not in rows[name] for name in ("shows", "GPU MB", "decode ms")), "originals cost something too"
 
 
-def test_a_picture_that_changes_its_size_ends_what_is_measured_of_it(app: DrivenApp) -> None:
-    app.session.view = replace(app.session.view, material_view="lit")
-    app.settle()
-    app.run("compare.measure")
-    app.until(lambda: app.session.inspection.measurements)
-    app.until(lambda: app.session.inspection.measurements["a"].psnr_by_map)
-    measured, room = dict(app.session.inspection.measurements), app.frontend.picture.last_view
-    app.run("view.resolution", 0.5)
-    app.settle()
-    assert app.frontend.picture.last_view != room
-    assert app.session.inspection.measurements == measured
-    assert not any(work.title == "measuring A and B" for work in app.frontend.facts().work)
-    assert not [toast for toast in app.session.window.toasts if toast.kind == "error"]
-
-
 def test_the_key_that_measures_raises_the_table_and_tells_it(app: DrivenApp) -> None:
     app.show_panel("Scene")
     with pytest.raises(InputError, match="nothing is measured"):
@@ -294,12 +199,6 @@ def test_the_key_that_measures_raises_the_table_and_tells_it(app: DrivenApp) -> 
     bars = cost_bars(app.session.inspection.measurements, {})["in memory, MB"]
     assert [bar.source[:2] for bar in bars] == ["A:", "B:"]
     assert max(bar.share for bar in bars) == 1.0
-
-
-def test_sources_are_named_by_what_they_are(app: DrivenApp) -> None:
-    assert source_label("reference", app.session.packs) == "reference"
-    assert source_label("clustered", app.session.packs).startswith("clustered, ")
-    assert "bits" in source_label("clustered", app.session.packs)
 
 
 def test_the_divergence_overlay_is_shown_counted_and_skipped(app: DrivenApp) -> None:
@@ -325,15 +224,6 @@ def test_the_divergence_overlay_is_shown_counted_and_skipped(app: DrivenApp) -> 
     np.testing.assert_array_equal(app.screenshot().astype(int), plain)
 
 
-def test_the_overlay_is_switched_in_the_panel(app: DrivenApp) -> None:
-    app.click("divergence")
-    assert app.session.view.overlay.kind == "divergence"
-    assert "opacity" in app.widgets.labels()
-    app.show_panel("Compare")
-    app.click("divergence")
-    assert app.session.view.overlay.kind == "none"
-
-
 def test_messages_end_after_they_have_been_seen_for_a_while(app: DrivenApp) -> None:
     notify(app.session, "hello")
     assert app.session.window.toasts[0].until is None
@@ -352,31 +242,6 @@ def test_typing_runs_no_commands(app: DrivenApp) -> None:
     assert app.session.window.show_panels
 
 
-def test_screenshots_are_written_with_the_interface_in_them(app: DrivenApp, tmp_path: Path) -> None:
-    app.press(imgui.Key.f12)
-    app.settle()
-    (file,) = (tmp_path / "pictures").iterdir()
-    written = read_image(file)
-    assert written.shape == (SIZE[1], SIZE[0], 3)
-    hide_panels(app)
-    assert (written.astype(int) != app.screenshot().astype(int)).mean() > 0.1
-    assert any(str(file) in toast.text for toast in app.session.window.toasts)
-
-
-def test_cameras_of_the_scene_and_frame_all(app: DrivenApp) -> None:
-    before = app.session.view.camera
-    app.session.view = replace(app.session.view, camera=replace(before, eye=(5.0, 5.0, 5.0)))
-    app.show_panel("Scene")
-    app.click("Frame all")
-    framed = app.session.view.camera
-    low, high = app.session.scene.bounds
-    assert np.linalg.norm(np.subtract(framed.target, (low + high) / 2.0)) < 0.2 * np.linalg.norm(high - low)
-    # From where the camera looked before, far enough to see all.
-    ways = [np.subtract(camera.eye, camera.target) for camera in (framed, replace(before, eye=(5.0, 5.0, 5.0)))]
-    now, then = (way / np.linalg.norm(way) for way in ways)
-    np.testing.assert_allclose(now, then, atol=1e-6)
-
-
 def test_resolution(app: DrivenApp) -> None:
     app.click("resolution")
     app.click("resolution: 25%")
@@ -384,54 +249,6 @@ def test_resolution(app: DrivenApp) -> None:
     app.click("anisotropy")
     app.click("anisotropy: 8")
     assert app.session.view.anisotropy == 8
-
-
-def state_of(session: Session) -> dict[str, Any]:
-    """Everything in a session, its groups as they are now."""
-    groups = ("navigation", "inspection", "window")
-    return {name: copy.copy(value) if name in groups else value for name, value in vars(session).items()}
-
-
-@pytest.fixture(scope="module")
-def kept(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[DrivenApp]:
-    """An app for several tests."""
-    packs, settings = open_packs(packs_beside(scene_path)), ViewerSettings(live_figures=False, column_folded=False)
-    made = DrivenApp(scene, packs, SIZE, tmp_path_factory.mktemp("pictures"), settings)
-    made.settle()
-    yield made
-    made.close()
-
-
-@pytest.fixture
-def app_as_opened(kept: DrivenApp) -> Iterator[DrivenApp]:
-    """An app whose session is afterwards what it was."""
-    session, before = kept.session, state_of(kept.session)
-    yield kept
-    for name, value in before.items():
-        setattr(session, name, value)
-    kept.settle()
-
-
-@pytest.mark.parametrize("command", [command for command in COMMANDS if command.key], ids=lambda command: command.id)
-def test_every_key_runs_its_command(
-    app_as_opened: DrivenApp, command: Command, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    app, effects = app_as_opened, list[Effect]()
-    monkeypatch.setattr(app.context, "perform", effects.append)
-    moved = replace(app.session.view.camera, eye=(3.0, 1.0, 2.0))
-    app.session.view = replace(app.session.view, camera=moved, zoom=Zoom(2.0))
-    # Something that Escape closes.
-    app.session.inspection.selected_texture = 0
-    before = state_of(app.session)
-    for down in (True, False):
-        for _ in hold(parse_chord(command.key), down):
-            app.frame()
-        assert state_of(app.session) != before or app.session.window.toasts or effects
-
-
-def test_help_lists_the_keys(app: DrivenApp) -> None:
-    app.press(imgui.Key.f1)
-    assert "keys" in app.widgets.labels()
 
 
 def test_escape_closes_an_open_list_and_not_the_window(app: DrivenApp) -> None:

@@ -16,7 +16,7 @@ from viewer.state.pack_files import match_scene, packs_of
 ROOT = Path(__file__).resolve().parents[3]
 ADDON = ROOT / "integrations" / "blender" / "ntc_viewer"
 
-pytestmark = [pytest.mark.process, pytest.mark.nightly]
+pytestmark = [pytest.mark.process, pytest.mark.guards("blender")]
 
 
 def test_encode_switch_and_export(tmp_path: Path) -> None:

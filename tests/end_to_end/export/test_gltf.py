@@ -154,32 +154,6 @@ def test_an_export_is_exported_again(scene: Path, tmp_path: Path, fallback: str)
     assert match_scene(read_pack(second.with_name("second.baseline.ntc")), after).matched == 3
 
 
-@pytest.mark.parametrize(
-    ("options", "named"),
-    [
-        (["{scene}", "--out", "{folder}/scene.txt"], ".gltf or .glb"),
-        (["{scene}", "--out", "{scene}"], "the scene itself"),
-        (["{scene}"], "--out"),
-        (["{scene}", "--pack", "{folder}/none.ntc", "--out", "{folder}/o.glb"], "none.ntc"),
-        (["{folder}/none.glb", "--pack", "{pack}", "--out", "{folder}/o.glb"], "none.glb"),
-        (["--pack", "{pack}", "--out", "{folder}/o.glb"], "another scene"),
-        (["{scene}", "--pack", "{pack}", "{pack}", "--out", "{folder}/o.glb"], "one pack"),
-    ],
-)
-def test_bad_input_is_one_line_and_writes_nothing(
-    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], named: str
-) -> None:
-    places = {"scene": scene, "pack": scene.with_name("scene.baseline.ntc"), "folder": tmp_path}
-    before = scene.read_bytes()
-    assert cli.main(["export", *(option.format(**places) for option in options)]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: ")
-    assert error.count("\n") == 1
-    assert named in error
-    assert list(tmp_path.iterdir()) == []
-    assert scene.read_bytes() == before
-
-
 @pytest.mark.parametrize("suffix", [".gltf", ".glb"])
 def test_nothing_stays_of_an_export_that_fails_midway(
     scene: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, suffix: str
@@ -210,15 +184,6 @@ def test_an_earlier_export_stays_where_the_next_one_fails(
             write_gltf(out, read_document(file, Buffers(file)))
     assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
     assert not load_scene(out).report.missing
-
-
-def test_losses_that_cannot_be_written_are_told_first(
-    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "other.losses.csv").mkdir()
-    assert export(scene, tmp_path / "other.gltf", "--as", "png") == 2
-    assert "other.losses.csv" in capsys.readouterr().err
-    assert [path.name for path in tmp_path.iterdir()] == ["other.losses.csv"]
 
 
 def spoil_uri(content: dict[str, Any]) -> None:
@@ -355,14 +320,6 @@ def test_a_pack_of_one_level_is_stored_with_all_mips() -> None:
     np.testing.assert_array_equal(mips[0], decode_image(pack, 0, 0)[..., :3])
     mean = to_8bit(to_linear(mips[0], "srgb").mean((0, 1), keepdims=True), "srgb")
     assert np.abs(mips[-1].astype(int) - mean).max() <= 1
-
-
-def test_decoded_images_lie_in_a_glb_too(scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "other.glb"
-    assert export(scene, out, "--as", "png") == 0
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["other.glb", "other.losses.csv"]
-    assert len(load_scene(out).textures) == 3
-    assert len(trimesh.load_scene(out).geometry) == 3
 
 
 def test_an_export_of_a_scene_without_images_has_them_again(scene: Path, tmp_path: Path) -> None:

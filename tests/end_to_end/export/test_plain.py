@@ -16,6 +16,8 @@ from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.pack_files import match_scene
 
+pytestmark = pytest.mark.guards("exports")
+
 GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 
 

@@ -24,8 +24,9 @@ from ntc.pack.file import write_pack
 from viewer import cli
 from viewer.export import ShaderLanguage
 
-TEXELS, MANY_TEXELS = 3_000, 100_000
+TEXELS = 3_000
 TOLERANCE = 1e-4
+pytestmark = pytest.mark.guards("exports")
 SIZES = ((256, 128), (40, 24), (17, 33))
 WRAP_MODES: tuple[WrapMode, ...] = ("repeat", "mirror", "clamp")
 MATERIALS = BlockConfig(maps=MAPS, output_channels=11, block_words=(4, 8, 12), coefficients=120, modes=16)
@@ -136,15 +137,10 @@ class Compared:
 
 @pytest.fixture(
     scope="module",
-    params=[
-        *((kind, TEXELS) for kind in PACKS),
-        *(pytest.param((kind, MANY_TEXELS), marks=pytest.mark.nightly) for kind in PACKS),
-    ],
-    ids=lambda given: f"{given[0]}-{given[1]}",
+    params=PACKS,
 )
 def compared(request: pytest.FixtureRequest) -> Compared:
-    kind, texels = request.param
-    return Compared.of(PACKS[kind](), texels)
+    return Compared.of(PACKS[request.param](), TEXELS)
 
 
 def reference_program(folder: Path, *options: str) -> Path:
@@ -314,25 +310,3 @@ def test_names_of_files_and_macros_do_no_harm(tmp_path: Path) -> None:
     program = sources[0].folder / "ntc_reference.cpp"
     program.write_text(program.read_text(encoding="utf-8").replace('#include "ntc_dec', f'{macros}#include "ntc_dec'))
     reference_program(sources[0].folder)
-
-
-def test_what_cannot_be_is_told_in_a_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    path = tmp_path / "pack.ntc"
-    write_pack(path, random_pack())
-    full = tmp_path / "full"
-    full.mkdir()
-    (full / "mine.txt").write_text("keep", encoding="utf-8")
-    cases = [
-        (["--out", str(full)], "full"),
-        ([], "--out"),
-        (["--web", str(tmp_path / "page")], "--shader"),
-        (["--out", str(tmp_path / "a"), "--as", "png"], "--shader"),
-    ]
-    for more, named in cases:
-        assert cli.main(["export", "--shader", "glsl", "--pack", str(path), *more]) == 2
-        error = capsys.readouterr().err
-        assert error.startswith("error: ")
-        assert named in error
-    path.write_bytes(path.read_bytes()[:-3])
-    assert cli.main(["export", "--shader", "glsl", "--pack", str(path), "--out", str(tmp_path / "b")]) == 2
-    assert sorted(own.name for own in tmp_path.iterdir()) == ["full", "pack.ntc"]

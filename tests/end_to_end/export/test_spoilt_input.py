@@ -16,8 +16,10 @@ EXPORTERS = {
     "page": ["--web", "{out}/page"],
     "shader": ["--shader", "wgsl", "--out", "{out}/decoder"],
 }
-ROUNDS = 3, pytest.param(16, marks=pytest.mark.nightly)
+ROUNDS = 3
 """Spoilt scenes, and as many packs, for each exporter."""
+
+pytestmark = pytest.mark.guards("exports")
 
 
 @pytest.fixture(scope="module")
@@ -46,14 +48,13 @@ def spoilt(data: bytes, random: np.random.Generator) -> bytes:
     return bytes(changed)
 
 
-@pytest.mark.parametrize("rounds", ROUNDS)
 @pytest.mark.parametrize("exporter", list(EXPORTERS))
 def test_damaged_files_are_told_in_a_line(
-    good: tuple[bytes, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str], exporter: str, rounds: int
+    good: tuple[bytes, bytes], tmp_path: Path, capsys: pytest.CaptureFixture[str], exporter: str
 ) -> None:
     random = np.random.default_rng(11)
     refused = 0
-    for number in range(2 * rounds):
+    for number in range(2 * ROUNDS):
         folder, out = tmp_path / f"in{number}", tmp_path / f"out{number}"
         folder.mkdir()
         out.mkdir()

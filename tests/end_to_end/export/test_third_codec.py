@@ -53,6 +53,7 @@ def test_it_is_told_about_and_decoded_the_same_by_all(
 
 
 @pytest.mark.process
+@pytest.mark.guards("exports")
 def test_the_exported_program_decodes_what_the_reference_does(scene: Path, tmp_path: Path) -> None:
     compared = Compared.of(read_pack(scene.with_name("scene.baseline.ntc")), 5000)
     own = exported(compared.pack, tmp_path, "glsl")

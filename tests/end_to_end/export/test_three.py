@@ -23,7 +23,6 @@ from tests.end_to_end.export.material_scene import materials_scene, waves
 from viewer import cli
 from viewer.export.web.export import HERE, PLUGIN_FILES
 from viewer.locations import builtin_scene_path
-from viewer.scene.images import decode_image as decode_picture
 
 ROOT = Path(__file__).resolve().parents[3]
 PLUGIN = ROOT / "integrations" / "three"
@@ -32,7 +31,7 @@ SIDE = 136
 SWIZZLE = "NV_texture_swizzle"
 READY = "window.own !== undefined"
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.guards("exports")]
 
 
 def build_script() -> ModuleType:
@@ -179,23 +178,10 @@ def test_blocks_for_the_gpu_are_near_the_reference(page: Browser, materials: Pat
     assert faults(page) == []
 
 
-@pytest.mark.nightly
 def test_the_module_is_built_from_libntc_as_it_is() -> None:
     built = (PLUGIN / "generated" / "ntc.wasm").read_bytes()
     assert built.endswith(build_script().source_section()), "run python integrations/three/build.py"
     assert len(built) < 100_000
-
-
-@pytest.mark.nightly
-def test_the_built_in_scene(page: Browser, site: Path) -> None:
-    assert cli.main(["export", "--out", str(site / "courtyard.glb")]) == 0
-    load(page, "courtyard.glb", "rgba8")
-    page.ask("own.complete()")
-    assert compare(page, site / "courtyard.glb", level=2, step=10) > 10
-    page.ask("own.draw()")
-    assert decode_picture(page.picture(), "the page")[:240, :320].std() > 10.0
-    assert page.ask("own.errors") == []
-    assert faults(page) == []
 
 
 def test_a_pack_inside_the_file_with_coverage_in_the_other_image(page: Browser, materials: Path, site: Path) -> None:
@@ -316,18 +302,4 @@ def test_images_of_the_file_come_on_demand(page: Browser, materials: Path) -> No
     expected = mip_chain(waves(1, SIDE), "srgb")[2]
     assert np.abs(shown(page, number, SIDE // 4, SIDE // 4, 2)[..., :3].astype(int) - expected).max() <= 1
     assert page.ask("own.errors") == []
-    assert faults(page) == []
-
-
-@pytest.mark.nightly
-def test_a_scene_of_large_textures(page: Browser, site: Path, data_folder: Path) -> None:
-    scene = data_folder / "scenes" / "dutch_ship" / "dutch_ship_medium_1k.gltf"
-    if not scene.is_file():
-        pytest.skip(f"{scene} is not there")
-    pack = site / "ship.ntc"
-    assert cli.main(["encode", str(scene), "--out", str(pack), "--grouping", "universal", "--maps", "all"]) == 0
-    assert cli.main(["export", str(scene), "--pack", str(pack), "--out", str(site / "ship.glb")]) == 0
-    assert max(load(page, "ship.glb", "rgba8", workers=2)) <= 128
-    page.ask("own.complete()")
-    assert compare(page, site / "ship.glb") >= 6
     assert faults(page) == []

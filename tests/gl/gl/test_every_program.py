@@ -55,7 +55,7 @@ GROUP_INVOCATIONS = 1024
 Stages = tuple[tuple[Declaration, ...], ...]
 
 
-@pytest.fixture(scope="module", params=["sparse", pytest.param("all", marks=pytest.mark.nightly)])
+@pytest.fixture(scope="module", params=["sparse", pytest.param("all", marks=pytest.mark.guards("drawing"))])
 def programs(graphics: GraphicsContext, request: pytest.FixtureRequest) -> tuple[AssembledProgram, ...]:
     """Every program that can be assembled; collecting them takes about 15 s, half of that for the sparse ones."""
     return every_program(graphics, request.param == "sparse")

@@ -85,7 +85,9 @@ def largest_error(
     "wrap",
     [
         pytest.param(
-            pair, marks=() if pair[0] == pair[1] else (pytest.mark.once, pytest.mark.nightly), id="-".join(pair)
+            pair,
+            marks=() if pair[0] == pair[1] else (pytest.mark.once, pytest.mark.guards("drawing")),
+            id="-".join(pair),
         )
         for pair in WRAP_PAIRS
     ],

@@ -55,7 +55,7 @@ def test_original_images_look_the_same(
     assert (apart(renderers[scene], view) <= 1).mean() >= 0.999
 
 
-@pytest.mark.parametrize("scene", ["rich", pytest.param("plain", marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("scene", ["rich", pytest.param("plain", marks=pytest.mark.guards("drawing"))])
 def test_packs_look_the_same(renderers: dict[str, tuple[Renderer, Renderer]], scene: str) -> None:
     for source in ("grid", "grid-adapter-output", "block", "block-4x4", "block-sets"):
         view = ViewState(CAMERA, SIZE, Slot(source, "forward"), material_view="lit")

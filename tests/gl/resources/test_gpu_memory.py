@@ -156,8 +156,11 @@ def truth(
     [
         pytest.param(False, 0, 5, id="once"),
         pytest.param(True, 1, 7, id="for good"),
-        pytest.param(False, 1, 2, id="once, others", marks=pytest.mark.nightly),
-        *(pytest.param(True, first, 4, id=f"for good, {first}", marks=pytest.mark.nightly) for first in (0, 2, 3)),
+        pytest.param(False, 1, 2, id="once, others", marks=pytest.mark.guards("drawing")),
+        *(
+            pytest.param(True, first, 4, id=f"for good, {first}", marks=pytest.mark.guards("drawing"))
+            for first in (0, 2, 3)
+        ),
     ],
 )
 def test_any_request_may_fail(

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from ntc.errors import InputError
 from tests.gl.render.test_poses import moving_scene
 from tests.support.driven_app import DrivenApp
 from tests.support.gltf_builder import GltfBuilder
@@ -95,9 +94,3 @@ def test_a_moment_at_which_transforms_overflow_is_one_message_and_the_scene_at_r
     assert len([text for text in texts if "overflows" in text]) == 1
     assert (app.session.is_moving, app.session.view.pose) == (False, None)
     np.testing.assert_array_equal(picture(app), at_rest)
-
-
-def test_without_animations_it_says_so(open_window: Opener) -> None:
-    app = open_window(packs={})
-    with pytest.raises(InputError, match="the scene has no animations"):
-        run(app.context, "animation.play")

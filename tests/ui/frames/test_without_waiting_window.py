@@ -50,18 +50,16 @@ MIDDLE = (0.5, 0.5)
 """Of the picture, as shares."""
 
 
-@pytest.mark.parametrize("asks", [pytest.param(False, marks=pytest.mark.nightly), True])
-def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]], asks: bool) -> None:
-    """`asks`: with the panel of times, the pixel and the block at a place, and the map of decoders."""
+def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]]) -> None:
+    """With the panel of times, the pixel and the block at a place, and the map of decoders."""
     app, calls = drawn
     camera = app.session.view.camera
     app.show_panel("Memory")
     overlay = app.session.view.overlay
-    if asks:
-        app.session.view = replace(app.session.view, overlay=replace(overlay, kind="divergence"))
-        app.session.inspection.pixel = app.session.inspection.block = MIDDLE
-        app.show_panel("Pixel")
-        app.show_panel("Timings")
+    app.session.view = replace(app.session.view, overlay=replace(overlay, kind="divergence"))
+    app.session.inspection.pixel = app.session.inspection.block = MIDDLE
+    app.show_panel("Pixel")
+    app.show_panel("Timings")
     app.run("camera.set", turned(camera, 0.2))
     app.rest()
     calls.clear()
@@ -79,9 +77,9 @@ def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]], asks: bool)
     assert facts.blocking_calls == 0
     # Times arrive some frames later.
     assert timed > 0
-    assert (facts.pixel is not None) == asks
-    assert (facts.block is not None) == asks
-    assert app.frontend.reader.pixels.reads - reads >= (FRAMES - 1) * asks
+    assert facts.pixel is not None
+    assert facts.block is not None
+    assert app.frontend.reader.pixels.reads - reads >= FRAMES - 1
     app.session.view = replace(app.session.view, overlay=overlay)
     app.session.inspection.pixel = app.session.inspection.block = None
     app.run("camera.set", camera)

@@ -7,7 +7,6 @@ import pytest
 from imgui_bundle import imgui
 
 from viewer.state.settings import Theme
-from viewer.ui.panels.memory import BAR_OPACITY
 from viewer.ui.theme import INKS, Appearance
 
 LEAST = 4.5
@@ -81,11 +80,6 @@ def ground(name: str) -> Rgb:
     return over(style_color(name), panel)
 
 
-def test_panels_let_no_picture_through(theme: Theme) -> None:
-    assert style_color("window_bg").w == 1.0
-    assert style_color("popup_bg").w == 1.0
-
-
 def test_labels_can_be_read(theme: Theme) -> None:
     found = {name: contrast(over(style_color("text"), ground(name)), ground(name)) for name in GROUNDS}
     assert {name: round(value, 2) for name, value in found.items() if value < LEAST} == {}
@@ -116,12 +110,6 @@ def test_coloured_texts_and_curves_can_be_read(theme: Theme) -> None:
         for below in INK_GROUNDS
     }
     assert {name: round(value, 2) for name, value in found.items() if value < LEAST} == {}
-
-
-def test_text_can_be_read_on_the_bars_of_memory(theme: Theme) -> None:
-    for name in ("a", "b", "scene"):
-        bar = over(imgui.ImVec4(*INKS[theme][name][:3], BAR_OPACITY), ground("window_bg"))
-        assert contrast(over(style_color("text"), bar), bar) >= LEAST
 
 
 @pytest.mark.parametrize(("chosen", "other"), [("tab_selected", "tab"), ("tab_dimmed_selected", "tab_dimmed")])

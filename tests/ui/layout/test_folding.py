@@ -32,12 +32,6 @@ def labels(app: DrivenApp) -> tuple[str, ...]:
     return app.widgets.labels()
 
 
-def test_the_picture_has_two_thirds_of_the_window(opener: Opener) -> None:
-    app = opener((1280, 720))
-    assert {"A source", "tone map", "status"} <= set(labels(app)), "with menus, status bar and two stacks of panels"
-    assert share_of_picture(app) >= 2 / 3
-
-
 def test_the_column_folds_to_a_strip_and_comes_back_as_it_was(opener: Opener) -> None:
     app = opener((1280, 720))
     app.show_panel("Textures")
@@ -87,34 +81,6 @@ def test_a_stack_folds_to_its_tabs_and_a_chosen_panel_unfolds_it(opener: Opener)
     app.click("fold upper panels")
     assert "A source" not in labels(app)
     assert app.widgets.centre("fold lower panels")[1] < 80
-
-
-def test_hidden_panels_say_how_they_come_back(opener: Opener) -> None:
-    app = opener((1280, 720))
-    app.press(imgui.Key.h)
-    app.move(500.0, 300.0)
-    assert "way back" in labels(app)
-    assert share_of_picture(app) == 1.0
-    app.press(imgui.Key.h)
-    assert "way back" not in labels(app)
-
-
-@pytest.mark.parametrize("scale", [1.5, 2.0])
-def test_the_column_grows_with_the_scale(opener: Opener, scale: float) -> None:
-    app = opener((1920, 1080))
-    area = app.frontend.interface.picture_area
-    assert area is not None
-    left = area.left
-    app.run("window.ui-scale", scale)
-    app.settle()
-    grown = app.frontend.interface.picture_area
-    assert grown is not None
-    assert grown.left == pytest.approx(scale * left, rel=0.2)
-    app.run("window.ui-scale", 1.0)
-    app.settle()
-    again = app.frontend.interface.picture_area
-    assert again is not None
-    assert again.left == pytest.approx(left, abs=2.0)
 
 
 @pytest.mark.parametrize("steps", [(2.0, 1.0), (1.25, 1.5, 2.0, 1.5, 1.25, 1.0)])

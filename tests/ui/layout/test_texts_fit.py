@@ -88,10 +88,7 @@ def tab_problems(app: DrivenApp) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("theme", ["dark", pytest.param("light", marks=pytest.mark.nightly)])
-def test_every_text_of_every_panel_fits(opened: DrivenApp, content: str, theme: str) -> None:
-    opened.run("window.theme", theme)
-    opened.settle()
+def test_every_text_of_every_panel_fits(opened: DrivenApp, content: str) -> None:
     wrong: dict[str, list[str]] = {}
     if content == "no pack":
         wrong["tabs"] = tab_problems(opened)

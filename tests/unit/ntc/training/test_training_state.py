@@ -52,7 +52,8 @@ OFTEN = (*((way, 57) for way in WAYS), *(("side by side", step) for step in (0, 
 
 
 @pytest.mark.parametrize(
-    ("way", "step"), [case if case in OFTEN else pytest.param(*case, marks=pytest.mark.nightly) for case in ANY_STEP]
+    ("way", "step"),
+    [case if case in OFTEN else pytest.param(*case, marks=pytest.mark.guards("training")) for case in ANY_STEP],
 )
 def test_stopped_at_any_step_it_ends_alike(tmp_path: Path, way: str, step: int) -> None:
     path, training = tmp_path / "a.state", WAYS[way]

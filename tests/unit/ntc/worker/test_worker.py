@@ -352,7 +352,7 @@ def test_without_a_process_or_shared_memory_it_says_so(shared: TrainingWorker, m
     assert blocks() == []
 
 
-@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.nightly)])
+@pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.guards("training"))])
 def test_killed_at_any_moment_it_says_so_and_leaves_nothing(tmp_path: Path, trained: Pack, kills: int) -> None:
     random = np.random.default_rng(0)
     path = tmp_path / "scene.ntc"

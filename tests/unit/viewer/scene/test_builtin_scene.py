@@ -91,7 +91,8 @@ def test_names_of_cameras_and_textures_are_those_of_the_scripts(scene: Scene) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["wood_sign", *(pytest.param(name, marks=pytest.mark.nightly) for name in ("brick_red", "metal_lattice"))]
+    "name",
+    ["wood_sign", *(pytest.param(name, marks=pytest.mark.guards("assets")) for name in ("brick_red", "metal_lattice"))],
 )
 def test_textures_are_those_of_the_scripts(scene: Scene, name: str) -> None:
     number = [recipe.name for recipe in recipes()].index(name)

@@ -1,1 +1,0 @@
-"""Windows that nobody touches must rest on the picture that `render` draws."""
