@@ -41,32 +41,6 @@ def hide_panels(app: DrivenApp) -> None:
     app.settle()
 
 
-@pytest.mark.parametrize(
-    ("label", "mode"),
-    [("Above/below", "wipe-horizontal"), ("Side by side", "side-by-side"), ("Difference", "difference")],
-)
-def test_modes(app: DrivenApp, label: str, mode: str) -> None:
-    app.click(label)
-    assert app.session.view.compare == mode
-
-
-def test_the_line_across_is_dragged_within_12_pixels_and_recentred(app: DrivenApp) -> None:
-    hide_panels(app)
-    run_line(app.context, "compare.mode wipe-horizontal")
-    app.settle()
-    camera = app.session.view.camera
-    app.drag((100.0, MIDDLE[1] + 11), (130.0, SIZE[1] * 0.8))
-    assert app.session.view.wipe_position == pytest.approx(0.8, abs=0.01)
-    assert app.session.view.camera == camera
-    app.drag((100.0, SIZE[1] * 0.8 - 14), (100.0, SIZE[1] * 0.5))
-    assert app.session.view.wipe_position == pytest.approx(0.8, abs=0.01)
-    assert app.session.view.camera != camera
-    app.move(100.0, SIZE[1] * 0.8)
-    for down in (True, False, True, False):
-        app.button(down)
-    assert app.session.view.wipe_position == 0.5
-
-
 @pytest.mark.parametrize("mode", ["a", "b", "wipe", "wipe-horizontal", "side-by-side", "difference"])
 def test_space_shows_the_other_slot_in_every_mode(app: DrivenApp, mode: CompareMode) -> None:
     hide_panels(app)

@@ -50,22 +50,6 @@ def wheel(app: DrivenApp, at: tuple[float, float], notches: int) -> None:
     app.settle()
 
 
-def test_block_shape_and_palette_are_chosen(mapped: DrivenApp) -> None:
-    mapped.click("block")
-    mapped.click("block: 16x4")
-    assert mapped.session.view.overlay.block == "16x4"
-    mapped.click("palette")
-    mapped.click("palette: green-red")
-    assert mapped.session.view.overlay.palette == "green-red"
-    mapped.click("scale")
-    mapped.click("scale: range of picture")
-    assert mapped.session.view.overlay.scale == "picture"
-    mapped.press(imgui.Key.b)
-    assert mapped.session.view.overlay.block == "4x4"
-    mapped.press(imgui.Key.l)
-    assert mapped.session.view.overlay.palette == "viridis"
-
-
 def test_a_widget_is_explained_and_grey_with_the_reason(mapped: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> None:
     about = mapped.widgets.explanation("block")
     assert about.startswith("Shape of the blocks")

@@ -141,52 +141,6 @@ def test_the_flat_view_shows_the_original_pixels(opener: Opener) -> None:
     assert np.median(distance) <= 1
 
 
-def test_groups_have_members_distances_and_a_way_to_train(app: DrivenApp) -> None:
-    app.show_panel("Groups")
-    assert {"group 0", "group 1", "Train group", "member 0"} <= set(labels(app))
-    app.click("group 1")
-    assert "member 1" in labels(app)
-    app.click("member 1")
-    assert app.session.inspection.selected_texture == 1
-    run(app, "texture.select", "0")
-    assert "member 0" in labels(app)
-    run(app, "slot.source", "a", "reference")
-    assert "group 0" not in labels(app)
-
-
-def test_nodes_and_materials_are_found_and_lead_to_textures(app: DrivenApp) -> None:
-    app.show_panel("Scene")
-    app.click("materials")
-    app.click("scene filter")
-    app.type("nothing has this name")
-    assert not any(label.startswith("material ") for label in labels(app))
-    for _ in "nothing has this name":
-        app.key(imgui.Key.backspace, True)
-        app.key(imgui.Key.backspace, False)
-    app.settle()
-    app.click("material 1")
-    assert app.session.inspection.selected_texture == app.session.scene.materials[1].texture_id
-    app.click("materials")
-    app.click("nodes")
-    node = next(label for label in labels(app) if label.startswith("node "))
-    app.click(node)
-    instance = next(label for label in labels(app) if label.startswith("instance "))
-    app.click(instance)
-    assert app.session.inspection.selected_texture is not None
-
-
-def test_reports_and_tables_are_copied(app: DrivenApp) -> None:
-    app.show_panel("Scene")
-    app.click("copy report")
-    assert "triangles" in imgui.get_clipboard_text()
-    app.show_panel("Memory")
-    app.click("copy memory")
-    assert "original RGBA8" in imgui.get_clipboard_text()
-    app.show_panel("Timings")
-    app.click("copy timings")
-    assert "composite" in imgui.get_clipboard_text()
-
-
 def test_messages_stay_in_the_log_with_details(app: DrivenApp) -> None:
     notify(app.session, "all is well")
     notify(app.session, "it broke", "error", "line one\nline two")

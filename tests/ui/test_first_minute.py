@@ -25,19 +25,6 @@ def settings(folder: Path) -> ViewerSettings:
     return parse_settings((folder / "settings" / SETTINGS_FILE).read_text(), SETTINGS_FILE)
 
 
-def test_the_card_is_closed_for_good_and_comes_back_from_the_menu(app: DrivenApp) -> None:
-    assert "Got it" not in app.widgets.labels()
-    app.run("help.first-steps")
-    app.settle()
-    assert {"first step 1", "first step 2", "first step 3"} <= set(app.widgets.labels())
-    app.click("Got it")
-    assert "Got it" not in app.widgets.labels()
-    assert not app.session.settings.first_steps
-    app.click("menu: Help")
-    app.click("menu: help.first-steps")
-    assert "Got it" in app.widgets.labels()
-
-
 @pytest.mark.process
 def test_a_new_window_shows_the_card_until_it_is_closed(display: str, scene_path: Path, tmp_path: Path) -> None:
     command = ("-m", "viewer", "view", str(scene_path), "--exec")

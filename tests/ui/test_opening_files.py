@@ -5,14 +5,11 @@ import threading
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
-from imgui_bundle import imgui
-from PIL import Image
 
 from lab.bench.random_pack import random_pack
 from ntc.errors import InputError
-from ntc.pack.file import read_pack, write_pack
+from ntc.pack.file import write_pack
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import hide_panels, write_scene
@@ -20,125 +17,9 @@ from viewer.commands import run, run_or_notify
 from viewer.jobs.job import JobReport
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
-from viewer.state.view_state import REFERENCE
 
 STATUS_BAR = 24
 """Pixels at the lower edge that hold it."""
-
-
-def test_a_dropped_pack_goes_into_slot_a(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
-    pack = read_pack(scene_path.with_name("scene.single.ntc"))
-    write_pack(tmp_path / "mine.ntc", pack)
-    app.drop(tmp_path / "mine.ntc")
-    assert app.session.view.slot_a.source == "mine"
-    assert "mine" in app.session.sources
-
-
-def test_a_dropped_scene_replaces_the_old_one(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=8)
-    app.drop(path)
-    assert app.session.scene.path == path
-    assert app.session.view.slot_a.source == "clustered"
-    assert app.screenshot().std() > 5
-
-
-@pytest.mark.parametrize("name", ["missing.glb", "broken.glb", "broken.ntc", "words.txt"])
-def test_a_bad_file_is_a_message_and_the_old_scene_stays(app: DrivenApp, tmp_path: Path, name: str) -> None:
-    path = tmp_path / name
-    if name != "missing.glb":
-        path.write_bytes(b"nothing that could be opened")
-    before = app.session.scene, app.session.view
-    app.drop(path)
-    assert (app.session.scene, app.session.view) == before
-    (toast,) = app.session.window.toasts
-    assert toast.kind == "error"
-    assert name in toast.text
-    assert app.screenshot().std() > 5
-
-
-def test_a_broken_pack_beside_a_scene_does_not_keep_it_closed(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=10)
-    path.with_name("scene.clustered.ntc").write_bytes(b"")
-    app.drop(path)
-    assert app.session.scene.path == path
-    assert app.session.open_sources == (REFERENCE, "single")
-    assert any("scene.clustered.ntc" in toast.text and toast.kind == "error" for toast in app.session.window.toasts)
-
-
-def test_a_pack_of_another_scene_is_refused(app: DrivenApp, tmp_path: Path) -> None:
-    other = write_scene(tmp_path, seed=9)
-    app.drop(other.with_name("scene.single.ntc"))
-    assert app.session.view.slot_a.source == "clustered"
-    assert "0 of 2 textures match" in app.session.window.toasts[-1].text
-
-
-def dialog(app: DrivenApp) -> None:
-    """Open the dialog by its key."""
-    imgui.get_io().add_key_event(imgui.Key.mod_ctrl, True)
-    app.press(imgui.Key.o)
-    imgui.get_io().add_key_event(imgui.Key.mod_ctrl, False)
-    app.settle()
-    assert app.session.window.file_dialog
-
-
-@pytest.mark.parametrize("what", ["a scene", "images"])
-def test_the_dialog_opens_a_folder(app: DrivenApp, tmp_path: Path, what: str) -> None:
-    folder = tmp_path / "own"
-    folder.mkdir()
-    expected = write_scene(folder, seed=11) if what == "a scene" else folder
-    if what == "images":
-        Image.fromarray(np.arange(192, dtype=np.uint8).reshape(8, 8, 3)).save(folder / "tile.png")
-    dialog(app)
-    app.type(f"{folder}/")
-    app.press(imgui.Key.enter)
-    assert app.session.window.file_dialog
-    app.click("Open folder")
-    app.settle()
-    assert not app.session.window.file_dialog
-    assert app.session.scene.path == expected
-    assert len(app.session.scene.textures) == (2 if what == "a scene" else 1)
-
-
-def test_a_path_can_be_typed_and_completed(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=11)
-    dialog(app)
-    app.type(f"{tmp_path}/sce")
-    app.press(imgui.Key.tab)
-    app.type("glb")
-    app.press(imgui.Key.enter)
-    assert app.session.scene.path == path
-    assert not app.session.window.file_dialog
-
-
-def test_the_dialog_goes_through_folders_and_filters(app: DrivenApp, tmp_path: Path) -> None:
-    (tmp_path / "town").mkdir()
-    (tmp_path / "town" / "notes.txt").write_text("")
-    path = write_scene(tmp_path / "town", seed=17)
-    dialog(app)
-    app.type(f"{tmp_path}/")
-    app.press(imgui.Key.enter)
-    app.click("file: town/")
-    listed = [label for label in app.widgets.labels() if label.startswith("file: scene")]
-    assert listed == ["file: scene.clustered.ntc", "file: scene.glb", "file: scene.single.ntc"]
-    app.type("glb")
-    assert [label for label in app.widgets.labels() if label.startswith("file: scene.")] == ["file: scene.glb"]
-    app.click("Open file")
-    assert app.session.scene.path == path
-
-
-def test_a_double_click_opens_and_recent_files_are_listed(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=18)
-    dialog(app)
-    app.type(f"{tmp_path}/")
-    app.press(imgui.Key.enter)
-    app.double_click("file: scene.glb")
-    assert app.session.scene.path == path
-    dialog(app)
-    app.click("file: courtyard")
-    assert app.session.scene.name == "courtyard"
-    dialog(app)
-    app.click(f"file: recent {scene_path.parent.name}/scene.glb")
-    assert app.session.scene.path in (path, scene_path)
 
 
 class AnsweredDialog:
@@ -220,14 +101,6 @@ def test_a_pack_that_was_encoded_anew_is_drawn_anew(app: DrivenApp, scene: Scene
         pictures.append(app.screenshot())
     assert app.session.view.slot_a.source == "random"
     assert (pictures[0] != pictures[1]).any()
-
-
-def test_cameras_beside_a_scene_are_there_when_it_opens(app: DrivenApp, tmp_path: Path) -> None:
-    path = write_scene(tmp_path, seed=12)
-    path.with_name("cameras.json").write_text('[{"name": "street", "eye": [0, 1, 5], "target": [0, 1, 0]}]')
-    app.drop(path)
-    assert [camera.name for camera in app.session.scene.cameras] == ["street"]
-    assert app.session.view.camera.name == "street"
 
 
 def test_opened_files_can_be_opened_again(app: DrivenApp, scene_path: Path, tmp_path: Path) -> None:

@@ -13,9 +13,7 @@ from PIL.WebPImagePlugin import WebPImageFile
 from ntc.errors import InputError
 from tests.support.driven_app import DrivenApp
 from viewer.commands import COMMANDS
-from viewer.scene.cameras_file import cameras_json
 from viewer.scene.images import read_image
-from viewer.scene.model import Camera
 from viewer.script.script import parse_script
 from viewer.state.session import Toast
 from viewer.ui.user_interface import SETTLING_FRAMES
@@ -23,34 +21,6 @@ from viewer.ui.user_interface import SETTLING_FRAMES
 
 def play(app: DrivenApp, *lines: str) -> None:
     app.play(parse_script("\n".join(lines), "test"))
-
-
-def test_inputs(app: DrivenApp) -> None:
-    play(
-        app,
-        "key H",
-        "expect panels off",
-        "drag 50% 50% 75% 50%",
-        "expect divider 0.75",
-        "expect mode wipe",
-        "key h",
-        "click A source",
-        "click 'A source: single'",
-        "expect source single",
-        "hold Space",
-        "release Space",
-        "move 10 10",
-        "wheel 1",
-        "window.panel Scene",
-        "wait settled",
-        "click 'scene filter'",
-        "type nothing",
-        "key Escape",
-        "expect label 'Frame all'",
-        "size 400x300",
-        "expect size 400x300",
-    )
-    assert app.screenshot().shape == (300, 400, 3)
 
 
 def test_a_film_shows_what_changed(app: DrivenApp, tmp_path: Path) -> None:
@@ -166,34 +136,6 @@ def test_a_view_with_a_source_that_is_not_open(app: DrivenApp) -> None:
     with pytest.raises(InputError, match="clipboard: not valid JSON"):
         play(app, "view.paste")
     assert app.session.view == before
-
-
-def test_a_turntable_turns_until_it_is_stopped(app: DrivenApp) -> None:
-    eye = app.session.view.camera.eye
-    play(app, "camera.turntable 90", "wait frames 60", "expect moving on")
-    turned = app.session.view.camera.eye
-    centre = app.session.scene.bounds.astype(float).mean(axis=0)
-    assert np.hypot(*(np.subtract(turned, centre)[[0, 2]])) == pytest.approx(
-        np.hypot(*(np.subtract(eye, centre)[[0, 2]]))
-    )
-    assert turned != eye
-    with pytest.raises(InputError, match=r"test:1: wait settled: the camera moves"):
-        play(app, "wait settled")
-    play(app, "camera.stop", "expect moving off", "wait settled")
-    play(
-        app, "window.panels", "camera.toggle-turntable", "expect moving on", "drag 10% 80% 20% 80%", "expect moving off"
-    )
-
-
-def test_paths_are_played(app: DrivenApp, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="no path has been recorded"):
-        play(app, "camera.play")
-    ends = tuple(Camera(f"p{x}", (float(x), 0.0, 5.0), (0.0, 0.0, 0.0)) for x in range(3))
-    (tmp_path / "path.json").write_text(cameras_json(ends))
-    play(app, f"camera.play {tmp_path / 'path.json'}", "wait frames 10", "expect moving on", "wait frames 40")
-    play(app, "expect moving off", "expect camera p2")
-    app.session.navigation.last_path = ends[:2]
-    play(app, "camera.play", "wait frames 30", "expect camera p1")
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,6 @@ from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import array_bytes, blocks
 from viewer.commands import run_line
 from viewer.scene.load import load_scene
-from viewer.script.script import parse_script
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
@@ -343,14 +342,6 @@ def test_what_cannot_be_is_said(app: DrivenApp) -> None:
     for line, message in REFUSED:
         with pytest.raises(InputError, match=message):
             run_line(app.context, line)
-
-
-def test_a_script_waits_for_a_run(app: DrivenApp, folder: Path) -> None:
-    lines = ("training.encode category auto 32 1s", "wait trained", "expect training idle", "expect source 'run 1'")
-    app.play(parse_script("\n".join(lines), "test"))
-    assert app.training.log.runs[-1].pack is not None
-    app.play(parse_script(f"training.keep {folder / 'kept.ntc'}\nwait trained", "test"))
-    assert (folder / "kept.ntc").is_file()
 
 
 def test_the_status_bar_shows_a_run_and_cancels_it(app: DrivenApp) -> None:

@@ -19,17 +19,11 @@ from viewer.render.path_choice import unsupported_paths
 from viewer.scene.images import read_image
 from viewer.scene.model import Scene
 from viewer.state.event_handlers import expire_toasts, notify, set_unsupported
-from viewer.state.view_state import REFERENCE, Overlay, Side, Slot
+from viewer.state.view_state import Overlay, Side
 from viewer.ui.panels.timings import timings_text
 from viewer.ui.theme import ERROR_ICON, WARNING_ICON, icon
 
 MIDDLE = (SIZE[0] / 2, SIZE[1] / 2)
-
-
-def test_the_first_look_compares_clustered_with_the_reference(app: DrivenApp) -> None:
-    assert app.session.view.slot_a == Slot("clustered", "deferred")
-    assert app.session.view.slot_b == Slot(REFERENCE)
-    assert app.session.view.compare == "wipe"
 
 
 def test_every_icon_of_a_command_is_in_the_font(app: DrivenApp) -> None:
@@ -39,19 +33,6 @@ def test_every_icon_of_a_command_is_in_the_font(app: DrivenApp) -> None:
     font = imgui.get_io().fonts.fonts[0]
     assert not [name for name in sorted(icons) if not font.is_glyph_in_font(ord(icon(name)))]
     assert not font.is_glyph_in_font(0xE0FF)
-
-
-def test_slots_are_chosen_from_lists(app: DrivenApp) -> None:
-    app.click("A source")
-    app.click("A source: single")
-    app.click("A path")
-    app.click("A path: forward")
-    app.click("A precision")
-    app.click("A precision: fp16")
-    app.click("B source")
-    app.click("B source: clustered")
-    assert app.session.view.slot_a == Slot("single", "forward", "fp16")
-    assert app.session.view.slot_b == Slot("clustered")
 
 
 def test_paths_that_the_driver_lacks_are_grey_with_the_reason_and_left_out_by_the_key(app: DrivenApp) -> None:
@@ -88,11 +69,6 @@ def test_auto_finds_the_cheapest_precision_beside_the_frames(open_window: Opener
     assert any("clustered: precision fp16" in toast.text for toast in app.session.window.toasts)
 
 
-def test_the_reference_has_no_precision(app: DrivenApp) -> None:
-    app.run("slot.precision", "b", "auto")
-    assert any("slot B shows the reference" in toast.text for toast in app.session.window.toasts)
-
-
 def test_the_picture_is_what_the_mode_says(app: DrivenApp) -> None:
     hide_panels(app)
     shots = {}
@@ -105,17 +81,6 @@ def test_the_picture_is_what_the_mode_says(app: DrivenApp) -> None:
     np.testing.assert_array_equal(shots["wipe"][rows, left], shots["a"][rows, left])
     np.testing.assert_array_equal(shots["wipe"][rows, right], shots["b"][rows, right])
     assert np.abs(shots["a"] - shots["b"])[rows].max() > 20
-
-
-def test_the_divider_is_dragged_and_recentred(app: DrivenApp) -> None:
-    hide_panels(app)
-    app.drag((MIDDLE[0] + 8, MIDDLE[1]), (SIZE[0] * 0.75, MIDDLE[1]))
-    assert app.session.view.wipe_position == pytest.approx(0.75, abs=0.01)
-    x = SIZE[0] * 0.75
-    app.move(x, MIDDLE[1])
-    for down in (True, False, True, False):
-        app.button(down)
-    assert app.session.view.wipe_position == 0.5
 
 
 def test_beside_the_divider_the_mouse_moves_the_camera(app: DrivenApp) -> None:
@@ -234,32 +199,6 @@ def test_messages_end_after_they_have_been_seen_for_a_while(app: DrivenApp) -> N
     assert not app.session.window.toasts
 
 
-def test_typing_runs_no_commands(app: DrivenApp) -> None:
-    app.show_panel("Scene")
-    app.click("scene filter")
-    app.key(imgui.Key.h, True)
-    app.key(imgui.Key.h, False)
-    assert app.session.window.show_panels
-
-
-def test_resolution(app: DrivenApp) -> None:
-    app.click("resolution")
-    app.click("resolution: 25%")
-    assert app.session.resolution == 0.25
-    app.click("anisotropy")
-    app.click("anisotropy: 8")
-    assert app.session.view.anisotropy == 8
-
-
-def test_escape_closes_an_open_list_and_not_the_window(app: DrivenApp) -> None:
-    app.click("A source")
-    app.press(imgui.Key.escape)
-    assert not app.is_closing
-    assert "A source: single" not in app.widgets.labels()
-    app.press(imgui.Key.escape)
-    assert not app.is_closing
-
-
 def test_what_panels_hide_is_not_drawn(app: DrivenApp) -> None:
     area = app.frontend.interface.picture_area
     assert area is not None
@@ -272,9 +211,3 @@ def test_what_panels_hide_is_not_drawn(app: DrivenApp) -> None:
     app.settle()
     assert app.session.window.picture_size == (area.width, area.height)
     np.testing.assert_array_equal(app.screenshot(), shot)
-
-
-def test_the_first_picture_is_as_large_as_panels_leave_room(open_window: Opener) -> None:
-    app = open_window(packs={}, live_figures=False)
-    app.settle()
-    assert app.frontend.picture.frames_drawn == 1
