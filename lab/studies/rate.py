@@ -13,7 +13,7 @@ from lab.studies.rate_table import RatePoint
 from lab.studies.runs import Run, finished_run
 from lab.studies.set_quality import PictureQuality, SetQuality
 from lab.studies.settings import QUALITIES, BlockSide, DiskFormat
-from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec
+from ntc.codec.grid.training.config import TrainingConfig, recipe_codec, recipe_for_length
 from ntc.codec.model import Grouping
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
@@ -92,7 +92,7 @@ class RateStudy:
         output_channels = max(texture.pixels.shape[2] for texture in self.textures)
         codec = recipe_codec("best", output_channels, None)
         codec = replace(codec, latent_channels=channels, latent_bits=latent_bits)  # type: ignore[arg-type]
-        training = in_the_manner_of("best", TrainingConfig(steps=self.grid_steps, texels_per_texture=512))
+        training = recipe_for_length("best", TrainingConfig(steps=self.grid_steps, texels_per_texture=512))
         run = Run(f"grid {channels}x{latent_bits}", self.groupings[0], codec, training, pictures=True)
         result = finished_run(run, self.textures, self.runs, report)
         rows = zip(result.psnr_db, result.ssim, result.flip, strict=True)

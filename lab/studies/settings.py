@@ -5,7 +5,7 @@ from typing import Literal
 
 from ntc.codec.encoding import RecipeName
 from ntc.codec.grid.model import GridConfig
-from ntc.codec.grid.training.config import TrainingConfig, in_the_manner_of, recipe_codec, recipe_config
+from ntc.codec.grid.training.config import TrainingConfig, recipe_codec, recipe_config, recipe_for_length
 from ntc.errors import InputError
 
 BlockSide = Literal[4, 8]
@@ -57,7 +57,7 @@ class StudySettings:
         same = TrainingConfig(
             steps=self.steps, texels_per_texture=self.texels_per_texture, seed=seed, device=self.device
         )
-        return in_the_manner_of(recipe, same)
+        return recipe_for_length(recipe, same)
 
     def codec(self, recipe: RecipeName, output_channels: int) -> GridConfig:
         """The codec of `recipe`."""

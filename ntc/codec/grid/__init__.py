@@ -1,1 +1,1 @@
-"""Codec `grid`: latents in grids, blended and read by a small network (the paper's codec, docs/reference/codecs.md)."""
+"""Codec `grid`: grids of latents that a small network decodes (the paper's codec, docs/reference/codec-grid.md)."""

@@ -1,4 +1,4 @@
-"""Codec `grid` (the paper's): grids of latents, blended and decoded by a small network (docs/reference/codecs.md)."""
+"""Codec `grid`, the paper's: grids of latents that are blended and decoded by a small network (docs/reference/codec-grid.md)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
@@ -34,7 +34,7 @@ from ntc.codec.textures import SourceTexture
 
 
 class GridCodec(Codec):
-    """Trained by gradient descent; decoded in single precision or in halves."""
+    """The interface of codec `grid`: trained by gradient descent, decoded in single precision or in halves."""
 
     settings_type = GridConfig
     trains = True
@@ -66,25 +66,25 @@ class GridCodec(Codec):
         return shapes
 
     def texture_tensors(self, texture: EncodedTexture, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        own, config = cast(GridTexture, texture), cast(GridConfig, settings)
+        grid_texture, config = cast(GridTexture, texture), cast(GridConfig, settings)
         tensors: dict[str, NDArray[Any]] = {
-            "latents.{}": packed_cells(own.latents, config.latent_bits),
-            "latents.{}.scale": np.ascontiguousarray(own.scale),
-            "latents.{}.offset": np.ascontiguousarray(own.offset),
+            "latents.{}": packed_cells(grid_texture.latents, config.latent_bits),
+            "latents.{}.scale": np.ascontiguousarray(grid_texture.scale),
+            "latents.{}.offset": np.ascontiguousarray(grid_texture.offset),
         }
-        if own.adapter is not None:
-            tensors["adapter.{}.scales"] = own.adapter.scales.astype(np.float16)
-            tensors["adapter.{}.biases"] = own.adapter.biases.astype(np.float16)
-            if own.adapter.output_weight is not None and own.adapter.output_bias is not None:
-                tensors["adapter.{}.output.weight"] = own.adapter.output_weight.astype(np.float16)
-                tensors["adapter.{}.output.bias"] = own.adapter.output_bias.astype(np.float16)
+        if grid_texture.adapter is not None:
+            tensors["adapter.{}.scales"] = grid_texture.adapter.scales.astype(np.float16)
+            tensors["adapter.{}.biases"] = grid_texture.adapter.biases.astype(np.float16)
+            if grid_texture.adapter.output_weight is not None and grid_texture.adapter.output_bias is not None:
+                tensors["adapter.{}.output.weight"] = grid_texture.adapter.output_weight.astype(np.float16)
+                tensors["adapter.{}.output.bias"] = grid_texture.adapter.output_bias.astype(np.float16)
         return tensors
 
     def decoder_tensors(self, decoder: Decoder, settings: CodecSettings) -> dict[str, NDArray[Any]]:
-        own = cast(GridDecoder, decoder)
+        grid_decoder = cast(GridDecoder, decoder)
         kind = np.float16 if cast(GridConfig, settings).weight_bits == 16 else np.float32
         tensors: dict[str, NDArray[Any]] = {}
-        for layer, (weight, bias) in enumerate(zip(own.weights, own.biases, strict=True)):
+        for layer, (weight, bias) in enumerate(zip(grid_decoder.weights, grid_decoder.biases, strict=True)):
             tensors[f"decoder.{{}}.{layer}.weight"] = np.ascontiguousarray(weight, kind)
             tensors[f"decoder.{{}}.{layer}.bias"] = np.ascontiguousarray(bias, kind)
         return tensors
@@ -114,17 +114,26 @@ class GridCodec(Codec):
         return GridDecoder(weights, biases)
 
     def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
-        own, config = cast(GridTexture, texture), cast(GridConfig, settings)
+        grid_texture, config = cast(GridTexture, texture), cast(GridConfig, settings)
         adapter = 0
-        if own.adapter is not None:
-            parts = (own.adapter.scales, own.adapter.biases, own.adapter.output_weight, own.adapter.output_bias)
+        if grid_texture.adapter is not None:
+            parts = (
+                grid_texture.adapter.scales,
+                grid_texture.adapter.biases,
+                grid_texture.adapter.output_weight,
+                grid_texture.adapter.output_bias,
+            )
             # Stored in half precision: two bytes a number.
             adapter = sum(2 * part.size for part in parts if part is not None)
-        return TextureBytes(len(own.latents) * config.cell_bytes, own.scale.nbytes + own.offset.nbytes, adapter)
+        return TextureBytes(
+            len(grid_texture.latents) * config.cell_bytes,
+            grid_texture.scale.nbytes + grid_texture.offset.nbytes,
+            adapter,
+        )
 
     def decoder_bytes(self, decoder: Decoder, settings: CodecSettings) -> int:
-        own = cast(GridDecoder, decoder)
-        numbers = sum(array.size for array in (*own.weights, *own.biases))
+        grid_decoder = cast(GridDecoder, decoder)
+        numbers = sum(array.size for array in (*grid_decoder.weights, *grid_decoder.biases))
         return numbers * cast(GridConfig, settings).weight_bits // 8
 
     def reference_values(
@@ -135,10 +144,10 @@ class GridCodec(Codec):
         lod: NDArray[np.float64],
         wrap: tuple[WrapMode, WrapMode],
     ) -> NDArray[np.float64]:
-        own = grid_parts(pack)
-        texture = own.textures[texture_index]
+        parts = grid_parts(pack)
+        texture = parts.textures[texture_index]
         inputs = decoder_inputs(pack, texture, uv, lod, wrap)
-        return run_decoder(own.decoders[texture.group], inputs, own.config.leaky_slope, texture.adapter)
+        return run_decoder(parts.decoders[texture.group], inputs, parts.config.leaky_slope, texture.adapter)
 
     def libntc_tables(self, pack: Pack) -> bytes:
         del pack

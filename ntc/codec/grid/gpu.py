@@ -1,4 +1,4 @@
-"""Packs of codec `grid` as shaders/ntc/grid.glsl reads them: cells of latents, weights in a precision, and the network as GLSL."""
+"""Data of codec `grid` for GPUs, as shaders/ntc/grid.glsl reads them: latents, weights in a precision, and the network as GLSL."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -18,23 +18,23 @@ PARTS = "xyzw"
 
 
 def _add_product(sum_name: str, odd_name: str, number: int, weight: str, value: str) -> str:
-    """Return GLSL that adds the product of input `number` to a neuron block's sums (shaders/ntc/half.glsl)."""
+    """Return GLSL that adds weight * value of input `number` to the sums of four neurons (shaders/ntc/half.glsl)."""
     if number % 2:
         return f"ADD_ODD_PRODUCT({sum_name}, {odd_name}, {weight}, {value});"
     return f"ADD_PRODUCT({sum_name}, {weight}, {value});"
 
 
 def _biases(result: str, channels: Mapping[int, int], fetch: Callable[..., str]) -> list[str]:
-    """Return GLSL that begins a plane's `result` with the biases of its components' channels; `fetch` reads four of them at once."""
+    """Return GLSL that declares a plane's `result` with the biases of its channels; `fetch` returns GLSL that reads four biases."""
     parts = {component: f"float({fetch(channel // 4)}.{PARTS[channel % 4]})" for component, channel in channels.items()}
     return [f"    vec4 {result} = vec4({', '.join(parts.get(component, '0.0') for component in range(4))});"]
 
 
 class NetworkLayout:
-    """The layout of one decoder's weights, in blocks of four numbers.
+    """The layout of one decoder's weights in GPU memory, in blocks of four numbers.
 
-    First layer: for each block of outputs, for each input, the weights of the four outputs; then the biases. Second layer alike.
-    Third layer: for each output, for each block of hidden values, their four weights; then the biases.
+    First and second layer: for each block of four outputs, for each input, the weights of the four outputs; then the biases.
+    Third layer: for each output, for each block of four hidden values, their weights; then the biases.
     """
 
     def __init__(self, config: GridConfig) -> None:
@@ -55,7 +55,7 @@ class NetworkLayout:
         self.adapter_blocks = self.adapter_output + output_blocks if config.adapters else 0
 
     def arrange(self, decoder: GridDecoder) -> NDArray[np.float32]:
-        """Return [blocks, 4] float32: the weights of `decoder` in this order."""
+        """Return [blocks, 4] float32: the weights of `decoder` in this layout."""
         first, second, third = decoder.weights
         arranged = [
             first.reshape(self.hidden_blocks, 4, self.inputs).transpose(0, 2, 1),
@@ -69,8 +69,8 @@ class NetworkLayout:
 
 
 def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
-    """Return [blocks, 4] float32: scales and biases of the first hidden layer, then of the second; then the output layer, if it has
-    one, as the decoder's lies."""
+    """Return [blocks, 4] float32: scales and biases of the first hidden layer, then of the second. An output layer follows in the
+    layout of the decoder's."""
     pairs = zip(adapter.scales, adapter.biases, strict=True)
     parts = [part for pair in pairs for part in pair]
     if adapter.output_weight is not None and adapter.output_bias is not None:
@@ -81,9 +81,8 @@ def arrange_adapter(adapter: Adapter) -> NDArray[np.float32]:
 def network_glsl(config: GridConfig) -> str:
     """Return the include `generated/network.glsl`: `vec4 run_decoder(int decoder, int adapter, float x[DECODER_INPUTS], int blocks)`.
 
-    `adapter` is the first block of the texture's adapter, unused where the codec has none. `blocks` is the number of
-    hidden blocks, or 0 to leave the decoder out. It must come from a uniform: a loop whose length the compiler knows is
-    unrolled into code that takes minutes to compile on llvmpipe.
+    `adapter` is the first block of the texture's adapter, unused if the codec has none. `blocks` is the number of hidden blocks, or 0
+    to skip the decoder. It must come from a uniform: llvmpipe unrolls a loop of known length, and then compiles for minutes.
     """
     layout = NetworkLayout(config)
     slope = repr(float(config.leaky_slope))
@@ -144,37 +143,37 @@ def network_glsl(config: GridConfig) -> str:
 
 
 def _first_results(config: GridConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
-    """Return GLSL that begins the result of each pixel with the biases of the output layer."""
-    found = []
+    """Return GLSL that declares the result of each pixel with the biases of the output layer."""
+    lines = []
     for p in range(pixels):
-        own = f"weight(adapters[{p}] + {layout.adapter_output_bias} + {{}})"
-        fetch = own if config.adapter_output else f"decoder_weight({layout.third_bias} + {{}})"
-        found += _biases(f"result{p}", channels, fetch.format)
-    return found
+        adapter_weight = f"weight(adapters[{p}] + {layout.adapter_output_bias} + {{}})"
+        fetch = adapter_weight if config.adapter_output else f"decoder_weight({layout.third_bias} + {{}})"
+        lines += _biases(f"result{p}", channels, fetch.format)
+    return lines
 
 
 def _add_outputs(config: GridConfig, layout: NetworkLayout, channels: Mapping[int, int], pixels: int) -> list[str]:
     """Return GLSL that adds the products of four hidden values with the weights of the output layer."""
-    found = []
+    lines = []
     for component, channel in channels.items():
         offset = channel * layout.hidden_blocks
         if not config.adapter_output:
-            found.append(f"        WEIGHT_T out{component} = decoder_weight({layout.third + offset} + k);")
+            lines.append(f"        WEIGHT_T out{component} = decoder_weight({layout.third + offset} + k);")
         for p in range(pixels):
-            own = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
-            weight = own if config.adapter_output else f"out{component}"
-            found.append(f"        result{p}.{PARTS[component]} += PRODUCT_SUM(sum{p}, {weight});")
-    return found
+            adapter_weight = f"weight(adapters[{p}] + {layout.adapter_output + offset} + k)"
+            weight = adapter_weight if config.adapter_output else f"out{component}"
+            lines.append(f"        result{p}.{PARTS[component]} += PRODUCT_SUM(sum{p}, {weight});")
+    return lines
 
 
 CHUNK = 4
-"""Weights that are fetched before they are multiplied, so that a pixel's sums stay in registers meanwhile."""
+"""Weights that are fetched at once, before they are multiplied: few enough that the sums of all pixels stay in registers."""
 
 
 def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
-    """Return the include `generated/shared_decoder.glsl`: `run_decoders` decodes PIXELS pixels with one decoder, whose weights are
-    bound alone, so that their addresses do not depend on the pixel.
+    """Return the include `generated/shared_decoder.glsl`: `run_decoders` decodes PIXELS pixels with one decoder.
 
+    The weights of that decoder alone are bound, so their addresses do not depend on the pixel:
     `void run_decoders(int adapters[PIXELS], float x[PIXELS][DECODER_INPUTS], int blocks, out vec4 results[PIXELS])`;
     `blocks` as in `network_glsl`.
     """
@@ -183,7 +182,7 @@ def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
     pixels = range(variant.pixels)
     unrolled = math.gcd(layout.hidden_blocks, variant.unrolled)
     is_whole = unrolled == layout.hidden_blocks
-    # Where all blocks are written out, each hidden value is stored once, or none is read.
+    # With all blocks unrolled, each hidden value is assigned before it is read. Otherwise the conditional below reads it first.
     unknown = "" if is_whole else " = MUL_T(0.0)"
 
     def start(bias: int) -> list[str]:
@@ -192,7 +191,7 @@ def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
         return [f"        ACC_T first = ACC_T({first});", *sums]
 
     def products(row: str, values: Sequence[Sequence[str]]) -> list[str]:
-        """Adds the products of the weights from `row` on with `values[p]` of pixel p, in their order."""
+        """Return GLSL that adds the products of the weights from `row` on with `values[p]`, for each pixel p."""
         lines = []
         for first in range(0, len(values[0]), CHUNK):
             numbers = range(first, min(first + CHUNK, len(values[0])))
@@ -213,9 +212,9 @@ def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
             if config.adapters:
                 scales = 2 * hidden_layer * layout.hidden_blocks
                 biases = scales + layout.hidden_blocks
-                own = f"adapters[{p}]"
                 lines.append(
-                    f"        sum{p} = ADAPTED(sum{p}, weight({own} + {scales} + k), weight({own} + {biases} + k));"
+                    f"        sum{p} = ADAPTED(sum{p}, weight(adapters[{p}] + {scales} + k), "
+                    f"weight(adapters[{p}] + {biases} + k));"
                 )
             lines.append(f"        sum{p} = LEAKY(sum{p}, {slope});")
         return lines
@@ -230,7 +229,7 @@ def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
         f"    for (int step = 0; step < blocks; step += {unrolled}) {{",
     ]
     for number in range(unrolled):
-        # Not an array with an index: one that varies is stored lane by lane on a CPU, and keeps all of it out of registers.
+        # Not an array: a varying index makes a CPU store it lane by lane, and keeps the whole array out of registers.
         stored = [
             f"        hidden{p}_{k} = {'' if is_whole else f'k != {k} ? hidden{p}_{k} : '}AS_MUL_T(sum{p});"
             for k in range(number, layout.hidden_blocks, unrolled)
@@ -262,7 +261,8 @@ def shared_network_glsl(config: GridConfig, variant: DecoderVariant) -> str:
 
 
 class GridTables(GpuTables):
-    """Weights as fp32 or, for every other precision, as halves; those beyond the range of halves become the largest one."""
+    """GPU data of codec `grid`. Weights are fp32, or halves in all other precisions; those beyond the range become the largest
+    half."""
 
     shares_decoders = True
     shader = "ntc/grid.glsl"
@@ -294,16 +294,16 @@ class GridTables(GpuTables):
         return (("scale", "<f4", (words, 4)), ("offset", "<f4", (words, 4)))
 
     def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
-        own = cast(GridTexture, texture)
-        record["scale"] = own.scale.reshape(-1, 4)
-        record["offset"] = own.offset.reshape(-1, 4)
+        grid_texture = cast(GridTexture, texture)
+        record["scale"] = grid_texture.scale.reshape(-1, 4)
+        record["offset"] = grid_texture.offset.reshape(-1, 4)
 
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:
         levels = texture_levels(texture, self._config)
         return tuple(StoredRows(level.first_cell, level.cells) for level in levels)
 
     def latent_words(self, texture: EncodedTexture, rows: slice) -> NDArray[np.uint32]:
-        """Return cells as files hold them, padded to whole words."""
+        """Return [rows, row_words] uint32: cells as packs store them, padded to whole words."""
         packed = packed_cells(cast(GridTexture, texture).latents[rows], self._config.latent_bits)
         padding = 4 * self.row_words - packed.shape[1]
         return np.ascontiguousarray(np.pad(packed, ((0, 0), (0, padding)))).view("<u4")

@@ -1,4 +1,4 @@
-"""The settings of codec `grid`, and what it stores: grids of latents and an adapter of a texture, the network that a group shares."""
+"""Data of codec `grid`: its settings, a texture (grids of latents and an adapter), and a decoder (the network that a group shares)."""
 
 from dataclasses import dataclass
 from typing import ClassVar, Literal, cast
@@ -13,7 +13,7 @@ from ntc.errors import InputError
 
 @dataclass(frozen=True)
 class GridConfig(CodecSettings):
-    """The shape of latent grids and decoders, the same for every texture of a pack (paper, Sec. 4).
+    """The settings of codec `grid`: shapes of latent grids and decoders, the same for all textures of a pack (paper, Sec. 4).
 
     The decoder reads `latent_channels` + `positional_inputs` + `lod_inputs` numbers and has two hidden layers.
     """
@@ -25,7 +25,7 @@ class GridConfig(CodecSettings):
     downscale: int = 4
     """Texels per latent cell along one side: 4 gives 256x256 cells for 1024x1024 texels."""
     levels: int | None = None
-    """Latent levels, one per texture mip. None: down to 4x4 cells. 1: mip 0 alone, as in the paper."""
+    """Number of latent levels, one per mip. None: down to 4x4 cells. 1: mip 0 alone, as in the paper."""
     positional_octaves: int = 3
     """Octaves of the triangle-wave positional encoding, with periods of 2, 4, 8, ... texels."""
     hidden_width: int = 64
@@ -33,17 +33,17 @@ class GridConfig(CodecSettings):
     leaky_slope: float = 0.01
     """Slope of LeakyReLU for negative inputs."""
     output_channels: int = 3
-    """Channels the decoders write, 1 to 13: those of `maps`; a texture with fewer uses the first ones."""
+    """Channels that decoders write, 1 to 13: those of `maps`. A texture with fewer uses the first ones."""
     latent_bits: Literal[4, 8] = 8
-    """Bits of a stored latent value. 8 channels of 4 bits take the room of 4 channels of 8 bits."""
+    """Bits of a stored latent value. 8 channels of 4 bits take as many bytes as 4 channels of 8 bits."""
     weight_bits: Literal[16, 32] = 32
     """Bits of a stored decoder weight: half or single precision."""
     adapters: bool = False
-    """True if each texture has scales and biases of its own for the hidden layers, which specialise a shared decoder."""
+    """True if each texture has an adapter: scales and biases of the hidden layers, which specialise the shared decoder."""
     adapter_output: bool = False
-    """True if adapters hold an output layer too, in place of the decoder's."""
+    """True if adapters also hold an output layer, which replaces the decoder's."""
     maps: tuple[MapName, ...] = BASE_ALONE
-    """Maps that the outputs stand for (`ntc.codec.maps`): all that any texture of the pack has."""
+    """Maps that the outputs hold (`ntc.codec.maps`): all maps that any texture of the pack has."""
 
     def __post_init__(self) -> None:
         checks = {
@@ -71,17 +71,17 @@ class GridConfig(CodecSettings):
 
     @property
     def lod_inputs(self) -> int:
-        """1 when textures have several latent levels, else 0 (paper parity)."""
+        """Number of lod inputs: 1 if textures have several latent levels, else 0, as in the paper."""
         return 0 if self.levels == 1 else 1
 
     @property
     def decoder_inputs(self) -> int:
-        """Inputs of the decoder, in the order latents, positional encoding, lod."""
+        """Number of inputs of the decoder, in the order latents, positional encoding, lod."""
         return self.latent_channels + self.positional_inputs + self.lod_inputs
 
     @property
     def largest_stored(self) -> int:
-        """Stored latents run from 0 to this integer."""
+        """Largest stored latent: stored latents are integers from 0 to this."""
         return (1 << self.latent_bits) - 1
 
     @property
@@ -91,12 +91,12 @@ class GridConfig(CodecSettings):
 
     @property
     def smallest_top_cells(self) -> int:
-        """The pyramid ends at the first level whose longer side is at most this many cells."""
+        """Size in cells at which the pyramid ends: its last level is the first whose longer side has at most so many."""
         return 4
 
     @property
     def layer_shapes(self) -> tuple[tuple[int, int], ...]:
-        """(outputs, inputs) of the three linear layers."""
+        """Shapes of the three linear layers, each (outputs, inputs)."""
         width = self.hidden_width
         return ((width, self.decoder_inputs), (width, width), (self.output_channels, width))
 
@@ -107,14 +107,14 @@ class GridConfig(CodecSettings):
 
 
 LOD_INPUT_SCALE = 0.125
-"""The decoder's lod input is lod * LOD_INPUT_SCALE, so that it stays near [0, 1] for textures up to 32768 texels."""
+"""Scale of the decoder's lod input, which keeps it near [0, 1] for textures of up to 32768 texels a side."""
 
 
 @dataclass(frozen=True, eq=False)
 class Adapter:
     """Numbers that specialise a shared decoder for one texture: hidden layer l computes leaky(scales[l] * (W x) + biases[l]).
 
-    The biases stand in place of the decoder's own, so that they cost nothing to decode. Values are exact in half precision.
+    The biases replace the decoder's, so they take no time to decode. Values are exact in half precision.
     """
 
     scales: NDArray[np.float32]
@@ -122,24 +122,24 @@ class Adapter:
     biases: NDArray[np.float32]
     """[2, hidden_width] float32."""
     output_weight: NDArray[np.float32] | None = None
-    """[outputs, hidden_width] float32, in place of the decoder's output layer, where codec.adapter_output is set."""
+    """[outputs, hidden_width] float32, replaces the decoder's output layer. None unless `GridConfig.adapter_output`."""
     output_bias: NDArray[np.float32] | None = None
-    """[outputs] float32."""
+    """[outputs] float32. None unless `GridConfig.adapter_output`."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GridTexture(EncodedTexture):
-    """One texture as its pyramid of latent grids."""
+    """One encoded texture: its pyramid of latent grids, and its adapter."""
 
     latents: NDArray[np.uint8]
-    """[cells, latent_channels] uint8, 0 to `GridConfig.largest_stored`: the levels of `ntc.codec.latents.latent_levels`, one after the
-    other."""
+    """[cells, latent_channels] uint8, 0 to `GridConfig.largest_stored`: all levels of `ntc.codec.latents.latent_levels` in
+    sequence."""
     scale: NDArray[np.float32]
     """[latent_channels] float32; latent value = offset + scale * stored integer."""
     offset: NDArray[np.float32]
     """[latent_channels] float32."""
     adapter: Adapter | None = None
-    """Present exactly when the codec has adapters."""
+    """The adapter; None unless `GridConfig.adapters`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +157,7 @@ Layer = tuple[NDArray[np.float32], NDArray[np.float32] | None, NDArray[np.float3
 
 
 def specialised_layers(decoder: GridDecoder, adapter: Adapter | None) -> list[Layer]:
-    """Return the layers of `decoder` as `adapter` specialises them."""
+    """Return the layers of `decoder`, specialised by `adapter`."""
     layers: list[Layer] = [(weight, None, bias) for weight, bias in zip(decoder.weights, decoder.biases, strict=True)]
     if adapter is not None:
         for number, (scale, bias) in enumerate(zip(adapter.scales, adapter.biases, strict=True)):
@@ -169,7 +169,7 @@ def specialised_layers(decoder: GridDecoder, adapter: Adapter | None) -> list[La
 
 @dataclass(frozen=True, eq=False)
 class GridParts:
-    """A pack of codec `grid`, with its parts as what they are."""
+    """The parts of a pack of codec `grid`, with their exact types."""
 
     config: GridConfig
     textures: tuple[GridTexture, ...]

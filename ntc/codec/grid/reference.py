@@ -1,4 +1,7 @@
-"""The slow twin of every decoder of codec `grid`: docs/reference/codecs.md in numpy float64, written for reading."""
+"""Reference decoder of codec `grid` in numpy float64: slow and written for reading. All fast decoders are tested against it.
+
+Specification: docs/reference/codec-grid.md.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +17,12 @@ PHASES = (0.0, 0.25)
 
 
 def triangle_wave(turns: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Triangle wave of period 1 in [-1, 1]: 1 at 0, -1 at 0.5."""
+    """Return the triangle wave of period 1 in [-1, 1] at `turns`: 1 at 0, -1 at 0.5."""
     return 4.0 * np.abs(turns - np.floor(turns) - 0.5) - 1.0
 
 
 def positional_encoding(texel_coordinates: NDArray[np.float64], octaves: int) -> NDArray[np.float64]:
-    """Return [N, octaves * 4] of `texel_coordinates` [N, 2]: for each axis, each octave, each phase one wave."""
+    """Return [N, octaves * 4] of `texel_coordinates` [N, 2]: one wave for each axis, octave and phase, in this order."""
     waves = [
         triangle_wave(texel_coordinates[:, axis] / 2.0 ** (octave + 1) + phase)
         for axis in range(2)
@@ -30,7 +33,7 @@ def positional_encoding(texel_coordinates: NDArray[np.float64], octaves: int) ->
 
 
 def run_decoder(decoder: GridDecoder, inputs: Array, leaky_slope: float, adapter: Adapter | None = None) -> Array:
-    """Return [N, outputs] of the three linear layers for `inputs` [N, decoder_inputs], not clamped."""
+    """Run the network: [N, outputs], not clamped, for `inputs` [N, decoder_inputs]."""
     values = inputs
     for index, (weight, scale, bias) in enumerate(specialised_layers(decoder, adapter)):
         values = values @ weight.astype(np.float64).T
@@ -43,8 +46,7 @@ def run_decoder(decoder: GridDecoder, inputs: Array, leaky_slope: float, adapter
 
 
 def decoder_inputs(pack: Pack, texture: GridTexture, uv: Array, lod: Array, wrap: tuple[WrapMode, WrapMode]) -> Array:
-    """Return [N, decoder_inputs]: what the decoder of a pack of codec `grid` reads at `uv` [N, 2] and `lod` [N]
-    (docs/reference/codecs.md, steps 1 to 4)."""
+    """Return [N, decoder_inputs]: blended latents, positional encoding and lod of `texture` at `uv` [N, 2] and `lod` [N]."""
     config = grid_parts(pack).config
     levels = texture_levels(texture, config)
     lod = clamped_lod(lod, len(levels))

@@ -1,4 +1,4 @@
-"""Textures of codec `grid` as packs hold them: latents rounded and packed, and a pack to show before there is a trained one."""
+"""Stored form of textures of codec `grid`: latents rounded and packed. Also the grey pack that is shown before the first snapshot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,25 +15,24 @@ from ntc.codec.textures import SourceTexture
 
 @dataclass(frozen=True, eq=False)
 class QuantizedLatents:
-    """value = offset + scale * stored."""
+    """Latents as integers: value = offset + scale * stored."""
 
     stored: NDArray[np.uint8]
-    """[cells, channels] uint8, one integer a byte whatever its bits."""
+    """[cells, channels] uint8, one integer per byte for any number of bits."""
     scale: NDArray[np.float32]
     """[channels] float32, positive."""
     offset: NDArray[np.float32]
     """[channels] float32."""
 
     def values(self) -> NDArray[np.float64]:
-        """Return [cells, channels] float64: the values that the stored integers stand for."""
+        """Return [cells, channels] float64: the latent values."""
         return self.offset.astype(np.float64) + self.scale.astype(np.float64) * self.stored
 
 
 def quantize_latents(
     values: NDArray[np.float32], low: NDArray[np.float32], high: NDArray[np.float32], largest: int
 ) -> QuantizedLatents:
-    """Round `values` [cells, channels] to the integers 0 to `largest`, which stand for `low` to `high` [channels]; values
-    beyond are clamped.
+    """Round `values` [cells, channels] to integers: 0 is `low` [channels], `largest` is `high` [channels]. Values beyond are clamped.
 
     Raises ValueError for values that are not finite.
     """
@@ -45,22 +44,22 @@ def quantize_latents(
 
 
 def packed_cells(stored: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
-    """Return [cells, channels * bits / 8] uint8: `stored` [cells, channels] as it lies in files, for 4 bits two integers a byte, the
-    first in the low half."""
+    """Return [cells, channels * bits / 8] uint8: `stored` [cells, channels] as files hold it. With 4 bits, a byte holds two integers,
+    the first in its low half."""
     if bits == 8:
         return np.ascontiguousarray(stored)
     return np.ascontiguousarray(stored[:, 0::2] | (stored[:, 1::2] << 4))
 
 
 def unpacked_cells(packed: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
-    """Return [cells, channels] uint8, one integer a byte: the inverse of `packed_cells`."""
+    """Return [cells, channels] uint8, one integer per byte, of `packed` from `packed_cells`."""
     if bits == 8:
         return packed
     return np.stack([packed & 15, packed >> 4], axis=-1).reshape(len(packed), -1)
 
 
 def grid_texture(source: SourceTexture, group: int, latents: QuantizedLatents, adapter: Adapter | None) -> GridTexture:
-    """Return `source` in `group`, encoded as `latents` and, where the codec has them, `adapter`; its PSNR is not yet known."""
+    """Return the encoded texture of `source` in `group`, with `latents` and `adapter`; its PSNR is None."""
     return GridTexture(
         **texture_fields(source, group),
         latents=latents.stored,
@@ -73,7 +72,7 @@ def grid_texture(source: SourceTexture, group: int, latents: QuantizedLatents, a
 def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, config: GridConfig) -> Pack:
     """Return a pack that decodes to mid-grey, in the groups of `grouping`: shown until the first snapshots.
 
-    Codes have their largest size, so that what comes fits into as much memory.
+    Latents have their final size, so trained ones fit into the same memory.
     """
     shapes = config.layer_shapes
     outputs, width = shapes[-1]
@@ -82,9 +81,9 @@ def grey_pack(textures: Sequence[SourceTexture], grouping: Grouping, config: Gri
     grey = np.full(outputs, 0.5, np.float32)
     adapter = None
     if config.adapters:
-        own = (zeros[-1], grey) if config.adapter_output else ()
+        output = (zeros[-1], grey) if config.adapter_output else ()
         hidden = len(shapes) - 1
-        adapter = Adapter(np.ones((hidden, width), np.float32), np.zeros((hidden, width), np.float32), *own)
+        adapter = Adapter(np.ones((hidden, width), np.float32), np.zeros((hidden, width), np.float32), *output)
     last = np.zeros_like(grey) if config.adapter_output else grey
     decoder = GridDecoder(tuple(zeros), (*biases[:-1], last))
     channels = config.latent_channels

@@ -1,4 +1,4 @@
-"""Codec `grid` in torch, in float32: stacks of decoders and adapters, inputs of decoders, decoding (docs/reference/codecs.md)."""
+"""Codec `grid` in torch, in float32: decoders and adapters as stacks, positional encoding, decoding (docs/reference/codec-grid.md)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,16 +20,16 @@ Layer = tuple[Tensor, Tensor]
 
 
 def _as_halves(numbers: Tensor) -> NDArray[np.float32]:
-    """Return what half precision stores of `numbers`; beyond its range would lie infinity, which no pack may hold."""
+    """Round `numbers` to halves, clamped to their range: a pack must not hold infinity."""
     halves = numbers.detach().cpu().clamp(-LARGEST_HALF, LARGEST_HALF).half()
     return np.asarray(halves.float().numpy(), np.float32)
 
 
 class AdapterStack(nn.Module):
-    """Adapters of `count` textures: `scales[l]` and `biases[l]` [count, hidden_width] for hidden layer l (docs/reference/codecs.md).
+    """Adapters of `count` textures while they are trained: `scales[l]` and `biases[l]` [count, hidden_width] for hidden layer l.
 
-    Where adapters hold an output layer, `output` is what it has besides the output layer of the decoder: both are added,
-    so that textures learn together what they share.
+    With `adapter_output`, `output` is the difference from the decoder's output layer: the two are added, so that the textures of a
+    group train a common part together.
     """
 
     def __init__(self, config: GridConfig, count: int) -> None:
@@ -43,7 +43,7 @@ class AdapterStack(nn.Module):
         """Weight [count, outputs, inputs] and bias [count, outputs], or nothing."""
 
     def load(self, adapters: Sequence[Adapter]) -> None:
-        """Copy the adapters of a pack, for decoders whose output layer is 0 where adapters have their own."""
+        """Copy the adapters of a pack. If they hold an output layer, the decoders' must be 0."""
         for index, adapter in enumerate(adapters):
             self.set(index, adapter)
 
@@ -53,22 +53,22 @@ class AdapterStack(nn.Module):
             for layer in range(len(self.scales)):
                 self.scales[layer][index] = torch.from_numpy(adapter.scales[layer].copy())
                 self.biases[layer][index] = torch.from_numpy(adapter.biases[layer].copy())
-            for own, stored in zip(self.output, (adapter.output_weight, adapter.output_bias), strict=False):
+            for parameter, stored in zip(self.output, (adapter.output_weight, adapter.output_bias), strict=False):
                 if stored is not None:
-                    own[index] = torch.from_numpy(stored.copy())
+                    parameter[index] = torch.from_numpy(stored.copy())
 
     def export(self, decoders: "DecoderStack", decoder: Tensor) -> tuple[Adapter, ...]:
         """Return the adapters as numpy arrays, rounded to half precision; row t specialises decoder `decoder`[t]."""
         parts = [torch.stack(list(values), dim=1) for values in (self.scales, self.biases)]
         if self.output:
             shared = (decoders.weights[-1], decoders.biases[-1])
-            parts += [own + common[decoder] for own, common in zip(self.output, shared, strict=True)]
+            parts += [difference + common[decoder] for difference, common in zip(self.output, shared, strict=True)]
         stacked = [_as_halves(part) for part in parts]
         return tuple(Adapter(*(values.copy() for values in row)) for row in zip(*stacked, strict=True))
 
 
 class DecoderStack(nn.Module):
-    """`count` decoders of one shape. Layer l has `weights[l]` [count, outputs, inputs] and `biases[l]` [count, outputs]."""
+    """`count` decoders while they are trained. Layer l has `weights[l]` [count, outputs, inputs] and `biases[l]` [count, outputs]."""
 
     def __init__(self, config: GridConfig, count: int, generator: torch.Generator) -> None:
         super().__init__()
@@ -79,7 +79,7 @@ class DecoderStack(nn.Module):
         gain = math.sqrt(2.0 / (1.0 + config.leaky_slope**2))
         for index, (outputs, inputs) in enumerate(config.layer_shapes):
             last = index + 1 == len(config.layer_shapes)
-            # Kaiming for the LeakyReLU layers (reading of the paper); the output layer is linear and starts near mid-grey.
+            # Kaiming initialisation for the LeakyReLU layers. The output layer is linear and starts near mid-grey.
             deviation = (1.0 if last else gain) / math.sqrt(inputs)
             weight = torch.randn(count, outputs, inputs, generator=generator) * deviation
             self.weights.append(nn.Parameter(weight))
@@ -88,28 +88,30 @@ class DecoderStack(nn.Module):
     def layers(
         self, decoder: Tensor, adapters: AdapterStack | None = None, textures: Tensor | None = None
     ) -> list[Layer]:
-        """Return the layers that row t of a batch goes through: those of decoder `decoder`[t], specialised by adapter `textures`[t],
-        or t where that is None."""
-        own: Callable[[Tensor], Tensor] = (lambda rows: rows) if textures is None else (lambda rows: rows[textures])
+        """Return the layers for row t of a batch: those of decoder `decoder`[t], specialised by adapter `textures`[t] (None: adapter
+        t)."""
+        of_textures: Callable[[Tensor], Tensor] = (
+            (lambda rows: rows) if textures is None else (lambda rows: rows[textures])
+        )
         choice = nn.functional.one_hot(decoder, len(self.weights[0])).to(self.weights[0].dtype)
-        found: list[Layer] = []
+        layers: list[Layer] = []
         for index, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            # A product with ones and zeros: its way back is a product too, many times faster than index_select's.
+            # A product with a one-hot matrix: its gradient is a product too, many times faster than that of index_select.
             chosen = (choice @ weight.flatten(1)).view(-1, *weight.shape[1:])
             offset = choice @ bias
             if adapters is not None and index + 1 < len(self.weights):
-                # Rows of the small matrix are scaled instead of the many values that it makes.
-                chosen = chosen * own(adapters.scales[index]).unsqueeze(2)
-                offset = own(adapters.biases[index])
+                # Scale the rows of the small matrix instead of its many outputs.
+                chosen = chosen * of_textures(adapters.scales[index]).unsqueeze(2)
+                offset = of_textures(adapters.biases[index])
             elif adapters is not None and adapters.output:
-                chosen, offset = chosen + own(adapters.output[0]), offset + own(adapters.output[1])
-            found.append((chosen.transpose(1, 2), offset.unsqueeze(1)))
-        return found
+                chosen, offset = chosen + of_textures(adapters.output[0]), offset + of_textures(adapters.output[1])
+            layers.append((chosen.transpose(1, 2), offset.unsqueeze(1)))
+        return layers
 
     def forward(self, inputs: Tensor, decoder: Tensor, adapters: AdapterStack | None = None) -> Tensor:
-        """Return [T, N, outputs] for `inputs` [T, N, decoder_inputs], row t decoded by decoder `decoder`[t]; not clamped.
+        """Run the network: [T, N, outputs], not clamped, for `inputs` [T, N, decoder_inputs].
 
-        Row t is specialised by adapter t.
+        Row t goes through decoder `decoder`[t], specialised by adapter t.
         """
         values = inputs
         layers = self.layers(decoder, adapters)
@@ -132,13 +134,13 @@ class DecoderStack(nn.Module):
                 bias[index] = torch.from_numpy(decoder.biases[layer].copy())
 
     def clear_output(self) -> None:
-        """Set output layers to 0: where adapters have their own, those are the whole of it."""
+        """Set the output layers to 0, for adapters of a pack, whose output layers are complete."""
         with torch.no_grad():
             self.weights[-1].zero_()
             self.biases[-1].zero_()
 
     def export(self) -> tuple[GridDecoder, ...]:
-        """Return the decoders as numpy arrays, exact in the precision in which the codec stores them."""
+        """Return the decoders as numpy arrays, rounded to the precision that the codec stores."""
 
         def stored(values: Tensor) -> NDArray[np.float32]:
             return _as_halves(values) if self._in_half else np.asarray(values.detach().cpu().numpy(), np.float32)
@@ -152,7 +154,7 @@ class DecoderStack(nn.Module):
 
 
 def level_waves(table: PyramidTable, texture: Tensor, uv: Tensor, level: Tensor, octaves: int) -> Tensor:
-    """Return [N, 4 octaves] triangle waves of the texel coordinate at whole `level` [N]. `table` holds texel sizes."""
+    """Return [N, 4 octaves] triangle waves of the texel coordinate at integer `level` [N]. `table` holds texel sizes."""
     size = torch.stack([table.width[texture, level], table.height[texture, level]], dim=-1)
     texel = (uv * size)[:, :, None, None]
     octave = 2.0 ** -torch.arange(1, octaves + 1, device=uv.device, dtype=uv.dtype)[None, None, :, None]
@@ -171,12 +173,12 @@ def positional_encoding(table: PyramidTable, texture: Tensor, uv: Tensor, lod: T
 
 
 def with_lod(waves: Tensor, lod: Tensor, config: GridConfig) -> Tensor:
-    """Return [N, rest]: positional encoding `waves` and, where the codec has it, the lod input of `lod` [N]."""
+    """Return [N, rest]: the positional encoding `waves`, and `lod` [N] scaled if the codec has a lod input."""
     return torch.cat([waves, lod[:, None] * LOD_INPUT_SCALE], dim=-1) if config.lod_inputs else waves
 
 
 class TorchGrid(TorchTexels):
-    """Decodes the textures of one pack on one torch device. What a texture needs stays there once it was decoded."""
+    """Decoder of one pack on one torch device. Data of a texture stay on the device after its first decode."""
 
     texels_at_once = 1 << 17
 
@@ -188,14 +190,14 @@ class TorchGrid(TorchTexels):
     ) -> None:
         """`interruption` is called before each piece of an image; what it raises ends the decode."""
         super().__init__(pack, device, interruption)
-        own = grid_parts(pack)
-        self._config, self._textures = own.config, own.textures
-        self._decoders = DecoderStack(own.config, len(pack.decoders), torch.Generator().manual_seed(0))
-        self._decoders.load(own.decoders)
-        if own.config.adapter_output:
+        parts = grid_parts(pack)
+        self._config, self._textures = parts.config, parts.textures
+        self._decoders = DecoderStack(parts.config, len(pack.decoders), torch.Generator().manual_seed(0))
+        self._decoders.load(parts.decoders)
+        if parts.config.adapter_output:
             self._decoders.clear_output()
         self._decoders.to(self._device)
-        self._adapters = [self._adapter(texture) for texture in own.textures]
+        self._adapters = [self._adapter(texture) for texture in parts.textures]
         self._tables: dict[tuple[int, tuple[bool, bool]], tuple[PyramidTable, PyramidTable]] = {}
         self._latents: dict[int, tuple[Tensor, Tensor, Tensor]] = {}
 
@@ -207,7 +209,7 @@ class TorchGrid(TorchTexels):
         return stack.to(self._device)
 
     def _tables_of(self, index: int, wrap: tuple[WrapMode, WrapMode]) -> tuple[PyramidTable, PyramidTable]:
-        """Return the layout of cells and of texels of all levels of a texture."""
+        """Return the sizes and offsets of all levels of a texture, in cells and in texels."""
         repeats = (wrap[0] == "repeat", wrap[1] == "repeat")
         if (index, repeats) not in self._tables:
             texture = self._textures[index]
@@ -221,7 +223,7 @@ class TorchGrid(TorchTexels):
         return self._tables[index, repeats]
 
     def _latents_of(self, index: int) -> tuple[Tensor, Tensor, Tensor]:
-        """Return [cells, channels] as stored, scale and offset [channels] of a texture."""
+        """Return (stored latents [cells, channels], scale [channels], offset [channels]) of a texture."""
         if index not in self._latents:
             texture = self._textures[index]
             latents, scale, offset = (
@@ -250,5 +252,5 @@ class TorchGrid(TorchTexels):
         return decode
 
     def decode_image(self, texture_index: int, level: int = 0) -> NDArray[np.uint8]:
-        """Return [h, w, channels] uint8 in the texture's colour space: mip `level`, decoded at its texel centres."""
+        """Return mip `level` decoded at its texel centres, [h, w, channels] uint8 in the texture's colour space."""
         return image_of_texels(self._pack, texture_index, level, self.decode_texels)

@@ -1,1 +1,1 @@
-"""Bounds of the distance between decoded values and exact ones (docs/explanation/accuracy.md)."""
+"""Accuracy of decoding: certified error bounds, rescaling, and the choice of a precision (docs/explanation/accuracy.md)."""

@@ -1,5 +1,7 @@
-"""Bounds of the distance of a decoded value from the exact one: of a texture from weights alone, of a texel from the numbers that its
-decoding meets (docs/explanation/accuracy.md). Arrays of neurons may have a leading axis of texels.
+"""Certified bounds of decoding errors: how far a decoded value can be from the one in exact arithmetic.
+
+`texture_bounds` needs the weights alone and holds at every texel. `running_bounds` uses the sums at single texels and is much tighter.
+Arrays of neurons may have a leading axis of texels. Derivation: docs/explanation/accuracy.md#derivation.
 """
 
 import math
@@ -18,9 +20,9 @@ from ntc.codec.model import Pack
 
 Array = NDArray[np.float64]
 HALF_UNIT = 2.0**-11 * (1.0 + 2.0**-10)
-"""Relative error of a rounding to a half, and a little more: emulated halves round to fp32 first."""
+"""Relative error of a rounding to a half. The second factor is for emulated halves, which round to fp32 first."""
 SMALLEST_HALF_ERROR = 2.0**-25
-"""Error of a half below 2^-14, where halves lie 2^-24 apart."""
+"""Largest rounding error of a half below 2^-14, where halves lie 2^-24 apart."""
 SMALLEST_SINGLE = 2.0**-126
 """fp32 numbers below this may count as 0."""
 LARGEST_SINGLE = 3.0e38
@@ -28,7 +30,7 @@ LARGEST_SINGLE = 3.0e38
 
 @dataclass(frozen=True)
 class Rounding:
-    """A result is off by at most `unit` of its magnitude plus `smallest`."""
+    """Model of a rounding: a result is off by at most `unit` times its magnitude, plus `smallest`."""
 
     unit: float
     smallest: float
@@ -40,7 +42,7 @@ HALF = Rounding(HALF_UNIT, SMALLEST_HALF_ERROR)
 
 @dataclass(frozen=True)
 class Arithmetic:
-    """The roundings of a precision."""
+    """The roundings that decoding in one precision makes."""
 
     stored_as_half: bool
     products: Rounding
@@ -62,7 +64,7 @@ ARITHMETIC: Mapping[Precision, Arithmetic] = {
 
 @dataclass(frozen=True, eq=False)
 class Layer:
-    """scale * (weight x) + bias, exactly and as it is stored."""
+    """One layer, scale * (weight x) + bias, with exact numbers and with the stored ones."""
 
     weight: Array
     bias: Array
@@ -79,7 +81,7 @@ def _stored(values: NDArray[np.float32], arithmetic: Arithmetic) -> Array:
 
 
 def decoder_layers(decoder: GridDecoder, adapter: Adapter | None, arithmetic: Arithmetic) -> list[Layer]:
-    """Return the three layers of `decoder` as `adapter` specialises them."""
+    """Return the three layers of `decoder`, specialised by `adapter`, exact and as `arithmetic` stores them."""
     layers = []
     for weight, scale, bias in specialised_layers(decoder, adapter):
         exact = (weight.astype(np.float64), bias.astype(np.float64), None if scale is None else scale.astype(float))
@@ -93,19 +95,23 @@ class LayerSums:
     """Bounds of a layer's computed sums."""
 
     local: Array
-    """[outputs] what storage and rounding of this layer add to their error."""
+    """[outputs] error that storage and rounding in this layer add."""
     largest: Array
-    """[outputs] bound of every partial sum."""
+    """[outputs] largest magnitude of any partial sum."""
 
 
 def layer_sums(layer: Layer, products: Array, storage: Array, inputs: int, arithmetic: Arithmetic) -> LayerSums:
-    """Return the sums of a layer. `products` [outputs]: sums of magnitudes of stored weights times inputs; `storage`: the same of
-    changes by storing."""
-    own = layer.scale is None or layer.stored_scale is None
+    """Return bounds of a layer's sums.
+
+    `products` [outputs] are sums over `inputs` inputs of |stored weight| * |input|; `storage` [outputs] are the same sums of
+    |exact weight - stored weight| * |input|.
+    """
+    # Rules 1 to 4 of the derivation. A sum of n products, in any order, is off by gamma_n = n u / (1 - n u) of the sum of
+    # their magnitudes (N. Higham, Accuracy and Stability of Numerical Algorithms, 2002, lemma 3.1).
+    sum_has_bias = layer.scale is None or layer.stored_scale is None
     bias = np.abs(layer.stored_bias)
-    total = products + bias if own else products
+    total = products + bias if sum_has_bias else products
     of_products = arithmetic.products.unit * products + inputs * arithmetic.products.smallest
-    # Any order of n additions: each rounding is of a partial sum, and no path through them is longer than n.
     unit = inputs * arithmetic.sums.unit
     growth = unit / (1.0 - unit) if unit < 1.0 else math.inf
     of_sums = growth * (total + of_products) + inputs * SMALLEST_SINGLE
@@ -119,12 +125,12 @@ def layer_sums(layer: Layer, products: Array, storage: Array, inputs: int, arith
     of_scaling = rounding.unit * scaled + rounding.smallest
     adapted = scaled + of_scaling + bias
     of_bias = rounding.unit * adapted + rounding.smallest
-    own_error = np.abs(layer.scale) * local + changed_scale * largest + of_scaling + of_bias + changed_bias
-    return LayerSums(own_error, np.maximum(largest, adapted + of_bias))
+    adapted_error = np.abs(layer.scale) * local + changed_scale * largest + of_scaling + of_bias + changed_bias
+    return LayerSums(adapted_error, np.maximum(largest, adapted + of_bias))
 
 
 def sums_of_values(layer: Layer, largest: Array, arithmetic: Arithmetic) -> LayerSums:
-    """Return sums of a layer that reads values of at most the magnitudes `largest` [..., inputs]."""
+    """Return bounds of a layer's sums for inputs whose magnitudes are at most `largest` [..., inputs]."""
     changed = np.abs(layer.weight - layer.stored_weight) + SMALLEST_SINGLE
     products, storage = largest @ np.abs(layer.stored_weight).T, largest @ changed.T
     return layer_sums(layer, products, storage, layer.weight.shape[1], arithmetic)
@@ -132,21 +138,24 @@ def sums_of_values(layer: Layer, largest: Array, arithmetic: Arithmetic) -> Laye
 
 @dataclass(frozen=True, eq=False)
 class Hidden:
-    """Hidden values after LeakyReLU."""
+    """Bounds of a layer's hidden values, after LeakyReLU."""
 
     low: Array
+    """[neurons] smallest exact value."""
     high: Array
+    """[neurons] largest exact value."""
     slope_low: Array
-    """[neurons] smallest slope that an error in the sum can meet on its way out: 1 or the leaky slope."""
+    """[neurons] smallest factor by which the activation can multiply an error of the sum: 1 or the leaky slope."""
     slope_high: Array
+    """[neurons] largest such factor."""
     rounding: Array
-    """[neurons] what the activation itself adds to the error."""
+    """[neurons] error that the activation itself adds."""
     largest: Array
     """[neurons] largest magnitude of the computed value."""
 
     @property
     def slope(self) -> Array:
-        """[neurons] slope that an error meets, up to `slope_doubt`."""
+        """[neurons] centre of the range of slopes."""
         return (self.slope_low + self.slope_high) / 2.0
 
     @property
@@ -160,11 +169,11 @@ def _leaky(values: Array, slope: float) -> Array:
 
 
 def hidden_values(low: Array, high: Array, error: Array, slope: float, arithmetic: Arithmetic) -> Hidden:
-    """Return the activation of sums in [`low`, `high`] that are off by at most `error`."""
+    """Return bounds after the activation, for exact sums in [`low`, `high`] that are off by at most `error`."""
     rounding = arithmetic.sums
-    kept = float(np.float16(slope)) if rounding is HALF else float(np.float32(slope))
+    stored_slope = float(np.float16(slope)) if rounding is HALF else float(np.float32(slope))
     below = np.maximum(error - low, 0.0)
-    of_slope = below * (abs(kept - slope) + rounding.unit * kept) + rounding.smallest
+    of_slope = below * (abs(stored_slope - slope) + rounding.unit * stored_slope) + rounding.smallest
     ends = np.stack([_leaky(low - error, slope), _leaky(high + error, slope)])
     largest = np.abs(ends).max(axis=0) + of_slope
     # Sums that are halves already are not rounded again.
@@ -184,43 +193,48 @@ def effective_weight(layer: Layer) -> Array:
     return layer.weight if layer.scale is None else layer.scale[:, None] * layer.weight
 
 
-OWN_ROUNDING = 1.0 + 1e-9
-"""Factor for the roundings of these float64 sums themselves."""
+FLOAT64_ROUNDING = 1.0 + 1e-9
+"""Factor that covers the roundings of this file's float64 arithmetic."""
 
 
 @dataclass(frozen=True)
 class ErrorBound:
-    """Bounds of a texture in one precision; of a pack, the worst of its textures."""
+    """Error bounds of a texture in one precision, or of a pack: the worst of its textures."""
 
     error: float
-    """Largest difference from the exact decode, in [0, 1] of the colour space; 1, the largest possible, where numbers may overflow."""
+    """Largest difference from the exact decode, in [0, 1] of the colour space. It is 1 where numbers may overflow."""
     position: float
-    """The part of `error` that comes from inputs, most of it because positions are fp32 numbers."""
+    """Part of `error` that comes from the inputs, mostly from positions in fp32."""
     activations: tuple[float, float, float]
-    """Largest magnitude of any sum in the first, second and third layer, in whatever order it is summed."""
+    """Largest magnitude of any partial sum in the first, second and third layer, in any order of summation."""
     overflows: bool
-    """True if a number may leave the range of the format it is kept in."""
+    """True if a number may leave the range of its format."""
 
 
 def _bound(
     layers: list[Layer], bounds: InputBounds, slope: float, arithmetic: Arithmetic, channels: list[int]
 ) -> ErrorBound:
+    # Certified bound by interval arithmetic. Each layer turns ranges of exact inputs into ranges of exact sums. It also adds a
+    # local error: storage of weights, and rounding of products, sums and activation. A local error reaches the output through the
+    # later layers, each neuron of which multiplies it by a slope in [leaky slope, 1]. All errors of a neuron meet the same slope,
+    # so weights are combined across layers before magnitudes are taken; signs then cancel. A slope that the range leaves open is
+    # written as centre +- doubt. Derivation and tightness: docs/explanation/accuracy.md#derivation.
     first, second, third = layers
-    read = bounds.error
+    input_error = bounds.error
     if arithmetic.factors_are_half:
-        read = read + HALF.unit * (bounds.magnitude + bounds.error) + HALF.smallest
-    # First layer: inputs lie in a box, waves in pairs.
+        input_error = input_error + HALF.unit * (bounds.magnitude + bounds.error) + HALF.smallest
+    # First layer: latents and lod lie in a box; of the two phases of a wave, only one can be at its largest.
     weight_1 = effective_weight(first)
     centre = weight_1 @ ((bounds.low + bounds.high) / 2.0) + first.bias
     radius = bounds.spread(weight_1)
     sums_1 = layer_sums(
         first,
-        bounds.largest_sum(first.stored_weight, read),
-        bounds.largest_sum(np.abs(first.weight - first.stored_weight) + SMALLEST_SINGLE, read),
+        bounds.largest_sum(first.stored_weight, input_error),
+        bounds.largest_sum(np.abs(first.weight - first.stored_weight) + SMALLEST_SINGLE, input_error),
         first.weight.shape[1],
         arithmetic,
     )
-    from_inputs_1 = np.abs(weight_1) @ read
+    from_inputs_1 = np.abs(weight_1) @ input_error
     error_1 = from_inputs_1 + sums_1.local
     hidden_1 = hidden_values(centre - radius, centre + radius, error_1, slope, arithmetic)
     carried_1 = hidden_1.slope_high * error_1 + hidden_1.rounding
@@ -233,7 +247,7 @@ def _bound(
     hidden_2 = hidden_values(centre - radius, centre + radius, error_2, slope, arithmetic)
     # Third layer.
     sums_3 = sums_of_values(third, hidden_2.largest, arithmetic)
-    # Errors on their way out meet slopes, the same for all of them: so weights are summed up before magnitudes are taken.
+    # reach_l: by how much an error at the sums of layer l (0: at the inputs) can change each output.
     middle_2, half_2 = hidden_2.slope, hidden_2.slope_doubt
     middle = (third.weight * middle_2) @ weight_2
     spread = (np.abs(third.weight) * half_2) @ np.abs(weight_2)
@@ -242,7 +256,7 @@ def _bound(
     reach_0 = np.abs((middle * middle_1) @ weight_1) + (
         np.abs(middle) * half_1 + spread * hidden_1.slope_high
     ) @ np.abs(weight_1)
-    position = reach_0 @ read
+    position = reach_0 @ input_error
     error = (
         position
         + reach_1 @ (hidden_1.slope_high * sums_1.local + hidden_1.rounding)
@@ -256,35 +270,35 @@ def _bound(
         halves = singles
     elif arithmetic.factors_are_half:
         halves = max(
-            float((np.abs(first.stored_weight) * (bounds.magnitude + read)).max()),
+            float((np.abs(first.stored_weight) * (bounds.magnitude + input_error)).max()),
             float((np.abs(second.stored_weight) * hidden_1.largest).max()),
             float((np.abs(third.stored_weight) * hidden_2.largest).max()),
             float(hidden_1.largest.max()),
             float(hidden_2.largest.max()),
         )
     if arithmetic.factors_are_half:
-        halves = max(halves, float((bounds.magnitude + read).max()))
+        halves = max(halves, float((bounds.magnitude + input_error).max()))
     overflows = not (halves <= LARGEST_HALF and singles <= LARGEST_SINGLE)
-    worst = float(error[channels].max()) * OWN_ROUNDING
+    worst = float(error[channels].max()) * FLOAT64_ROUNDING
     if overflows or not worst < 1.0:
         worst = 1.0
-    inputs = min(float(position[channels].max()) * OWN_ROUNDING, worst)
+    inputs = min(float(position[channels].max()) * FLOAT64_ROUNDING, worst)
     return ErrorBound(worst, inputs, (activations[0], activations[1], activations[2]), overflows)
 
 
 def texture_bound(pack: Pack, texture_index: int, precision: Precision) -> ErrorBound:
-    """Return the bounds of the pack's texture `texture_index`, with weights unchanged: `pack` comes from `rescale.stored_pack`."""
+    """Return the error bounds of texture `texture_index` of `pack`, which `rescale.stored_pack` returned."""
     texture = grid_parts(pack).textures[texture_index]
     arithmetic = ARITHMETIC[precision]
     layers = decoder_layers(grid_parts(pack).decoders[texture.group], texture.adapter, arithmetic)
     bounds = input_bounds(texture, grid_parts(pack).config)
-    # Sums that leave float64 are sums that leave fp32.
+    # A sum beyond float64 is beyond fp32 too, which `_bound` reports as an overflow.
     with np.errstate(over="ignore", invalid="ignore"):
         return _bound(layers, bounds, grid_parts(pack).config.leaky_slope, arithmetic, texture.places(pack.config))
 
 
 def worst_of(bounds: list[ErrorBound]) -> ErrorBound:
-    """Return the largest of each bound; zeros for an empty list."""
+    """Return the largest value of each field over `bounds`; zeros for an empty list."""
     if not bounds:
         return ErrorBound(0.0, 0.0, (0.0, 0.0, 0.0), False)
     activations = np.array([bound.activations for bound in bounds]).max(axis=0)
@@ -297,48 +311,50 @@ def worst_of(bounds: list[ErrorBound]) -> ErrorBound:
 
 
 def texture_bounds(pack: Pack, precision: Precision, rescale: bool = True) -> list[ErrorBound]:
-    """Return the bounds of every texture of `pack`, decoded in `precision`. Without `rescale`, weights are stored unscaled."""
+    """Return the error bounds of every texture of `pack` in `precision`. Without `rescale`, weights are stored unscaled."""
     stored = stored_pack(pack, precision) if rescale else pack
     return [texture_bound(stored, index, precision) for index in range(len(pack.textures))]
 
 
 def pack_bounds(pack: Pack) -> dict[Precision, ErrorBound]:
-    """Return the worst of all textures of `pack`, by precision."""
+    """Return the error bounds of `pack`, the worst of its textures, by precision."""
     return {precision: worst_of(texture_bounds(pack, precision)) for precision in get_args(Precision)}
 
 
 def _running(layers: list[Layer], inputs: Array, error: Array, slope: float, arithmetic: Arithmetic) -> Array:
-    """Return [N, outputs] bounds for exact `inputs` [N, decoder_inputs] that are read with at most `error` [decoder_inputs]."""
+    """Return [N, outputs] error bounds for exact `inputs` [N, decoder_inputs] that are off by at most `error` [decoder_inputs]."""
+    # Running error analysis (Higham 2002, section 3.3): as `_bound`, but with the exact sums of each texel instead of ranges.
+    # So most signs, and with them the slopes of the activations, are known.
     first, second, third = layers
     weight_1, weight_2 = effective_weight(first), effective_weight(second)
-    read = np.broadcast_to(error, inputs.shape)
+    input_error = np.broadcast_to(error, inputs.shape)
     if arithmetic.factors_are_half:
-        read = read + HALF.unit * (np.abs(inputs) + read) + HALF.smallest
-    magnitude = np.abs(inputs) + read
+        input_error = input_error + HALF.unit * (np.abs(inputs) + input_error) + HALF.smallest
+    magnitude = np.abs(inputs) + input_error
     sums_1 = sums_of_values(first, magnitude, arithmetic)
     exact = inputs @ weight_1.T + first.bias
-    error_1 = read @ np.abs(weight_1).T + sums_1.local
+    error_1 = input_error @ np.abs(weight_1).T + sums_1.local
     hidden_1 = hidden_values(exact, exact, error_1, slope, arithmetic)
     sums_2 = sums_of_values(second, hidden_1.largest, arithmetic)
     exact = hidden_1.low @ weight_2.T + second.bias
     error_2 = (hidden_1.slope_high * error_1 + hidden_1.rounding) @ np.abs(weight_2).T + sums_2.local
     hidden_2 = hidden_values(exact, exact, error_2, slope, arithmetic)
     sums_3 = sums_of_values(third, hidden_2.largest, arithmetic)
-    # Where a sum is so near 0 that its sign may differ, the slope is known up to `doubt` only.
+    # Where the error may change the sign of a sum, its slope is known up to `doubt` only.
     slope_1, doubt_1 = hidden_1.slope, hidden_1.slope_doubt
     slope_2, doubt_2 = hidden_2.slope, hidden_2.slope_doubt
-    own_1 = slope_1 * sums_1.local + doubt_1 * error_1 + hidden_1.rounding
-    own_2 = slope_2 * sums_2.local + doubt_2 * error_2 + hidden_2.rounding
-    result = sums_3.local + own_2 @ np.abs(third.weight).T
+    local_1 = slope_1 * sums_1.local + doubt_1 * error_1 + hidden_1.rounding
+    local_2 = slope_2 * sums_2.local + doubt_2 * error_2 + hidden_2.rounding
+    result = sums_3.local + local_2 @ np.abs(third.weight).T
     for output, weight_3 in enumerate(third.weight):
         reach_1 = (slope_2 * weight_3) @ weight_2
         reach_0 = (slope_1 * reach_1) @ weight_1
-        result[:, output] += np.einsum("ni,ni->n", np.abs(reach_0), read)
-        result[:, output] += np.einsum("ni,ni->n", np.abs(reach_1), own_1)
+        result[:, output] += np.einsum("ni,ni->n", np.abs(reach_0), input_error)
+        result[:, output] += np.einsum("ni,ni->n", np.abs(reach_1), local_1)
     limit = LARGEST_HALF if arithmetic.factors_are_half else LARGEST_SINGLE
     largest = np.max([sums.largest.max(axis=1) for sums in (sums_1, sums_2, sums_3)], axis=0)
     fits = (largest <= limit) & (magnitude.max(axis=1) <= limit)
-    return np.where(fits[:, None] & (result < 1.0), result * OWN_ROUNDING, 1.0)
+    return np.where(fits[:, None] & (result < 1.0), result * FLOAT64_ROUNDING, 1.0)
 
 
 def running_bounds(
@@ -346,8 +362,8 @@ def running_bounds(
 ) -> Array:
     """Return [N, channels] largest differences from the exact decode at `uv` [N, 2] and `lod` [N], where both are fp32 numbers.
 
-    `stored` is what `ntc.codec.grid.accuracy.rescale.stored_pack` gave; a decoder may read a `lod` that is off by `lod_error`.
-    1 where numbers may overflow.
+    `stored` comes from `ntc.codec.grid.accuracy.rescale.stored_pack`. The decoder's lod may be off by `lod_error`.
+    The bound is 1 where numbers may overflow.
     """
     texture = grid_parts(stored).textures[texture_index]
     arithmetic = ARITHMETIC[precision]

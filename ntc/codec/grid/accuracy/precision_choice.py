@@ -1,4 +1,7 @@
-"""Choosing a precision: the fastest one whose error is not visible. Halves are rounded as in shaders/ntc/half.glsl, with numpy."""
+"""Precision `auto`: the fastest precision whose error is not visible.
+
+Errors are measured with a decoder in numpy that rounds to halves as shaders/ntc/half.glsl does.
+"""
 
 from collections.abc import Sequence
 
@@ -19,23 +22,23 @@ Single = NDArray[np.float32]
 
 
 def to_half(values: Single) -> Single:
-    """Return `values` rounded to the nearest half, ties to even; infinite beyond the range of halves."""
+    """Round `values` to the nearest half, ties to even; infinite beyond the range of halves."""
     with np.errstate(over="ignore"):
         return values.astype(np.float16).astype(np.float32)
 
 
 def as_stored(weights: Single) -> Single:
-    """Return `weights` as halves; those beyond the range of halves become the largest one, as on the GPU."""
+    """Round `weights` to halves; those beyond the range of halves become the largest half, as on the GPU."""
     return to_half(np.clip(weights, -LARGEST_HALF, LARGEST_HALF))
 
 
 def run_decoder_in_half(
     decoder: GridDecoder, inputs: Single, leaky_slope: float, adapter: Adapter | None = None, accumulate: bool = False
 ) -> Single:
-    """Return [N, outputs] float32, not clamped, for `inputs` [N, decoder_inputs].
+    """Run the network in half precision: [N, outputs] float32, not clamped, for `inputs` [N, decoder_inputs].
 
-    Products of hidden layers are halves. With `accumulate` their sums are, too, two for each neuron: of inputs with even and with odd
-    numbers. Outputs are computed in single precision.
+    Products of hidden layers are halves. With `accumulate`, sums are halves too: two for each neuron, one over the inputs with even
+    numbers and one over the others. The output layer is computed in single precision.
     """
     rounded = to_half if accumulate else (lambda values: values)
     slope = rounded(np.full(1, leaky_slope, np.float32))
@@ -47,14 +50,14 @@ def run_decoder_in_half(
         start = np.broadcast_to(first_sum, (len(values), len(weight))).astype(np.float32)
         halves = [start, np.zeros_like(start)]
         for column in range(weight.shape[1]):
-            own = column % 2 if accumulate else 0
-            halves[own] = rounded(halves[own] + to_half(values[:, column, None] * weight[:, column]))
+            parity = column % 2 if accumulate else 0
+            halves[parity] = rounded(halves[parity] + to_half(values[:, column, None] * weight[:, column]))
         sums = rounded(halves[0] + halves[1])
         if scale is not None:
             sums = rounded(rounded(as_stored(scale) * sums) + as_stored(bias))
         sums = np.maximum(sums, rounded(slope * sums))
         values = to_half(sums)
-    # What the last hidden layer gives is not rounded before it is multiplied.
+    # The last hidden values are not rounded: the output layer multiplies in single precision.
     result: Single = sums @ as_stored(last_weight).T + as_stored(last_bias)
     return result
 
@@ -67,9 +70,9 @@ def decode_texels_in_half(
     accumulate: bool,
     rescale: bool = True,
 ) -> Single:
-    """Return [N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N], as `ntc.codec.reference.decode_texels`, in half precision.
+    """Decode in half precision: [N, channels] float32 in [0, 1] at `uv` [N, 2] and `lod` [N].
 
-    With `rescale`, as the viewer does, weights are rescaled so that nothing overflows (`rescale`); NaN becomes 0.
+    With `rescale`, weights are rescaled as in the viewer, to avoid overflow. NaN becomes 0.
     """
     if rescale:
         pack = stored_pack(pack, "fp16-accumulate" if accumulate else "fp16-arithmetic")
@@ -87,9 +90,10 @@ HALF_STEP = 0.5 / 255.0
 MEASURED_TEXELS = 4096
 """Texels of all textures together that are decoded to measure an error."""
 LEAST_OF_A_TEXTURE = 32
+"""Texels of each texture that are measured, however many textures there are."""
 UNMEASURED_FACTOR = 3.0
-"""The error of a texel that was not measured is taken to be at most this many times the largest measured one: 1.6 to 2.4 times
-were found (docs/explanation/accuracy.md)."""
+"""Assumed ratio of the largest error of all texels to the largest measured one. On whole images it was 1.6 to 2.4
+(docs/explanation/accuracy.md)."""
 
 
 def _stored_adapter(adapter: Adapter | None) -> Adapter | None:
@@ -101,59 +105,57 @@ def _stored_adapter(adapter: Adapter | None) -> Adapter | None:
 
 
 def sampled_places(pack: Pack, texture_index: int, count: int, random: np.random.Generator) -> tuple[Array, Array]:
-    """Return random places ([N, 2] uv, [N] lod) over one texture, float64 numbers that are fp32 exactly."""
+    """Return random places ([N, 2] uv, [N] lod) on one texture: float64 numbers that fp32 holds exactly."""
     texture = grid_parts(pack).textures[texture_index]
     levels = len(texture_levels(texture, pack.config))
     uv, lod = random.uniform(0.0, 1.0, (count, 2)), random.uniform(0.0, levels - 1, count)
     return uv.astype(np.float32).astype(np.float64), lod.astype(np.float32).astype(np.float64)
 
 
-def _each(pack: Pack, texels: int) -> int:
+def _texels_of_each(pack: Pack, texels: int) -> int:
     return max(LEAST_OF_A_TEXTURE, texels // max(1, len(pack.textures)))
 
 
 def sampled_bound(pack: Pack, precision: Precision, texels: int = MEASURED_TEXELS, seed: int = 0) -> float:
-    """Return the largest certified error of `texels` single texels (`ntc.codec.grid.accuracy.error_bound`), without decoding them."""
+    """Return the largest certified error at about `texels` random texels of `pack` (`error_bound.running_bounds`)."""
     random = np.random.default_rng(seed)
     stored, worst = stored_pack(pack, precision), 0.0
     for index in range(len(pack.textures)):
-        uv, lod = sampled_places(pack, index, _each(pack, texels), random)
+        uv, lod = sampled_places(pack, index, _texels_of_each(pack, texels), random)
         worst = max(worst, float(running_bounds(stored, index, uv, lod, precision).max()))
     return worst
 
 
 def measured_error(pack: Pack, precision: Precision, texels: int = MEASURED_TEXELS, seed: int = 0) -> float:
-    """Return the largest difference from float64 at random places and levels of detail of every texture, `texels` of them or a few
-    more.
+    """Return the largest difference from the float64 decode at about `texels` random places of `pack`, every texture among them.
 
-    For `fp32` and `fp16` the arithmetic is float64: what is measured is storage.
+    For `fp32` and `fp16` the arithmetic is float64, so only the error of stored weights is measured.
     """
     random = np.random.default_rng(seed)
     stored = stored_pack(pack, precision)
     worst = 0.0
     for index, texture in enumerate(grid_parts(pack).textures):
-        uv, lod = sampled_places(pack, index, _each(pack, texels), random)
+        uv, lod = sampled_places(pack, index, _texels_of_each(pack, texels), random)
         exact = decode_texels(pack, index, uv, lod)
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
-            found = decode_texels_in_half(stored, index, uv, lod, precision == "fp16-accumulate", rescale=False)
+            decoded = decode_texels_in_half(stored, index, uv, lod, precision == "fp16-accumulate", rescale=False)
         else:
             inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap)
-            own = grid_parts(stored).textures[index]
-            decoder, adapter = grid_parts(stored).decoders[texture.group], own.adapter
+            decoder = grid_parts(stored).decoders[texture.group]
+            adapter = grid_parts(stored).textures[index].adapter
             if precision == "fp16":
                 parts = (tuple(map(as_stored, part)) for part in (decoder.weights, decoder.biases))
                 decoder, adapter = GridDecoder(*parts), _stored_adapter(adapter)
-            found = np.clip(run_decoder(decoder, inputs, grid_parts(pack).config.leaky_slope, adapter), 0.0, 1.0)
-            found = found[:, texture.places(pack.config)]
-        worst = max(worst, float(np.abs(found - exact).max(initial=0.0)))
+            decoded = np.clip(run_decoder(decoder, inputs, grid_parts(pack).config.leaky_slope, adapter), 0.0, 1.0)
+            decoded = decoded[:, texture.places(pack.config)]
+        worst = max(worst, float(np.abs(decoded - exact).max(initial=0.0)))
     return worst
 
 
 def chosen_precision(pack: Pack, fastest_first: Sequence[Precision], limit: float = HALF_STEP) -> ChosenPrecision:
-    """Return the first of these precisions whose certified error is at most `limit`, or measured one well below it; fp32 needs
-    neither.
+    """Return the first precision whose certified error is at most `limit`, or whose measured error is well below it.
 
-    A precision in which numbers may overflow is never taken.
+    A precision in which numbers may overflow is never chosen. fp32 needs no proof.
     """
     for precision in fastest_first:
         if precision == "fp32":

@@ -1,7 +1,8 @@
-"""Powers of two moved from layer to layer, so that what is computed in halves stays in their range (docs/explanation/accuracy.md).
+"""Rescaling of decoders by powers of two, which keeps sums in the range of halves (docs/explanation/accuracy.md#rescaling).
 
-LeakyReLU(2^-k x) = 2^-k LeakyReLU(x): a hidden layer's weights and biases times 2^-k and the next layer's weights times 2^k
-decode the same, exactly, but for weights that leave the range of fp32. The ranges of a decoder's inputs are found first.
+LeakyReLU(2^-k x) = 2^-k LeakyReLU(x). So a hidden layer's weights and biases can be multiplied by 2^-k, and the next layer's weights
+by 2^k: the decoded values are exactly the same, unless a weight leaves the range of fp32. The exponents come from bounds of the sums,
+and those from the ranges of the decoder's inputs.
 """
 
 import math
@@ -20,21 +21,21 @@ Array = NDArray[np.float64]
 SINGLE_UNIT = 2.0**-24
 """Relative error of a rounding to fp32."""
 COORDINATE_ERROR = 2.0**-32
-"""Largest error of a wrapped coordinate, which shaders hold in such steps (shaders/ntc/position.glsl)."""
+"""Largest error of a wrapped coordinate: shaders hold it in steps of 2^-32 (shaders/ntc/position.glsl)."""
 
 
 @dataclass(frozen=True, eq=False)
 class InputBounds:
-    """Ranges of all inputs of a decoder, in its order, at any position and any level of detail of one texture."""
+    """Ranges of a decoder's inputs, in their order, over all positions and levels of detail of one texture."""
 
     low: Array
     """[inputs] smallest exact value."""
     high: Array
     """[inputs] largest exact value."""
     error: Array
-    """[inputs] largest difference between the exact value and the one that a shader computes in fp32."""
+    """[inputs] largest error of the value that a shader computes in fp32."""
     waves: slice
-    """The positional inputs: pairs of phases whose magnitudes sum to at most 1."""
+    """Positional inputs, in pairs of phases: the magnitudes of a pair sum to at most 1."""
 
     @property
     def magnitude(self) -> Array:
@@ -42,49 +43,49 @@ class InputBounds:
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
     def spread(self, weight: Array) -> Array:
-        """Return [N] half the range of `weight` [N, inputs] times the exact inputs."""
+        """Return [N]: half the range of `weight` [N, inputs] @ exact inputs."""
         radius = (self.high - self.low) / 2.0
         radius[self.waves] = 0.0
         return np.abs(weight) @ radius + self._waves(np.abs(weight), 1.0)
 
     def largest_sum(self, weight: Array, error: Array) -> Array:
-        """Return [N] largest sum of the magnitudes of the products of `weight` [N, inputs] with inputs that are off by `error`."""
+        """Return [N]: the largest sum of |weight| * |input| for `weight` [N, inputs] and inputs that are off by `error` [inputs]."""
         magnitude = self.magnitude + error
         magnitude[self.waves] = error[self.waves]
         return np.abs(weight) @ magnitude + self._waves(np.abs(weight), 1.0)
 
     def _waves(self, magnitudes: Array, largest: float) -> Array:
-        """Return [N] largest sum over the positional inputs: of each pair of phases only one can be at its largest."""
+        """Return [N]: the largest sum over the positional inputs. Of the two phases of a pair, only one can be at its largest."""
         pairs = magnitudes[:, self.waves].reshape(len(magnitudes), -1, len(PHASES))
         return np.asarray(pairs.max(axis=-1).sum(axis=-1) * largest)
 
 
 def _level_errors(level: LatentLevel, config: GridConfig) -> tuple[float, Array]:
-    """Return (error of a filtered stored latent in stored steps, [positional_inputs] errors of the waves) at one level."""
+    """Return (error of a filtered latent in steps of stored integers, [positional_inputs] errors of the waves) at one level."""
     stored = 0.0
     waves = []
     cells, texels = (level.width, level.height), (level.texel_width, level.texel_height)
     for axis in range(2):
         place = cells[axis] * COORDINATE_ERROR + SINGLE_UNIT
-        # With one cell the place is of no effect. Neighbouring cells differ by at most the largest stored number.
+        # With one cell the place has no effect. Neighbouring cells differ by at most the largest stored integer.
         stored += config.largest_stored * (place if cells[axis] > 1 else 0.0)
-        # Texels within the longest period, as fp32.
+        # Position in texels within the longest period, in fp32.
         longest = 2.0**config.positional_octaves
         turns = texels[axis] * COORDINATE_ERROR + (longest + 1.0) * SINGLE_UNIT
         for octave in range(config.positional_octaves):
             periods = longest / 2.0 ** (octave + 1)
             for phase in PHASES:
                 rounding = 0.0 if phase == 0.0 else (periods + 1.0) * SINGLE_UNIT
-                # The wave has slope 4; of its own operations only the last ones round, near 1.
+                # The wave has slope 4. Of its operations only the last two round, near 1.
                 waves.append(4.0 * (turns / 2.0 ** (octave + 1) + rounding) + 2.0 * SINGLE_UNIT)
-    # Three interpolations, each of three operations, and room for either way to write one.
+    # Three interpolations of three operations each; 16 instead of 9 leaves room for either way to write one.
     return stored + 16.0 * SINGLE_UNIT * config.largest_stored, np.array(waves)
 
 
 def input_bounds(texture: GridTexture, config: GridConfig, lod_error: float = 0.0) -> InputBounds:
-    """Return the bounds for `texture` whatever its latents are, and wherever it is read.
+    """Return the ranges of the decoder's inputs for `texture`, for all latents and all places.
 
-    `lod_error` is how far the level of detail itself may be off: 0 where it is given, more where a shader takes a logarithm.
+    `lod_error` is the largest error of the lod: 0 where it is given, more where a shader computes a logarithm.
     """
     scale, offset = texture.scale.astype(np.float64), texture.offset.astype(np.float64)
     ends = np.stack([offset, offset + scale * config.largest_stored])
@@ -96,7 +97,7 @@ def input_bounds(texture: GridTexture, config: GridConfig, lod_error: float = 0.
     high = np.concatenate([ends.max(axis=0), ones, lods])
     errors = [_level_errors(level, config) for level in levels]
     stored = max(error for error, _ in errors)
-    # Scaling, offset, shares of two levels and their sum: six roundings at most.
+    # Scale, offset, weights of two levels and their sum: at most six roundings.
     reach = np.abs(offset) + np.abs(scale) * config.largest_stored
     latents = np.abs(scale) * stored + 6.0 * SINGLE_UNIT * reach
     waves = np.max([waves for _, waves in errors], axis=0) + 4.0 * SINGLE_UNIT
@@ -104,31 +105,32 @@ def input_bounds(texture: GridTexture, config: GridConfig, lod_error: float = 0.
     # Features are linear in lod between two levels.
     error += lod_error * np.concatenate([(high - low)[: -len(lods) or None], np.full(len(lods), LOD_INPUT_SCALE)])
     first = config.latent_channels
-    # Numbers that a driver takes for 0 are smaller than this.
+    # A driver may flush denormals to 0; they are smaller than this.
     return InputBounds(low, high, error + 2.0**-120, slice(first, first + config.positional_inputs))
 
 
 LARGEST_SUM = 2.0**15
-"""Bounds of sums are brought below this: half of the largest half, which leaves room for roundings."""
+"""Sums are scaled until their bound is below this: half of the largest half, which leaves room for roundings."""
 SMALLEST_SUM = 1.0
-"""Bounds of sums below this are brought up to it, for halves below 2^-14 lose digits."""
+"""Sums are scaled up until their bound is at least this, because halves below 2^-14 lose digits."""
 SMALLEST_WEIGHT = 2.0**-9
-"""Least weight that is used, as a share of the largest of a layer: 32 times the smallest half that has all its digits."""
+"""A layer whose largest weight is below this is rescaled for `fp16`: 32 times the smallest half that has all its digits."""
 LARGEST_SINGLE = 3.4e38
+"""Largest fp32 number, rounded down."""
 LARGEST_EXPONENT = 96
-"""Largest exponent of two by which layers are scaled: beyond this fp32 ends as well."""
+"""Largest exponent by which layers are scaled: beyond it, fp32 may overflow as well."""
 
 
 @dataclass(frozen=True)
 class Exponents:
-    """Hidden layer l of a decoder gives 2^-exponents[l] of what it gave before."""
+    """Exponents k by which a decoder's hidden layers are rescaled: a layer's outputs are multiplied by 2^-k."""
 
     first: int = 0
     second: int = 0
 
 
 def _adapted(sums: Array, adapter: Adapter | None, bias: NDArray[np.float32], layer: int) -> tuple[Array, Array]:
-    """Return [neurons] bounds of a hidden layer's sums, and of what it hands on, for `sums` of its products."""
+    """Return ([neurons] bounds of a hidden layer's sums, [neurons] bounds of its outputs); `sums` bounds the sums of products."""
     if adapter is None:
         whole = sums + np.abs(bias)
         return whole, whole
@@ -145,7 +147,7 @@ def _largest_sums(decoder: GridDecoder, adapter: Adapter | None, inputs: InputBo
 
 
 def _exponent(largest: float, smallest_sum: float) -> int:
-    """Return the exponent of the smallest change that brings `largest` into range; 0 where it is there."""
+    """Return the smallest exponent that brings the bound `largest` into range; 0 where it is in range."""
     if not math.isfinite(largest) or largest == 0.0:
         return 0
     exponent = 0
@@ -157,7 +159,7 @@ def _exponent(largest: float, smallest_sum: float) -> int:
 
 
 def exponents(pack: Pack) -> list[Exponents]:
-    """Return for each decoder the exponents that keep the sums of all its textures in range, whatever their latents."""
+    """Return for each decoder the exponents that keep the sums of its textures in range, for all latents."""
     largest = np.zeros((len(pack.decoders), 2))
     for texture in grid_parts(pack).textures:
         sums = _largest_sums(
@@ -184,8 +186,7 @@ def _rescaled_decoder(decoder: GridDecoder, by: Exponents) -> GridDecoder:
 
 
 def _rescaled_texture(texture: GridTexture, by: Exponents) -> GridTexture:
-    """Return `texture` for a rescaled decoder: its adapter's biases change with the powers of two in the matrices, its scales do
-    not."""
+    """Return `texture` for a rescaled decoder: its adapter's biases are scaled as the decoder's, its scales stay."""
     adapter = texture.adapter
     if adapter is None or by == Exponents():
         return texture
@@ -195,19 +196,19 @@ def _rescaled_texture(texture: GridTexture, by: Exponents) -> GridTexture:
 
 
 def rescaled_pack(pack: Pack) -> Pack:
-    """Return `pack` with sums in the range of halves. It decodes to the same values; a pack that is in range is returned as it is."""
+    """Return `pack` with sums in the range of halves; it decodes to the same values. A pack in range is returned unchanged."""
     by = exponents(pack)
     if all(one == Exponents() for one in by):
         return pack
     decoders = tuple(
-        _rescaled_decoder(decoder, own) for decoder, own in zip(grid_parts(pack).decoders, by, strict=True)
+        _rescaled_decoder(decoder, scaling) for decoder, scaling in zip(grid_parts(pack).decoders, by, strict=True)
     )
     textures = tuple(_rescaled_texture(texture, by[texture.group]) for texture in grid_parts(pack).textures)
     return replace(pack, decoders=decoders, textures=textures)
 
 
 def _halves_are_enough(pack: Pack) -> bool:
-    """Return whether all weights fit into halves, and no layer's are so small that halves would keep few digits of them."""
+    """Return whether all weights fit into halves, without a layer so small that halves would lose its digits."""
     weights = [part for decoder in grid_parts(pack).decoders for part in decoder.weights]
     others = [part for decoder in grid_parts(pack).decoders for part in decoder.biases]
     for texture in grid_parts(pack).textures:
@@ -219,9 +220,9 @@ def _halves_are_enough(pack: Pack) -> bool:
 
 
 def stored_pack(pack: Pack, precision: Precision) -> Pack:
-    """Return what of `pack` is stored for decoding in `precision`, before weights are rounded to halves.
+    """Return `pack` as it is stored for decoding in `precision`, before weights are rounded to halves: rescaled where needed.
 
-    `fp16` computes in fp32: it needs rescaling only where weights themselves are too large or too small for halves.
+    `fp16` computes in fp32, so it needs rescaling only if weights are too large or too small for halves.
     """
     if precision == "fp32" or (precision == "fp16" and _halves_are_enough(pack)):
         return pack

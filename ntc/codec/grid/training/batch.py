@@ -1,4 +1,4 @@
-"""One batch of groups, whose textures are trained together, one step at a time."""
+"""A batch of groups: latents, decoders and adapters that are trained together, one step at a time (docs/explanation/training.md)."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -22,30 +22,32 @@ from ntc.errors import NotFiniteError
 STEPS_BETWEEN_RANGES = 50
 """Steps between measurements of the latents' ranges, which set the quantisation noise."""
 NOISE = 0.6
-"""Width of the quantisation noise in steps of rounding. Rounding moves each of the up to eight blended cells by up to half a
-step, so the blend by less than that."""
+"""Width of the quantisation noise in quantisation steps. It is less than 1 because up to eight rounded cells are blended, and their
+errors partly cancel."""
 LOSS_MEMORY = 0.95
-"""Share of a texture's running loss that stays in a step."""
+"""Decay of the running loss of a texture per step."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepReport:
-    """The result of a step."""
+    """The result of a training step."""
 
     loss: Tensor
     """Mean square error of the samples."""
     texels: int
+    """Number of samples."""
     freezing: float
+    """Scale of the decoders' updates, 1 to 0."""
 
 
 def _side_by_side(flat: Sequence[Tensor], textures: int) -> Tensor:
-    """Return [T, N, ...] of all parts, each [T n, ...]."""
+    """Return [T, N, ...]: the samples of all parts, each [T n, ...], side by side for each texture."""
     rows = [values.view(textures, -1, values.shape[1]) for values in flat]
     return torch.cat(rows, dim=1) if len(rows) > 1 else rows[0]
 
 
 class TrainingBatch:
-    """Latents, decoders and adapters of some textures while they are trained."""
+    """Latents, decoders and adapters of the textures of a batch while they are trained."""
 
     def __init__(
         self,
@@ -94,12 +96,12 @@ class TrainingBatch:
         return random_latents(sum(self._data.cell_counts), self._config, self._generator)
 
     def plan(self, steps: int) -> None:
-        """Change the number of steps while training is under way; rates and rounding follow. Not below the steps done."""
+        """Change the planned number of steps during training; rates and rounding follow. It cannot fall below the steps done."""
         self.steps = max(steps, self.step, 1)
 
     def start_at(self, textures: Sequence[GridTexture | None], decoders: Sequence[GridDecoder | None]) -> None:
-        """Start at what a pack holds, before the first step: `textures` of this batch and `decoders` in the order of
-        `decoder_numbers`. None leaves a texture or decoder as it is."""
+        """Load latents, adapters and weights of a pack, before the first step: `textures` in the order of this batch, `decoders` in
+        that of `decoder_numbers`. None leaves a texture or decoder as it is."""
         with torch.no_grad():
             for texture, encoded, first, cells in zip(
                 range(len(textures)), textures, self._first_cells, self._data.cell_counts, strict=True
@@ -116,18 +118,18 @@ class TrainingBatch:
                     self._share_output(number, textures)
 
     def _share_output(self, number: int, textures: Sequence[GridTexture | None]) -> None:
-        """Move the mean of the adapters' output layers into the decoder, and keep the difference in the adapters."""
+        """Move the mean of the adapters' output layers into decoder `number`; adapters hold the differences."""
         if self._adapters is None or not self._adapters.output:
             return
         members = (self._decoder_of == number).cpu()
         known = torch.tensor([encoded is not None for encoded in textures]) & members
         if not bool(known.any()):
             return
-        for own, shared in zip(
+        for outputs, shared in zip(
             self._adapters.output, (self.decoders.weights[-1], self.decoders.biases[-1]), strict=True
         ):
-            shared[number] = own[known].mean(dim=0)
-            own[known] -= shared[number]
+            shared[number] = outputs[known].mean(dim=0)
+            outputs[known] -= shared[number]
 
     @property
     def _device(self) -> torch.device:
@@ -135,7 +137,7 @@ class TrainingBatch:
 
     @property
     def _clip(self) -> float | None:
-        # 256 steps are fine enough for outliers too.
+        # With 8 bits, 256 steps are fine enough even if outliers widen the range.
         return self._training.latent_clip if self._config.latent_bits < 8 else None
 
     @property
@@ -145,11 +147,11 @@ class TrainingBatch:
 
     @property
     def converged(self) -> int:
-        """Textures that stopped training because they had converged."""
+        """Number of textures that stopped training because they had converged."""
         return int((~self._trained).sum())
 
     def _ranges(self, textures: Sequence[int]) -> tuple[Tensor, Tensor]:
-        """Return the smallest and largest latent [T, channels] of each of `textures`, without outliers."""
+        """Return the smallest and the largest latent, [T, channels] each, of `textures`; outliers are clipped."""
         lows, highs = [], []
         clip = self._clip
         for texture in textures:
@@ -165,7 +167,7 @@ class TrainingBatch:
         return torch.stack(lows), torch.stack(highs)
 
     def _piece(self, texture: int) -> Tensor:
-        """Return [cells, channels]: the latents of a texture."""
+        """Return the latents of a texture, [cells, channels]."""
         first = self._first_cells[texture]
         return self._table.values.detach()[first : first + self._data.cell_counts[texture]]
 
@@ -179,13 +181,13 @@ class TrainingBatch:
                 torch.clamp(piece, low[texture], high[texture], out=piece)
 
     def quantized(self) -> list[QuantizedLatents]:
-        """Return the latents of each texture after final rounding."""
+        """Return the latents of each texture, rounded for good: later calls return the same."""
         if self._rounded is None:
             self._rounded = self.rounded_now(range(self._data.count))
         return self._rounded
 
     def rounded_now(self, textures: Sequence[int]) -> list[QuantizedLatents]:
-        """Return the latents of `textures` as they would be stored if training ended here; training is not affected."""
+        """Return the latents of `textures` as they would be stored if training ended now; training is not affected."""
         if self._rounded is not None:
             return [self._rounded[texture] for texture in textures]
         rounded = []
@@ -196,7 +198,7 @@ class TrainingBatch:
         return rounded
 
     def stored_decoders(self) -> tuple[GridDecoder, ...]:
-        """Return the decoders as packs store them: with an output layer of 0 where adapters have one."""
+        """Return the decoders as packs store them: the output layer is 0 if adapters hold one."""
         decoders = self.decoders.export()
         if not self._config.adapter_output:
             return decoders
@@ -210,11 +212,11 @@ class TrainingBatch:
 
     @property
     def running_losses(self) -> list[float]:
-        """Mean square error of the latest samples of each texture, all lods mixed; NaN before the first step."""
+        """Running mean square error of the samples of each texture, all lods together; NaN before the first step."""
         return [float(loss) for loss in self._running.cpu()]
 
     def adapters(self) -> tuple[Adapter, ...]:
-        """Return the adapter of each texture; none where the codec has none."""
+        """Return the adapter of each texture; empty if the codec has none."""
         return () if self._adapters is None else self._adapters.export(self.decoders, self._decoder_of)
 
     def _round_finally(self) -> None:
@@ -223,7 +225,14 @@ class TrainingBatch:
             self._table.values.copy_(torch.from_numpy(values))
 
     def advance(self, rate_factor: float) -> StepReport:
-        """Do one step at `rate_factor` times the scheduled rates. Raises NotFiniteError before anything was changed."""
+        """Do one training step at `rate_factor` times the scheduled rates.
+
+        Raises NotFiniteError, before any parameter has changed, if the loss or a gradient is not finite.
+        """
+        # One step: sample texels, read and blend latents, add noise for rounding, decode, and compare with the targets. Gradients
+        # then go to latents, decoders and adapters. Uniform noise in place of rounding keeps the loss differentiable (Balle et al.
+        # 2017, "End-to-end optimized image compression"). In the last steps latents are rounded, and only decoders and adapters
+        # are trained. docs/explanation/training.md gives the recipe.
         first_rounded = self.steps - math.floor(self.steps * self._training.rounded_share)
         rounded = self._rounded is not None or self.step >= first_rounded
         if rounded and self._rounded is None:
@@ -264,14 +273,14 @@ class TrainingBatch:
         return StepReport(loss.detach(), self.per_texture * len(chosen), freezing)
 
     def _check(self, loss: Tensor) -> None:
-        """Raise NotFiniteError where loss or gradients are not finite: a sum is NaN or infinite when one of its numbers is."""
+        """Raise NotFiniteError if the loss or a gradient is not finite: then its sum is NaN or infinite."""
         sums = [loss.detach()]
         sums += [p.grad.sum() for part in self._parts for p in part.parameters if p.grad is not None]
         if not bool(torch.isfinite(torch.stack(sums)).all()):
             raise NotFiniteError
 
     def _weights(self, chosen: Tensor) -> Tensor:
-        """Return [T]: how much each texture's loss counts, 1 on average."""
+        """Return [T]: the weight of each texture's loss, 1 on average."""
         running = self._running[chosen]
         if self._training.balance == 0.0 or bool(torch.isnan(running).any()):
             return torch.ones_like(running)
@@ -288,7 +297,7 @@ class TrainingBatch:
     def _drop_converged(self) -> None:
         if self._training.converged_db is None:
             return
-        # NaN, before the first step, is not below.
+        # The loss is NaN before the first step; then the comparison is false.
         good = self._running < 10.0 ** (-self._training.converged_db / 10.0)
         for group in range(len(self.decoder_numbers)):
             members = self._decoder_of == group
@@ -296,7 +305,7 @@ class TrainingBatch:
                 self._trained[members] = False
 
     def _frozen_rows(self) -> list[tuple[Tensor, Tensor, Tensor]]:
-        """Return (parameter, rows, values) of textures that stopped training: momentum would change them further."""
+        """Return (parameter, rows, values) of textures that stopped training, to restore after the step: momentum changes them."""
         textures = ~self._trained
         decoders = torch.ones(len(self.decoder_numbers), dtype=torch.bool, device=textures.device)
         decoders[self._decoder_of[self._trained]] = False
@@ -307,7 +316,7 @@ class TrainingBatch:
         return [(p, rows, p.data[rows]) for parameters, rows in owners for p in parameters]
 
     def _losses(self, chosen: Tensor, parts: Sequence[Samples], latents: Tensor, noise_step: Tensor | None) -> Tensor:
-        """Return [T]: summed squared errors of the samples of each texture, decoded from blended `latents` [T, N, channels]."""
+        """Return [T]: the sum of squared errors of each texture's samples, decoded from blended `latents` [T, N, channels]."""
         known = _side_by_side([part.known for part in parts], len(chosen))
         targets = _side_by_side([part.targets for part in parts], len(chosen))
         if noise_step is not None:
@@ -319,29 +328,29 @@ class TrainingBatch:
         return squared_error(layers, self._config.leaky_slope, latents, known, targets, mask, self._interruption)
 
     def state(self) -> dict[str, Tensor]:
-        """Everything that the next step depends on, except the random generator; not copies."""
-        found = {
+        """Return all tensors that the next step depends on, by name, without the random generator. They are not copies."""
+        tensors = {
             "step": torch.tensor(self.step),
             "noise_step": self._noise_step,
             "running": self._running,
             "trained": self._trained,
         }
         for part in self._parts:
-            found.update(part.state())
+            tensors.update(part.state())
         if self._rounded is not None:
-            found["rounded.stored"] = torch.from_numpy(np.concatenate([q.stored for q in self._rounded]))
-            found["rounded.scale"] = torch.from_numpy(np.stack([q.scale for q in self._rounded]))
-            found["rounded.offset"] = torch.from_numpy(np.stack([q.offset for q in self._rounded]))
-        return found
+            tensors["rounded.stored"] = torch.from_numpy(np.concatenate([q.stored for q in self._rounded]))
+            tensors["rounded.scale"] = torch.from_numpy(np.stack([q.scale for q in self._rounded]))
+            tensors["rounded.offset"] = torch.from_numpy(np.stack([q.offset for q in self._rounded]))
+        return tensors
 
     def load(self, state: Mapping[str, Tensor]) -> None:
-        """Copy a state into this batch. Raises KeyError or ValueError for one of another training."""
+        """Copy a state into this batch. Raises KeyError or ValueError for the state of another training."""
         for part in self._parts:
             part.load(state)
         self.step = int(state["step"])
-        for own, name in ((self._noise_step, "noise_step"), (self._running, "running"), (self._trained, "trained")):
-            if state[name].shape != own.shape:
-                raise ValueError(f"{name} is {list(state[name].shape)}, expected {list(own.shape)}")
+        for current, name in ((self._noise_step, "noise_step"), (self._running, "running"), (self._trained, "trained")):
+            if state[name].shape != current.shape:
+                raise ValueError(f"{name} is {list(state[name].shape)}, expected {list(current.shape)}")
         self._noise_step, self._running, self._trained = (
             state[name].clone().to(self._table.values.device) for name in ("noise_step", "running", "trained")
         )

@@ -1,4 +1,4 @@
-"""The settings of training, the recipes, and learning rates over a training."""
+"""Options of training, the recipes, and the schedule of learning rates."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,9 +14,9 @@ class FreezingConfig:
     """Gradual freezing of the decoder: the scale of its updates falls from 1 to 0 (paper, Sec. 3)."""
 
     start: float = 0.5
-    """e_s, as a share of the whole training."""
+    """Start of freezing as a share of the training: e_s of the paper."""
     duration: float = 0.1
-    """T, as a share of the whole training."""
+    """Duration of freezing as a share of the training: T of the paper."""
 
 
 @dataclass(frozen=True)
@@ -27,33 +27,35 @@ class TrainingConfig(EncodingOptions):
     steps: int | None = 3000
     """Optimisation steps; None when `epochs` sets the length."""
     epochs: float | None = None
-    """Length in epochs: as many samples as mip 0 has texels, for each epoch."""
+    """Length in epochs. An epoch has as many samples as mip 0 has texels."""
     texels_per_texture: int = 512
-    """Samples of each texture in a step; all groups train side by side. Unused when `texels_per_group` is set."""
+    """Samples of each texture in a step; all groups train at once. Unused if `texels_per_group` is set."""
     texels_per_group: int | None = None
-    """Samples of each group in a step; groups train one after the other, as the paper trains them."""
+    """Samples of each group in a step; groups train one after the other, as in the paper."""
     latent_rate: float = 2e-2
+    """Learning rate of latents."""
     decoder_rate: float = 1.6e-2
     """Learning rate of decoders and of adapters."""
     hidden_optimizer: Literal["adam", "muon"] = "muon"
     """Optimiser of the matrices of the hidden layers; everything else is trained by Adam."""
     hidden_rate: float = 3e-2
-    """Learning rate of those matrices with muon; with adam they have the decoder's."""
+    """Learning rate of those matrices with muon. With adam, `decoder_rate` applies."""
     latent_start: Literal["chance", "image"] = "image"
     """Start of the latents: random numbers (`chance`), or a small copy of the texture (`image`)."""
     schedule: Literal["constant", "cosine", "trapezoid"] = "trapezoid"
     """Curve of the learning rates over the training (`rate_scale`)."""
     latent_clip: float | None = 2.5
-    """Latents of 4 bits are kept within so many standard deviations of their mean, texture by texture and channel by channel,
-    so that the steps of rounding are not spent on a few outliers. None: as they are."""
+    """Largest distance of 4-bit latents from their mean, in standard deviations of a texture's channel. Clipping keeps a few outliers
+    from widening the quantisation steps. None: no clipping."""
     balance: float = 0.0
-    """Exponent b of the weight (mean loss / own loss)^b of a texture's loss: with 0.5 good textures count nearly as much as
-    bad ones, with 0 each sample counts alike."""
+    """Exponent b of the weight (mean loss / texture's loss)^b of a texture's loss. With 0, all samples count equally; with 0.5,
+    textures with small errors count nearly as much as others."""
     converged_db: float | None = 60.0
-    """A group drops out once all its textures reach this PSNR in samples: further gains would be lost in 8 bits."""
+    """PSNR in dB of the samples at which a group stops training, once all its textures reach it: 8 bits show no further gain."""
     freezing: FreezingConfig | None = None
+    """Freezing of decoders. None: none."""
     rounded_share: float = 0.05
-    """The last share of the steps trains the decoders alone, on rounded latents; 0 when freezing has stopped them."""
+    """Share of the steps, at the end, that trains decoders alone, on rounded latents. 0 if freezing has stopped decoders."""
     seed: int = 0
     device: Literal["auto", "cpu", "cuda"] = "auto"
 
@@ -63,7 +65,7 @@ class TrainingConfig(EncodingOptions):
 
 
 def recipe_config(name: RecipeName) -> TrainingConfig:
-    """Return `paper`: learning rates, batch, length and freezing of the paper (Sec. 4). `best`: the best found so far."""
+    """Return the options of a recipe. `paper`: rates, batch, length and freezing of the paper (Sec. 4). `best`: the best measured."""
     if name == "paper":
         return TrainingConfig(
             recipe="paper",
@@ -83,8 +85,8 @@ def recipe_config(name: RecipeName) -> TrainingConfig:
     return TrainingConfig()
 
 
-def in_the_manner_of(name: RecipeName, training: TrainingConfig) -> TrainingConfig:
-    """Everything of a recipe but length, samples, seed and device, which are those of `training`: all groups side by side."""
+def recipe_for_length(name: RecipeName, training: TrainingConfig) -> TrainingConfig:
+    """Return a recipe with the length, samples, seed and device of `training`; all groups train at once."""
     return replace(
         recipe_config(name),
         steps=training.steps,
@@ -97,7 +99,7 @@ def in_the_manner_of(name: RecipeName, training: TrainingConfig) -> TrainingConf
 
 
 def chosen_config(choices: EncodingChoices) -> TrainingConfig:
-    """Return the recipe with what the user's choices override."""
+    """Return the options of the recipe that `choices` names, overridden by its other choices."""
     training = replace(recipe_config(choices.recipe), seed=choices.seed, device=choices.device)
     if choices.steps is not None:
         return replace(training, steps=choices.steps, epochs=None)
@@ -109,8 +111,7 @@ def chosen_config(choices: EncodingChoices) -> TrainingConfig:
 def recipe_codec(
     name: RecipeName, output_channels: int, levels: int | None, maps: tuple[MapName, ...] = BASE_ALONE
 ) -> GridConfig:
-    """Return the settings of codec `grid` in a recipe: `paper` has 4 channels of 8 bits and no adapters, `best` as many bits in 8
-    channels, and adapters."""
+    """Return the codec settings of a recipe. `paper`: 4 channels of 8 bits, no adapters. `best`: 8 channels of 4 bits, adapters."""
     if name == "paper":
         return GridConfig(levels=levels, output_channels=output_channels, maps=maps)
     return GridConfig(
@@ -136,16 +137,16 @@ def freezing_scale(progress: float, freezing: FreezingConfig | None) -> float:
 
 
 FIRST_STEP = 1e-3
-"""Added to the progress of a rising rate, so that the first step is one."""
+"""Added to the progress while the rate rises, so that the rate of the first step is not 0."""
 WARM_UP = 1 / 30
-"""Share of the training in which the rates of a trapezoid rise."""
+"""Schedule `trapezoid`: share of the training in which the rates rise."""
 FALL_FROM = 0.6
-"""Share of the training after which they fall."""
+"""Schedule `trapezoid`: share of the training after which the rates fall."""
 
 
 def rate_scale(progress: float, training: TrainingConfig) -> float:
-    """Return the scale of all learning rates: 1 for constant, half a cosine from 1 to 0 for cosine; for trapezoid a straight line up
-    to 1, then 1, then a straight line down to 0."""
+    """Return the factor of all learning rates at `progress`, 0 to 1. `constant`: 1. `cosine`: half a cosine from 1 to 0.
+    `trapezoid`: linear up to 1, then 1, then linear down to 0."""
     share = min(max(progress, 0.0), 1.0)
     if training.schedule == "constant":
         return 1.0

@@ -1,4 +1,4 @@
-"""Textures and latents on the training device, and random samples with their targets."""
+"""Training data: textures and latents on the training device, and random samples with their targets."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -20,32 +20,32 @@ from ntc.codec.textures import SourceTexture
 from ntc.codec.torch_texels import PyramidTable, trilinear_corners
 
 LATENT_SPREAD = 0.02
-"""Random latents are uniform in [-LATENT_SPREAD, LATENT_SPREAD]. At the paper's learning rates smaller is no better, and 0.25
-costs 0.9 dB after 500 steps."""
+"""Random latents are uniform in [-LATENT_SPREAD, LATENT_SPREAD]. Smaller values gain nothing; 0.25 costs 0.9 dB after 500 steps
+(paper's learning rates)."""
 IMAGE_DEVIATION = 0.3
-"""Standard deviation of the latents that start at an image."""
+"""Standard deviation over mip 0 of latents that start at an image."""
 FLAT = 0.02
-"""Deviation in [0, 1] below which a channel counts as flat, so that its noise is not blown up."""
+"""Deviation in [0, 1] below which a channel counts as flat: its noise is not amplified."""
 RANDOM_SHARE = 0.02
-"""Share of random numbers that is added to an image, so that equal cells differ."""
+"""Weight of the random numbers that are added to an image, which make equal cells differ."""
 
 
 def random_latents(cells: int, config: GridConfig, generator: torch.Generator) -> Tensor:
-    """Return [cells, latent_channels] uniform."""
+    """Return random latents, [cells, latent_channels]."""
     return (torch.rand(cells, config.latent_channels, generator=generator) * 2.0 - 1.0) * LATENT_SPREAD
 
 
 def _pooled(planes: NDArray[np.float32], height: int, width: int) -> Tensor:
-    """Return [height * width, channels]: means of `planes` [H, W, channels] over the area of each cell."""
+    """Return [height * width, channels]: the mean of `planes` [H, W, channels] over each cell."""
     image = torch.from_numpy(planes).permute(2, 0, 1)
     return torch.nn.functional.adaptive_avg_pool2d(image, (height, width)).flatten(1).t()
 
 
 def image_latents(texture: SourceTexture, config: GridConfig, generator: torch.Generator) -> Tensor:
-    """Return [cells, latent_channels] float32 of all levels: for each cell the mean of its texels, channel by channel, and how much
-    they vary; the remaining channels are random. Each channel has mean 0 and standard deviation IMAGE_DEVIATION over mip 0.
+    """Return latents that start as a small copy of the texture: [cells, latent_channels] float32, all levels.
 
-    So the decoder starts from inputs that already describe the texture around a texel, instead of noise.
+    The channels of a cell are the mean of each channel of its texels, then the standard deviation of their grey, then random numbers.
+    Each has mean 0 and standard deviation IMAGE_DEVIATION over mip 0. From the first step, the decoder's inputs describe the texture.
     """
     levels = latent_levels(*texture.size, config)
     described: list[Tensor] = []
@@ -64,10 +64,10 @@ def image_latents(texture: SourceTexture, config: GridConfig, generator: torch.G
 
 
 class LatentTable:
-    """[cells, channels] trained latents. Autograd does not record reads: `set_gradient` takes their gradient.
+    """Trained latents, [cells, channels]. Autograd does not record reads; `set_gradient` computes the gradient.
 
-    Autograd would allocate a gradient as large as the table in each step, and torch's own ways to add rows at indices (a sort,
-    or one addition a row) take longer than the decoders do.
+    Autograd would allocate a gradient of the table's size in each step. Its operators that add rows at indices take longer than the
+    decoders.
     """
 
     def __init__(self, start: Tensor) -> None:
@@ -78,11 +78,11 @@ class LatentTable:
         self._channels = torch.arange(start.shape[1], device=start.device)
 
     def read(self, index: Tensor, weights: Tensor) -> Tensor:
-        """Return [N, channels]: sum over k of cells `index` [N, k] times `weights` [N, k]."""
+        """Return blended latents, [N, channels]: the sum over k of cells `index` [N, k] times `weights` [N, k]."""
         return torch.nn.functional.embedding_bag(index, self.values.detach(), per_sample_weights=weights, mode="sum")
 
     def set_gradient(self, parts: Iterable[tuple[Tensor, Tensor, Tensor]]) -> None:
-        """The gradient of the values from (index [N, k], weights [N, k], gradient [N, channels] of what was read there)."""
+        """Set the gradient of the table from parts (index [N, k], weights [N, k], gradient [N, channels] of what `read` returned)."""
         self._gradient.zero_()
         for index, weights, gradient in parts:
             count = index.numel() * gradient.shape[1]
@@ -98,16 +98,16 @@ class LatentTable:
 
 
 CENTRE_SHARE = 0.5
-"""Share of each texture's samples at texel centres of whole levels; the others lie anywhere, between levels too."""
+"""Share of each texture's samples at texel centres of a mip. The others lie anywhere, between mips too."""
 LEVEL_FALL = 2.0
-"""A level is sampled this many times less often than the one above it. Each has a quarter of the texels, but a scene seen from
-near and far shows about as much of one as of another."""
+"""A level is sampled this many times less often than the next finer one. It has a quarter of the texels, but a scene that is seen from
+near and far shows about as many pixels of each level."""
 SMALLEST_LEVEL_WEIGHT = 0.02
-"""No level is sampled less often than this, relative to mip 0."""
+"""Lower limit of a level's sampling rate, relative to mip 0."""
 
 
 def _axis(cells: int, texels: int, repeats: bool, octaves: int) -> tuple[Tensor, Tensor]:
-    """Neighbouring cells [texels, 2] int64, and [texels, 2 + 2 octaves] float32: their weights, then triangle waves."""
+    """Return, for each texel centre of an axis, [texels, 2] int64 cells around it and [texels, 2 + 2 octaves] weights and waves."""
     centre = torch.arange(texels, dtype=torch.float64) + 0.5
     at = centre / texels * cells - 0.5
     near = torch.floor(at)
@@ -122,21 +122,21 @@ def _axis(cells: int, texels: int, repeats: bool, octaves: int) -> tuple[Tensor,
 
 @dataclass(frozen=True, eq=False)
 class CentreFeatures:
-    """Cells, weights and positional encoding of N texel centres: everything but latents."""
+    """Decoder inputs at N texel centres, except the latents themselves."""
 
     index: Tensor
-    """[N, 4] int64 cells."""
+    """[N, 4] int64: cells to blend."""
     weights: Tensor
-    """[N, 4]."""
+    """[N, 4]: their weights."""
     waves: Tensor
     """[N, 4 octaves] positional encoding."""
 
 
 class TexelTables:
-    """Tables for decoding at texel centres, computed once for all rows and columns of the levels of some textures.
+    """Tables of decoder inputs at texel centres, for each row and each column of all levels.
 
-    At the centre of texel (x, y) the cells around it along u, their weights and the positional encoding of u depend on x
-    alone, and along v on y alone. Training looks them up instead of computing them for each sample.
+    At the centre of texel (x, y), the cells along u, their weights and the positional encoding of u depend on x alone; those along v
+    on y alone. Training reads them here instead of computing them for each sample.
     """
 
     def __init__(
@@ -149,16 +149,16 @@ class TexelTables:
     ) -> None:
         most = max(len(levels) for levels in pyramids)
         cells, numbers, first = [], [], torch.zeros(len(pyramids), most, 2, dtype=torch.int64)
-        made: dict[tuple[int, int, bool], tuple[Tensor, Tensor]] = {}
+        axes: dict[tuple[int, int, bool], tuple[Tensor, Tensor]] = {}
         position = 0
         for texture, (levels, wrap, first_cell) in enumerate(zip(pyramids, wraps, first_cells, strict=True)):
             for number, level in enumerate(levels):
                 sizes = ((level.width, level.texel_width), (level.height, level.texel_height))
                 for axis, (count, texels) in enumerate(sizes):
                     key = (count, texels, wrap[axis] == "repeat")
-                    if key not in made:
-                        made[key] = _axis(*key, config.positional_octaves)
-                    cell, values = made[key]
+                    if key not in axes:
+                        axes[key] = _axis(*key, config.positional_octaves)
+                    cell, values = axes[key]
                     if axis == 1:
                         cell = cell * level.width + (first_cell + level.first_cell)
                     first[texture, number, axis] = position
@@ -170,7 +170,7 @@ class TexelTables:
         self._first = first.to(device)
 
     def at(self, texture: Tensor, level: Tensor, texel: Tensor) -> CentreFeatures:
-        """Return features at texel (column, row) `texel` [N, 2] int64 of `level` [N] int64 of `texture` [N] int64."""
+        """Return the inputs at texel (column, row) `texel` [N, 2] of `level` [N] of `texture` [N], all int64."""
         place = self._first[texture, level] + texel
         (column, u), (row, v) = (
             (self._cells.index_select(0, at), self._numbers.index_select(0, at)) for at in place.t().contiguous()
@@ -182,7 +182,7 @@ class TexelTables:
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Random places: N samples each of T textures, flattened to [T N], and what decoding there needs besides latents."""
+    """Random samples with targets: N of each of T textures, flattened to [T N]."""
 
     uv: Tensor
     """[T N, 2] in [0, 1]."""
@@ -193,20 +193,20 @@ class Samples:
     weights: Tensor
     """[T N, 4 or 8]: their weights."""
     known: Tensor
-    """[T N, rest]: inputs of the decoder behind the latents."""
+    """[T N, rest]: inputs of the decoder after the latents."""
     targets: Tensor
     """[T N, output_channels] in the texture's colour space, in [0, 1]."""
 
 
 def _in_places(values: NDArray[Any], places: list[int], channels: int) -> NDArray[Any]:
-    """Return [texels, channels]: `values` [H, W, C] with its channels in `places`, 0 in all others."""
-    found = np.zeros((values.shape[0] * values.shape[1], channels), values.dtype)
-    found[:, places] = values.reshape(-1, values.shape[2])
-    return found
+    """Return [texels, channels]: the channels of `values` [H, W, C] in columns `places`, 0 in all others."""
+    texels = np.zeros((values.shape[0] * values.shape[1], channels), values.dtype)
+    texels[:, places] = values.reshape(-1, values.shape[2])
+    return texels
 
 
 class TrainingData:
-    """The mip chains of some textures in one flat array, and their latent geometry."""
+    """The mip chains of a batch's textures in one flat array, and the sizes of their latent levels."""
 
     def __init__(
         self,
@@ -234,22 +234,22 @@ class TrainingData:
         rows, coded_rows = [], []
         for texture, levels in zip(textures, pyramids, strict=True):
             interruption()
-            own = list(channel_places(texture.maps, texture.channels, config.maps, channels))
+            columns = list(channel_places(texture.maps, texture.channels, config.maps, channels))
             for mip in mip_chain(texture.pixels, texture.color_space, texture.maps)[: len(levels)]:
-                coded_rows.append(_in_places(mip, own, channels))
+                coded_rows.append(_in_places(mip, columns, channels))
                 if config.levels != 1:
                     linear = hardware_filtered(mip, texture.color_space, texture.maps)
-                    rows.append(_in_places(linear, own, channels).astype(np.float16))
-        # Half precision: a tenth of an 8-bit sRGB step at worst, for half the memory and traffic.
+                    rows.append(_in_places(linear, columns, channels).astype(np.float16))
+        # Half precision: an error of at most a tenth of an 8-bit sRGB step, for half the memory and bandwidth.
         self._linear = torch.from_numpy(np.concatenate(rows)).to(device) if rows else None
         self._coded = torch.from_numpy(np.concatenate(coded_rows)).to(device)
-        worth, coded = np.zeros((len(textures), channels), np.float32), np.zeros((len(textures), channels), bool)
+        map_weights, coded = np.zeros((len(textures), channels), np.float32), np.zeros((len(textures), channels), bool)
         for number, texture in enumerate(textures):
-            own = list(channel_places(texture.maps, texture.channels, config.maps, channels))
-            worth[number, own] = np.sqrt(texture.map_weights.of_channels(texture.maps, texture.channels))
-            coded[number, own] = srgb_channels(texture.maps, texture.channels, texture.color_space)
-        self.channel_mask = torch.from_numpy(worth).to(device)
-        """[T, output_channels]: 0 for the channels that a texture lacks, else the square root of what a squared error is worth."""
+            columns = list(channel_places(texture.maps, texture.channels, config.maps, channels))
+            map_weights[number, columns] = np.sqrt(texture.map_weights.of_channels(texture.maps, texture.channels))
+            coded[number, columns] = srgb_channels(texture.maps, texture.channels, texture.color_space)
+        self.channel_mask = torch.from_numpy(map_weights).to(device)
+        """[T, output_channels]: the square root of the weight of a channel's squared error; 0 for channels that a texture lacks."""
         self._srgb_coded = torch.from_numpy(coded).to(device)
         weights = torch.clamp(
             LEVEL_FALL ** -torch.arange(self._cells.width.shape[1], dtype=torch.float32), min=SMALLEST_LEVEL_WEIGHT
@@ -259,9 +259,12 @@ class TrainingData:
         self._level_cumulative = torch.cumsum(shares / shares.sum(dim=1, keepdim=True), dim=1).to(device)
 
     def sample(self, per_texture: int, generator: torch.Generator, chosen: Tensor) -> tuple[Samples, ...]:
-        """Return `per_texture` random samples of each texture in `chosen` [T] int64, in one part or two: those at texel centres of
-        whole levels, and those anywhere, between levels too, with targets trilinear in linear light as the hardware filters."""
-        # With one level all are texels of mip 0, as in the paper.
+        """Return `per_texture` random samples of each texture in `chosen` [T] int64, in one part or two.
+
+        One part lies at texel centres of a mip. The other lies anywhere, between mips too; its targets are filtered trilinearly in
+        linear light, as hardware does.
+        """
+        # With one level, all samples are texels of mip 0, as in the paper.
         centres = per_texture if self._config.levels == 1 else round(CENTRE_SHARE * per_texture)
         parts = [self._at_centres(centres, generator, chosen)] if centres else []
         if centres < per_texture:
@@ -286,17 +289,17 @@ class TrainingData:
             level = self._levels(which, chosen).reshape(-1)
         size = self._sizes[texture, level]
         texel = (torch.stack([u.reshape(-1), v.reshape(-1)], dim=-1) * size).long()
-        # A number just below 1 times a large size may round up to it.
+        # A random number just below 1, times a large size, may round up to the size.
         texel = torch.minimum(texel, size - 1)
         row = self._texels.first[texture, level] + texel[:, 1] * size[:, 0] + texel[:, 0]
-        found = self._tables.at(texture, level, texel)
+        inputs = self._tables.at(texture, level, texel)
         lod = level.to(u.dtype)
         return Samples(
             uv=(texel + 0.5) / size,
             lod=lod,
-            index=found.index,
-            weights=found.weights,
-            known=with_lod(found.waves, lod, self._config),
+            index=inputs.index,
+            weights=inputs.weights,
+            known=with_lod(inputs.waves, lod, self._config),
             targets=self._coded.index_select(0, row).float().div_(255.0),
         )
 

@@ -1,7 +1,7 @@
-"""Training groups of codec `grid` (paper, Sec. 3 and 4): batches of groups, step by step.
+"""Encoder of codec `grid`: trains the groups of a task (paper, Sec. 3 and 4; docs/explanation/training.md).
 
-Groups train in batches, one after the other: all groups in one, or each group in its own. A step whose numbers are not finite is
-dropped: the batch goes back to its last good state, at lower learning rates.
+Either one batch trains all groups, or each group has a batch and batches train one after the other. A step whose numbers are not
+finite is dropped: the batch returns to its last good state, and all learning rates are halved.
 """
 
 import math
@@ -36,20 +36,22 @@ from ntc.errors import NotFiniteError, TrainingFailedError
 from ntc.torch_device import choose_device
 
 STEPS_BETWEEN_COPIES = 50
+"""Steps between copies of the good state."""
 MOST_DROPPED_IN_A_ROW = 3
+"""Dropped steps in a row that end training."""
 RATE_AFTER_DROP = 0.5
 """Factor of all rates after a dropped step."""
 
 
 class RollbackStepper:
-    """Runs the steps of a batch and keeps a copy of its last good state."""
+    """Runs the steps of a batch, and returns to a copy of its last good state after a step that is not finite."""
 
     def __init__(self, batch: TrainingBatch, rate_factor: float = 1.0, dropped: int = 0) -> None:
         self._batch = batch
         self.rate_factor = rate_factor
-        """Factor of all rates, besides the schedule."""
+        """Factor of all rates, in addition to the schedule."""
         self.dropped = dropped
-        """Steps dropped so far."""
+        """Number of steps dropped so far."""
         self._in_a_row = 0
         self._good_state: dict[str, Tensor] = {}
         self._copy_state()
@@ -58,9 +60,9 @@ class RollbackStepper:
         self._good_state = {name: value.clone() for name, value in self._batch.state().items()}
 
     def advance(self) -> tuple[StepReport | None, str]:
-        """Do one step; return its report and a note for the log. The report is None when the step was dropped.
+        """Do one step. Return (report, note for the log); the report is None if the step was dropped.
 
-        Raises TrainingFailedError after several in a row; the batch then has its last good state.
+        Raises TrainingFailedError after MOST_DROPPED_IN_A_ROW dropped steps in a row. The batch then has its last good state.
         """
         batch = self._batch
         if batch.step % STEPS_BETWEEN_COPIES == 0 and not self._in_a_row:
@@ -84,7 +86,7 @@ class RollbackStepper:
                 "lower the learning rates, or look for a damaged texture"
             )
         self.rate_factor *= RATE_AFTER_DROP
-        # The dropped step counts, so that a training is as long as planned.
+        # A dropped step counts as done, so training takes as many steps as planned.
         batch.step = step + 1
         return (
             f"step {step}: loss or gradients are not finite; dropped, back to the state of step {good}, "
@@ -93,14 +95,15 @@ class RollbackStepper:
 
 
 SECONDS_BETWEEN_PLANS = 0.25
+"""Seconds between checks of a quality budget."""
 STEPS_BEFORE_SNAPSHOT = 50
-"""After so many steps a batch looks like something, however little time has passed."""
+"""Steps after which the first snapshot is sent at once: the picture is recognisable then."""
 LEAST_STEPS = 10
-"""Before so many steps it does not, however long they take."""
+"""Steps before which no snapshot is sent, however long they take."""
 PASSES_OF_TRAINING = 3.0
-"""Passes over a sampled texel: forwards, backwards, and the update of latents."""
+"""Work of a trained sample, in decodes of a texel: forwards, backwards, and the update of latents."""
 RATE_OF_RETRAINING = 0.5
-"""Factor of all rates when a training continues from a pack: full rates first undo much of what it holds."""
+"""Factor of all rates when training continues from a pack. Full rates would first raise its error."""
 
 
 def _batch_members(grouping: Grouping, training: TrainingConfig, groups: Iterable[int]) -> list[tuple[int, ...]]:
@@ -112,10 +115,10 @@ def _batch_members(grouping: Grouping, training: TrainingConfig, groups: Iterabl
 
 
 class GridEncoder(Encoder):
-    """Trains the groups of a task. A step is a piece of work."""
+    """Trains the groups of a task. A piece of work is one training step."""
 
     def __init__(self, task: EncodingTask) -> None:
-        """Raises InputError for a device that is missing."""
+        """Prepare the batches of `task`. Raises InputError for a device that is missing."""
         self._task, self.settings = task, task.settings
         self._config = cast(GridConfig, task.settings)
         training = cast(TrainingConfig, task.options)
@@ -147,13 +150,13 @@ class GridEncoder(Encoder):
         self._dropped = [0 for _ in self._batches]
         self._planned = [batch.steps for batch in self._batches]
         self._number = 0
-        """The batch that trains."""
+        """Number of the batch that is being trained."""
         self._report: StepReport | None = None
         self._texels = 0
         self._last_plan = task.seconds()
 
     def pieces(self) -> Generator[Piece]:
-        """Raises TrainingFailedError when numbers overflow again and again."""
+        """Train step by step. Raises TrainingFailedError after several steps in a row that are not finite."""
         self._last_plan = self._task.seconds()
         for number, batch in enumerate(self._batches):
             self._number = number
@@ -169,13 +172,13 @@ class GridEncoder(Encoder):
             yield Piece(ended=tuple(batch.decoder_numbers))
 
     def _plan(self, number: int, seconds: float, is_noted: bool) -> None:
-        """Plan the number of steps. A time budget: the share of steps done is the share of time used. A quality budget: the rates fall
-        once it is reached."""
+        """Plan the number of steps of a batch. Time budget: the share of steps done equals the share of time used. Quality budget: the
+        final fall of the rates starts when the quality is reached."""
         batch, budget = self._batches[number], self._task.budget
         if isinstance(budget, TimeBudget):
-            own = budget.seconds * self._planned[number] / sum(self._planned)
-            if seconds < own:
-                batch.plan(max(batch.step + 1, math.ceil(batch.step * own / max(seconds, 1e-6))))
+            batch_seconds = budget.seconds * self._planned[number] / sum(self._planned)
+            if seconds < batch_seconds:
+                batch.plan(max(batch.step + 1, math.ceil(batch.step * batch_seconds / max(seconds, 1e-6))))
             else:
                 batch.plan(batch.step)
         if isinstance(budget, QualityBudget) and batch.step < FALL_FROM * batch.steps:
@@ -209,11 +212,11 @@ class GridEncoder(Encoder):
 
     def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:
         for members, batch in zip(self._members, self._batches, strict=True):
-            own = [group for group in groups if group in batch.decoder_numbers]
-            if not own:
+            in_batch = [group for group in groups if group in batch.decoder_numbers]
+            if not in_batch:
                 continue
             decoders, adapters = batch.stored_decoders(), batch.adapters()
-            for group in own:
+            for group in in_batch:
                 rows = [row for row, index in enumerate(members) if self._task.grouping.groups[index] == group]
                 textures = tuple(
                     grid_texture(self._task.textures[members[row]], group, latents, adapters[row] if adapters else None)
@@ -225,8 +228,8 @@ class GridEncoder(Encoder):
     def measured(
         self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
     ) -> tuple[EncodedTexture, ...]:
-        own = tuple(replace(texture, group=0) for texture in textures)
-        pack = Pack(self._config, Grouping("single", (0,) * len(own)), own, (decoder,))
+        alone = tuple(replace(texture, group=0) for texture in textures)
+        pack = Pack(self._config, Grouping("single", (0,) * len(alone)), alone, (decoder,))
         twin = TorchGrid(pack, self._device, self._task.interruption)
         return tuple(
             measured_texture(texture, twin.decode_image(number), self._task.textures[index].pixels)
@@ -246,15 +249,15 @@ class GridEncoder(Encoder):
         }
 
     def state(self) -> dict[str, Tensor]:
-        found = {
+        tensors = {
             f"{number}/{name}": value
             for number, batch in enumerate(self._batches)
             for name, value in batch.state().items()
         }
-        found["generator"] = self._generator.get_state()
-        found["rates"] = torch.tensor(self._rates, dtype=torch.float64)
-        found["dropped"] = torch.tensor(self._dropped)
-        return found
+        tensors["generator"] = self._generator.get_state()
+        tensors["rates"] = torch.tensor(self._rates, dtype=torch.float64)
+        tensors["dropped"] = torch.tensor(self._dropped)
+        return tensors
 
     def load(self, state: Mapping[str, Tensor]) -> None:
         for number, batch in enumerate(self._batches):
@@ -270,10 +273,10 @@ class GridEncoder(Encoder):
 def _start_at(
     batch: TrainingBatch, members: Sequence[int], start: GridParts, before: Grouping, grouping: Grouping
 ) -> None:
-    """All textures continue from their latents and adapters, and each group from the decoder that most of its textures have.
+    """Load `start` into `batch`: each texture's latents and adapter, and for each group the decoder that most of its textures had.
 
-    The others' latents were made for another decoder, but are still a better start than none: new groups ended 0.6 dB
-    higher after 400 steps than with those textures started afresh, and 1.2 dB higher than with all of them started afresh.
+    Textures that had another decoder also start from their old latents. After 400 steps, new groups were 0.6 dB better than if those
+    textures started again, and 1.2 dB better than if all textures did.
     """
     decoders = []
     for group in batch.decoder_numbers:
