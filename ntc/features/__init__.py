@@ -1,4 +1,4 @@
-"""Descriptions of textures as vectors, by which groupings find what is alike. Chosen by name; see docs/reference/groupings.md."""
+"""Features: vectors that describe textures, by which groupings measure similarity (docs/reference/groupings.md#features)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,16 +18,16 @@ __all__ = ["FeatureOptions", "feature_matrix", "raw_features"]
 
 @dataclass(frozen=True)
 class FeatureOptions:
-    """Options for finding features; none of them changes what they are, except the weights of clip."""
+    """Options of feature extraction. Of these, only `clip_weights` changes the features."""
 
     cache: Path | None = None
-    """Folder that keeps the raw features of each texture. None: nothing is kept."""
+    """Folder of cached raw features of each texture. None: no cache."""
     clip_weights: str | None = None
-    """Weights of clip: the path of a file, or the word "download"."""
+    """Weights of `clip`: the path of a file, or "download"."""
     progress: Callable[[int, int], None] | None = None
-    """Called with (textures done, textures in all)."""
+    """Function that is called with (textures done, number of textures)."""
     known: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
-    """Raw features that need not be found (`raw_features`), by pixel hash."""
+    """Known raw features (`raw_features`) by pixel hash; they are not computed again."""
 
 
 def _extractor(name: FeatureName, options: FeatureOptions) -> Extractor:
@@ -82,20 +82,22 @@ def _raw_features(
 def raw_features(
     name: FeatureName, textures: Sequence[SourceTexture], options: FeatureOptions = FeatureOptions()
 ) -> NDArray[np.float64]:
-    """Return [textures, F] float64: what `feature_matrix` makes comparable, of each texture whatever the others are. Raises
-    InputError."""
+    """Return [textures, F] float64: raw features of each texture, which do not depend on the other textures.
+
+    Raises InputError as `feature_matrix` does.
+    """
     return _raw_features(_extractor(name, options), [first_map(texture) for texture in textures], options)
 
 
 def feature_matrix(
     name: FeatureName, textures: Sequence[SourceTexture], options: FeatureOptions = FeatureOptions()
 ) -> NDArray[np.float64]:
-    """Return [textures, F] float64: features of `textures`, made comparable within this set; distances are Euclidean.
+    """Return [textures, F] float64: features of `textures`, scaled within this set. Distances are Euclidean.
 
     "low_level" (F = 17) and "spectral" (31): columns of mean 0 and deviation 1, or 0 where constant.
     "efficientnet" (1280) and "clip" (512): directions of embeddings, centred, with mean squared length 1.
-    Of a material set the base colour is looked at, or its first map where it has none.
-    Raises InputError where a package or weights that `name` needs are missing or do not fit.
+    A material set is described by its base colour, or by its first map if it has none.
+    Raises InputError if a package or weights that `name` needs are missing or do not fit.
     """
     extractor = _extractor(name, options)
     textures = [texture if texture.pixel_hash in options.known else first_map(texture) for texture in textures]

@@ -1,6 +1,6 @@
-"""Embeddings of CLIP's image encoder, ViT-B/32 with OpenAI's weights, by open_clip.
+"""Features `clip`: embeddings of CLIP's image encoder, ViT-B/32 with OpenAI's weights, by open_clip.
 
-Weights are a file that the user names; they are downloaded only when the user asks for it.
+The user names a file of weights, or asks for their download.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ def _open_clip() -> ModuleType:
         raise InputError(
             f"features clip: open_clip cannot be imported ({error}); pip install 'ntc-viewer[clip]'"
         ) from error
-    # What torchvision raises when it was built for another torch.
+    # torchvision raises these if it was built for another torch.
     except (RuntimeError, OSError) as error:
         raise InputError(
             f"features clip: open_clip does not start ({error}); install the torchvision that belongs to "
@@ -57,7 +57,7 @@ def _read_weights(path: Path) -> Mapping[str, Any]:
             content: Any = load_file(path)
         else:
             content = torch.load(path, map_location="cpu", weights_only=True)
-    # Both libraries answer a broken file with many kinds of exceptions, pickle's among them.
+    # For a broken file, both libraries raise many kinds of exceptions, pickle's among them.
     except Exception as error:
         raise InputError(f"{path}: cannot be read as weights; {remedy}") from error
     if isinstance(content, Mapping) and isinstance(content.get("state_dict"), Mapping):
@@ -71,7 +71,7 @@ def _read_weights(path: Path) -> Mapping[str, Any]:
 def load_image_encoder(weights: str) -> Any:
     """Load CLIP's image encoder on the CPU, ready to infer: images [N, 3, 224, 224] to [N, 512].
 
-    `weights` is a path or "download". Raises InputError where the weights cannot be had or are of another network.
+    `weights` is a path or "download". Raises InputError for weights that are missing, unreadable or of another network.
     """
     open_clip = _open_clip()
     if weights == DOWNLOAD:
@@ -84,7 +84,7 @@ def load_image_encoder(weights: str) -> Any:
             ) from error
     else:
         values = _read_weights(Path(weights))
-        # create_model would warn that weights are random, which they are for a moment only.
+        # create_model would warn that weights are random; the next lines load them.
         encoder = open_clip.CLIP(**open_clip.get_model_config(MODEL)).visual
         try:
             encoder.load_state_dict(values)
@@ -97,7 +97,7 @@ def load_image_encoder(weights: str) -> Any:
 
 
 def embeddings(encoder: Any, textures: Sequence[SourceTexture]) -> NDArray[np.float64]:
-    """Return [textures, 512] float64: `encoder`'s embedding of each texture, not yet of length 1."""
+    """Return [textures, 512] float64: the embedding of each texture by `encoder`, not normalised."""
     mean, deviation = (torch.tensor(values).reshape(1, 3, 1, 1) for values in (_MEAN, _DEVIATION))
     images = (square_images(textures, INPUT_SIDE, "bicubic") - mean) / deviation
     with torch.no_grad():
@@ -116,10 +116,10 @@ def _weights_identity(weights: str) -> str:
 
 
 def clip_extractor(weights: str | None) -> Extractor:
-    """Return `embeddings`, by name; the encoder is loaded when the first texture is not in the cache.
+    """Return the extractor of features `clip`. The encoder is loaded when the first texture is not in the cache.
 
-    `weights` is a path or "download". Raises InputError at once where it is None, where the file cannot be read, and
-    where open_clip is missing.
+    `weights` is a path or "download". Raises InputError at once if it is None, if the file cannot be read, and if open_clip is
+    missing.
     """
     if weights is None:
         raise InputError(

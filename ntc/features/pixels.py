@@ -1,4 +1,4 @@
-"""Pixels as the features want them: few enough to be quick, three channels."""
+"""Pixels for features: small mips with three channels."""
 
 from dataclasses import replace
 
@@ -11,13 +11,13 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 
 LARGEST_SIDE = 256
-"""Texels: features are taken from the first mip that is no larger."""
+"""Largest side in texels of the mip that features are computed from."""
 LUMA = np.array([0.299, 0.587, 0.114])
 """[3] weights of coded red, green and blue in luma (ITU-R BT.601)."""
 
 
 def first_map(texture: SourceTexture) -> SourceTexture:
-    """Return `texture` with the first of its maps alone."""
+    """Return `texture` with its first map alone."""
     if texture.maps == BASE_ALONE:
         return texture
     name = texture.maps[0]
@@ -29,7 +29,7 @@ def first_map(texture: SourceTexture) -> SourceTexture:
 def as_rgb(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Return [H, W, 3] uint8: the first three channels of `pixels` [H, W, C], or the first one repeated where C < 3.
 
-    Of one or two channels the first is grey; a second and a fourth one is alpha and left out.
+    With one or two channels, the first is grey. A second or fourth channel is alpha and left out.
     """
     return pixels[..., :3] if pixels.shape[2] >= 3 else np.repeat(pixels[..., :1], 3, axis=2)
 
@@ -44,6 +44,6 @@ def small_mips(texture: SourceTexture) -> list[NDArray[np.float64]]:
 
 
 def check_image(image: NDArray[np.uint8]) -> None:
-    """Raises InputError unless `image` is [H, W, 1 to 4] uint8 and holds a texel."""
+    """Raise InputError unless `image` is [H, W, 1 to 4] uint8 and not empty."""
     if image.dtype != np.uint8 or image.ndim != 3 or not 1 <= image.shape[2] <= 4 or image.size == 0:
         raise InputError(f"image: has shape {image.shape} of {image.dtype}; needs [H, W, 1 to 4] of uint8, not empty")

@@ -1,7 +1,7 @@
-"""Groupings: which textures share a decoder. One file for each way of finding groups.
+"""Groupings: which textures share a decoder. Each algorithm has a file.
 
-Where a grouping is free to choose, a decoder serves textures with the same maps. A group's tables stand for all channels of a block
-together: a texture that lacks some would take rows of the basis that the others have no use for.
+Groupings that choose freely put textures with the same maps together. A basis of codec `block` spans all channels at once: a texture
+that lacks some would use rows of the basis that the others do not need.
 """
 
 import math
@@ -27,12 +27,12 @@ LARGEST_SEED = 2**32 - 1
 
 @dataclass(frozen=True, eq=False)
 class GroupingInputs:
-    """Inputs of groupings besides the textures."""
+    """What groupings read besides the textures: views, labels, and options of features."""
 
     views: Sequence[NDArray[np.int32]] = ()
-    """Views for covisible: pictures of texture ids, each [H, W] int32, row 0 on top, -1 for none; id = index of the texture."""
+    """Views for `covisible`: each [H, W] int32 texture indices, row 0 on top, -1 for none."""
     labels: Mapping[int, str] = field(default_factory=dict)
-    """Categories for category, by index of the texture; they come before the textures' own (`ntc.grouping.category.read_labels`)."""
+    """Labels for `category`, by index of the texture. They override the scene's (`ntc.grouping.category.read_labels`)."""
     features: FeatureOptions = field(default_factory=FeatureOptions)
 
 
@@ -61,10 +61,10 @@ def _check(config: GroupingConfig) -> None:
 def make_grouping(
     config: GroupingConfig, textures: Sequence[SourceTexture], inputs: GroupingInputs = GroupingInputs()
 ) -> Grouping:
-    """Return the grouping that `config` describes, of `textures`. The same seed and inputs give the same groups.
+    """Return the grouping of `textures` that `config` describes. The same seed and inputs give the same groups.
 
-    Raises InputError for a number out of range, more groups than textures, features that cannot be had, and
-    covisible without views in which two textures meet.
+    Raises InputError for a number out of range, more groups than textures, features whose package or weights are missing, and
+    `covisible` without views in which two textures share a block.
     """
     _check(config)
     if config.name == "baseline":
@@ -83,13 +83,14 @@ def make_grouping(
         return Grouping(config.name, ())
     kinds = kinds_of(textures)
     if not 1 < len(kinds) <= clusters:
-        return _found_grouping(config, clusters, textures, inputs)
+        return _searched_grouping(config, clusters, textures, inputs)
 
     def of_kind(members: Sequence[int], groups: int) -> Grouping:
-        own, views = [textures[index] for index in members], _views_of(inputs.views, members)
-        # Textures of a kind that are never seen together are told apart by features alone.
-        name: GroupingName = "clustered" if config.name == "covisible" and not _meet(views, len(own)) else config.name
-        return _found_grouping(replace(config, name=name), groups, own, replace(inputs, views=views))
+        of_kind_textures, views = [textures[index] for index in members], _views_of(inputs.views, members)
+        # Without two textures of this kind in one block there is no excess to cut, so features alone decide.
+        is_seen = _meet(views, len(members))
+        name: GroupingName = "clustered" if config.name == "covisible" and not is_seen else config.name
+        return _searched_grouping(replace(config, name=name), groups, of_kind_textures, replace(inputs, views=views))
 
     if config.name == "covisible":
         _check_views(inputs, len(textures))
@@ -97,7 +98,7 @@ def make_grouping(
 
 
 def _meet(views: Sequence[NDArray[np.int32]], textures: int) -> bool:
-    """Return whether any block of the views shows two of so many textures."""
+    """Return whether any block of the views shows two of the `textures` textures."""
     from ntc.grouping.covisible import seen_blocks
 
     return bool(len(seen_blocks(views, textures).weights))
@@ -111,17 +112,17 @@ def _check_views(inputs: GroupingInputs, textures: int) -> None:
 
 
 def _views_of(views: Sequence[NDArray[np.int32]], members: Sequence[int]) -> list[NDArray[np.int32]]:
-    """Return `views` with the textures `members` alone, which are numbered anew."""
+    """Return `views` with the textures `members` alone, renumbered from 0 in their order; -1 elsewhere."""
     if not views:
         return []
     numbers = np.full(max([*members, *(int(view.max(initial=-1)) for view in views)]) + 2, -1, np.int32)
     numbers[list(members)] = np.arange(len(members))
-    # The last number stands for -1.
+    # Index -1 of a view reads the last entry, which is -1.
     return [numbers[view] for view in views]
 
 
 def _measured(grouping: Grouping, inputs: GroupingInputs) -> Grouping:
-    """Return `grouping` with what is recorded of all textures where it was found by kind."""
+    """Return `grouping` with the excess of all textures as parameters, if it is a `covisible` grouping made kind by kind."""
     if grouping.name != "covisible":
         return grouping
     from ntc.grouping.covisible import seen_blocks
@@ -134,10 +135,10 @@ def _measured(grouping: Grouping, inputs: GroupingInputs) -> Grouping:
     return replace(grouping, parameters={**grouping.parameters, **excess})
 
 
-def _found_grouping(
+def _searched_grouping(
     config: GroupingConfig, clusters: int, textures: Sequence[SourceTexture], inputs: GroupingInputs
 ) -> Grouping:
-    """Group textures that may share a decoder: by features, and for covisible by views."""
+    """Return a grouping of textures of one kind: by features, and for `covisible` by views."""
     if config.name == "covisible":
         return _covisible(config, clusters, textures, inputs)
     features = feature_matrix(config.features, textures, inputs.features)
@@ -161,21 +162,24 @@ def _covisible(
         spread_weight=config.spread_weight,
         seed=config.seed,
     )
-    found = covisible_grouping(seen, features, search)
-    return Grouping(found.name, found.groups, {**found.parameters, "features": config.features})
+    grouping = covisible_grouping(seen, features, search)
+    return Grouping(grouping.name, grouping.groups, {**grouping.parameters, "features": config.features})
 
 
 def kinds_of(textures: Sequence[SourceTexture]) -> list[list[int]]:
-    """Return the indices of `textures` by their maps, in the order of the first of each kind."""
-    found: dict[Any, list[int]] = {}
+    """Return the indices of `textures` by kind, that is, by equal maps; kinds in the order of their first texture."""
+    kinds: dict[Any, list[int]] = {}
     for index, texture in enumerate(textures):
-        found.setdefault(texture.maps, []).append(index)
-    return list(found.values())
+        kinds.setdefault(texture.maps, []).append(index)
+    return list(kinds.values())
 
 
 def shared_groups(counts: Sequence[int], groups: int) -> list[int]:
-    """Return how many of `groups` groups each kind of so many textures gets: one at least, and further ones where the most textures
-    share one. `groups` is at least the number of kinds and at most that of textures."""
+    """Return how many of `groups` groups each kind gets; `counts` are the kinds' numbers of textures.
+
+    Each kind gets one. Each further group goes to the kind with the most textures per group. `groups` is at least the number of kinds
+    and at most that of textures.
+    """
     given = [1] * len(counts)
     for _ in range(groups - len(counts)):
         number = max(range(len(counts)), key=lambda kind: (counts[kind] / given[kind], -kind))
@@ -186,12 +190,15 @@ def shared_groups(counts: Sequence[int], groups: int) -> list[int]:
 def grouping_by_kind(
     name: str, kinds: Sequence[Sequence[int]], clusters: int, sub_grouping: Callable[[Sequence[int], int], Grouping]
 ) -> Grouping:
-    """Return the groupings that `sub_grouping` finds for each of `kinds`, as one called `name`; its parameters are those of the first
-    kind, with the number of all groups and of kinds. `sub_grouping` takes indices of textures and a number of groups."""
+    """Return one grouping called `name`, joined from the groupings of each kind.
+
+    `sub_grouping` takes indices of textures and a number of groups. The parameters are those of the first kind, with the number of all
+    groups and of kinds.
+    """
     labels: dict[int, tuple[int, int]] = {}
-    found = []
+    parts: list[Grouping] = []
     for kind, (members, given) in enumerate(zip(kinds, shared_groups(list(map(len, kinds)), clusters), strict=True)):
-        found.append(sub_grouping(members, given))
-        labels.update((index, (kind, group)) for index, group in zip(members, found[-1].groups, strict=True))
-    parameters = {**found[0].parameters, "clusters": sum(each.group_count for each in found), "kinds": len(kinds)}
+        parts.append(sub_grouping(members, given))
+        labels.update((index, (kind, group)) for index, group in zip(members, parts[-1].groups, strict=True))
+    parameters = {**parts[0].parameters, "clusters": sum(each.group_count for each in parts), "kinds": len(kinds)}
     return Grouping.of_labels(name, [labels[index] for index in range(len(labels))], parameters)

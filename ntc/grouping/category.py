@@ -1,4 +1,4 @@
-"""Grouping by category (paper, Sec. 4), one decoder for each kind of material; and categories from a CSV file."""
+"""Grouping `category` (paper, Sec. 4): one decoder for each kind of material. Categories come from a CSV file, labels or names."""
 
 import csv
 import io
@@ -24,7 +24,7 @@ KEYWORDS: dict[str, str] = {
     "rock": "rock stone cliff marble granite",
     "terrain": "terrain ground grass sand dirt mud soil snow leaves gravel foliage moss",
 }
-"""Words by which a name without a label is put into one of the paper's categories; the first that fits counts."""
+"""Words of a texture's name that put it into one of the paper's categories; the first category that matches counts."""
 UNKNOWN = "other"
 TEXTURE_COLUMNS = ("texture", "name", "file")
 CATEGORY_COLUMN = "category"
@@ -35,17 +35,17 @@ UNKNOWN_SHOWN = 3
 
 
 def guessed_category(name: str) -> str:
-    """Category for a texture's name, or UNKNOWN."""
+    """Return the category that a texture's name suggests, or UNKNOWN."""
     words = set(re.sub(r"([a-z])([A-Z])", r"\1 \2", name).lower().replace("_", " ").replace("-", " ").split())
     words = {re.sub(r"[^a-z]", "", word) for word in words}
     return next((category for category, keys in KEYWORDS.items() if words & set(keys.split())), UNKNOWN)
 
 
 def category_grouping(textures: Sequence[SourceTexture], labels: Mapping[int, str] | None = None) -> Grouping:
-    """Return a group for each category: from `labels` (by index of the texture), else the texture's own label (glTF extras or folder
-    name), else a guess from its name.
+    """Return one group for each category.
 
-    The parameters hold how many categories came from each source.
+    A texture's category comes from `labels` (by index), else from the scene (glTF extras or folder name), else from words of its name.
+    The parameters count the textures of each source.
     """
     listed = labels or {}
     chosen: list[str] = []
@@ -64,7 +64,7 @@ def category_grouping(textures: Sequence[SourceTexture], labels: Mapping[int, st
 
 
 def _rows(path: Path) -> list[tuple[str, str]]:
-    """Return (texture, category) of each line."""
+    """Return (texture, category) of each line of a CSV file. Raises InputError."""
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise InputError(
@@ -97,9 +97,9 @@ def _rows(path: Path) -> list[tuple[str, str]]:
 
 
 def read_labels(path: Path, textures: Sequence[SourceTexture]) -> dict[int, str]:
-    """Category by index in `textures`, from a CSV with the columns texture (also: name, file) and category.
+    """Return categories by index in `textures`, from a CSV file with columns texture (also: name, file) and category.
 
-    A texture is named by its name, by its file's name with or without folder and ending, or by its pixel hash.
+    A line may give a texture's name, its file name with or without folder and suffix, or its pixel hash.
     Raises InputError for a file that is not such a CSV, or that names unknown textures.
     """
     by_key: dict[str, list[int]] = {}
@@ -111,11 +111,11 @@ def read_labels(path: Path, textures: Sequence[SourceTexture]) -> dict[int, str]
     unknown: list[str] = []
     for name, category in _rows(path):
         file = PurePosixPath(name)
-        found = by_key.get(name) or by_key.get(file.name) or by_key.get(file.stem)
-        if found is None:
+        indices = by_key.get(name) or by_key.get(file.name) or by_key.get(file.stem)
+        if indices is None:
             unknown.append(name)
             continue
-        labels.update(dict.fromkeys(found, category))
+        labels.update(dict.fromkeys(indices, category))
     if unknown:
         more = f" and {len(unknown) - UNKNOWN_SHOWN} more" if len(unknown) > UNKNOWN_SHOWN else ""
         shown = ", ".join(repr(name) for name in unknown[:UNKNOWN_SHOWN])

@@ -1,10 +1,15 @@
-"""Grouping by k-means over features (paper, Sec. 3), and its control: random groups of the same sizes (paper, Table 1).
+"""Grouping `clustered`, k-means over features (paper, Sec. 3), and its control `random`: groups of the same sizes (paper, Table 1).
 
-k-means is Lloyd's iteration from centres chosen by greedy k-means++ (Arthur and Vassilvitskii, 2007), the best of several restarts.
-Its steps and random numbers are those of scikit-learn's KMeans, so a seed gives the same groups; that package takes over a second to
-import. More textures than are held at once are grouped in mini-batches: centres move with small random batches (Sculley, 2010), and
-groups are of bounded size. Features then come in blocks, again and again, as from files.
+Options and features: docs/reference/groupings.md.
 """
+
+# k-means minimises the sum of squared distances of features to the centre of their cluster. Lloyd's iteration alternates two steps:
+# each point joins its nearest centre, and each centre moves to the mean of its points. It ends in a local minimum, so it starts from
+# spread-out centres (greedy k-means++, Arthur and Vassilvitskii 2007), and the best of 20 restarts counts. The code repeats the steps
+# and random numbers of scikit-learn's KMeans, so seeds give its groups without its import, which takes over a second.
+# Beyond LARGEST_EXACT distances, centres move with mini-batches instead (Sculley 2010): a centre moves towards the mean of its part of
+# a batch at a rate that falls with its count. Above FLAT_CLUSTERS clusters, features are clustered twice, so time does not grow with
+# features x clusters. Groups then have a bounded size.
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -17,22 +22,23 @@ from ntc.codec.model import Grouping
 
 MOST_ITERATIONS = 300
 TOLERANCE = 1e-4
-"""Least movement of centres, as a share of the mean variance of the features: centres that move less are at rest."""
+"""Squared movement of all centres at which k-means ends, as a share of the mean variance of the features."""
 
 Floats = NDArray[np.float64]
 Labels = NDArray[np.int64]
 
 
 def _squared_distances(rows: Floats, points: Floats, norms: Floats) -> Floats:
-    """Return [rows, points] squared distances of `rows` [rows, F] from `points` [points, F], whose squared norms are `norms`
-    [points]."""
-    own = np.einsum("ij,ij->i", rows, rows)[:, None]
-    distances: Floats = np.maximum(-2.0 * (rows @ points.T) + own + norms, 0.0)
+    """Return [rows, points] squared distances of `rows` [rows, F] from `points` [points, F]; `norms` [points] are the points' squared
+    norms."""
+    row_norms = np.einsum("ij,ij->i", rows, rows)[:, None]
+    distances: Floats = np.maximum(-2.0 * (rows @ points.T) + row_norms + norms, 0.0)
     return distances
 
 
 def _first_centres(points: Floats, norms: Floats, count: int, random: np.random.RandomState) -> Floats:
-    """Return [count, F]: points far from each other, each the best of a few drawn in proportion to their squared distance."""
+    """Return [count, F] initial centres by greedy k-means++: each is the best of a few points drawn in proportion to their squared
+    distance from the nearest centre so far."""
     trials = 2 + int(np.log(count))
     chosen = [int(random.choice(len(points), p=np.full(len(points), 1.0 / len(points))))]
     ones = np.ones(len(points))
@@ -50,7 +56,7 @@ def _first_centres(points: Floats, norms: Floats, count: int, random: np.random.
 
 
 def _moved(points: Floats, centres: Floats, labels: Labels) -> Floats:
-    """Return the means of the points of each centre; a centre without points takes one that is farthest from its own."""
+    """Return [centres, F]: the mean of each centre's points. A centre without points moves to the point farthest from its centre."""
     weights = np.bincount(labels, minlength=len(centres)).astype(np.float64)
     sums, sizes = np.zeros_like(centres), weights[weights > 0.0]
     begins = (np.cumsum(sizes) - sizes).astype(np.int64)
@@ -67,7 +73,7 @@ def _moved(points: Floats, centres: Floats, labels: Labels) -> Floats:
 
 
 def _settled(points: Floats, centres: Floats, tolerance: float) -> tuple[Labels, float]:
-    """Return (labels, sum of squared distances to their centres) of Lloyd's iteration from `centres`."""
+    """Run Lloyd's iteration from `centres`. Return (labels, sum of squared distances to their centres)."""
     labels = np.full(len(points), -1, np.int64)
     for _ in range(MOST_ITERATIONS):
         before, labels = labels, nearest(points, centres)
@@ -85,43 +91,46 @@ def _settled(points: Floats, centres: Floats, tolerance: float) -> tuple[Labels,
 
 
 def _same_clusters(first: Labels, second: Labels) -> bool:
-    """Return whether two labellings differ in the names of clusters alone."""
+    """Return whether two labellings are the same clusters, up to their numbers."""
     pairs = set(zip(first.tolist(), second.tolist(), strict=True))
     return len(pairs) == len({a for a, _ in pairs}) == len({b for _, b in pairs})
 
 
 def kmeans_labels(features: Floats, clusters: int, restarts: int, seed: int) -> Labels:
-    """Return [rows] int64 cluster of each of `features` [rows, F]; at most `clusters`, which are no more than rows."""
+    """Return [rows] int64: the cluster of each row of `features` [rows, F], best of `restarts`. `clusters` is at most the number of
+    rows."""
     random = np.random.RandomState(seed)
     points = np.ascontiguousarray(features - features.mean(axis=0))
     norms = np.einsum("ij,ij->i", points, points)
     tolerance = TOLERANCE * float(np.mean(np.var(features, axis=0)))
     best: tuple[Labels, float] | None = None
     for _ in range(restarts):
-        found = _settled(points, _first_centres(points, norms, clusters, random), tolerance)
-        if best is None or (found[1] < best[1] and not _same_clusters(found[0], best[0])):
-            best = found
+        run = _settled(points, _first_centres(points, norms, clusters, random), tolerance)
+        if best is None or (run[1] < best[1] and not _same_clusters(run[0], best[0])):
+            best = run
     assert best is not None
     return best[0]
 
 
 Blocks = Callable[[], Iterable[Floats]]
-"""Gives all features anew each time: blocks [n, F], in the order of the textures."""
+"""Function that iterates over all features at each call: blocks [n, F], in the order of the textures."""
 PASSES = 3
 """Number of passes over all features."""
 BATCH = 1024
-"""Features that move the centres together."""
+"""Features of a mini-batch."""
 SAMPLE = 32
-"""Features for each cluster from which the first centres are found."""
+"""Features per cluster in the sample that the initial centres come from."""
 LARGEST_SAMPLE = 20_000
+"""Largest size of that sample, unless there are more than half as many clusters."""
 LARGEST_DISTANCES = 1 << 24
-"""Distances that are computed together, to bound memory."""
+"""Distances that are computed at once, which bounds memory."""
 SLACK = 1.5
-"""A group has at most so many times the mean size."""
+"""Largest size of a group, relative to the mean size."""
 FLAT_CLUSTERS = 256
-"""More clusters are found in two levels, so that time grows with the features and not with their product with the clusters."""
+"""Largest number of clusters that are searched in one level. More take two levels: time then grows with features alone, not with
+features x clusters."""
 LARGEST_HELD = 1 << 22
-"""Numbers of features that are held together."""
+"""Numbers (features x F) that are in memory at once."""
 
 
 def _means(points: Floats, labels: Labels, clusters: int) -> Floats:
@@ -132,34 +141,36 @@ def _means(points: Floats, labels: Labels, clusters: int) -> Floats:
 
 
 def _sample(blocks: Blocks, size: int, random: np.random.Generator) -> tuple[Floats, int]:
-    """Return (`size` features, or all, drawn evenly in one pass; how many there are)."""
-    kept: list[Floats] = []
+    """Return (`size` features, or all, drawn uniformly in one pass; the number of all features)."""
+    sampled: list[Floats] = []
     keys: list[NDArray[np.float64]] = []
     count = 0
     for block in blocks():
         count += len(block)
-        kept.append(np.array(block))
+        sampled.append(np.array(block))
         keys.append(random.random(len(block)))
-        if sum(map(len, kept)) > 4 * size:
-            kept, keys = _smallest(kept, keys, size)
-    kept, keys = _smallest(kept, keys, size)
-    return (kept[0] if kept else np.zeros((0, 1))), count
+        if sum(map(len, sampled)) > 4 * size:
+            sampled, keys = _smallest(sampled, keys, size)
+    sampled, keys = _smallest(sampled, keys, size)
+    return (sampled[0] if sampled else np.zeros((0, 1))), count
 
 
 def _smallest(
-    kept: list[Floats], keys: list[NDArray[np.float64]], size: int
+    blocks: list[Floats], keys: list[NDArray[np.float64]], size: int
 ) -> tuple[list[Floats], list[NDArray[np.float64]]]:
-    """Return the features with the smallest keys, in their order."""
-    if not kept:
-        return kept, keys
-    points, order = np.concatenate(kept), np.concatenate(keys)
+    """Return the `size` features with the smallest random `keys`, and their keys, in order of appearance."""
+    if not blocks:
+        return blocks, keys
+    points, order = np.concatenate(blocks), np.concatenate(keys)
     chosen = np.sort(np.argpartition(order, size)[:size]) if len(order) > size else np.arange(len(order))
     return [points[chosen]], [order[chosen]]
 
 
 def minibatch_centres(blocks: Blocks, clusters: int, seed: int) -> Floats:
-    """Return [at most `clusters`, F]: centres of the features that `blocks` gives. The same seed and features give the same centres,
-    however the features are cut into blocks."""
+    """Return [at most `clusters`, F]: centres of the features in `blocks`, by mini-batch k-means.
+
+    The same seed and features give the same centres, for any division into blocks.
+    """
     random = np.random.default_rng(seed)
     size = min(max(SAMPLE * clusters, BATCH), max(LARGEST_SAMPLE, 2 * clusters))
     sample, count = _sample(blocks, size, random)
@@ -171,46 +182,46 @@ def minibatch_centres(blocks: Blocks, clusters: int, seed: int) -> Floats:
     for _ in range(PASSES):
         for batch in _batches(blocks):
             labels = nearest(batch, centres)
-            own = np.bincount(labels, minlength=len(centres)).astype(np.float64)
+            in_batch = np.bincount(labels, minlength=len(centres)).astype(np.float64)
             sums = np.zeros_like(centres)
             np.add.at(sums, labels, batch)
-            moved = own > 0.0
-            counts += own
-            rate = (own[moved] / counts[moved])[:, None]
-            centres[moved] += rate * (sums[moved] / own[moved][:, None] - centres[moved])
+            moved = in_batch > 0.0
+            counts += in_batch
+            rate = (in_batch[moved] / counts[moved])[:, None]
+            centres[moved] += rate * (sums[moved] / in_batch[moved][:, None] - centres[moved])
     return centres
 
 
 def _batches(blocks: Blocks) -> Iterable[Floats]:
-    """Yield the features BATCH at a time, whatever blocks they come in."""
+    """Yield the features BATCH at a time, for any division into blocks."""
     waiting: list[Floats] = []
     held = 0
     for block in blocks():
         waiting.append(block)
         held += len(block)
         while held >= BATCH:
-            together = np.concatenate(waiting)
-            yield together[:BATCH]
-            waiting, held = [together[BATCH:]], held - BATCH
+            joined = np.concatenate(waiting)
+            yield joined[:BATCH]
+            waiting, held = [joined[BATCH:]], held - BATCH
     if held:
         yield np.concatenate(waiting)
 
 
 def nearest(points: Floats, centres: Floats) -> Labels:
-    """Return [rows] int64: the centre that is nearest to each of `points` [rows, F]."""
-    found = np.zeros(len(points), np.int64)
+    """Return [rows] int64: the index of the centre nearest to each of `points` [rows, F]."""
+    labels = np.zeros(len(points), np.int64)
     step = max(1, LARGEST_DISTANCES // max(1, len(centres)))
     norms = np.einsum("ij,ij->i", centres, centres)
     for first in range(0, len(points), step):
         part = points[first : first + step]
-        found[first : first + step] = (norms - 2.0 * part @ centres.T).argmin(1)
-    return found
+        labels[first : first + step] = (norms - 2.0 * part @ centres.T).argmin(1)
+    return labels
 
 
 def balanced_labels(blocks: Blocks, centres: Floats, count: int, slack: float = SLACK) -> Labels:
-    """Return [count] int64: for each feature a near centre, none of which gets more than `slack` times the mean, rounded up.
+    """Return [count] int64: a near centre for each feature. No centre gets more than `slack` times the mean, rounded up.
 
-    Features whose nearest centre is full go to the nearest one that has room, those that come first first.
+    Features are assigned in their order. If the nearest centre is full, a feature goes to the nearest one with room.
     """
     largest = int(np.ceil(slack * count / max(1, len(centres))))
     room = np.full(len(centres), largest, np.int64)
@@ -230,8 +241,10 @@ def balanced_labels(blocks: Blocks, centres: Floats, count: int, slack: float = 
 
 
 def minibatch_labels(blocks: Blocks, count: int, clusters: int, seed: int, slack: float = SLACK) -> Labels:
-    """Return [count] int64: a group for each of `count` features, about `clusters` groups in all, none of them much larger than
-    `slack` times the mean. The same seed and features give the same groups."""
+    """Return [count] int64: a group for each of `count` features, by mini-batch k-means.
+
+    There are about `clusters` groups, none much larger than `slack` times the mean. The same seed and features give the same groups.
+    """
     coarse = clusters if clusters <= FLAT_CLUSTERS else int(np.ceil(np.sqrt(clusters)))
     centres = minibatch_centres(blocks, coarse, seed)
     if clusters <= FLAT_CLUSTERS:
@@ -239,16 +252,15 @@ def minibatch_labels(blocks: Blocks, count: int, clusters: int, seed: int, slack
     outer = np.concatenate([nearest(batch, centres) for batch in _batches(blocks)]) if count else np.zeros(0, np.int64)
     labels, first = np.zeros(count, np.int64), 0
     for members, points in _parts(blocks, outer, len(centres)):
-        own = max(1, round(clusters * len(members) / count))
-        inner = minibatch_centres(partial(iter, [points]), own, seed)
+        share = max(1, round(clusters * len(members) / count))
+        inner = minibatch_centres(partial(iter, [points]), share, seed)
         labels[members] = first + balanced_labels(partial(iter, [points]), inner, len(members), slack)
         first += len(inner)
     return labels
 
 
 def _parts(blocks: Blocks, outer: Labels, clusters: int) -> Iterable[tuple[Labels, Floats]]:
-    """Yield (places, features) of each cluster; as many clusters together as LARGEST_HELD allows, with a pass over all features
-    each."""
+    """Yield (indices, features) of each cluster. Each pass over all features collects as many clusters as LARGEST_HELD allows."""
     sizes = np.bincount(outer, minlength=clusters)
     width = next((block.shape[1] for block in blocks() if len(block)), 1)
     begin = 0
@@ -257,14 +269,14 @@ def _parts(blocks: Blocks, outer: Labels, clusters: int) -> Iterable[tuple[Label
         while end < clusters and held + int(sizes[end]) * width <= LARGEST_HELD:
             held += int(sizes[end]) * width
             end += 1
-        found: dict[int, list[Floats]] = {label: [] for label in range(begin, end)}
+        parts: dict[int, list[Floats]] = {label: [] for label in range(begin, end)}
         place = 0
         for block in blocks():
-            own = outer[place : place + len(block)]
-            for label in np.unique(own[(own >= begin) & (own < end)]):
-                found[int(label)].append(np.array(block[own == label]))
+            labels = outer[place : place + len(block)]
+            for label in np.unique(labels[(labels >= begin) & (labels < end)]):
+                parts[int(label)].append(np.array(block[labels == label]))
             place += len(block)
-        for label, points in found.items():
+        for label, points in parts.items():
             if points:
                 yield np.flatnonzero(outer == label), np.concatenate(points)
         begin = end
@@ -272,17 +284,16 @@ def _parts(blocks: Blocks, outer: Labels, clusters: int) -> Iterable[tuple[Label
 
 RESTARTS = 20
 LARGEST_EXACT = 1 << 22
-"""Distances between textures and centres up to which all textures are looked at together (4000 textures in 1000 groups)."""
+"""Largest number of distances (textures x groups) for k-means over all textures at once: 4000 textures in 1000 groups."""
 BLOCK = 4096
-"""Textures of a block, beyond that."""
+"""Textures of a block for mini-batches."""
 
 
 def clustered_grouping(features: NDArray[np.float64], name: FeatureName, clusters: int, seed: int) -> Grouping:
-    """Group `features` [textures, F], called `name`, by k-means: the best of 20 restarts. Groups are numbered in the order of their
-    first texture.
+    """Return the grouping of `features` [textures, F], called `name`, by k-means, the best of 20 restarts.
 
-    Textures with equal features cannot be told apart, so there are no more groups than distinct features. Where textures times groups
-    are more than LARGEST_EXACT, groups are found in mini-batches, and are of bounded size (`ntc.grouping.clustered`).
+    Groups are numbered by their first texture. Textures with equal features stay together, so there are at most as many groups as
+    distinct features. If textures x groups exceed LARGEST_EXACT, mini-batches are used, and groups have a bounded size.
     """
     clusters = min(clusters, len(np.unique(features, axis=0)))
     parameters: dict[str, object] = {"clusters": clusters, "features": name, "seed": seed}
@@ -296,8 +307,8 @@ def clustered_grouping(features: NDArray[np.float64], name: FeatureName, cluster
 
 
 def random_grouping(like: Grouping, seed: int) -> Grouping:
-    """Return as many groups of the same sizes as `like` has, with the textures shuffled. The same seed gives the same groups; they are
-    numbered by their first texture."""
+    """Return random groups of the same sizes as those of `like`, numbered by their first texture. The same seed gives the same
+    groups."""
     shuffled = np.random.default_rng(seed).permutation(np.array(like.groups, dtype=np.int64))
     parameters = {"clusters": like.group_count, "sizes_of": like.name, "seed": seed}
     return Grouping.of_labels("random", shuffled.tolist(), parameters)

@@ -1,4 +1,4 @@
-"""Grouping by what is seen together: the groups with the least measured excess over a set of views."""
+"""Grouping `covisible`: the groups with the least excess of decoders over a set of views (docs/explanation/sharing.md)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,14 +14,15 @@ from ntc.metrics.divergence import BLOCK, distinct_ids
 
 @dataclass(frozen=True, eq=False)
 class SeenBlocks:
-    """The distinct texture sets of blocks with two textures or more; others cannot diverge."""
+    """The distinct sets of textures that share a framebuffer block, with counts. Blocks of one texture cannot diverge and are left
+    out."""
 
     members: sparse.csr_array
     """[sets, textures] float64, 1 where the set holds the texture."""
     weights: NDArray[np.float64]
     """[sets] number of blocks with this set."""
     blocks: int
-    """All blocks of all views, those without excess too."""
+    """Number of all blocks of all views, also of those without excess."""
 
     def excess(self, groups: NDArray[np.int64]) -> float:
         """Return the sum of D - 1 over all blocks when texture t is decoded by decoder `groups[t]` (paper, Sec. 2)."""
@@ -32,7 +33,7 @@ class SeenBlocks:
 
 
 def seen_blocks(views: Sequence[NDArray[np.int32]], textures: int, block: tuple[int, int] = BLOCK) -> SeenBlocks:
-    """Return the texture sets of `views`, each [H, W] int32 texture ids with -1 for none, row 0 on top.
+    """Return the sets of textures that share blocks in `views`, each [H, W] int32 texture ids with -1 for none, row 0 on top.
 
     Raises ValueError for an id that is not below `textures`.
     """
@@ -58,25 +59,33 @@ def seen_blocks(views: Sequence[NDArray[np.int32]], textures: int, block: tuple[
 Groups = NDArray[np.int64]
 Floats = NDArray[np.float64]
 
+# The search. A grouping costs its excess over the views plus the weighted spread of features within groups; both are exact sums over
+# SeenBlocks and features. A move puts one texture into another group. Tabu search (F. Glover, "Tabu Search, Part I and II",
+# 1989/1990) always makes the best move, even one that raises the cost, and then forbids the reverse move for some iterations. So it
+# leaves local minima. 24 chains run side by side, as arrays with the chain as first axis, from bottom-up merging and from random
+# groups. `_Chains` holds the change of cost of every move, and after a move updates the two groups that changed.
+# The bound of a group's size is a penalty that grows while it is violated and shrinks while it is not, so chains cross the bound to
+# and fro (strategic oscillation, ibid.); only groupings within it count. What it gains: docs/explanation/sharing.md.
 SMALLEST_GAIN = 1e-9
+"""Change of cost that counts as better."""
 FIRST_PENALTY = 0.02
+"""Initial penalty of a group above the bound, in units of the cost."""
 PENALTY_STEP = 1.05
-"""A group above the bound costs a penalty that grows while there is one and shrinks while there is none, so that
-chains walk along the bound from both sides (strategic oscillation; F. Glover, "Tabu Search, Part II", 1990)."""
+"""Factor by which a penalty grows or shrinks in an iteration."""
 
 
 @dataclass(frozen=True, eq=False)
 class SearchProblem:
-    """The cost to minimise: excess plus weighted spread of features, both as shares of their worst."""
+    """The cost to minimise: excess plus weighted spread of features, both relative to their worst value."""
 
     seen: SeenBlocks
     features: Floats
     """[textures, F]."""
     clusters: int
     bound: int
-    """Most textures of a group; `clusters` groups of it hold all textures."""
+    """Largest number of textures in a group; `clusters` groups of this size hold all textures."""
     spread_limit: float = np.inf
-    """Groups with more spread than this are passed through, not kept."""
+    """Largest spread of a result. The search may pass through groupings with more."""
 
     @property
     def worst_excess(self) -> float:
@@ -99,9 +108,9 @@ def feature_spread(features: Floats, groups: Groups) -> float:
 
 
 class _Chains:
-    """The state of all chains, and how every single move would change it.
+    """The groupings of all chains, and the change of cost of every move.
 
-    Arrays have the chain as first axis. A set is a distinct set of textures that share blocks, see SeenBlocks.
+    Arrays have the chain as first axis. A set is a distinct set of textures that share blocks (SeenBlocks).
     """
 
     def __init__(self, problem: SearchProblem, starts: Groups) -> None:
@@ -113,13 +122,13 @@ class _Chains:
         self._seen_with = np.asarray(self._weighted.sum(axis=1)).reshape(-1)
         self._features = problem.features
         self._squares = (problem.features**2).sum(axis=1)
-        # Sets of each texture, padded with a set that weighs nothing.
+        # Sets of each texture, padded with a set of weight 0.
         columns = members.tocsc()
         longest = int(np.diff(columns.indptr).max(initial=0))
         self._sets_of = np.full((textures, longest), members.shape[0], np.int64)
         for texture in range(textures):
-            mine = columns.indices[columns.indptr[texture] : columns.indptr[texture + 1]]
-            self._sets_of[texture, : len(mine)] = mine
+            sets = columns.indices[columns.indptr[texture] : columns.indptr[texture + 1]]
+            self._sets_of[texture, : len(sets)] = sets
         shape = (chains, problem.clusters)
         self._counts = np.zeros((*shape, members.shape[0] + 1), np.int16)
         self.sizes = np.zeros(shape)
@@ -133,8 +142,8 @@ class _Chains:
             self._refresh(self._chain, np.full(chains, group))
         used = (self._counts[..., :-1] > 0).sum(axis=1)
         self.excess = used @ problem.seen.weights - problem.seen.weights.sum()
-        kept = ((self._sums**2).sum(axis=2) / np.maximum(self.sizes, 1.0)).sum(axis=1)
-        self.spread = self._squares.sum() - kept
+        explained = ((self._sums**2).sum(axis=2) / np.maximum(self.sizes, 1.0)).sum(axis=1)
+        self.spread = self._squares.sum() - explained
 
     def _add(self, textures: Groups, groups: Groups, sign: int) -> None:
         self._counts[self._chain[:, None], groups[:, None], self._sets_of[textures]] += np.int16(sign)
@@ -142,7 +151,7 @@ class _Chains:
         self._sums[self._chain, groups] += sign * self._features[textures]
 
     def _refresh(self, chains: Groups, groups: Groups) -> None:
-        """Compute the costs of joining and leaving these groups for each texture."""
+        """Compute for each texture the change of cost of joining and leaving group `groups`[i] of chain `chains`[i]."""
         counts = self._counts[chains, groups, :-1]
         # A set gains a decoder with its first texture of a group, and loses it with the last.
         self._joins[chains, groups] = self._seen_with - (self._weighted @ (counts > 0).T).T
@@ -151,16 +160,16 @@ class _Chains:
         self._away[chains, groups] = self._squares - 2.0 * means @ self._features.T + (means**2).sum(axis=1)[:, None]
 
     def changes(self) -> tuple[Floats, Floats]:
-        """Return [chains, clusters, textures] change of excess and of spread when one texture moves to a group."""
+        """Return the changes of excess and of spread, [chains, clusters, textures] each, if a texture moves to a group."""
         chain, texture = self._chain[:, None], np.arange(self.groups.shape[1])[None]
         excess = self._joins - self._leaves[chain, self.groups, texture][:, None, :]
-        own = self.sizes[chain, self.groups]
-        loss = self._away[chain, self.groups, texture] * own / np.maximum(own - 1.0, 1.0) * (own > 1.0)
+        size = self.sizes[chain, self.groups]
+        loss = self._away[chain, self.groups, texture] * size / np.maximum(size - 1.0, 1.0) * (size > 1.0)
         spread = self._away * (self.sizes / (self.sizes + 1.0))[:, :, None] - loss[:, None, :]
         return excess, spread
 
     def move(self, textures: Groups, groups: Groups) -> Groups:
-        """Move one texture of each chain; the groups that they leave."""
+        """Move texture `textures`[i] of chain i to group `groups`[i]. Return the groups that the textures left."""
         left = self.groups[self._chain, textures]
         self._add(textures, left, -1)
         self._add(textures, groups, 1)
@@ -169,17 +178,17 @@ class _Chains:
         return left
 
 
-def _adapted(penalty: Floats, kept: NDArray[np.bool_]) -> Floats:
-    return np.clip(np.where(kept, penalty / PENALTY_STEP, penalty * PENALTY_STEP), 1e-4, 100.0)
+def _adapted(penalty: Floats, within: NDArray[np.bool_]) -> Floats:
+    return np.clip(np.where(within, penalty / PENALTY_STEP, penalty * PENALTY_STEP), 1e-4, 100.0)
 
 
 def tabu_search(
     problem: SearchProblem, starts: Groups, weights: Floats, iterations: int, random: np.random.Generator
 ) -> tuple[Floats, Groups]:
-    """Best cost [chains] and groups [chains, textures] that each chain met within the bound and the spread limit.
+    """Return the best cost [chains] and groups [chains, textures] of each chain, within the bound and the spread limit.
 
-    `starts` [chains, textures] groups to start from; `weights` [chains] the weight of spread against excess. A chain
-    that met nothing allowed has an infinite cost.
+    `starts` [chains, textures] are the initial groups; `weights` [chains] the weights of spread against excess. A chain without a
+    grouping within the limits has an infinite cost.
     """
     chains, textures = starts.shape
     state = _Chains(problem, starts)
@@ -194,13 +203,13 @@ def tabu_search(
     forbidden_until = np.zeros((chains, problem.clusters, textures), np.int64)
     best_cost, best = np.full(chains, np.inf), starts.copy()
 
-    def keep_better(cost: Floats, within: NDArray[np.bool_]) -> None:
+    def record_better(cost: Floats, within: NDArray[np.bool_]) -> None:
         better = within & (state.spread <= problem.spread_limit) & (cost < best_cost - SMALLEST_GAIN)
         best_cost[better] = cost[better]
         best[better] = state.groups[better]
 
     cost = state.excess * excess_scale + state.spread * spread_scale
-    keep_better(cost, state.sizes.max(axis=1) <= problem.bound)
+    record_better(cost, state.sizes.max(axis=1) <= problem.bound)
     for iteration in range(iterations):
         excess, spread = state.changes()
         change = excess * excess_scale + spread * spread_scale[:, None, None]
@@ -211,9 +220,9 @@ def tabu_search(
             beyond = np.maximum(state.spread[:, None, None] + spread - problem.spread_limit, 0.0)
             beyond -= np.maximum(state.spread - problem.spread_limit, 0.0)[:, None, None]
             change += beyond * (spread_penalty / worst_spread)[:, None, None]
-        # Not back to where it just came from, unless that is better than anything before.
-        hopeful = change < (best_cost - cost)[:, None, None] - SMALLEST_GAIN
-        change[(forbidden_until > iteration) & ~hopeful] = np.inf
+        # A forbidden move is allowed if it gives the best cost so far (aspiration).
+        aspired = change < (best_cost - cost)[:, None, None] - SMALLEST_GAIN
+        change[(forbidden_until > iteration) & ~aspired] = np.inf
         change[chain[:, None], state.groups, everyone] = np.inf
         chosen = change.reshape(chains, -1).argmin(axis=1)
         group, texture = chosen // textures, chosen % textures
@@ -225,67 +234,69 @@ def tabu_search(
         penalty = _adapted(penalty, within)
         spread_penalty = _adapted(spread_penalty, state.spread <= problem.spread_limit)
         cost = state.excess * excess_scale + state.spread * spread_scale
-        keep_better(cost, within)
+        record_better(cost, within)
     return best_cost, best
 
 
 SPREAD_WEIGHTS_UNDER_A_LIMIT = (0.01, 4.0)
-"""Weights of spread that chains try, from the first to the last, where spread has a limit."""
+"""Range of the weights of spread, from the first chain to the last, if spread has a limit."""
 LARGEST_WORK = 2.0e9
-"""Rough number of elementary steps after which a search ends early, so that a thousand textures take a minute."""
+"""Approximate number of elementary steps after which a search ends early: a thousand textures take a minute."""
 
 
 @dataclass(frozen=True)
 class CovisibleConfig:
-    """Options of the search for groups."""
+    """Options of the search for `covisible` groups."""
 
     clusters: int = 10
     largest_share: float = 0.2
-    """No group holds more than this share of the textures (rounded down), unless `clusters` groups cannot hold them all."""
+    """Largest share of the textures in one group, rounded down; more if `clusters` groups could not hold all textures."""
     spread_weight: float = 0.3
-    """Weight of the spread of features inside groups, against excess; both relative to their worst."""
+    """Weight of the spread of features within groups against excess, both relative to their worst value."""
     spread_limit: float | None = None
-    """Most spread that is allowed; where given, the least excess under it is searched and `spread_weight` is unused."""
+    """Largest spread. If given, the least excess within it is searched, and `spread_weight` is unused."""
     chains: int = 24
-    """Searches side by side, each from a start of its own."""
+    """Searches side by side, with different starts."""
     iterations: int = 2000
+    """Moves of each chain."""
     seed: int = 0
 
 
 def merged_start(seen: SeenBlocks, textures: int, clusters: int, bound: int) -> Groups:
-    """Return [textures] groups from below: every texture alone, then again and again the two groups whose union saves most."""
+    """Return [textures] groups by bottom-up merging: from a group per texture, join the two groups that share most blocks, and
+    repeat."""
     weighted = seen.members.multiply(seen.weights[:, None]).tocsr()
-    together = np.asarray((weighted.T @ seen.members).todense())
-    np.fill_diagonal(together, 0.0)
+    shared_blocks = np.asarray((weighted.T @ seen.members).todense())
+    np.fill_diagonal(shared_blocks, 0.0)
     groups = np.arange(textures)
     alive = list(range(textures))
     sizes = np.ones(textures, np.int64)
     while len(alive) > clusters:
-        part = together[np.ix_(alive, alive)]
+        part = shared_blocks[np.ix_(alive, alive)]
         both = sizes[alive][:, None] + sizes[alive][None, :]
         fits = both <= bound
         np.fill_diagonal(fits, False)
         if not fits.any():
             break
-        # Small groups first among equals, so that the bound does not stop the merging.
+        # Among equals, small groups first: the bound stops fewer merges.
         score = np.where(fits, part - 1e-6 * both, -np.inf)
         a, b = np.unravel_index(int(np.argmax(score)), score.shape)
-        keep, gone = alive[min(a, b)], alive[max(a, b)]
-        together[keep] += together[gone]
-        together[:, keep] += together[:, gone]
-        sizes[keep] += sizes[gone]
-        groups[groups == gone] = keep
-        alive.remove(gone)
+        target, source = alive[min(a, b)], alive[max(a, b)]
+        shared_blocks[target] += shared_blocks[source]
+        shared_blocks[:, target] += shared_blocks[:, source]
+        sizes[target] += sizes[source]
+        groups[groups == source] = target
+        alive.remove(source)
     numbers = {old: new for new, old in enumerate(alive)}
     merged = np.array([numbers[group] for group in groups.tolist()], np.int64)
-    # Where the bound left more groups than asked for, the last ones are spread over those with room.
+    # If the bound left too many groups, the textures of the last ones go to the smallest others.
     for texture in np.nonzero(merged >= clusters)[0]:
         merged[texture] = int(np.argmin(np.bincount(merged[merged < clusters], minlength=clusters)))
     return merged
 
 
 def _starts(problem: SearchProblem, chains: int, given: Groups | None, random: np.random.Generator) -> Groups:
-    """Return [chains, textures]: in turn the merged groups, the given ones if any, and two random ones."""
+    """Return [chains, textures] starts, in turn: the merged groups, the given ones if any, and two random ones."""
     textures = len(problem.features)
     merged = merged_start(problem.seen, textures, problem.clusters, problem.bound)
     starts = np.stack([random.permutation(np.arange(textures) % problem.clusters) for _ in range(chains)])
@@ -296,18 +307,18 @@ def _starts(problem: SearchProblem, chains: int, given: Groups | None, random: n
 
 
 def largest_group(textures: int, clusters: int, largest_share: float) -> int:
-    """Return the most textures of a group: the share of them, but enough for `clusters` groups to hold all."""
+    """Return the largest number of textures in a group: `largest_share` of them, but enough that `clusters` groups hold all."""
     return max(int(largest_share * textures), -(-textures // clusters), 1)
 
 
 def covisible_grouping(
     seen: SeenBlocks, features: Floats, config: CovisibleConfig, start: NDArray[np.int64] | None = None
 ) -> Grouping:
-    """Find the groups of least cost over all chains.
+    """Return the grouping of least cost over all chains.
 
-    `features` [textures, F] describe how alike textures are; `seen` what the views show; `start` [textures] groups to
-    begin some chains with. The same seed gives the same groups. Raises InputError where the views show no block with
-    two textures, and where no groups within the bound and the spread limit were met.
+    `seen` is what the views show, `features` [textures, F] how similar textures are. `start` [textures] are initial groups of some
+    chains. The same seed gives the same groups. Raises InputError if no block shows two textures, and if no chain met a grouping
+    within the bound and the spread limit.
     """
     textures = len(features)
     if not len(seen.weights):
@@ -326,7 +337,7 @@ def covisible_grouping(
     usable = start if start is not None and int(start.max(initial=0)) < clusters else None
     costs, groups = tabu_search(problem, _starts(problem, config.chains, usable, random), weights, iterations, random)
     if config.spread_limit is not None:
-        costs = np.where(np.isfinite(costs), [seen.excess(found) for found in groups], np.inf)
+        costs = np.where(np.isfinite(costs), [seen.excess(each) for each in groups], np.inf)
     if not np.isfinite(costs).any():
         raise InputError(
             f"covisible: no {clusters} groups of at most {bound} textures with a spread of at most "
