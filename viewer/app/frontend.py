@@ -127,6 +127,8 @@ class Frontend:
         self._news, self._built_at = False, time.monotonic()
         self._tick_training()
         self._training_shown = self._training_facts()
+        emit = partial(run_or_notify, self._context)
+        self.interface.handle_input(session, emit)
         self._precision.step(session)
         self._formats.step(session)
         start_frame(session, min(imgui.get_io().delta_time, LONGEST_STEP), room or size)
@@ -150,7 +152,6 @@ class Frontend:
             self.interface.raise_panel(panel.title)
         if self._effects.take(ResetLayout):
             self.interface.reset_layout()
-        emit = partial(run_or_notify, self._context)
         frame = UiFrame(session, self._context.training, facts, emit, self.interface.rects, reason)
         self.interface.draw(frame, picture)
         for problem in self.reader.take_problems():

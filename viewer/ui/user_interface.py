@@ -17,7 +17,7 @@ from viewer.ui.annotations import (
     draw_way_back,
 )
 from viewer.ui.dock_layout import DockLayout, StackHandles, draw_column_handle, folds_at_first
-from viewer.ui.facts import FIRST_PICTURE, UiFrame
+from viewer.ui.facts import FIRST_PICTURE, Emit, UiFrame
 from viewer.ui.file_dialog import FileDialog
 from viewer.ui.first_run_card import FirstRunCard
 from viewer.ui.flat_window import FlatWindow
@@ -56,6 +56,8 @@ class UserInterface:
         """Panels that were visible when panels were drawn last; they come to the front when panels are shown again."""
         self._were_shown = True
         self._handles = StackHandles()
+        self._area = Area(0.0, 0.0, 1.0, 1.0)
+        """Area that panels left to the picture in the last frame."""
         self._picture_area: Area | None = None
         self._raised: str | None = None
         """Title of the panel that the next frame brings to the front."""
@@ -101,13 +103,18 @@ class UserInterface:
         moves = not self._layout.is_placed if session.window.column_folded else self._layout.is_settling
         return waits or (session.window.show_panels and (asked or moves))
 
+    def handle_input(self, session: Session, emit: Emit) -> None:
+        """Run the commands of keys, and of the mouse over the picture, between ImGui's new_frame and `draw`."""
+        window, has_popup = session.window, imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
+        list_is_open = has_popup or window.palette is not None or window.file_dialog
+        self._input.handle(session, self._area, emit, keys=not list_is_open)
+
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
-        """Draw the user interface, between ImGui's new_frame and render. `picture` is a texture with row 0 at the bottom."""
+        """Draw the user interface, between `handle_input` and ImGui's render. `picture` is a texture with row 0 at the bottom."""
         session = ui.session
         ui.rects.begin(explanation)
-        # Before the panels: a list that this frame's Escape closes still owns the key.
-        popup_is_open, window = imgui.is_popup_open("", imgui.PopupFlags_.any_popup), session.window
-        list_is_open = popup_is_open or window.palette is not None or window.file_dialog
+        # Before the panels: a list that this frame's Escape closes is open still.
+        popup_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
         bar = draw_menu_bar(ui) if session.window.show_panels else 0.0
@@ -115,6 +122,7 @@ class UserInterface:
             draw_status_bar(ui)
             draw_column_handle(ui, session.window.column_folded)
         area = self._layout_panels(ui) if session.window.show_panels else Area(0.0, 0.0, *size)
+        self._area = area
         self._picture_area = area if not session.window.show_panels or self._layout.is_placed else None
         _draw_picture(picture, ui, area)
         if session.window.show_panels:
@@ -149,7 +157,6 @@ class UserInterface:
             imgui.internal.close_popup_to_level(0, True)
         low = min(beside_card.bottom, above_offer.bottom)
         draw_toasts(session.window.toasts, Area(beside_card.left, beside_card.top, beside_card.right, low))
-        self._input.handle(session, area, ui.emit, keys=not list_is_open)
         self._input.flight.draw(area, ui.rects)
         ui.rects.tooltips.end()
 
