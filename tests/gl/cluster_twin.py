@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.render.passes.cull_clusters import ClusterView
+from viewer.render.passes.cull import ClusterView
 from viewer.render.resources.clusters import CONE_MARGIN, PIXEL_MARGIN, ROUNDING, Clusters
 
 Array = NDArray[np.float64]

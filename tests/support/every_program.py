@@ -16,7 +16,7 @@ from tests.support.picture_scenes import WHITE, Part, as_set, cube, placed, scen
 from viewer.gl.context import ContextInformation, GraphicsContext
 from viewer.gl.features import Features
 from viewer.render.passes.composite import COMPARISONS
-from viewer.render.passes.cull_clusters import cluster_programs
+from viewer.render.passes.cull import cluster_programs
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.passes.pose_vertices import pose_program
 from viewer.render.renderer import Renderer

@@ -124,7 +124,7 @@ class LitStudio:
         """[H, W, 3] the picture."""
         inputs = ShadeInputs(self.view(), planes, material_view, light, other, other_maps)
         reads = (self._written, *(() if light is None else light.outputs))
-        self.scheduler.run(self.shade_pass, inputs, self.target, reads)
+        self.scheduler.advance(self.shade_pass, inputs, self.target, reads)
         return self.target.read()
 
     def factor_base(self) -> NDArray[np.float32]:

@@ -222,7 +222,7 @@ def test_a_group_of_the_list_is_pointed_out_in_the_picture(app: DrivenApp) -> No
     assert app.session.shown_view.highlight == ()
 
 
-def test_the_label_of_a_slot_counts_the_tiles_that_are_to_come(app: DrivenApp) -> None:
+def test_the_label_of_a_slot_counts_the_tiles_that_are_pending(app: DrivenApp) -> None:
     app.run("slot.path", "a", "cached")
     app.settle()
     view, facts = app.session.view, app.frontend.facts()

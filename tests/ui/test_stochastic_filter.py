@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from tests.support.driven_app import DrivenApp
 from viewer.commands import run
-from viewer.render.passes.accumulate import SAMPLES
+from viewer.render.resources.accumulator import SAMPLES
 from viewer.state.navigation import turned
 
 

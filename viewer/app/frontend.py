@@ -96,9 +96,9 @@ class Frontend:
 
     def facts(self) -> FrameFacts:
         """Return the facts of the last frame for the panels."""
-        encoding, to_come = self._formats.progress, self.picture.to_come
+        encoding, pending = self._formats.progress, self.picture.pending
         first = (Work(FIRST_PICTURE),) if self.picture.last is None else ()
-        beside = work_for_picture(self.session, encoding, self.live.is_computing, to_come)
+        beside = work_for_picture(self.session, encoding, self.live.is_computing, pending)
         measuring = (Work("measuring A and B"),) if self._measuring is not None else ()
         work = (
             *first,
@@ -109,7 +109,7 @@ class Frontend:
             *beside,
         )
         # Figures of an incomplete picture would be wrong.
-        live = LiveFigures(problem=to_come[0].line) if to_come else self.live.figures
+        live = LiveFigures(problem=pending[0].line) if pending else self.live.figures
         shares = {name: report.share for name, report in encoding.items()}
         found = self.reader.read(live, self._is_training, shares)
         return replace(found, work=work, drawn_because=self._because)
@@ -234,17 +234,12 @@ class Frontend:
             yield "a first view is searched"
         if self.reader.is_pending:
             yield "values under the mouse are read"
-        if self.picture.is_due(room):
-            yield from (item.line for item in self.picture.to_come)
-            if not self.picture.to_come:
-                yield "the picture has changed"
-        if self.picture.is_coarse():
-            yield "the picture is coarse while the camera moves"
+        yield from self.picture.due(room)
 
     def _awaited(self) -> Iterator[str]:
         """Yield the work whose end changes the window."""
         session, last_view = self.session, self.picture.last_view
-        work = work_for_picture(session, self._formats.progress, self.live.is_computing, to_come=())
+        work = work_for_picture(session, self._formats.progress, self.live.is_computing, pending=())
         yield from (part.title for part in (*self._effects.opening.work, *self._effects.exporting.work, *work))
         yield from (f"encoding {block_format}" for block_format in session.awaited_formats.values())
         if session.seeks_first_view and self.picture.is_open:
@@ -325,7 +320,7 @@ class Frontend:
         if renderer is None or view is None:
             return
         self.live.note(renderer, view, self.session.packs, size, now)
-        if not self._compares or self.picture.to_come or self.picture.is_coarse():
+        if not self._compares or self.picture.pending or self.picture.is_coarse():
             return
         if self.live.step(view, self._figures_are_wanted(), now):
             self.picture.compose_again(view)

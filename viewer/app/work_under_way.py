@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from ntc.metrics.block_compression import BlockFormat
 from viewer.jobs.job import JobReport
-from viewer.render.pass_scheduler import ToCome
+from viewer.render.pass_scheduler import Pending
 from viewer.scene.json_text import duration
 from viewer.state.session import Session
 from viewer.training.live_training import LiveTraining
@@ -15,17 +15,17 @@ from viewer.ui.panels.training import STATES
 
 
 def work_for_picture(
-    session: Session, encoding: Mapping[BlockFormat, JobReport], comparing: bool, to_come: Sequence[ToCome]
+    session: Session, encoding: Mapping[BlockFormat, JobReport], comparing: bool, pending: Sequence[Pending]
 ) -> Iterator[Work]:
     """Yield the work for the picture and its figures, the slowest first.
 
-    `encoding` is the progress of block formats, `comparing` tells that A is compared with B, `to_come` what the picture lacks.
+    `encoding` is the progress of block formats, `comparing` tells that A is compared with B, `pending` what the picture lacks.
     """
     for name, report in encoding.items():
         yield Work(f"encoding {name}", report.share, report.seconds_left, "slot.leave-format")
     if session.precision_searches:
         yield Work("searching the fastest precision")
-    yield from (Work(item.line) for item in to_come)
+    yield from (Work(item.line) for item in pending)
     if comparing:
         yield Work("comparing A with B")
 

@@ -105,7 +105,7 @@ def statistics(measured: MeasuredPicture, frame: FrameResult, view: ViewState, r
         "timer": frame.timer,
         "timings_ms": frame.timings_ms,
         "blocking_calls": frame.blocking_calls,
-        "to_come": [item.line for item in frame.to_come],
+        "to_come": [item.line for item in frame.pending],
         "pixels": {"covered": int(measured.covered.sum()), "decoded": int(decoded.sum())},
         "divergence": {
             "score": divergence.score,

@@ -155,22 +155,17 @@ class ReadBack(Generic[Tag]):
         # Rounded up: what grows little by little is not allocated anew each time.
         return readable_buffer(self._memory, self._functions, self._what, 1 << max(size - 1, 0).bit_length())
 
-    def newest(self) -> tuple[bytes, Tag] | None:
-        """Return the newest copy that has arrived since the last call; None where none has. Never waits."""
+    def arrived(self, waits: bool) -> tuple[bytes, Tag] | None:
+        """Return the newest copy that has arrived since the last call; None where none has. With `waits` all of them arrive."""
+        if waits and self._under_way:
+            self._memory.blocking.count += not self._under_way[-1].fence.is_reached
+            self._under_way[-1].fence.wait()
         arrived = None
         while self._under_way and self._under_way[0].fence.is_reached:
             if arrived is not None:
                 self._free.append(arrived.buffer)
             arrived = self._under_way.popleft()
         return None if arrived is None else self._content(arrived)
-
-    def wait(self) -> tuple[bytes, Tag] | None:
-        """Wait for the newest copy and return it; None where none is under way."""
-        if not self._under_way:
-            return None
-        self._memory.blocking.count += not self._under_way[-1].fence.is_reached
-        self._under_way[-1].fence.wait()
-        return self.newest()
 
     def _content(self, copy: _Copy[Tag]) -> tuple[bytes, Tag]:
         # The class's own `read`: the buffer's is counted as a call that waits.

@@ -66,7 +66,7 @@ class PlaceReader(Generic[Content]):
                 # Without memory for a copy the frame waits.
                 self._back.drop()
                 self._make(asked, [part.read() for part in asked.parts])
-        arrived = self._back.wait() if self._context.waits else self._back.newest()
+        arrived = self._back.arrived(self._context.waits)
         if arrived is not None:
             content, asked = arrived
             read, at = list[NDArray[Any]](), 0

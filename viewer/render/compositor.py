@@ -11,7 +11,7 @@ from ntc.metrics.divergence import DivergenceStatistics
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.read_back import ReadBack
-from viewer.render.pass_scheduler import Output, ToCome
+from viewer.render.pass_scheduler import Output, Pending
 from viewer.render.passes.composite import (
     COMPARISONS,
     CompositeInputs,
@@ -85,7 +85,7 @@ class DivergenceOverlay:
             if target is not None:
                 target.release()
             target = self._target = made
-        output = self._scheduler.run(self._pass, DivergenceInputs(visibility, view.version, self._tables), target)
+        output = self._scheduler.advance(self._pass, DivergenceInputs(visibility, view.version, self._tables), target)
         if output != self._output:
             try:
                 target.copy_counts(self._back, (target, tuple(wanted)))
@@ -94,14 +94,13 @@ class DivergenceOverlay:
                 raise
             self._output = output
         has_all = all(source in self.statistics for source in wanted)
-        waits = self._scheduler.whole or self._context.waits
-        arrived = self._back.newest() if has_all and not waits else self._back.wait()
+        arrived = self._back.arrived(waits=self._scheduler.budget.waits or not has_all)
         if arrived is not None:
             content, (counted, sources) = arrived
             found = dict(zip(sources, counted.statistics_in(content), strict=True))
             self.statistics = {source: own for source, own in {**self.statistics, **found}.items() if source in wanted}
         self._place = place
-        return Output(output.version, (ToCome("statistics", 1),) if self._back.is_pending else ())
+        return Output(output.version, (Pending("statistics", 1),) if self._back.is_pending else ())
 
     def overlay(self, settings: Overlay, first: str, second: str) -> HeatmapOverlay:
         """Return the maps of two sources as an overlay; both must have been counted."""
@@ -234,7 +233,7 @@ class Compositor:
     ) -> Output:
         """Draw the composite, unless it shows that already; `counted` is the divergence of what is shown."""
         reads = [targets.shown[slot].output for slot in shown_slots(view)]
-        return self._scheduler.run(self._composite, self._inputs(view, targets), target, (*reads, *counted))
+        return self._scheduler.advance(self._composite, self._inputs(view, targets), target, (*reads, *counted))
 
     def _inputs(self, view: ViewState, targets: PictureTargets) -> CompositeInputs:
         first, second = shown_slots(view)

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.metrics.divergence import DivergenceStatistics
-from viewer.render.on_load.textures import LoadCounts
-from viewer.render.pass_scheduler import ToCome
+from viewer.render.pass_scheduler import Pending
+from viewer.render.passes.load_textures import LoadCounts
 from viewer.render.resources.color_target import ColorTarget
+from viewer.render.resources.tile_cache.budget import TileCounts
 from viewer.render.resources.visibility_buffer import VisibilityTarget
-from viewer.render.tile_cache.budget import TileCounts
 from viewer.state.view_state import PathChoice, Slot
 
 
@@ -67,13 +67,13 @@ class FrameResult:
     upload: UploadCounts = UploadCounts()
     blocking_calls: int = 0
     """Number of calls since the frame before for which the CPU waited for the GPU."""
-    to_come: tuple[ToCome, ...] = ()
+    pending: tuple[Pending, ...] = ()
     """Parts that drawing the same view again adds; empty where the picture is complete."""
 
     @property
     def is_complete(self) -> bool:
         """True where drawing the same view again would change nothing."""
-        return not self.to_come
+        return not self.pending
 
     @property
     def is_short(self) -> bool:

@@ -17,9 +17,6 @@ from ntc.pack.match import PackMatch, changed_groups, same_shape
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import UploadCounts
-from viewer.render.on_load.plan import LoadPlan
-from viewer.render.on_load.textures import LoadCounts, LoadedTextures
-from viewer.render.passes.accumulate import AccumulatePass
 from viewer.render.passes.decode import (
     DecodeBinnedPass,
     DecodeDeferredPass,
@@ -28,19 +25,22 @@ from viewer.render.passes.decode import (
     DecodePlanesPass,
     DecodeSampledPass,
 )
+from viewer.render.passes.decode_cached import DecodeCachedPass
+from viewer.render.passes.load_textures import LoadCounts, LoadedTextures
 from viewer.render.passes.reference import ReferencePass
 from viewer.render.passes.visible_latents import VisibleLatentsPass
 from viewer.render.render_context import RenderContext
+from viewer.render.resources.accumulator import Accumulator
 from viewer.render.resources.coverage import PackedCoverage, packed_coverage
 from viewer.render.resources.decoding_shaders import decoder_variant
 from viewer.render.resources.divergence_maps import CountedGrouping
 from viewer.render.resources.latent_store import LatentUpdate
+from viewer.render.resources.load_plan import LoadPlan
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers, codec_programs
+from viewer.render.resources.tile_cache.budget import TileCounts, total_counts
+from viewer.render.resources.tile_cache.cache import TileCache
+from viewer.render.resources.tile_cache.tiles import TileTable
 from viewer.render.resources.visibility_buffer import PlaneReading
-from viewer.render.tile_cache.budget import TileCounts, total_counts
-from viewer.render.tile_cache.cached_path import CachedPath
-from viewer.render.tile_cache.decode_cached import DecodeCachedPass
-from viewer.render.tile_cache.tiles import TileTable
 from viewer.state.pack_files import match_scene
 from viewer.state.view_state import PathChoice, Precision, Slot, TexelFilter, is_image_source
 
@@ -131,7 +131,7 @@ class GpuPack:
         self._latents: dict[Plane, VisibleLatentsPass] = {}
         self._passes: dict[tuple[PathChoice, TexelFilter, Plane | None], PixelDecoder] = {}
         """Passes of the paths that decode every pixel."""
-        self._caches: dict[Plane, CachedPath] = {}
+        self._caches: dict[Plane, DecodeCachedPass] = {}
         self._loaded: dict[Plane, OnLoadPath] = {}
         self._next: OpenPack | None = None
         """Version that waits until the update under way is done."""
@@ -165,11 +165,11 @@ class GpuPack:
             self._ranges = DecoderRanges(self.context.graphics, self.pack, self._precision, self._variant)
         return self._ranges
 
-    def cached(self, plane: Plane) -> CachedPath:
+    def cached(self, plane: Plane) -> DecodeCachedPass:
         """Return path `cached` of a plane; made when first asked for. Raises GpuMemoryError, ShaderError."""
         if plane not in self._caches:
             context = self.context
-            self._caches[plane] = CachedPath(self.tile_cache(plane), context.scheduler.timer, context.tile_budget)
+            self._caches[plane] = DecodeCachedPass(self.tile_cache(plane), context.scheduler.timer, context.tile_budget)
         return self._caches[plane]
 
     def on_load(self, plane: Plane) -> OnLoadPath:
@@ -186,7 +186,7 @@ class GpuPack:
         key = (name, texel_filter, plane)
         if key not in self._passes:
             made = planes_pass(self, texel_filter) if plane is None else DECODE_PASSES[name](self, texel_filter, plane)
-            accumulate = partial(AccumulatePass, self.context.graphics, self.programs)
+            accumulate = partial(Accumulator, self.context.graphics, self.programs)
             self._passes[key] = made if texel_filter == "exact" else DecodeSampledPass(made, accumulate)
         return self._passes[key]
 
@@ -194,11 +194,11 @@ class GpuPack:
         """Return whether a path has one pass for all planes."""
         return name == "deferred" and self.buffers.decodes_together
 
-    def tile_cache(self, plane: Plane = "base") -> DecodeCachedPass:
+    def tile_cache(self, plane: Plane = "base") -> TileCache:
         """Make a tile cache of path `cached` for a plane, which the caller releases. Raises GpuMemoryError, ShaderError."""
         context, graphics = self.context, self.context.graphics
         table, reading = TileTable.of(context.scene.materials, self.pack, self.match, plane), self.reading(plane)
-        return DecodeCachedPass(graphics, self.programs, self.buffers, self.ranges, table, reading, context.tile_budget)
+        return TileCache(graphics, self.programs, self.buffers, self.ranges, table, reading, context.tile_budget)
 
     def _on_load(self, plane: Plane) -> OnLoadPath:
         if not self.context.graphics.features.compute:

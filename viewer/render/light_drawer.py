@@ -123,7 +123,7 @@ class LightDrawer:
             inputs = self._shadow_inputs = ShadowInputs(*wanted, view, draw_list)
         if self._shadow is None:
             self._shadow = ShadowMap(self._context)
-        return inputs.view, self._scheduler.run(self._shadow_pass, inputs, self._shadow)
+        return inputs.view, self._scheduler.advance(self._shadow_pass, inputs, self._shadow)
 
     def release(self) -> None:
         """Free everything."""

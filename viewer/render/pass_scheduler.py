@@ -2,17 +2,16 @@
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass
+from enum import IntEnum
 from itertools import count
-from typing import Generic, Literal, Protocol, TypeVar
+from typing import Generic, Literal, TypeVar
 from weakref import WeakKeyDictionary
 
 from viewer.gl.timer import PassTimer
 from viewer.scene.json_text import counted
 
-Inputs_contra = TypeVar("Inputs_contra", contravariant=True)
-Target_contra = TypeVar("Target_contra", contravariant=True)
 Inputs = TypeVar("Inputs")
 Target = TypeVar("Target")
 
@@ -32,7 +31,7 @@ SENTENCES: dict[Part, str] = {
 
 
 @dataclass(frozen=True)
-class ToCome:
+class Pending:
     """Part of a picture that later frames add."""
 
     part: Part
@@ -55,21 +54,41 @@ class Output:
 
     version: int
     """Number that changes whenever the content may have changed; no two targets share one."""
-    to_come: tuple[ToCome, ...] = ()
+    pending: tuple[Pending, ...] = ()
     """Parts that later frames add; empty where the content is complete."""
 
     @property
     def is_complete(self) -> bool:
         """True where running the passes again would change nothing."""
-        return not self.to_come
+        return not self.pending
+
+
+class Budget(IntEnum):
+    """How far a frame takes passes that work in parts."""
+
+    SHARE = 0
+    """A frame's share of the work; what the GPU answers late counts in a later frame."""
+    ANSWERS = 1
+    """A frame's share of the work, after waiting for the answers of the GPU."""
+    WHOLE = 2
+    """All of the work: nothing is left for later frames, however long it takes."""
+
+    @property
+    def waits(self) -> bool:
+        """True where the CPU waits for the answers of the GPU."""
+        return self is not Budget.SHARE
+
+    @property
+    def is_whole(self) -> bool:
+        """True where nothing may be left for later frames."""
+        return self is Budget.WHOLE
 
 
 @dataclass(frozen=True)
 class Step:
     """Circumstances of one run of a pass that works in parts."""
 
-    whole: bool
-    """True where nothing may be left for later frames."""
+    budget: Budget
     is_same_view: bool
     """True where the target shows an earlier state of equal inputs."""
     is_stale: bool
@@ -78,59 +97,46 @@ class Step:
 
 @dataclass(frozen=True)
 class Progress:
-    """Result of one run of a pass that works in parts."""
+    """Result of one run of a pass."""
 
     has_changed: bool = True
     """True where the target may show something else than before."""
-    to_come: tuple[ToCome, ...] = ()
+    pending: tuple[Pending, ...] = ()
 
 
-class RenderPass(Protocol[Inputs_contra, Target_contra]):
+class RenderPass(Generic[Inputs, Target]):
     """Pass of a frame. It knows no other pass; its settings are given when it is made.
 
     Inputs are a frozen dataclass: equal inputs, and equal versions of what is read, give the same content of the same target. Fields
-    that follow from the others do not take part in the comparison.
+    that follow from the others do not take part in the comparison. A pass overrides one of its methods.
     """
 
-    @property
-    def name(self) -> str:
-        """Name of its time in `FrameResult.timings_ms`."""
+    name: str
+    """Name of its time in `FrameResult.timings_ms`."""
 
-    def run(self, inputs: Inputs_contra, target: Target_contra, /) -> None:
+    def run(self, inputs: Inputs, target: Target, /) -> None:
         """Write all of `target`."""
+        raise NotImplementedError
 
+    def advance(self, inputs: Inputs, target: Target, _step: Step, /) -> Progress:
+        """Do a frame's share of the work, where the target becomes complete over several frames."""
+        self.run(inputs, target)
+        return Progress()
 
-class ProgressivePass(Protocol[Inputs_contra, Target_contra]):
-    """Pass of a frame whose target becomes complete over several frames."""
-
-    @property
-    def name(self) -> str:
-        """Name of its time in `FrameResult.timings_ms`."""
-
-    def advance(self, inputs: Inputs_contra, target: Target_contra, step: Step, /) -> Progress:
-        """Do a frame's share of the work."""
+    def advance_all(self, parts: Sequence[tuple[Inputs, Target, Step]], /) -> Sequence[Progress]:
+        """Do a frame's share of the work for each of these targets, where several are drawn at once."""
+        return [self.advance(*part) for part in parts]
 
 
 @dataclass(frozen=True)
-class Wanted(Generic[Inputs, Target]):
-    """One of the targets that a JointPass draws."""
+class PassTarget(Generic[Inputs, Target]):
+    """One of the targets that a pass draws at once."""
 
     inputs: Inputs
     target: Target
-    reads: Sequence[Output]
-    owner: Hashable
-    """Owner of its share of the time (`PassTimer.owned_by`)."""
-
-
-class JointPass(Protocol[Inputs_contra, Target_contra]):
-    """Pass that draws several targets at once, each of which becomes complete over several frames."""
-
-    @property
-    def name(self) -> str:
-        """Name of its time in `FrameResult.timings_ms`."""
-
-    def advance_all(self, wanted: Sequence[tuple[Inputs_contra, Target_contra, Step]], /) -> Sequence[Progress]:
-        """Do a frame's share of the work for each of these targets."""
+    reads: Sequence[Output] = ()
+    owner: Hashable = None
+    """Owner of its share of the time (`PassTimer.owned_by`); None for none."""
 
 
 @dataclass(frozen=True)
@@ -141,13 +147,13 @@ class _Record:
     reads: tuple[int, ...]
     """Versions of the outputs that were read."""
     version: int
-    own: tuple[ToCome, ...] = ()
-    """Parts that the pass itself has still to add."""
+    pending: tuple[Pending, ...] = ()
+    """Parts that the pass itself still adds."""
 
 
-def largest_of_each(items: Iterable[ToCome]) -> tuple[ToCome, ...]:
+def largest_of_each(items: Iterable[Pending]) -> tuple[Pending, ...]:
     """Return one item for each part: the one with most left."""
-    found = dict[Part, ToCome]()
+    found = dict[Part, Pending]()
     for item in items:
         if item.part not in found or item.left > found[item.part].left:
             found[item.part] = item
@@ -159,8 +165,8 @@ class PassScheduler:
 
     def __init__(self, timer: PassTimer) -> None:
         self.timer = timer
-        self.whole = False
-        """True while passes may leave nothing for later frames."""
+        self._usual = Budget.ANSWERS if timer.waits else Budget.SHARE
+        self.budget = self._usual
         self.skipped: Counter[str] = Counter()
         """Numbers of what was skipped since `take_skipped`, by name."""
         self.ran = 0
@@ -171,67 +177,64 @@ class PassScheduler:
     @contextmanager
     def drawing(self, whole: bool) -> Iterator[None]:
         """Leave nothing for later frames within the block, if `whole`."""
-        before, self.whole = self.whole, whole
+        before, self.budget = self.budget, Budget.WHOLE if whole else self._usual
         try:
             yield
         finally:
-            self.whole = before
+            self.budget = before
 
-    def run(
+    def advance(
         self,
         render_pass: RenderPass[Inputs, Target],
         inputs: Inputs,
         target: Target,
         reads: Sequence[Output] = (),
+        owner: Hashable = None,
         timing: Timing | None = None,
     ) -> Output:
-        """Run the pass, unless `target` was made from equal inputs and the same versions of `reads`; return what `target` holds.
+        """Run the pass until `target` is complete, a step in each frame; return what `target` holds.
 
-        `timing`: how its time is taken; None: `PassTimer.measure`.
+        A target that was made from equal inputs and the same versions of `reads` stays. `timing`: how the time is taken; None:
+        `PassTimer.measure`.
         """
-        record = self._take(inputs, target, reads)
-        if isinstance(record, Output):
-            return record
-        with (timing or self.timer.measure)(render_pass.name):
-            render_pass.run(inputs, target)
-        return self._note(target, _Record(inputs, _versions_of(reads), next(self._versions)), reads)
-
-    def advance(
-        self,
-        render_pass: ProgressivePass[Inputs, Target],
-        inputs: Inputs,
-        target: Target,
-        reads: Sequence[Output] = (),
-        timing: Timing | None = None,
-    ) -> Output:
-        """Run a pass that works in parts, in each frame until its target is complete; return what `target` holds."""
-        before = self._take(inputs, target, reads)
-        if isinstance(before, Output):
-            return before
-        step = self._step(before, inputs, reads)
-        with (timing or self.timer.measure)(render_pass.name):
-            done = render_pass.advance(inputs, target, step)
-        return self._note_progress(before, target, inputs, reads, done)
+        return self.advance_all(render_pass, [PassTarget(inputs, target, reads, owner)], timing)[0]
 
     def advance_all(
-        self, render_pass: JointPass[Inputs, Target], wanted: Sequence[Wanted[Inputs, Target]]
+        self,
+        render_pass: RenderPass[Inputs, Target],
+        wanted: Sequence[PassTarget[Inputs, Target]],
+        timing: Timing | None = None,
     ) -> list[Output]:
-        """As `advance`, for several targets of one pass: those that have something to do are drawn at once, and share its time."""
-        found = [self._take(own.inputs, own.target, own.reads) for own in wanted]
-        outputs = {own.owner: taken for own, taken in zip(wanted, found, strict=True) if isinstance(taken, Output)}
-        stale = [(own, before) for own, before in zip(wanted, found, strict=True) if not isinstance(before, Output)]
+        """Do `advance` for several targets: those that have something to do are drawn at once, and share the time."""
+        outputs: list[Output | None] = []
+        stale: list[tuple[PassTarget[Inputs, Target], _Record | None]] = []
+        for part in wanted:
+            before = self._take(part.inputs, part.target, part.reads)
+            outputs.append(before if isinstance(before, Output) else None)
+            if not isinstance(before, Output):
+                stale.append((part, before))
         if stale:
-            parts = [(own.inputs, own.target, self._step(before, own.inputs, own.reads)) for own, before in stale]
-            with self.timer.owned_by(*(own.owner for own, _ in stale)), self.timer.measure(render_pass.name):
-                done = render_pass.advance_all(parts)
-            for (own, before), progress in zip(stale, done, strict=True):
-                outputs[own.owner] = self._note_progress(before, own.target, own.inputs, own.reads, progress)
-        return [outputs[own.owner] for own in wanted]
+            owners = [part.owner for part, _ in stale if part.owner is not None]
+            steps = [(part.inputs, part.target, self._step(before, part.inputs, part.reads)) for part, before in stale]
+            with (
+                self.timer.owned_by(*owners) if owners else nullcontext(),
+                (timing or self.timer.measure)(render_pass.name),
+            ):
+                done = render_pass.advance_all(steps)
+            drawn = iter(
+                [self._note(part, before, progress) for (part, before), progress in zip(stale, done, strict=True)]
+            )
+        return [next(drawn) if output is None else output for output in outputs]
 
     def _take(self, inputs: object, target: object, reads: Sequence[Output]) -> Output | _Record | None:
         """Return the output where nothing is to be done; else the record of `target`, which is forgotten until the pass has run."""
         record = self._records.get(target)
-        if record is not None and not record.own and record.inputs == inputs and record.reads == _versions_of(reads):
+        if (
+            record is not None
+            and not record.pending
+            and record.inputs == inputs
+            and record.reads == _versions_of(reads)
+        ):
             self.skipped["passes"] += 1
             return _output(record, reads)
         # The pass may raise.
@@ -241,21 +244,16 @@ class PassScheduler:
 
     def _step(self, before: _Record | None, inputs: object, reads: Sequence[Output]) -> Step:
         is_same = before is not None and before.inputs == inputs
-        return Step(self.whole, is_same, before is not None and before.reads != _versions_of(reads))
+        return Step(self.budget, is_same, before is not None and before.reads != _versions_of(reads))
 
-    def _note_progress(
-        self, before: _Record | None, target: object, inputs: object, reads: Sequence[Output], done: Progress
-    ) -> Output:
-        stays = before is not None and before.inputs == inputs and not done.has_changed
+    def _note(self, part: PassTarget[Inputs, Target], before: _Record | None, done: Progress) -> Output:
+        stays = before is not None and before.inputs == part.inputs and not done.has_changed
         version = before.version if before is not None and stays else next(self._versions)
-        return self._note(target, _Record(inputs, _versions_of(reads), version, done.to_come), reads)
-
-    def _note(self, target: object, record: _Record, reads: Sequence[Output]) -> Output:
-        self._records[target] = record
-        return _output(record, reads)
+        record = self._records[part.target] = _Record(part.inputs, _versions_of(part.reads), version, done.pending)
+        return _output(record, part.reads)
 
     def invalidate(self, target: object) -> None:
-        """Forget the content of `target`: the next `run` runs."""
+        """Forget the content of `target`: it is made again."""
         self._records.pop(target, None)
 
     def forget(self) -> None:
@@ -274,4 +272,4 @@ def _versions_of(reads: Sequence[Output]) -> tuple[int, ...]:
 
 
 def _output(record: _Record, reads: Sequence[Output]) -> Output:
-    return Output(record.version, record.own + tuple(item for output in reads for item in output.to_come))
+    return Output(record.version, record.pending + tuple(item for output in reads for item in output.pending))

@@ -7,16 +7,16 @@ from weakref import WeakKeyDictionary
 from ntc.codec.maps import Plane
 from viewer.render.frames import PairKey
 from viewer.render.pass_scheduler import Output
-from viewer.render.passes.accumulate import SAMPLES
+from viewer.render.passes.blend_samples import BlendMean
 from viewer.render.passes.visible_latents import VisibleLatents, VisibleLatentsPass
+from viewer.render.resources.accumulator import SAMPLES
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
+from viewer.render.resources.visibility_buffer import ShownMaterials, SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.state.view_state import (
     DEFAULT_LIGHTING,
     FILTERED_PATHS,
     REFERENCE,
-    Lighting,
     MaterialView,
     Slot,
     ViewState,
@@ -52,17 +52,6 @@ class PlaneKey:
     plane: Plane
 
 
-@dataclass(frozen=True)
-class ShownMaterials:
-    """Maps and light of materials that a picture shows."""
-
-    view: MaterialView = "base"
-    lighting: Lighting = DEFAULT_LIGHTING
-    """Light of the view `lit`; without effect in others."""
-    planes: tuple[Plane, ...] = ("base",)
-    """Planes of the view that some visible material has; the others are neutral."""
-
-
 def shown_materials(view: ViewState, inputs: VisibilityInputs) -> ShownMaterials:
     """Return what `view` shows of the materials that `inputs` may see."""
     planes = tuple(
@@ -84,17 +73,7 @@ class Picture:
 
 
 def _samples_left(picture: Picture) -> int:
-    return max((item.left for item in picture.output.to_come if item.part == "samples"), default=0)
-
-
-@dataclass(eq=False)
-class BlendMean:
-    """Mean of a slot's own picture and further ones, for which BLEND surfaces are drawn against other patterns of thresholds."""
-
-    size: tuple[int, int]
-    samples: int = 1
-    target: ColorTarget | None = None
-    """Target of the mean; without meaning while there is one sample."""
+    return max((item.left for item in picture.output.pending if item.part == "samples"), default=0)
 
 
 @dataclass(eq=False)
@@ -104,7 +83,7 @@ class PictureTargets:
     visibility: VisibilityTarget
     inputs: VisibilityInputs | None = None
     """Inputs of the last view, with its anisotropy; None before the first."""
-    materials: ShownMaterials = ShownMaterials()
+    materials: ShownMaterials = field(default_factory=ShownMaterials)
     """Maps and light that the last view shows."""
     planes: dict[PlaneKey, ColorTarget] = field(default_factory=dict)
     shaded: dict[Slot, ColorTarget] = field(default_factory=dict)

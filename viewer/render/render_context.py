@@ -8,7 +8,7 @@ from viewer.gl.program import ProgramFactory
 from viewer.render.pass_scheduler import PassScheduler
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.scene_buffers import SceneBuffers
-from viewer.render.tile_cache.budget import TileBudget
+from viewer.render.resources.tile_cache.budget import TileBudget
 from viewer.scene.model import Scene
 
 

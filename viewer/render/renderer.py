@@ -20,9 +20,9 @@ from viewer.render.frames import DrawnPair, FrameResult, PairKey, UploadCounts
 from viewer.render.gpu_packs import GpuPacks, PackMemory
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
-from viewer.render.on_load.textures import LoadCounts
-from viewer.render.pass_scheduler import Output, PassScheduler, ToCome, largest_of_each
+from viewer.render.pass_scheduler import Output, PassScheduler, Pending, largest_of_each
 from viewer.render.passes.composite import CompositeTarget
+from viewer.render.passes.load_textures import LoadCounts
 from viewer.render.path_choice import PathChooser
 from viewer.render.picture_targets import PictureTargets, shown_materials, surface_content
 from viewer.render.render_context import RenderContext
@@ -30,10 +30,10 @@ from viewer.render.resources.divergence_maps import Stage
 from viewer.render.resources.latent_store import LatentBudget
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
+from viewer.render.resources.tile_cache.budget import TileBudget, TileCacheConfig
 from viewer.render.resources.visibility_buffer import VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
-from viewer.render.slot_drawer import BlendSamplesPass, SlotDrawer
-from viewer.render.tile_cache.budget import TileBudget, TileCacheConfig
+from viewer.render.slot_drawer import BlendDrawer, SlotDrawer
 from viewer.scene.model import Camera, Scene
 from viewer.state.compare_layout import shown_slots
 from viewer.state.view_state import REFERENCE, Slot, ViewState
@@ -101,7 +101,7 @@ class Renderer:
         self.light = LightDrawer(shared, self._drawer)
         """Light of the scene; its `problem` tells what is wrong with it."""
         self._slots = SlotDrawer(shared, self._packs, self.images, self.light)
-        self._blend = BlendSamplesPass(shared, self._drawer, self._slots)
+        self._blend = BlendDrawer(shared, self._drawer, self._slots)
         self.paths = PathChooser(shared, self._drawer, self._packs, self._slots)
         self._targets: PictureTargets | None = None
         self._composite: CompositeTarget | None = None
@@ -221,7 +221,7 @@ class Renderer:
         is_blended = self._blend.is_needed(targets.view)
         times = self.take_times()
         before, self._blocked = self._blocked, self._context.memory.blocking.count
-        to_come = (*output.to_come, *([ToCome("packs", 1)] if upload.is_pending else []))
+        pending = (*output.pending, *([Pending("packs", 1)] if upload.is_pending else []))
         return FrameResult(
             image=composite.texture,
             timings_ms=times,
@@ -240,7 +240,7 @@ class Renderer:
             short_latents=short_latents,
             upload=upload,
             blocking_calls=self._blocked - before,
-            to_come=largest_of_each(to_come),
+            pending=largest_of_each(pending),
         )
 
     def _targets_for(self, view: ViewState) -> tuple[PictureTargets, CompositeTarget]:

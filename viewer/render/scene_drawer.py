@@ -1,29 +1,24 @@
 """Culling and the visibility pass: from a camera to what the later passes read."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import PLANES, Plane
 from viewer.render.pass_scheduler import Output
-from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
-from viewer.render.passes.pose_vertices import PoseVerticesPass
+from viewer.render.passes.cull import CameraView, ClusterCulling, Culled, CullPass
+from viewer.render.passes.pose_vertices import PosePass, VertexMover
 from viewer.render.passes.visibility import CulledScene, VisibilityPass
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.clusters import (
     CLUSTER_RECORD,
     GPU_CLUSTER_TRIANGLES,
-    Clusters,
     build_clusters,
     cluster_count,
 )
-from viewer.render.resources.culling import Culling, DrawCounts, DrawList
-from viewer.render.resources.scene_buffers import AnyDrawList, SceneBuffers
+from viewer.render.resources.culling import Culling, DrawCounts, DrawList, PosedScene
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
-from viewer.scene.model import Camera, Motion, Pose, Scene
-from viewer.state.camera import view_projection
+from viewer.scene.model import Camera, Pose, Scene
 
 LEAST_CLUSTERS = 1 << 14
 """Fewest clusters of all instances that are culled on the GPU: 2 million triangles."""
@@ -44,88 +39,6 @@ def pays_on_gpu(scene: Scene, storage_bytes: int, is_software: bool) -> bool:
     return clusters >= max(LEAST_CLUSTERS, LEAST_OF_INSTANCE * len(scene.instances.primitive))
 
 
-@dataclass(eq=False)
-class PosedScene:
-    """Bounds of the parts of a scene in its pose, and of all of it."""
-
-    culling: Culling
-    bounds: NDArray[np.float32]
-    """[2, 3] lowest and highest corner of the scene."""
-    has_moved: bool = False
-    """True once the scene has had another pose than it was read with."""
-
-
-class PosePass:
-    """Input: a pose of the scene. Output: instances and vertices on the GPU, and the PosedScene."""
-
-    name = "pose"
-
-    def __init__(
-        self, motion: Motion, scene: Scene, buffers: SceneBuffers, vertices: PoseVerticesPass, clusters: Clusters
-    ) -> None:
-        """Take the `clusters` of the scene as it was read."""
-        self._motion, self._scene, self._buffers, self._vertices = motion, scene, buffers, vertices
-        self._clusters = clusters
-
-    def run(self, inputs: Pose | None, target: PosedScene) -> None:
-        """Move instances and vertices. Raises GpuMemoryError, and InputError for a pose of an unknown animation."""
-        stand = self._motion.at(inputs)
-        self._buffers.place_instances(stand.instances.transform)
-        self._vertices.run(stand.deformations)
-        target.culling, target.bounds = Culling(self._scene, self._clusters, stand), stand.bounds
-
-
-@dataclass(frozen=True)
-class CameraView:
-    """Camera and picture size that are culled for."""
-
-    camera: Camera
-    size: tuple[int, int]
-    """(width, height) of the picture in pixels."""
-
-
-@dataclass(eq=False)
-class Culled:
-    """Part of the scene that the scene buffers draw."""
-
-    scene: CulledScene | None = None
-    """Draw list and its view; None before the first view."""
-    materials: tuple[int, ...] = ()
-    """Materials that may be seen, ascending."""
-    textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict)
-    """Textures that may be seen, ascending, by plane of maps."""
-
-
-class CullPass:
-    """Input: a camera's view. Output: the draw list in the scene buffers."""
-
-    name = "cull"
-
-    def __init__(self, posed: PosedScene, scene: Scene, buffers: SceneBuffers, clusters: ClusterCulling | None) -> None:
-        self._posed, self._buffers, self._clusters = posed, buffers, clusters
-        self._texture_of_material = {
-            plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
-            for plane in PLANES
-        }
-
-    def run(self, inputs: CameraView, target: Culled) -> None:
-        """Find what may be seen, and upload its draw list. Raises GpuMemoryError."""
-        matrix = view_projection(inputs.camera, inputs.size, self._posed.bounds)
-        draw_list = self.draw_list(inputs, matrix)
-        self._buffers.upload(draw_list)
-        target.scene = CulledScene(inputs.camera, inputs.size, matrix, draw_list)
-        materials = np.nonzero(draw_list.materials)[0]
-        found = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
-        target.materials = tuple(materials.tolist())
-        target.textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
-
-    def draw_list(self, view: CameraView, matrix: NDArray[np.float64]) -> AnyDrawList:
-        """Return what may be seen with `matrix`, world to clip."""
-        if self._clusters is None:
-            return self._posed.culling.draw_list(view.camera, matrix)
-        return self._clusters.draw_list(ClusterView(view.camera, view.size, matrix))
-
-
 class SceneDrawer:
     """Drawing of the visibility buffers of one scene."""
 
@@ -141,7 +54,7 @@ class SceneDrawer:
         self._visibility = VisibilityPass(graphics, programs, scene_buffers)
         self.posed, self._culled = PosedScene(culling, scene.bounds), Culled()
         motion = scene.motion
-        self._vertices = PoseVerticesPass(graphics, programs, scene_buffers, () if motion is None else motion.moving)
+        self._vertices = VertexMover(graphics, programs, scene_buffers, () if motion is None else motion.moving)
         self._pose = None
         if motion is not None:
             self._pose = PosePass(motion, scene, scene_buffers, self._vertices, culling.clusters)
@@ -158,7 +71,7 @@ class SceneDrawer:
         wanted = pose or as_read
         if self._pose is not None and (posed.has_moved or wanted != as_read):
             posed.has_moved = True
-            self.pose = self._scheduler.run(self._pose, wanted, posed)
+            self.pose = self._scheduler.advance(self._pose, wanted, posed)
 
     def draw_counts(self) -> DrawCounts:
         """Return the counts of the last visibility buffer; unless the context waits, perhaps of one before.
@@ -169,7 +82,7 @@ class SceneDrawer:
         if isinstance(draw_list, DrawList):
             return draw_list.counts
         assert self._clusters is not None
-        return self._clusters.counts(self._context.waits)
+        return self._clusters.counts(self._scheduler.budget.waits)
 
     @property
     def coverage(self) -> int:
@@ -190,9 +103,9 @@ class SceneDrawer:
         reads, timer = (self.pose,), self._scheduler.timer
         view = CameraView(camera, target.size)
         # Nothing reads the version of this output: other cameras may have been culled for since.
-        self._scheduler.run(self._cull, view, self._culled, reads, timing=timer.measure_cpu)
+        self._scheduler.advance(self._cull, view, self._culled, reads, timing=timer.measure_cpu)
         culled = replace(self._last, sample=blend_sample, coverage=self.coverage)
-        version = self._scheduler.run(self._visibility, culled, target, reads).version
+        version = self._scheduler.advance(self._visibility, culled, target, reads).version
         return self._inputs(culled, target, version)
 
     def redraw(self, target: VisibilityTarget) -> VisibilityInputs:
@@ -203,7 +116,7 @@ class SceneDrawer:
         if is_culled_anew:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, target.size), last.matrix))
         culled = replace(last, coverage=self.coverage)
-        version = self._scheduler.run(self._visibility, culled, target, (self.pose,)).version
+        version = self._scheduler.advance(self._visibility, culled, target, (self.pose,)).version
         if is_culled_anew:
             self._buffers.upload(self._cull.draw_list(CameraView(last.camera, last.size), last.matrix))
         return self._inputs(last, target, version)

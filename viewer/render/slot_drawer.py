@@ -1,18 +1,17 @@
 """Draws the pictures of slots: planes of maps, as images or by a decode path, what a view makes of them, and means of samples."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ntc.codec.maps import PLANE_OF_MAP, MapName, Plane
-from viewer.gl.allocation import GpuMemoryError
 from viewer.render.gpu_packs import GpuPack, GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
-from viewer.render.pass_scheduler import Output, Progress, Step, ToCome, Wanted
-from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
+from viewer.render.pass_scheduler import Output, PassTarget
+from viewer.render.passes.blend_samples import BlendInputs, BlendSamplesPass
 from viewer.render.passes.shade import ShadeInputs, ShadePass
 from viewer.render.passes.visible_latents import VisibleLatents
-from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, PlaneKey, ShownMaterials
+from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, PlaneKey
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget
@@ -95,7 +94,7 @@ class SlotDrawer:
                 light = self._light.prepare_or_sky(targets.materials.lighting)
                 reads += light.outputs
             inputs = ShadeInputs(targets.view, shown, view, light, other, taken)
-            return target, self._scheduler.run(self._shade, inputs, target, reads)
+            return target, self._scheduler.advance(self._shade, inputs, target, reads)
 
     def draw_plane(self, key: PlaneKey, targets: PictureTargets) -> Output:
         """Draw one plane of the last view as far as this frame takes it. Raises GpuMemoryError that names the pack, ShaderError."""
@@ -125,8 +124,7 @@ class SlotDrawer:
         images, inputs = self._images.of(key.slot.source, key.plane), targets.inputs_of(key)
         uploads = images.uploads
         uploaded = self._scheduler.advance(uploads, inputs.visible_materials, uploads, (uploads.places,))
-        with self._scheduler.timer.owned_by(key):
-            return self._scheduler.run(images, inputs, targets.planes[key], (uploaded,))
+        return self._scheduler.advance(images, inputs, targets.planes[key], (uploaded,), key)
 
     def _decode(self, key: PlaneKey, pack: GpuPack, targets: PictureTargets) -> dict[PlaneKey, Output]:
         scheduler, target, inputs = self._scheduler, targets.planes[key], targets.inputs_of(key)
@@ -134,15 +132,13 @@ class SlotDrawer:
         if key.slot.path == "cached":
             cached = pack.cached(key.plane)
             self.prepared.add(key.slot)
-            with scheduler.timer.owned_by(key):
-                return {key: scheduler.advance(cached, inputs, target, (version,))}
+            return {key: scheduler.advance(cached, inputs, target, (version,), key)}
         if key.slot.path == "on-load":
             path = pack.on_load(key.plane)
             self.prepared.add(key.slot)
             textures = path.textures
             loaded = scheduler.advance(textures, inputs.visible_materials, textures, (version,))
-            with scheduler.timer.owned_by(key):
-                return {key: scheduler.run(path.drawing, inputs, target, (loaded,))}
+            return {key: scheduler.advance(path.drawing, inputs, target, (loaded,), key)}
         return self._decode_pixels((key,), pack, targets)
 
     def _decode_pixels(
@@ -156,7 +152,7 @@ class SlotDrawer:
             inputs, latents = targets.inputs_of(key), pack.latents(key.plane)
             needed = targets.latents.setdefault(latents, VisibleLatents())
             read = (version, self._scheduler.advance(latents, inputs, needed, (version,)))
-            wanted.append(Wanted(inputs, targets.planes[key], read, key))
+            wanted.append(PassTarget(inputs, targets.planes[key], read, key))
         return dict(zip(keys, self._scheduler.advance_all(decode, wanted), strict=True))
 
     def prepare(self, slot: Slot, targets: PictureTargets, drawer: SceneDrawer) -> bool:
@@ -190,45 +186,26 @@ def dithered_materials(scene: Scene) -> frozenset[int]:
     return frozenset(found)
 
 
-@dataclass(frozen=True)
-class BlendInputs:
-    """Inputs of the samples of a slot. The slot's own picture, which is the first of them, is read by its version."""
-
-    slot: Slot
-    own: ColorTarget
-    """Target of the slot's own picture."""
-    view: VisibilityInputs
-    materials: ShownMaterials
-
-
-class BlendSamplesPass:
-    """Pass that adds a sample to the mean of a slot with each frame of a view at rest, until there are SAMPLES.
+class BlendDrawer:
+    """Drawing of what is shown of slots: their pictures, or the means of several where BLEND surfaces may be seen.
 
     Further samples have a visibility buffer and planes of their own; so ids, divergence and planes are always those of the first.
     """
 
-    name = "blend_samples"
-    """Name of the time of all passes of further samples."""
-
     def __init__(self, context: RenderContext, drawer: SceneDrawer, slots: SlotDrawer) -> None:
-        self._context, self._programs, self._scheduler = context.graphics, context.programs, context.scheduler
+        self._context, self._scheduler = context.graphics, context.scheduler
         self._drawer, self._slots = drawer, slots
         self._materials = dithered_materials(context.scene)
-        self._accumulate: AccumulatePass | None = None
+        self._pass = BlendSamplesPass(context.graphics, context.programs, self._draw_sample)
         self._further: PictureTargets | None = None
         """Targets of the sample that is being added."""
-        self._given_up: VisibilityInputs | None = None
-        """View whose samples could not be drawn: all its slots stay with their first sample."""
 
     def is_needed(self, view: VisibilityInputs) -> bool:
         """Return whether a picture of this view takes more than one sample."""
-        return not self._materials.isdisjoint(view.visible_materials) and view != self._given_up
+        return not self._materials.isdisjoint(view.visible_materials) and view != self._pass.given_up
 
     def show(self, slot: Slot, targets: PictureTargets) -> Picture:
-        """Draw what is shown of a slot: its picture, or the mean of several where BLEND surfaces may be seen.
-
-        Raises GpuMemoryError that names the pack, ShaderError.
-        """
+        """Draw what is shown of a slot. Raises GpuMemoryError that names the pack, ShaderError."""
         own = picture = self._slots.draw(slot, targets)
         if not self.is_needed(targets.view):
             targets.release_means()
@@ -236,52 +213,14 @@ class BlendSamplesPass:
             mean = targets.means.setdefault(slot, BlendMean(targets.visibility.size))
             inputs = BlendInputs(slot, own.target, targets.view, targets.materials)
             timing = self._scheduler.timer.counted_as
-            output = self._scheduler.advance(self, inputs, mean, (own.output,), timing=timing)
+            output = self._scheduler.advance(self._pass, inputs, mean, (own.output,), timing=timing)
             target = own.target if mean.samples == 1 or mean.target is None else mean.target
             picture = Picture(target, output, own.source_version)
         targets.shown[slot] = picture
         return picture
 
-    def advance(self, inputs: BlendInputs, target: BlendMean, step: Step) -> Progress:
-        """Add the next sample, or where the picture is to be whole all that are missing. A view that moves is shown one sample.
-
-        Where memory is short, all slots stay with their first sample while the view is the same. Raises ShaderError.
-        """
-        is_new = not step.is_same_view or step.is_stale
-        if is_new:
-            target.samples = 1
-        end = SAMPLES if step.whole else target.samples if is_new else target.samples + 1
-        try:
-            is_drawn = all(self._add(inputs, target) for _ in range(target.samples, end))
-        except GpuMemoryError:
-            is_drawn = False
-        if not is_drawn:
-            self._given_up, target.samples = inputs.view, 1
-            return Progress()
-        left = SAMPLES - target.samples
-        return Progress(to_come=(ToCome("samples", left, SAMPLES),) if left else ())
-
-    def _add(self, inputs: BlendInputs, target: BlendMean) -> bool:
-        """Add a sample to the mean; return False where it cannot be drawn whole. Raises GpuMemoryError, ShaderError."""
-        further = self._draw_visibility(target.samples, inputs)
-        with self._scheduler.drawing(whole=True):
-            sampled = self._slots.draw(inputs.slot, further)
-        if not sampled.output.is_complete:
-            # A tile cache that is too small: the own picture would be drawn again, and so on without end.
-            return False
-        if target.target is None:
-            target.target = ColorTarget(self._context, target.size)
-        accumulate = self._accumulate = self._accumulate or AccumulatePass(self._context, self._programs)
-        sample = accumulate.sample(target.size)
-        if target.samples == 1:
-            target.target.copy_from(inputs.own)
-        sample.copy_from(sampled.target)
-        accumulate.run(target.samples, target.target)
-        target.samples += 1
-        return True
-
-    def _draw_visibility(self, number: int, inputs: BlendInputs) -> PictureTargets:
-        """Draw the visibility buffer of sample `number`; return its targets."""
+    def _draw_sample(self, inputs: BlendInputs, number: int) -> ColorTarget | None:
+        """Draw sample `number`; return None where it is not whole. Raises GpuMemoryError, ShaderError."""
         shown, further, camera = inputs.view.visibility, self._further, inputs.view.camera
         assert camera is not None
         if further is None or (further.visibility.size, further.visibility.content) != (shown.size, shown.content):
@@ -290,12 +229,14 @@ class BlendSamplesPass:
             self._further = further
         drawn = self._drawer.draw(camera, further.visibility, number)
         further.show(replace(drawn, anisotropy=inputs.view.anisotropy), inputs.materials)
-        return further
+        with self._scheduler.drawing(whole=True):
+            sampled = self._slots.draw(inputs.slot, further)
+        # A tile cache that is too small: the own picture would be drawn again, and so on without end.
+        return sampled.target if sampled.output.is_complete else None
 
     def release(self) -> None:
         """Free what further samples are drawn into; the means belong to their targets."""
         if self._further is not None:
             self._further.release()
-        if self._accumulate is not None:
-            self._accumulate.release()
-        self._further = self._accumulate = None
+            self._further = None
+        self._pass.release()

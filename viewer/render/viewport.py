@@ -19,9 +19,9 @@ from viewer.gl.program import ShaderError
 from viewer.gl.ui_textures import Thumbnails
 from viewer.jobs.job import Background
 from viewer.render.frames import FrameResult, FrameTimes, read_picture
-from viewer.render.pass_scheduler import ToCome
+from viewer.render.pass_scheduler import Pending
 from viewer.render.renderer import Renderer
-from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera, Pose, Scene
 from viewer.state.events import EmitEvent, Notification, Reverted, ViewChanged
 from viewer.state.message_log import details_of
@@ -70,15 +70,17 @@ class Viewport:
         """Scene, packs and view that the GPU had no memory for last: not tried again before something changes."""
         self._drawable: tuple[Scene, Mapping[str, Pack], ViewState] | None = None
         """Scene, packs and view that were drawn last."""
+        self._made: tuple[object, ViewState] | None = None
+        """What `_view` was made from last, and its result."""
         self._whole = False
         """True where the last picture was asked for whole."""
         self.frames_drawn = 0
         """Number of frames in which the renderer had something to do."""
 
     @property
-    def to_come(self) -> tuple[ToCome, ...]:
+    def pending(self) -> tuple[Pending, ...]:
         """Parts of the last picture that are still to come."""
-        return () if self.last is None else self.last.to_come
+        return () if self.last is None else self.last.pending
 
     @property
     def is_open(self) -> bool:
@@ -87,11 +89,16 @@ class Viewport:
         same = session.scene is self._scene and session.compressed is self._compressed
         return self.renderer is not None and same and session.packs is self._packs
 
-    def is_due(self, size: tuple[int, int]) -> bool:
-        """Return whether another picture than the last is to be drawn, as far as is known."""
+    def due(self, size: tuple[int, int]) -> tuple[str, ...]:
+        """Return why the next picture differs from the last, in lines, as far as is known; empty where it does not."""
         if self.is_undrawable(size):
-            return False
-        return not self.is_open or bool(self.to_come) or self._view(size) != self.last_view
+            return ()
+        lines = [item.line for item in self.pending]
+        if not lines and (not self.is_open or self._view(size) != self.last_view):
+            lines = ["the picture has changed"]
+        if self.is_coarse():
+            lines.append("the picture is coarse while the camera moves")
+        return tuple(lines)
 
     def is_coarse(self) -> bool:
         """Return whether the next picture has fewer pixels, because the camera moves and a whole one would take long."""
@@ -115,9 +122,8 @@ class Viewport:
         if self.is_undrawable(size):
             return
         renderer = self._current_renderer()
-        coarse = self.is_coarse()
         view = self._view(size)
-        if view == self.last_view and not self.to_come:
+        if view == self.last_view and not self.pending:
             if late := renderer.take_times():
                 self._times.note_passes(late)
             return
@@ -127,7 +133,7 @@ class Viewport:
         try:
             self.last = renderer.render(view, whole)
         except GpuMemoryError as error:
-            self._give_up(error, size)
+            self._give_up(error, view)
             return
         except InputError as error:
             self._context.reset.check_after(error)
@@ -142,7 +148,7 @@ class Viewport:
         self._notify_problems(self.last, renderer.light.problem)
         self._drawable = (self._session.scene, self._session.packs, self._session.view)
         self.frames_drawn += 1
-        if not coarse:
+        if view.coarseness == 1:
             self._times.note(self.last)
 
     def compose_again(self, view: ViewState) -> None:
@@ -165,7 +171,7 @@ class Viewport:
         if self.renderer is None:
             if self.frames_drawn == 0:
                 return False
-            self._undrawable = self._wanted(size)
+            self._undrawable = self._session.scene, self._session.packs, self._view(size)
         self.last_view = None
         return True
 
@@ -230,17 +236,16 @@ class Viewport:
         return self.renderer
 
     def _view(self, size: tuple[int, int]) -> ViewState:
-        view = self._session.shown_view
-        coarseness = 1
+        """Return the session's view with the pixels that are drawn; made where that has changed since the last call."""
+        shown, coarseness = self._session.shown_view, 1
         if self.is_coarse():
-            coarseness = COARSENESS_OF_MAPS if view.overlay.kind == "divergence" else COARSENESS
-        share = self._session.resolution / coarseness
-        scaled = (max(1, round(size[0] * share)), max(1, round(size[1] * share)))
-        return replace(view, size=scaled, coarseness=coarseness)
-
-    def _wanted(self, size: tuple[int, int]) -> tuple[Scene, Mapping[str, Pack], ViewState]:
-        """Return the scene, the packs and the view to be drawn."""
-        return self._session.scene, self._session.packs, self._view(size)
+            coarseness = COARSENESS_OF_MAPS if shown.overlay.kind == "divergence" else COARSENESS
+        key = (shown, size, self._session.resolution, coarseness)
+        if self._made is None or self._made[0] != key:
+            share = self._session.resolution / coarseness
+            scaled = (max(1, round(size[0] * share)), max(1, round(size[1] * share)))
+            self._made = key, replace(shown, size=scaled, coarseness=coarseness)
+        return self._made[1]
 
     def _note_movement(self) -> None:
         camera = self._session.view.camera
@@ -257,7 +262,7 @@ class Viewport:
             if slot.precision not in ("fp32", "fp16"):
                 self._emit(ViewChanged(self._session.view.with_slot(side, replace(slot, precision="fp16"))))
 
-    def _give_up(self, error: GpuMemoryError, size: tuple[int, int]) -> None:
+    def _give_up(self, error: GpuMemoryError, view: ViewState) -> None:
         """Go back to what was drawn before, or show less: the GPU has no memory for what is to be drawn."""
         session = self._session
         self._emit(Notification(str(error), "error", details_of(error)))
@@ -275,7 +280,7 @@ class Viewport:
             self._emit(Notification(f"slot {alone.upper()} is shown alone: the GPU has no memory for both"))
             return
         # The last picture stays, at whatever size.
-        self._undrawable = self._wanted(size)
+        self._undrawable = session.scene, session.packs, view
 
     def _notify_problems(self, frame: FrameResult, light_problem: str) -> None:
         """Notify, once, of what is shown coarser than it should be, and of another environment than the one that was asked for."""

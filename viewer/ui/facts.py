@@ -14,8 +14,8 @@ from ntc.pack.match import PackMatch
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.place_content import BlockContent, PixelContent
 from viewer.render.frames import FrameHistory
-from viewer.render.on_load.textures import LoadCounts
-from viewer.render.tile_cache.budget import TileCounts
+from viewer.render.passes.load_textures import LoadCounts
+from viewer.render.resources.tile_cache.budget import TileCounts
 from viewer.state.session import Session
 from viewer.state.view_state import PathChoice, Slot
 from viewer.training.live_training import LiveTraining

@@ -23,7 +23,7 @@ def arrived(back: ReadBack[Any]) -> Any:
     """What arrives within 20 s."""
     end = time.monotonic() + 20.0
     while time.monotonic() < end:
-        if (found := back.newest()) is not None:
+        if (found := back.arrived(waits=False)) is not None:
             return found
     raise AssertionError("nothing arrived within 20 s")
 
@@ -44,16 +44,16 @@ def test_a_copy_holds_what_the_shader_had_written_by_then(graphics: GraphicsCont
             content, tag = arrived(back)
             assert (content, tag) == ((1000).to_bytes(4, "little") * 3, 0)
             assert not back.is_pending
-            assert back.newest() is None
-    content, tag = back.wait() or (b"", -1)
+            assert back.arrived(waits=False) is None
+    content, tag = back.arrived(waits=True) or (b"", -1)
     assert (content, tag) == ((3000).to_bytes(4, "little") * 3, 2), "the newest counts"
-    assert back.wait() is None
+    assert back.arrived(waits=True) is None
     # It may have been there already.
     assert memory.blocking.count - before <= 1
     back.copy([(values, 4)], 3)
     back.release()
     assert not back.is_pending
-    assert back.newest() is None
+    assert back.arrived(waits=False) is None
     values.release()
     program.release()
 
@@ -69,10 +69,10 @@ def test_waiting_is_counted_and_an_arrived_copy_is_not(
     reached = Fence._wait
     monkeypatch.setattr(Fence, "_wait", lambda fence, nanoseconds: nanoseconds > 0 and reached(fence, nanoseconds))
     back.copy([(values, 4)], None)
-    assert back.newest() is None
+    assert back.arrived(waits=False) is None
     monkeypatch.undo()
     monkeypatch.setattr(Fence, "is_reached", property(lambda fence: fence._sync is None))
-    assert back.wait() == (b"abcd", None)
+    assert back.arrived(waits=True) == (b"abcd", None)
     assert memory.blocking.count == before + 1
     back.release()
     values.release()

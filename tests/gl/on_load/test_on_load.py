@@ -14,10 +14,10 @@ from tests.gl.small_scenes import FRONT, objects
 from tests.support.blocking_watch import watched_calls
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult
-from viewer.render.on_load.plan import PIECE_TILES, LoadPlan, StoredPart, stored_parts
 from viewer.render.path_choice import unsupported_paths
 from viewer.render.renderer import Renderer
-from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.render.resources.load_plan import PIECE_TILES, LoadPlan, StoredPart, stored_parts
+from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera
 from viewer.state.navigation import turned
 from viewer.state.view_state import Anisotropy, Slot, ViewState
@@ -114,7 +114,7 @@ def test_a_frame_compresses_a_share_and_the_coarse_mips_of_all_textures_first(
     frames = settled(late)
     assert len(frames) > 3
     assert not frames[0].is_complete
-    assert any("being compressed" in item.line for item in frames[0].to_come)
+    assert any("being compressed" in item.line for item in frames[0].pending)
     waiting = [frame.loads[SLOT].waiting for frame in frames]
     assert waiting == sorted(waiting, reverse=True)
     renderer.render(VIEW)

@@ -15,7 +15,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.lighting.prefilter import PANORAMA_SIZE, SKY_SIZE, PrefilterSize, irradiance_map, prefilter
 from viewer.lighting.sky import sky_radiance
 from viewer.locations import cache_folder
-from viewer.render.pass_scheduler import Step
+from viewer.render.pass_scheduler import Budget, Step
 from viewer.render.passes.prefilter import PrefilterInputs, PrefilterPass
 from viewer.render.resources.light import EnvironmentMaps
 from viewer.render.resources.pack_buffers import scene_programs
@@ -94,10 +94,10 @@ def test_a_frame_that_waits_finishes_what_a_thread_filters(graphics: GraphicsCon
         return irradiance_map(panorama, side)
 
     with patch("viewer.render.passes.prefilter.irradiance_map", slow_irradiance):
-        assert prefiltering.advance(inputs, output, Step(whole=False, is_same_view=False, is_stale=False)).to_come
+        assert prefiltering.advance(inputs, output, Step(Budget.SHARE, is_same_view=False, is_stale=False)).pending
         assert started.wait(60.0)
         threading.Timer(0.1, may_end.set).start()
-        assert not prefiltering.advance(inputs, output, Step(whole=True, is_same_view=True, is_stale=False)).to_come
+        assert not prefiltering.advance(inputs, output, Step(Budget.WHOLE, is_same_view=True, is_stale=False)).pending
     white = maps_of(output, PANORAMA_SIZE)[PANORAMA_SIZE.tops[-1] + 1, 1 : 1 + PANORAMA_SIZE.irradiance_side]
     np.testing.assert_allclose(white, 1.0, atol=0.05)
     prefiltering.release()

@@ -16,10 +16,10 @@ from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
-from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
+from viewer.render.resources.accumulator import SAMPLES
+from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.render.slot_drawer import BlendSamplesPass, dithered_materials
-from viewer.render.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
 from viewer.state.view_state import MaterialView, Overlay, Slot, ViewState

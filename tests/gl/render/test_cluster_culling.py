@@ -13,8 +13,8 @@ from tests.support.picture_scenes import WHITE, Part, placed, scene_of, sphere
 from viewer.gl import indirect
 from viewer.gl.context import GraphicsContext
 from viewer.render import scene_drawer
-from viewer.render.passes import cull_clusters
-from viewer.render.passes.cull_clusters import ClusterCulling, ClusterView
+from viewer.render.passes import cull
+from viewer.render.passes.cull import ClusterCulling, ClusterView
 from viewer.render.renderer import Renderer
 from viewer.render.resources.clusters import build_clusters
 from viewer.render.resources.culling import Culling, placement_records
@@ -104,7 +104,7 @@ def test_no_pixel_differs(
         monkeypatch.setattr(indirect, "CORE_VERSION", 10_000)
         monkeypatch.setattr(indirect, "EXTENSION", "none")
     words, culled = drawn(graphics, scene)
-    monkeypatch.setattr(cull_clusters, "ALL_TESTS", 0)
+    monkeypatch.setattr(cull, "ALL_TESTS", 0)
     whole, kept = drawn(graphics, scene)
     assert kept == [0] * len(kept)
     assert sum(number > 0 for number in culled) > len(culled) / 2
@@ -164,7 +164,7 @@ def redrawn(graphics: GraphicsContext, scene: Scene) -> list[NDArray[np.uint32]]
 @pytest.mark.parametrize("scene", ["masks"], indirect=True)
 def test_another_size_is_culled_anew(scene: Scene, graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = redrawn(graphics, scene)
-    monkeypatch.setattr(cull_clusters, "ALL_TESTS", 0)
+    monkeypatch.setattr(cull, "ALL_TESTS", 0)
     for culled, whole in zip(ours, redrawn(graphics, scene), strict=True):
         assert culled[..., 0].any()
         assert np.array_equal(culled, whole)

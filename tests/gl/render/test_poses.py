@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from tests.gl.render.test_without_compute import without_compute
 from tests.support.gltf_builder import GltfBuilder, noise, png
 from viewer.gl.context import GraphicsContext
-from viewer.render.passes.pose_vertices import PoseVerticesPass
+from viewer.render.passes.pose_vertices import VertexMover
 from viewer.render.renderer import Renderer
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.render.resources.scene_buffers import SceneBuffers
@@ -166,7 +166,7 @@ def test_vertices_are_those_of_the_twin(graphics: GraphicsContext, joints: int, 
     )
     changed = Scene(**{**scene.__dict__, "geometry": geometry})
     buffers = SceneBuffers(graphics, changed)
-    poser = PoseVerticesPass(graphics, scene_programs(graphics), buffers, [part])
+    poser = VertexMover(graphics, scene_programs(graphics), buffers, [part])
     poser.run({0: deformation})
     vertices, normals, tangents = (
         np.frombuffer(buffer.read(), np.float32)[: wide * columns].reshape(wide, columns)

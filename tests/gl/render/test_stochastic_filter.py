@@ -21,8 +21,8 @@ from tests.support.noise import words
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult
-from viewer.render.passes.accumulate import SAMPLES
 from viewer.render.renderer import Renderer
+from viewer.render.resources.accumulator import SAMPLES
 from viewer.scene.model import Material
 from viewer.state.navigation import turned
 from viewer.state.view_state import Slot, ViewState
@@ -140,7 +140,7 @@ def test_a_view_at_rest_gathers_samples_and_then_draws_nothing(graphics: Graphic
     for number in range(1, SAMPLES + 1):
         drawn = frame(renderer)
         assert drawn.samples == {DEFERRED: number}
-        assert sum(item.left for item in drawn.to_come) == SAMPLES - number
+        assert sum(item.left for item in drawn.pending) == SAMPLES - number
         assert "decode_deferred" in drawn.timings_ms
     rest = frame(renderer)
     assert "decode_deferred" not in rest.timings_ms

@@ -16,7 +16,7 @@ from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
 from viewer.render.renderer import Renderer
-from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
 from viewer.state.view_state import REFERENCE, Overlay, Slot, ViewState
 

@@ -27,9 +27,9 @@ from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.frames import FrameResult
 from viewer.render.renderer import Renderer
 from viewer.render.resources import layout
-from viewer.render.tile_cache import decode_cached
-from viewer.render.tile_cache.budget import TileCacheConfig, TileCounts
-from viewer.render.tile_cache.decode_cached import PAGE_BYTES
+from viewer.render.resources.tile_cache import cache
+from viewer.render.resources.tile_cache.budget import TileCacheConfig, TileCounts
+from viewer.render.resources.tile_cache.cache import PAGE_BYTES
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
 from viewer.state.view_state import Anisotropy, DecodePath, Slot, ViewState
@@ -217,7 +217,7 @@ def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, m
     plain = opened(graphics)
     truth = picture(plain)
     monkeypatch.setattr(layout, "MAX_TILE_REQUESTS", 5)
-    monkeypatch.setattr(decode_cached, "MAX_TILE_REQUESTS", 5)
+    monkeypatch.setattr(cache, "MAX_TILE_REQUESTS", 5)
     few = opened(graphics)
     np.testing.assert_allclose(picture(few), truth, atol=ELSEWHERE)
     assert counts(render(few)).waiting == 0
@@ -258,7 +258,7 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
     needed = counts(render(plain)).decoded
     plain.release()
     # Pages of a layer are so few here that a second layer is asked for, and refused as a driver would.
-    monkeypatch.setattr(decode_cached, "LAYER_PAGES", needed // 2)
+    monkeypatch.setattr(cache, "LAYER_PAGES", needed // 2)
     grow = TileAtlas.grow
     monkeypatch.setattr(TileAtlas, "grow", lambda atlas, layers: grow(atlas, layers) if layers <= 1 else False)
     renderer = opened(graphics)

@@ -12,9 +12,9 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.read_back import Fence
 from viewer.render.frames import FrameResult, read_picture
 from viewer.render.renderer import Renderer
-from viewer.render.tile_cache import decode_cached
-from viewer.render.tile_cache.budget import TileCacheConfig
-from viewer.render.tile_cache.decode_cached import PAGE_BYTES
+from viewer.render.resources.tile_cache import cache
+from viewer.render.resources.tile_cache.budget import TileCacheConfig
+from viewer.render.resources.tile_cache.cache import PAGE_BYTES
 from viewer.state.navigation import turned
 from viewer.state.view_state import Slot, ViewState
 
@@ -57,7 +57,7 @@ def assert_same(made: Renderer, truth: Renderer, view: ViewState) -> FrameResult
 def test_a_frame_with_little_time_and_a_list_with_little_room(
     graphics: GraphicsContext, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(decode_cached, "LATE_TILE_REQUESTS", 3)
+    monkeypatch.setattr(cache, "LATE_TILE_REQUESTS", 3)
     made, truth = renderer(graphics, TileCacheConfig(milliseconds=1.0, least_tiles=1)), renderer(graphics, waits=True)
     for view in (VIEW, ASIDE, VIEW):
         assert_same(made, truth, view)

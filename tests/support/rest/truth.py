@@ -19,7 +19,7 @@ from viewer.inspect.live_comparison import LiveComparison
 from viewer.locations import builtin_scene_path
 from viewer.render.frames import read_picture
 from viewer.render.renderer import Renderer
-from viewer.render.tile_cache.budget import TileCacheConfig
+from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
 from viewer.state.view_state import NO_OVERLAY, REFERENCE, Slot, ViewState

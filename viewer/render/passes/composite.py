@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.pass_scheduler import RenderPass
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.divergence_maps import DivergenceTarget
 from viewer.render.resources.layout import PALETTE_STEPS, StorageBinding, TextureUnit
@@ -193,7 +194,7 @@ def _layout_uniforms(layout: CompareLayout, size: tuple[int, int]) -> dict[str, 
     return {"line": line, "shift": layout.shift * width}
 
 
-class CompositePass:
+class CompositePass(RenderPass[CompositeInputs, CompositeTarget]):
     """Pass that composes the picture. Output: an 8-bit sRGB picture."""
 
     name = "composite"

@@ -10,8 +10,8 @@ import numpy as np
 from ntc.codec.maps import PLANES, Plane
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.pass_scheduler import Progress, Step, ToCome
-from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
+from viewer.render.pass_scheduler import Pending, Progress, RenderPass, Step
+from viewer.render.resources.accumulator import SAMPLES, Accumulator
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import BIN_GROUP, BIN_RECORD, GROUP_SIDE, BinBinding, ImageUnit
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
@@ -23,7 +23,7 @@ BIN_PIXEL_BYTES = 4
 """Size of a pixel in the list that path `binned` sorts."""
 
 
-class DecodePass(ABC):
+class DecodePass(RenderPass[VisibilityInputs, ColorTarget], ABC):
     """Pass that decodes one pack. Inputs: visibility buffer, materials, the pack's buffers. Output: a plane of the whole picture."""
 
     name: str
@@ -246,14 +246,14 @@ class DecodeBinnedPass(DecodePass):
         return self._bins, self._pixels
 
 
-class DecodeSampledPass:
+class DecodeSampledPass(RenderPass[VisibilityInputs, ColorTarget]):
     """Pass of a path with the stochastic filter: draws the mean of up to SAMPLES samples of one texel a pixel, of each plane."""
 
-    def __init__(self, decode: DecodePass, accumulate: Callable[[], AccumulatePass]) -> None:
+    def __init__(self, decode: DecodePass, accumulate: Callable[[], Accumulator]) -> None:
         """Take `decode`, a pass with the stochastic filter, which belongs to this one; `accumulate` makes what adds up a plane."""
         self.name = decode.name
         self._decode, self._accumulate = decode, accumulate
-        self._means: dict[Plane, AccumulatePass] = {}
+        self._means: dict[Plane, Accumulator] = {}
         self._samples: WeakKeyDictionary[ColorTarget, int] = WeakKeyDictionary()
 
     @property
@@ -273,7 +273,7 @@ class DecodeSampledPass:
         numbers = []
         for _, target, step in wanted:
             before = self._samples.get(target, 0) if step.is_same_view and not step.is_stale else 0
-            numbers.append(range(before, SAMPLES if step.whole else before + 1))
+            numbers.append(range(before, SAMPLES if step.budget.is_whole else before + 1))
         for number in range(min(own.start for own in numbers), max(own.stop for own in numbers)):
             drawn = [
                 (inputs.of_sample(number), target)
@@ -282,7 +282,7 @@ class DecodeSampledPass:
             ]
             self._add(number, drawn)
         left = [SAMPLES - self._samples[target] for _, target, _ in wanted]
-        return [Progress(to_come=(ToCome("samples", own, SAMPLES),) if own else ()) for own in left]
+        return [Progress(pending=(Pending("samples", own, SAMPLES),) if own else ()) for own in left]
 
     def _add(self, number: int, drawn: Sequence[tuple[VisibilityInputs, ColorTarget]]) -> None:
         """Draw sample `number` of these planes, and add it to the mean of those before."""
@@ -297,7 +297,7 @@ class DecodeSampledPass:
         for _, target in drawn:
             self._samples[target] = number + 1
 
-    def _mean(self, plane: Plane) -> AccumulatePass:
+    def _mean(self, plane: Plane) -> Accumulator:
         if plane not in self._means:
             self._means[plane] = self._accumulate()
         return self._means[plane]

@@ -6,6 +6,7 @@ import moderngl
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.pass_scheduler import RenderPass
 from viewer.render.resources.divergence_maps import DecoderTables, DivergenceTarget, Stage
 from viewer.render.resources.layout import GROUP_SIDE, ImageUnit, StorageBinding
 from viewer.render.resources.visibility_buffer import VisibilityTarget
@@ -21,7 +22,7 @@ class DivergenceInputs:
     tables: DecoderTables
 
 
-class DivergencePass:
+class DivergencePass(RenderPass[DivergenceInputs, DivergenceTarget]):
     """Pass that counts decoders. Output: a DivergenceTarget with as many maps as there are tables."""
 
     name = "divergence"

@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.pass_scheduler import RenderPass
+from viewer.render.resources.clusters import Clusters
+from viewer.render.resources.culling import Culling, PosedScene
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.scene.gltf.geometry import unit_normals, unit_tangents
+from viewer.scene.model import Motion, Pose, Scene
 from viewer.scene.moving import Deformation, MovingVertices
 
 FOLDER = "passes/pose_vertices"
@@ -91,8 +95,8 @@ def influence_words(part: MovingVertices) -> NDArray[np.uint32]:
     return np.stack([part.influences.joints.astype(np.uint32), weights.view(np.uint32)], axis=-1)
 
 
-class PoseVerticesPass:
-    """Pass that moves vertices. Input: deformations by node. Output: positions, normals and tangents in the scene's vertex buffers.
+class VertexMover:
+    """Moves vertices: from deformations by node to positions, normals and tangents in the scene's vertex buffers.
 
     Where nothing computes, `MovingVertices.at` does on the CPU what the shader does in float32.
     """
@@ -168,8 +172,28 @@ class PoseVerticesPass:
         program.run(*self._memory.limits.rows_of_work_groups(-(-count // POSE_GROUP)))
 
     def release(self) -> None:
-        """Free what the pass has uploaded."""
+        """Free what has been uploaded."""
         for own in self._uploaded.values():
             for buffer in own[:4]:
                 buffer.release()
         self._uploaded = {}
+
+
+class PosePass(RenderPass[Pose | None, PosedScene]):
+    """Input: a pose of the scene. Output: instances and vertices on the GPU, and the PosedScene."""
+
+    name = "pose"
+
+    def __init__(
+        self, motion: Motion, scene: Scene, buffers: SceneBuffers, vertices: VertexMover, clusters: Clusters
+    ) -> None:
+        """Take the `clusters` of the scene as it was read."""
+        self._motion, self._scene, self._buffers, self._vertices = motion, scene, buffers, vertices
+        self._clusters = clusters
+
+    def run(self, inputs: Pose | None, target: PosedScene) -> None:
+        """Move instances and vertices. Raises GpuMemoryError, and InputError for a pose of an unknown animation."""
+        stand = self._motion.at(inputs)
+        self._buffers.place_instances(stand.instances.transform)
+        self._vertices.run(stand.deformations)
+        target.culling, target.bounds = Culling(self._scene, self._clusters, stand), stand.bounds

@@ -13,7 +13,7 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.jobs.job import Job, JobReport
 from viewer.lighting.prefilter import MOST_SAMPLES, irradiance_map, lobe_samples, source_samples
-from viewer.render.pass_scheduler import Progress, Step, ToCome
+from viewer.render.pass_scheduler import Pending, Progress, RenderPass, Step
 from viewer.render.resources.layout import TextureUnit, UniformBinding
 from viewer.render.resources.light import EnvironmentMaps
 
@@ -43,7 +43,7 @@ class _Filtering:
     """Number of the next map to be written."""
 
 
-class PrefilterPass:
+class PrefilterPass(RenderPass[PrefilterInputs, EnvironmentMaps]):
     """Pass that prefilters an environment. Inputs: a panorama. Output: EnvironmentMaps of the panorama's size.
 
     Those of a file come in parts where frames do not wait: one map a frame. The sky follows the sun, and is small: it comes at once.
@@ -62,7 +62,7 @@ class PrefilterPass:
 
     def advance(self, inputs: PrefilterInputs, output: EnvironmentMaps, step: Step) -> Progress:
         """Write the panorama, and all maps or the next one. Raises GpuMemoryError."""
-        whole = step.whole or self._context.waits or not inputs.is_kept
+        whole = step.budget.waits or not inputs.is_kept
         width, height = output.size.texture_size
         key = f"{VERSION} {inputs.key} {output.size}"
         if not step.is_same_view or self._filtering is None or self._filtering.key != inputs.key:
@@ -79,7 +79,7 @@ class PrefilterPass:
             self._draw_level(level, output)
             filtering.level = level + 1
         if filtering.level < levels or not (whole or filtering.irradiance.done):
-            return Progress(to_come=(ToCome("environment", levels + 1 - filtering.level, levels + 1),))
+            return Progress(pending=(Pending("environment", levels + 1 - filtering.level, levels + 1),))
         self._filtering = None
         side = output.size.irradiance_side
         pixels = filtering.irradiance.future.result().tobytes()

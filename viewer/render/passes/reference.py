@@ -22,7 +22,7 @@ from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import ImageArray
-from viewer.render.pass_scheduler import Output, Progress, Step, ToCome
+from viewer.render.pass_scheduler import Output, Pending, Progress, RenderPass, Step
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.image_places import ImageArrayPlan, ImageContent, ImagePlace, ImagePlaces
 from viewer.render.resources.layout import BUCKET_DEPTHS, TextureUnit
@@ -39,7 +39,7 @@ SECONDS_BETWEEN_NEWS = 0.25
 """Time in seconds between showing new images: each time the whole plane is drawn again."""
 
 
-class ImageUploads:
+class ImageUploads(RenderPass[Sequence[int], object]):
     """Pass that keeps the images of one source and plane on the GPU that the visible materials need.
 
     All of them, uploaded when a material that may be visible first needs them; or where that would take too much memory those in
@@ -94,7 +94,7 @@ class ImageUploads:
         Where there is no memory the others are freed. If that is not enough, GpuMemoryError is raised: smaller images would be no
         reference.
         """
-        whole, before = step.whole or self._context.waits, len(self._uploaded)
+        whole, before = step.budget.waits, len(self._uploaded)
         self._places.want(visible_materials)
         self._forget_what_is_gone()
         wanted = self._places.of(visible_materials)
@@ -112,7 +112,7 @@ class ImageUploads:
         has_changed = self._shown != self._places.version or len(self._uploaded) != before
         self._shown = self._places.version
         left = len(self._places.pending)
-        return Progress(has_changed, (ToCome("images", left, self._places.in_sight),) if left else ())
+        return Progress(has_changed, (Pending("images", left, self._places.in_sight),) if left else ())
 
     def _forget_what_is_gone(self) -> None:
         for array in [array for array, (plan, _) in self.arrays.items() if self._places.plans.get(array) is not plan]:
@@ -227,7 +227,7 @@ class SampledImages(Protocol):
 Images = TypeVar("Images", bound=SampledImages)
 
 
-class ReferencePass(Generic[Images]):
+class ReferencePass(RenderPass[VisibilityInputs, ColorTarget], Generic[Images]):
     """Pass that shows images. Inputs: visibility buffer, materials, images. Output: one plane of the materials' maps."""
 
     def __init__(

@@ -13,6 +13,7 @@ from viewer.gl.allocation import replace_content
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.lighting.sky import SUN_RADIUS
+from viewer.render.pass_scheduler import RenderPass
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.layout import MAP_BITS, MOST_LIGHTS, TextureUnit, UniformBinding
 from viewer.render.resources.light import LIGHT_RECORD, SceneLight, light_records
@@ -87,7 +88,7 @@ def _matrix_bytes(matrix: NDArray[np.float64]) -> bytes:
     return matrix.T.astype("<f4").tobytes()
 
 
-class ShadePass:
+class ShadePass(RenderPass[ShadeInputs, ColorTarget]):
     """Pass that makes a picture. Output: a ColorTarget, linear light in [0, 1].
 
     Alpha is 1 where a surface is seen; elsewhere is the environment, or black."""

@@ -6,6 +6,7 @@ import moderngl
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
+from viewer.render.pass_scheduler import RenderPass
 from viewer.render.resources.culling import DrawList
 from viewer.render.resources.light import ShadowMap, ShadowView
 from viewer.render.resources.scene_buffers import SceneBuffers
@@ -29,7 +30,7 @@ class ShadowInputs:
     draw_list: DrawList = field(compare=False)
 
 
-class ShadowPass:
+class ShadowPass(RenderPass[ShadowInputs, ShadowMap]):
     """Pass that draws the shadow map. Output: the depth of what the sun sees first.
 
     Single-sided triangles that face away from the sun cast no shadow.

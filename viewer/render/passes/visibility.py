@@ -1,35 +1,15 @@
 """The visibility pass: which surface each pixel shows. All later passes read only this."""
 
-from dataclasses import dataclass, field
-
 import moderngl
-import numpy as np
-from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
-from viewer.render.resources.scene_buffers import AnyDrawList, SceneBuffers
+from viewer.render.pass_scheduler import RenderPass
+from viewer.render.resources.scene_buffers import CulledScene, SceneBuffers
 from viewer.render.resources.visibility_buffer import VisibilityTarget
-from viewer.scene.model import Camera
 
 
-@dataclass(frozen=True)
-class CulledScene:
-    """Inputs of the visibility pass: the draw list that the scene buffers hold. Equal for equal views of one scene."""
-
-    camera: Camera
-    size: tuple[int, int]
-    """(width, height) in pixels."""
-    matrix: NDArray[np.float64] = field(compare=False)
-    """[4, 4] float64, world to clip."""
-    draw_list: AnyDrawList = field(compare=False)
-    sample: int = 0
-    """Number of the pattern of thresholds that BLEND surfaces are drawn against, 0 to 15."""
-    coverage: int = 0
-    """Version of what textures cover (`SceneBuffers.coverage`)."""
-
-
-class VisibilityPass:
+class VisibilityPass(RenderPass[CulledScene, VisibilityTarget]):
     """Pass that draws the visibility buffer. Output: a VisibilityTarget."""
 
     name = "visibility"

@@ -11,7 +11,7 @@ from ntc.codec.latents import LatentLevel
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.read_back import ReadBack
-from viewer.render.pass_scheduler import Progress, Step, ToCome
+from viewer.render.pass_scheduler import Budget, Pending, Progress, RenderPass, Step
 from viewer.render.resources.layout import GROUP_SIDE, StorageBinding
 from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
@@ -33,7 +33,7 @@ class VisibleLatents:
     """[textures of the view] finest mip that was there when the version of the output changed last."""
 
 
-class VisibleLatentsPass:
+class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
     """Pass that keeps the mips on the GPU that the visible pixels of a view read of one plane of a pack's maps.
 
     Where frames do not wait, the GPU tells a frame or two later which those are: coarser mips are shown until then.
@@ -66,19 +66,19 @@ class VisibleLatentsPass:
         all_of_them = dict.fromkeys(textures, 0)
         if not self._context.features.compute or store.has(all_of_them):
             target.needed = all_of_them
-        elif self._context.waits or step.whole:
+        elif step.budget.waits:
             self._ask(inputs)
-            self._take(inputs, target, waits=True)
+            self._take(inputs, target, step.budget)
         else:
             self._buffers.need({index: int(min(store.finest[index], self._coarse[index])) for index in textures})
-            self._take(inputs, target, waits=False)
+            self._take(inputs, target, step.budget)
             if target.needed is None and not self._back.is_pending:
                 self._ask(inputs)
         if target.needed is not None:
             self._buffers.need(target.needed)
         left = len(textures) if target.needed is None else 0
-        to_come = (ToCome("textures", left, len(textures)),) if left else ()
-        return Progress(self._is_finer(textures, target), to_come)
+        pending = (Pending("textures", left, len(textures)),) if left else ()
+        return Progress(self._is_finer(textures, target), pending)
 
     def _is_finer(self, textures: Sequence[int], target: VisibleLatents) -> bool:
         """Return whether pixels of the view read finer mips than when this was asked last."""
@@ -108,9 +108,9 @@ class VisibleLatentsPass:
         self._context.gl.memory_barrier()
         self._back.copy([(levels, levels.size)], inputs)
 
-    def _take(self, inputs: VisibilityInputs, target: VisibleLatents, waits: bool) -> None:
+    def _take(self, inputs: VisibilityInputs, target: VisibleLatents, budget: Budget) -> None:
         """Upload what the GPU answered last, which may be for a view before."""
-        found = self._back.wait() if waits else self._back.newest()
+        found = self._back.arrived(budget.waits)
         if found is None:
             return
         finest = np.frombuffer(found[0], np.int32)

@@ -323,3 +323,14 @@ class GpuDrawList:
         _, first, most = self.ranges[number]
         place = BUCKET_RECORD.itemsize * number + COUNT_OFFSET
         self.draws.draw(array, index_bytes, self.commands, first, most, self.buckets, place)
+
+
+@dataclass(eq=False)
+class PosedScene:
+    """Bounds of the parts of a scene in its pose, and of all of it."""
+
+    culling: Culling
+    bounds: NDArray[np.float32]
+    """[2, 3] lowest and highest corner of the scene."""
+    has_moved: bool = False
+    """True once the scene has had another pose than it was read with."""

@@ -2,10 +2,11 @@
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import moderngl
 import numpy as np
+from numpy.typing import NDArray
 
 from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, PLANES, MapName, Plane
@@ -25,7 +26,7 @@ from viewer.render.resources.layout import (
     sampler_flags,
 )
 from viewer.render.resources.samplers import SamplerCache
-from viewer.scene.model import Material, Sampler, Scene
+from viewer.scene.model import Camera, Material, Sampler, Scene
 
 SMALLEST_MIP = 8
 """Texels along the longer side, at most, of a mip that no coarser one needs to follow."""
@@ -349,3 +350,19 @@ class SceneBuffers:
         for buffer in (self._vertices, self._colors, self._indices, self._instances, self._materials, self._commands):
             if buffer is not None:
                 buffer.release()
+
+
+@dataclass(frozen=True)
+class CulledScene:
+    """Inputs of the visibility pass: the draw list that the scene buffers hold. Equal for equal views of one scene."""
+
+    camera: Camera
+    size: tuple[int, int]
+    """(width, height) in pixels."""
+    matrix: NDArray[np.float64] = field(compare=False)
+    """[4, 4] float64, world to clip."""
+    draw_list: AnyDrawList = field(compare=False)
+    sample: int = 0
+    """Number of the pattern of thresholds that BLEND surfaces are drawn against, 0 to 15."""
+    coverage: int = 0
+    """Version of what textures cover (`SceneBuffers.coverage`)."""

@@ -17,6 +17,7 @@ from viewer.gl.read_back import PicturePart
 from viewer.render.resources.layout import TextureUnit, materials_of, texture_ids_of
 from viewer.render.resources.scene_buffers import SceneBuffers
 from viewer.scene.model import Camera
+from viewer.state.view_state import DEFAULT_LIGHTING, Lighting, MaterialView
 
 
 @dataclass(frozen=True)
@@ -194,3 +195,14 @@ class VisibilityInputs:
         """Bind visibility buffer and materials for reading."""
         self.visibility.bind()
         self.materials.bind_materials()
+
+
+@dataclass(frozen=True)
+class ShownMaterials:
+    """Maps and light of materials that a picture shows."""
+
+    view: MaterialView = "base"
+    lighting: Lighting = DEFAULT_LIGHTING
+    """Light of the view `lit`; without effect in others."""
+    planes: tuple[Plane, ...] = ("base",)
+    """Planes of the view that some visible material has; the others are neutral."""

@@ -9,8 +9,14 @@ from numpy.typing import NDArray
 from lab.bench.random_pack import random_pack
 from ntc.pack.match import PackMatch
 from tests.support.picture_scenes import texture
-from viewer.render.tile_cache.budget import FRAME_MS, LEAST_MILLISECONDS, LEAST_SHARE, TileBudget, TileCacheConfig
-from viewer.render.tile_cache.tiles import PagePool, TileTable
+from viewer.render.resources.tile_cache.budget import (
+    FRAME_MS,
+    LEAST_MILLISECONDS,
+    LEAST_SHARE,
+    TileBudget,
+    TileCacheConfig,
+)
+from viewer.render.resources.tile_cache.tiles import PagePool, TileTable
 from viewer.scene.model import Material
 
 

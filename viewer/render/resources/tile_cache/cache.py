@@ -26,17 +26,17 @@ from viewer.render.resources.layout import (
     TileBinding,
 )
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
+from viewer.render.resources.tile_cache.budget import AHEAD_MILLISECONDS, TileBudget, TileCounts
+from viewer.render.resources.tile_cache.tile_decoder import TileDecoder
+from viewer.render.resources.tile_cache.tiles import LAYER_PAGES, PagePool, TileTable, finest_levels
 from viewer.render.resources.visibility_buffer import PlaneReading, VisibilityInputs
-from viewer.render.tile_cache.budget import AHEAD_MILLISECONDS, TileBudget, TileCounts
-from viewer.render.tile_cache.tile_decoder import TileDecoder
-from viewer.render.tile_cache.tiles import LAYER_PAGES, PagePool, TileTable, finest_levels
 
 FOLDER = "passes/decode_cached"
 PAGE_BYTES = 4 * PAGE_SIDE * PAGE_SIDE
 
 
-class DecodeCachedPass:
-    """Tile cache on the GPU of path `cached`: `request`, `decode` and `sample` in turn make a frame of a plane (see CachedPath)."""
+class TileCache:
+    """Tile cache on the GPU of path `cached`: `request`, `decode` and `sample` in turn make a frame of a plane."""
 
     def __init__(
         self,
@@ -49,8 +49,7 @@ class DecodeCachedPass:
         budget: TileBudget,
     ) -> None:
         self._gl = context.gl
-        self.waits = context.waits
-        """True where every request is answered in the frame that makes it; else fewer tiles are listed."""
+        # Frames that wait for the answer list more tiles.
         self._most = MAX_TILE_REQUESTS if context.waits else LATE_TILE_REQUESTS
         self._buffers, self._table, self._budget = buffers, table, budget
         self._programs, self._defines = programs, reading.defines()
@@ -164,7 +163,7 @@ class DecodeCachedPass:
 
     def answer(self, waits: bool) -> bool:
         """Take the list of missing tiles that was requested; return False where it has not arrived. With `waits` it is waited for."""
-        found = self._back.wait() if waits else self._back.newest()
+        found = self._back.arrived(waits)
         if found is None:
             return False
         content, self._heard = found

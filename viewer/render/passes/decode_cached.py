@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 from viewer.gl.timer import PassTimer
-from viewer.render.pass_scheduler import Progress, Step, ToCome
+from viewer.render.pass_scheduler import Budget, Pending, Progress, RenderPass, Step
 from viewer.render.resources.color_target import ColorTarget
+from viewer.render.resources.tile_cache.budget import TileBudget, TileCounts
+from viewer.render.resources.tile_cache.cache import TileCache
 from viewer.render.resources.visibility_buffer import VisibilityInputs
-from viewer.render.tile_cache.budget import TileBudget, TileCounts
-from viewer.render.tile_cache.decode_cached import DecodeCachedPass
 
 BANDS = 4
 """Number of parts in which a picture is redrawn while the one before is still shown: none of them makes a frame long."""
@@ -17,15 +17,15 @@ FRAMES_AHEAD_OF_MISSING = 4
 """Number of such frames where tiles are shown coarser, and frames are long."""
 
 
-class CachedPath:
+class DecodeCachedPass(RenderPass[VisibilityInputs, ColorTarget]):
     """Path `cached` of one pack, over several frames. A view is complete once no tile is waiting and no band is left."""
 
     name = "decode_cached"
 
-    def __init__(self, cache: DecodeCachedPass, timer: PassTimer, budget: TileBudget) -> None:
+    def __init__(self, cache: TileCache, timer: PassTimer, budget: TileBudget) -> None:
         self.cache = cache
         """Tile cache that the path draws from."""
-        self._timer, self._budget, self._waits = timer, budget, cache.waits
+        self._timer, self._budget = timer, budget
         self._requested: VisibilityInputs | None = None
         """View whose tiles were requested last."""
         self._is_unasked = False
@@ -44,25 +44,25 @@ class CachedPath:
 
     def advance(self, inputs: VisibilityInputs, target: ColorTarget, step: Step) -> Progress:
         """Request, decode and draw tiles, a frame's share of them, or all where the picture is to be whole."""
-        again = step.is_same_view and not step.whole
-        if again and self._decodes_ahead():
-            return Progress(False, self._to_come())
-        self._draw(inputs, target, step.whole, again)
+        again = step.is_same_view and not step.budget.is_whole
+        if again and self._decodes_ahead(step.budget):
+            return Progress(False, self._pending())
+        self._draw(inputs, target, step.budget, again)
         # The picture before is shown until all rows are drawn.
-        return Progress(not self._bands_left, self._to_come())
+        return Progress(not self._bands_left, self._pending())
 
-    def _to_come(self) -> tuple[ToCome, ...]:
+    def _pending(self) -> tuple[Pending, ...]:
         waiting = self.tiles.waiting
-        return (ToCome("tiles", waiting),) if waiting else ()
+        return (Pending("tiles", waiting),) if waiting else ()
 
-    def _decodes_ahead(self) -> bool:
+    def _decodes_ahead(self, budget: Budget) -> bool:
         """Decode tiles without drawing, where all are there in an older version, or frames are long; return False when drawing is due.
 
         Drawing costs as much as decoding many tiles: the picture is drawn once for several frames that decode.
         """
         if self._bands_left:
             return False
-        if not self._waits:
+        if not budget.waits:
             self.cache.answer(waits=False)
         most = FRAMES_AHEAD if self.cache.only_stale else 0
         if self.cache.is_missing_tiles and self._budget.is_tight:
@@ -74,8 +74,8 @@ class CachedPath:
         self._decode(self.cache.tiles_ahead())
         return True
 
-    def _draw(self, inputs: VisibilityInputs, target: ColorTarget, whole: bool, again: bool) -> None:
-        """Request, decode and draw tiles. With `whole` all missing tiles are decoded, however long it takes.
+    def _draw(self, inputs: VisibilityInputs, target: ColorTarget, budget: Budget, again: bool) -> None:
+        """Request, decode and draw tiles. For a whole picture all missing tiles are decoded.
 
         Drawn `again`, where `target` shows an older picture of this view, only some rows may be drawn.
         """
@@ -88,8 +88,8 @@ class CachedPath:
         self._bands_left = 0
         if self._requested != inputs:
             self.cache.retry_coarse()
-        if whole or self._waits:
-            self._decode_asked(inputs, whole)
+        if budget.waits:
+            self._decode_asked(inputs, budget.is_whole)
         else:
             self._decode_known(inputs)
         if in_bands:

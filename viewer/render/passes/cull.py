@@ -1,15 +1,18 @@
-"""Culling by clusters on the GPU: three steps in compute shaders that write the draw commands of what a camera may see."""
+"""Culling: the draw list of what a camera may see. On the GPU, three compute shaders cull clusters and write the draw commands."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
+from ntc.codec.maps import PLANES, Plane
 from viewer.gl.context import GraphicsContext
 from viewer.gl.indirect import COMMAND_BYTES, IndirectDraws
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
+from viewer.render.pass_scheduler import RenderPass
 from viewer.render.resources.clusters import (
     BUCKET_RECORD,
     CLUSTER_RECORD,
@@ -18,8 +21,17 @@ from viewer.render.resources.clusters import (
     ClusterTest,
     cluster_layout_glsl,
 )
-from viewer.render.resources.culling import Culling, DrawCounts, GpuDrawList, InstanceCulling, placement_records
+from viewer.render.resources.culling import (
+    Culling,
+    DrawCounts,
+    GpuDrawList,
+    InstanceCulling,
+    PosedScene,
+    placement_records,
+)
+from viewer.render.resources.scene_buffers import AnyDrawList, CulledScene, SceneBuffers
 from viewer.scene.model import Camera, Scene
+from viewer.state.camera import view_projection
 
 FOLDER = "passes/cull_clusters"
 ALL_TESTS = ClusterTest.FRUSTUM | ClusterTest.CONE | ClusterTest.SIZE
@@ -133,7 +145,7 @@ class ClusterCulling:
     def counts(self, waits: bool) -> DrawCounts:
         """Return the counts of the last list; unless this `waits`, of one before where the GPU has not come so far."""
         if self._is_new:
-            arrived = self._back.wait() if waits else self._back.newest()
+            arrived = self._back.arrived(waits)
             if arrived is not None:
                 self._told = self._counts(arrived[0])
                 self._is_new = self._back.is_pending
@@ -156,3 +168,54 @@ class ClusterCulling:
         self._back.release()
         for buffer in (self._clusters, self._placements, self._items, self._commands, self._buckets):
             buffer.release()
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """Camera and picture size that are culled for."""
+
+    camera: Camera
+    size: tuple[int, int]
+    """(width, height) of the picture in pixels."""
+
+
+@dataclass(eq=False)
+class Culled:
+    """Part of the scene that the scene buffers draw."""
+
+    scene: CulledScene | None = None
+    """Draw list and its view; None before the first view."""
+    materials: tuple[int, ...] = ()
+    """Materials that may be seen, ascending."""
+    textures: Mapping[Plane, tuple[int, ...]] = field(default_factory=dict)
+    """Textures that may be seen, ascending, by plane of maps."""
+
+
+class CullPass(RenderPass[CameraView, Culled]):
+    """Input: a camera's view. Output: the draw list in the scene buffers."""
+
+    name = "cull"
+
+    def __init__(self, posed: PosedScene, scene: Scene, buffers: SceneBuffers, clusters: ClusterCulling | None) -> None:
+        self._posed, self._buffers, self._clusters = posed, buffers, clusters
+        self._texture_of_material = {
+            plane: np.array([material.plane_texture(plane) for material in scene.materials], np.int64)
+            for plane in PLANES
+        }
+
+    def run(self, inputs: CameraView, target: Culled) -> None:
+        """Find what may be seen, and upload its draw list. Raises GpuMemoryError."""
+        matrix = view_projection(inputs.camera, inputs.size, self._posed.bounds)
+        draw_list = self.draw_list(inputs, matrix)
+        self._buffers.upload(draw_list)
+        target.scene = CulledScene(inputs.camera, inputs.size, matrix, draw_list)
+        materials = np.nonzero(draw_list.materials)[0]
+        found = {plane: np.unique(texture[materials]) for plane, texture in self._texture_of_material.items()}
+        target.materials = tuple(materials.tolist())
+        target.textures = {plane: tuple(own[own >= 0].tolist()) for plane, own in found.items()}
+
+    def draw_list(self, view: CameraView, matrix: NDArray[np.float64]) -> AnyDrawList:
+        """Return what may be seen with `matrix`, world to clip."""
+        if self._clusters is None:
+            return self._posed.culling.draw_list(view.camera, matrix)
+        return self._clusters.draw_list(ClusterView(view.camera, view.size, matrix))

@@ -14,7 +14,7 @@ from ntc.metrics.block_compression import decode_bc, encode_bc5, encode_bc7, mis
 from tests.support.block_texels import block_texels
 from viewer.gl.context import GraphicsContext
 from viewer.gl.texture_arrays import STORED_COMPONENTS, BlockArray, GpuBlockFormat
-from viewer.render.passes.compress import BlockCompressor, ImageCompressor, total_errors
+from viewer.render.resources.block_compressor import BlockCompressor, ImageCompressor, total_errors
 from viewer.render.resources.layout import TextureUnit
 from viewer.render.resources.pack_buffers import scene_programs
 

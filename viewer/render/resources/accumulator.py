@@ -13,7 +13,7 @@ SAMPLES = 16
 """Number of samples that complete a picture at rest with the stochastic filter, or with BLEND surfaces."""
 
 
-class AccumulatePass:
+class Accumulator:
     """Inputs: the mean of the samples so far, and one more sample. Output: their mean, in place of the one before."""
 
     name = "accumulate"

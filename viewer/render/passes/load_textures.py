@@ -12,9 +12,8 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory
 from viewer.gl.texture_arrays import BlockArray, GpuBlockFormat, TileAtlas, blocks_bytes
 from viewer.gl.timer import PassTimer
-from viewer.render.on_load.plan import LoadedKey, LoadPlan, Piece, tile_grid
-from viewer.render.pass_scheduler import Progress, Step, ToCome
-from viewer.render.passes.compress import BlockCompressor, total_errors
+from viewer.render.pass_scheduler import Pending, Progress, RenderPass, Step
+from viewer.render.resources.block_compressor import BlockCompressor, total_errors
 from viewer.render.resources.image_places import ImageArrayPlan
 from viewer.render.resources.layout import (
     ATLAS_SIDE,
@@ -24,11 +23,12 @@ from viewer.render.resources.layout import (
     TextureUnit,
     TileBinding,
 )
+from viewer.render.resources.load_plan import LoadedKey, LoadPlan, Piece, tile_grid
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
+from viewer.render.resources.tile_cache.budget import TileBudget
+from viewer.render.resources.tile_cache.tile_decoder import TileDecoder
+from viewer.render.resources.tile_cache.tiles import LAYER_PAGES, finest_levels
 from viewer.render.resources.visibility_buffer import PlaneReading
-from viewer.render.tile_cache.budget import TileBudget
-from viewer.render.tile_cache.tile_decoder import TileDecoder
-from viewer.render.tile_cache.tiles import LAYER_PAGES, finest_levels
 
 PLACE = np.dtype([(name, "<i4") for name in ("array", "layer", "components", "finest")])
 """Place of a material's texture: array (-1: none) and layer, a bit for each component that it holds, and the finest mip there."""
@@ -114,7 +114,7 @@ class LoadedArray:
             part.release()
 
 
-class LoadedTextures:
+class LoadedTextures(RenderPass[Sequence[int], object]):
     """Pass that keeps the textures of one plane of a pack compressed on the GPU that the visible materials need.
 
     All mips, the coarse ones first, as many in a frame as its time allows. Textures whose latents or decoder have changed are
@@ -226,14 +226,14 @@ class LoadedTextures:
                 self._finest[key] = len(self._plan.levels[key.texture])
                 self._pieces[key] = self._plan.pieces(key)
         pending = [piece for key in wanted for piece in self._pieces.get(key, ())]
-        done = self._take(sorted(pending, key=self._order), step.whole)
+        done = self._take(sorted(pending, key=self._order), step.budget.is_whole)
         if done:
             self._compress(done)
         left = sum(bool(self._pieces.get(key)) for key in wanted)
         if not left:
             self._free_working_memory()
         self._waiting = sum(piece.texels for key in wanted for piece in self._pieces.get(key, ()))
-        return Progress(bool(done), (ToCome("loads", left, len(wanted)),) if left else ())
+        return Progress(bool(done), (Pending("loads", left, len(wanted)),) if left else ())
 
     def _free_working_memory(self) -> None:
         """Free what only compressing needs, for an engine would."""

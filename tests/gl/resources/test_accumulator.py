@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from viewer.gl.context import GraphicsContext
-from viewer.render.passes.accumulate import SAMPLES, AccumulatePass
+from viewer.render.resources.accumulator import SAMPLES, Accumulator
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.pack_buffers import scene_programs
 
@@ -22,7 +22,7 @@ def samples() -> NDArray[np.float32]:
 
 def drawn(graphics: GraphicsContext, at_once: bool) -> NDArray[np.float32]:
     """Mean of `samples` [5, 7, 4]; all drawn `at_once`, or each finished before the next one begins."""
-    accumulate, mean = AccumulatePass(graphics, scene_programs(graphics)), ColorTarget(graphics, SIZE)
+    accumulate, mean = Accumulator(graphics, scene_programs(graphics)), ColorTarget(graphics, SIZE)
     for number, sample in enumerate(samples()):
         (accumulate.sample(SIZE) if number else mean).texture.write(sample.tobytes())
         if number:

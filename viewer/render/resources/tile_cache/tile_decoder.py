@@ -9,8 +9,8 @@ from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.resources.layout import BIN_GROUP, PAGE_SIDE, PAGE_SQUARES, ImageUnit
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
+from viewer.render.resources.tile_cache.budget import TILES_AT_ONCE
 from viewer.render.resources.visibility_buffer import PlaneReading
-from viewer.render.tile_cache.budget import TILES_AT_ONCE
 
 
 class TileDecoder:
