@@ -1,8 +1,9 @@
 """The reflection of a surface in float64: metallic-roughness as in glTF 2.0, appendix B, with KHR_materials_ior and _specular.
 
-Single scattering is GGX with height-correlated Smith masking and Schlick's Fresnel term. What that loses on rough surfaces is given
-back: for environments after Fdez-Agüera 2019, "A Multiple-Scattering Microfacet Model for Real-Time Image-based Lighting", for single
-lights by Turquin 2019, "Practical multiple scattering compensation for microfacet models". shaders/lighting/brdf.glsl is the same.
+Single scattering is GGX with height-correlated Smith masking and Schlick's Fresnel term. It loses light on rough surfaces, which
+further scattering between microfacets would return. That light is added: for environments after Fdez-Agüera 2019, "A
+Multiple-Scattering Microfacet Model for Real-Time Image-based Lighting"; for single lights after Turquin 2019, "Practical multiple
+scattering compensation for microfacet models". shaders/lighting/brdf.glsl computes the same.
 """
 
 from dataclasses import dataclass
@@ -14,9 +15,9 @@ import numpy as np
 from viewer.lighting.directions import Array, sample_bilinear
 
 SMALLEST_ROUGHNESS: Final = 0.045
-"""Smallest roughness of reflections of single lights (alpha 0.002): a perfect mirror would never show a light without size."""
+"""Smallest roughness in reflections of single lights (alpha 0.002): a perfect mirror would never show a light without size."""
 SMALLEST_COSINE: Final = 1e-4
-"""Smallest cosine to the viewer: surfaces that interpolated normals turn away count as seen at a grazing angle."""
+"""Smallest cosine to the viewer. Interpolated normals may face away from the viewer; they count as grazing."""
 TABLE_SIDE: Final = 64
 TABLE_SAMPLES: Final = 256
 CLEARCOAT_F0: Final = 0.04
@@ -27,7 +28,7 @@ class Reflection:
     """Reflection of N surfaces, maps and factors multiplied: metals and dielectrics, mixed by `metalness`."""
 
     diffuse: Array
-    """[N, 3] linear albedo of what is scattered below a dielectric's surface, without the share that is transmitted."""
+    """[N, 3] linear albedo of the diffuse layer below a dielectric's surface, without the transmitted share."""
     metal: Array
     """[N, 3] reflectance of the metal at normal incidence; 1 at grazing angles."""
     dielectric: Array
@@ -35,7 +36,7 @@ class Reflection:
     dielectric_grazing: Array
     """[N, 1] reflectance of the dielectric's surface at grazing angles."""
     metalness: Array
-    """[N, 1]."""
+    """[N, 1] share of metal in [0, 1]."""
     roughness: Array
     """[N, 1] perceptual roughness in [0, 1]."""
 
@@ -100,7 +101,12 @@ def half_vectors(points: Array, alpha: Array) -> Array:
 def brdf_table(side: int = TABLE_SIDE, samples: int = TABLE_SAMPLES) -> Array:
     """Return [side, side, 2]: directional albedo of the specular lobe as f0 * table[..., 0] + f90 * table[..., 1].
 
-    Rows: roughness, columns: cosine to the viewer, both at (index + 0.5) / side. Karis 2013, "Real Shading in Unreal Engine 4".
+    Rows: roughness, columns: cosine to the viewer, both at (index + 0.5) / side.
+
+    Split sum (Karis 2013, "Real Shading in Unreal Engine 4"): the reflection of an environment is approximately the product of two
+    integrals, the prefiltered radiance (`viewer.lighting.prefilter`) and the lobe's albedo in this table. Schlick's Fresnel term
+    F = f0 + (f90 - f0) (1 - VoH)^5 is linear in f0 and f90, therefore two columns suffice for all materials. The estimator draws half
+    vectors from GGX; dividing by their density leaves the weight 4 V NoL VoH / NoH.
     """
     places = (np.arange(side) + 0.5) / side
     view = np.stack([np.sqrt(1.0 - places**2), np.zeros(side), places], axis=-1)[:, None, :]
@@ -123,8 +129,8 @@ def brdf_table(side: int = TABLE_SIDE, samples: int = TABLE_SAMPLES) -> Array:
 def table_lookup(table: Array, view_cosine: Array, roughness: Array) -> tuple[Array, Array]:
     """Sample both columns of `table` [side, side, 2] at [N, 1] cosines and roughnesses, as a clamped texture with a linear filter."""
     side = table.shape[0]
-    found = sample_bilinear(table, view_cosine[..., 0] * side, roughness[..., 0] * side)
-    return found[:, :1], found[:, 1:]
+    albedo = sample_bilinear(table, view_cosine[..., 0] * side, roughness[..., 0] * side)
+    return albedo[:, :1], albedo[:, 1:]
 
 
 def light_response(surface: Reflection, table: tuple[Array, Array], normal: Array, view: Array, light: Array) -> Array:
@@ -149,7 +155,12 @@ def light_response(surface: Reflection, table: tuple[Array, Array], normal: Arra
 
 
 def _scattering(f0: Array, f90: Array, table: tuple[Array, Array]) -> tuple[Array, Array]:
-    """Return the directional albedo of the specular lobe: of single scattering, and of further scattering."""
+    """Return the directional albedo of the specular lobe: that of single scattering, and that of all further scattering.
+
+    Fdez-Agüera 2019, Sec. 2: single scattering of a white surface returns E = table[0] + table[1], so that 1 - E is scattered
+    again. Each further bounce reflects `average`, Schlick's term averaged over the hemisphere (f0 + (f90 - f0) / 21), and again
+    loses 1 - E. The geometric series of the bounces sums to the second value.
+    """
     lost = 1.0 - (table[0] + table[1])
     single = f0 * table[0] + f90 * table[1]
     average = f0 + (f90 - f0) / 21.0
@@ -171,5 +182,5 @@ def environment_response(surface: Reflection, table: tuple[Array, Array], specul
 
 
 def clearcoat_fresnel(view_cosine: Array) -> Array:
-    """Return [N, 1] the share of light that a clear coat of ior 1.5 reflects."""
+    """Return [N, 1] the reflectance of a clear coat of ior 1.5 (Schlick)."""
     return np.asarray(CLEARCOAT_F0 + (1.0 - CLEARCOAT_F0) * (1.0 - view_cosine) ** 5)

@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 def direction_towards(azimuth: float, elevation: float) -> tuple[float, float, float]:
-    """Return the unit vector towards a place in the sky: degrees from north towards east, and above the horizon."""
+    """Return the unit vector towards a place in the sky; azimuth (from north towards east) and elevation are in degrees."""
     turn, height = math.radians(azimuth), math.radians(elevation)
     flat = math.cos(height)
     return flat * math.sin(turn), math.sin(height), -flat * math.cos(turn)
@@ -75,21 +75,24 @@ def octahedral_directions(coordinates: Array) -> Array:
 
 
 def cube_coordinates(directions: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return ([...] faces 0 to 5: +X, +Y, +Z, -X, -Y, -Z; [..., 2] places on them in [0, 1]) that `directions` [..., 3] meet.
+    """Return ([...] faces, [..., 2] places on them in [0, 1]) where `directions` [..., 3] meet a cube.
 
-    On a face a place runs along the two axes that follow the face's own in the order X, Y, Z, X, Y.
+    Faces 0 to 5 are +X, +Y, +Z, -X, -Y, -Z. The two coordinates on a face run along the two axes that follow the face's axis in the
+    order X, Y, Z, X, Y.
     """
     size = np.abs(directions)
     axis = np.argmax(size, axis=-1)
-    own = np.take_along_axis(directions, axis[..., None], axis=-1)
+    component = np.take_along_axis(directions, axis[..., None], axis=-1)
     others = np.stack([axis + 1, axis + 2], axis=-1) % 3
-    places = np.take_along_axis(directions, others, axis=-1) / np.maximum(np.abs(own), 1e-30)
-    return axis + 3 * (own[..., 0] < 0.0), places * 0.5 + 0.5
+    places = np.take_along_axis(directions, others, axis=-1) / np.maximum(np.abs(component), 1e-30)
+    return axis + 3 * (component[..., 0] < 0.0), places * 0.5 + 0.5
 
 
 def cube_directions(side: int) -> Array:
-    """Return [side + 2, 6, side + 2, 3] unit vectors through the texels of the six faces and a border of one texel around each, where
-    the face goes on."""
+    """Return [side + 2, 6, side + 2, 3] unit vectors through the texels of the six faces of a cube, each with a border of one texel.
+
+    The border continues the plane of its face, so that bilinear filtering at an edge needs no other face.
+    """
     place = ((np.arange(-1, side + 1) + 0.5) / side) * 2.0 - 1.0
     down, across = np.meshgrid(place, place, indexing="ij")
     directions = np.zeros((side + 2, 6, side + 2, 3))

@@ -15,16 +15,16 @@ from viewer.scene.images import library_message
 
 LARGEST_WIDTH: Final = 8192
 """Largest width in texels of a panorama that is read."""
-KEPT_WIDTH: Final = 4096
-"""Width in texels that larger panoramas are reduced to."""
+USED_WIDTH: Final = 4096
+"""Width in texels to which larger panoramas are reduced."""
 LARGEST_FILE: Final = 1 << 28
 TEXELS_PER_BYTE: Final = 256
 FREE_TEXELS: Final = 1 << 21
-"""Number of texels that any file may hold; beyond them, TEXELS_PER_BYTE for each byte: more is taken for a broken header."""
+"""Number of texels that any file may hold. A file with more than that and TEXELS_PER_BYTE for each byte has a broken header."""
 LARGEST_RADIANCE: Final = 65000.0
-"""Largest radiance, to which brighter texels are set: suns in panoramas are often brighter than half floats can be."""
+"""Limit to which brighter texels are clamped. Suns in panoramas are often brighter than the largest half float."""
 NEGATIVE_ALLOWED: Final = 0.05
-"""Largest negative value as a share of the mean: filters leave such values, and they are set to 0."""
+"""Largest size of a negative value, as a share of the mean. Filters leave such values; they are set to 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,10 +68,10 @@ def _read_pixels(path: Path, byte_count: int) -> NDArray[np.float32]:
         if pixels is None or image.has_error:
             reason = library_message(image.geterror)
             raise InputError(f"{path}: the panorama does not decode ({reason}); replace it")
-        found = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
+        radiance = np.asarray(pixels, np.float32).reshape(spec.height, spec.width, -1)
     finally:
         image.close()
-    return np.repeat(found[..., :1], 3, axis=2) if found.shape[2] < 3 else found
+    return np.repeat(radiance[..., :1], 3, axis=2) if radiance.shape[2] < 3 else radiance
 
 
 def _checked_radiance(path: Path, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -87,7 +87,7 @@ def _checked_radiance(path: Path, pixels: NDArray[np.float32]) -> NDArray[np.flo
 
 
 def reduced(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
-    """Reduce `pixels` [H, 2 H, 3] to means of squares of texels: the smallest that is at least `width` across, or itself."""
+    """Reduce `pixels` [H, 2 H, 3] to means of squares of texels; the result is the narrowest of at least `width` texels across."""
     factor = next((n for n in range(pixels.shape[1] // width, 1, -1) if pixels.shape[0] % n == 0), 1)
     if factor <= 1:
         return pixels
@@ -97,7 +97,7 @@ def reduced(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
 
 
 def load_panorama(path: Path) -> Panorama:
-    """Read the panorama in an HDR or EXR file, at most KEPT_WIDTH texels across where its size divides.
+    """Read the panorama in an HDR or EXR file, reduced to USED_WIDTH texels across where its size divides.
 
     Raises InputError, naming file and remedy: for a file that cannot be read or is no such image, for other sizes than 2:1 and sizes
     beyond LARGEST_WIDTH (before memory is allocated), for values that are not finite, and for negative ones.
@@ -108,4 +108,4 @@ def load_panorama(path: Path) -> Panorama:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     pixels = _checked_radiance(path, _read_pixels(path, len(data)))
-    return Panorama(np.ascontiguousarray(reduced(pixels, KEPT_WIDTH)), hashlib.sha256(data).hexdigest())
+    return Panorama(np.ascontiguousarray(reduced(pixels, USED_WIDTH)), hashlib.sha256(data).hexdigest())

@@ -1,7 +1,8 @@
-"""An environment as the shading reads it, in float64: the twin of shaders/passes/prefilter.
+"""Prefiltered environments in float64: the twin of shaders/passes/prefilter.
 
-Specular reflections read cube maps, each the environment convolved with GGX at one roughness; the diffuse one reads a cube map of
-irradiance. Cubes, since coarse octahedral maps show creases where their mapping has them.
+The specular reflection reads cube maps of 7 roughnesses. Each is the environment convolved with GGX at its roughness (split sum, Karis
+2013): a shader cannot integrate a lobe per pixel. The diffuse reflection reads a cube map of irradiance. Maps are cubes because coarse
+octahedral maps show the creases of their mapping.
 """
 
 from dataclasses import dataclass
@@ -23,10 +24,10 @@ from viewer.lighting.directions import (
 )
 
 ENVIRONMENT_LEVELS: Final = 7
-"""Number of roughnesses from 0 to 1 that an environment is prefiltered for."""
+"""Number of roughnesses from 0 to 1 for which an environment is prefiltered."""
 MOST_SAMPLES: Final = 256
 IRRADIANCE_ROWS: Final = 64
-"""Number of rows of directions, and half the number of columns, that irradiance is integrated over."""
+"""Number of rows of the blocks of directions over which irradiance is integrated; there are twice as many columns."""
 
 
 @dataclass(frozen=True)
@@ -34,13 +35,13 @@ class PrefilterSize:
     """Sizes of the maps of a prefiltered environment."""
 
     source_side: int
-    """Side in texels of the octahedral map that all others are made of: a power of 2."""
+    """Side in texels of the octahedral map of the environment, the source of all other maps: a power of 2."""
     sides: tuple[int, ...]
-    """Sides of a face of the cube map of each roughness from 0 to 1 in equal steps, in texels, borders left out."""
+    """Sides in texels of the faces of the cube maps, without borders. Map i has roughness i / (number of maps - 1)."""
     samples: int
-    """Number of directions that each texel is the mean of."""
+    """Number of directions that are averaged for each texel."""
     irradiance_side: int
-    """Side of a face of the cube map of irradiance, in texels, borders left out."""
+    """Side in texels of a face of the cube map of irradiance, without borders."""
 
     @property
     def all_sides(self) -> tuple[int, ...]:
@@ -64,10 +65,13 @@ PANORAMA_SIZE: Final = PrefilterSize(512, (256, 64, 32, 32, 16, 16, 16), 256, 16
 
 
 def irradiance_map(panorama: NDArray[np.float32], side: int) -> Array:
-    """Return [side + 2, 6, side + 2, 3] irradiance over pi of surfaces that face the directions of a cube map, `cube_directions`.
+    """Return [side + 2, 6, side + 2, 3] irradiance over pi of surfaces that face the directions of `cube_directions`.
 
-    `panorama`: [H, 2 H, 3] linear radiance, equirectangular. Its light is summed up in blocks of texels first, each of which shines
-    from the mean direction of its light.
+    `panorama`: [H, 2 H, 3] linear radiance, equirectangular.
+
+    Irradiance over pi is the integral of radiance times max(cosine, 0) / pi, here a sum over all light of the panorama: the cosine
+    lobe is wide, and a few samples would miss a sun. To make the sum short, the light of a block of texels (radiance times solid
+    angle) is added up and shines from its mean direction, weighted by brightness.
     """
     height = panorama.shape[0]
     rows = min(IRRADIANCE_ROWS, -(-height // 4))
@@ -78,7 +82,7 @@ def irradiance_map(panorama: NDArray[np.float32], side: int) -> Array:
         return np.asarray(np.add.reduceat(along, down, axis=0).reshape(2 * rows * rows, -1))
 
     light = panorama * panorama_solid_angles(height)[:, None, None].astype(np.float32)
-    # Where there is no light any direction will do.
+    # The small term gives blocks without light a direction too.
     brightness = light.sum(axis=2) + np.float32(1e-12)
     elevation = ((0.5 - (np.arange(height) + 0.5) / height) * np.pi).astype(np.float32)[:, None]
     azimuth = (((np.arange(2 * height) + 0.5) / height - 1.0) * np.pi).astype(np.float32)
@@ -97,7 +101,7 @@ def sample_panorama(panorama: Array, directions: Array) -> Array:
 
 
 def source_samples(panorama_width: int, side: int) -> int:
-    """Return the number of places along each side of a texel of the first octahedral map that the panorama is read at."""
+    """Return the number of samples of the panorama along each side of a texel of the octahedral map."""
     return min(max(-(-panorama_width // (2 * side)), 1), 8)
 
 
@@ -162,7 +166,7 @@ def lobe_samples(roughness: float, samples: int, source_side: int) -> Array:
 
 
 def prefiltered(chain: list[Array], directions: Array, roughness: float, samples: int) -> Array:
-    """Return [N, 3] means of radiance around `directions` [N, 3] under GGX, by `lobe_samples`."""
+    """Return [N, 3] means of the radiance around `directions` [N, 3], weighted by GGX with `lobe_samples`."""
     lobe = lobe_samples(roughness, samples, chain[0].shape[0])
     total = np.zeros(directions.shape)
     for x, y, z, lod in lobe:
@@ -173,14 +177,14 @@ def prefiltered(chain: list[Array], directions: Array, roughness: float, samples
 
 @dataclass(frozen=True, eq=False)
 class PrefilteredEnvironment:
-    """Prefiltered environment, as the shading reads it."""
+    """Prefiltered environment: cube maps of radiance by roughness, and one of irradiance."""
 
     size: PrefilterSize
     maps: Array
-    """[H, W, 3] the cube maps of all roughnesses, and of irradiance, in their places, each face with a border of one texel."""
+    """[H, W, 3] common texture of the cube maps (`PrefilterSize.tops`); each face has a border of one texel."""
 
     def specular(self, directions: Array, roughness: Array) -> Array:
-        """Return [N, 3] prefiltered radiance in unit `directions` [N, 3] at `roughness` [N, 1]: two maps, each filtered bilinearly."""
+        """Return [N, 3] prefiltered radiance in unit `directions` [N, 3] at `roughness` [N, 1], interpolated between two maps."""
         level = np.clip(roughness[:, 0], 0.0, 1.0) * (len(self.size.sides) - 1)
         result = np.zeros((len(directions), 3))
         for number in range(len(self.size.sides)):
@@ -200,16 +204,16 @@ class PrefilteredEnvironment:
 
 
 def prefilter(panorama: NDArray[np.float32], size: PrefilterSize) -> PrefilteredEnvironment:
-    """Prefilter a panorama [H, 2 H, 3], slowly."""
+    """Prefilter a panorama [H, 2 H, 3] of linear radiance, as the GPU does, but slowly."""
     chain = mip_chain(octahedral_source(panorama.astype(np.float64), size.source_side))
     width, height = size.texture_size
     maps = np.zeros((height, width, 3))
     for level, side in enumerate(size.all_sides):
         if level < len(size.sides):
             directions = cube_directions(side).reshape(-1, 3)
-            found = prefiltered(chain, directions, level / (len(size.sides) - 1), size.samples)
+            faces = prefiltered(chain, directions, level / (len(size.sides) - 1), size.samples)
         else:
-            found = irradiance_map(panorama, side)
+            faces = irradiance_map(panorama, side)
         top = size.tops[level]
-        maps[top : top + side + 2, : 6 * (side + 2)] = found.reshape(side + 2, 6 * (side + 2), 3)
+        maps[top : top + side + 2, : 6 * (side + 2)] = faces.reshape(side + 2, 6 * (side + 2), 3)
     return PrefilteredEnvironment(size, maps)

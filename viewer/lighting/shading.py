@@ -1,4 +1,4 @@
-"""The lit picture of surfaces in float64: the slow twin of shaders/passes/shade. docs/explanation/lighting.md says it in words."""
+"""Shading of surfaces in float64: the slow twin of shaders/passes/shade. docs/explanation/lighting.md describes the model."""
 
 import math
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from viewer.lighting.prefilter import PrefilteredEnvironment, around
 from viewer.scene.model import Light, SurfaceFactors
 
 SMALLEST_TANGENT: Final = 1e-4
-"""Smallest length across the normal of a tangent that has a direction: below it any will do."""
+"""Smallest length of a tangent's part across the normal. A shorter tangent is replaced by any direction across the normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class SurfaceSamples:
     emission: Array
     """[N, 4] linear emissive RGB, occlusion."""
     normals: Array
-    """[N, 3] interpolated normals on the side that is seen, world space."""
+    """[N, 3] interpolated normals, world space, on the visible side."""
     tangents: Array
     """[N, 4] interpolated tangents, world space, and the sign of the bitangents."""
     positions: Array
@@ -49,7 +49,7 @@ class SurfaceSamples:
     views: Array
     """[N, 3] unit vectors to the viewer."""
     unlit: Sequence[bool] = ()
-    """Flags of the places whose material is shown as its base colour; empty: none is."""
+    """Flags of the places whose material is unlit; empty where none is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,15 +62,15 @@ class LightSources:
     sun_direction: tuple[float, float, float] = (0.0, 1.0, 0.0)
     """Unit vector towards the sun."""
     sun_irradiance: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Linear RGB, of a surface that faces it."""
+    """Linear RGB irradiance of a surface that faces the sun."""
     lights: tuple[Light, ...] = ()
 
 
 def shading_normals(normals: Array, tangents: Array, stored: Array, scale: Array) -> Array:
-    """Return [N, 3] unit normals: those of a normal map in the frame of `normals` [N, 3] and `tangents` [N, 4] (glTF 2.0, Sec. 3.9.3).
+    """Return [N, 3] unit normals of a normal map in the frame of `normals` [N, 3] and `tangents` [N, 4] (glTF 2.0, Sec. 3.9.3).
 
-    `stored`: [N, 2] x and y as (n + 1) / 2; z is rebuilt. `scale`: [N, 1] multiplies x and y. Whatever is given, lengths are 1: a
-    tangent of length zero or along the normal is replaced, and a map's normal that lies in the surface counts as the surface's own.
+    `stored`: [N, 2] x and y as (n + 1) / 2; z is rebuilt. `scale`: [N, 1] multiplies x and y. The result has length 1 for any input: a
+    tangent of length zero or along the normal is replaced, and a mapped normal of length zero becomes the surface's normal.
     """
     normal = normalized(normals)
     normal = np.where(dot(normal, normal) < 0.5, [0.0, 1.0, 0.0], normal)
@@ -92,9 +92,9 @@ def _factor(samples: SurfaceSamples, name: str) -> Array:
 
 
 def light_at(light: Light, positions: Array) -> tuple[Array, Array]:
-    """Return ([N, 3] unit vectors to `light` from `positions` [N, 3], [N, 3] irradiance of a surface there that faces it).
+    """Return ([N, 3] unit vectors from `positions` [N, 3] to `light`, [N, 3] irradiance there of a surface that faces the light).
 
-    KHR_lights_punctual.
+    Falloff and cones are those of KHR_lights_punctual.
     """
     color = np.array(light.color)
     if light.kind == "directional":
@@ -147,9 +147,9 @@ class _Lobes:
 
 
 def shade(samples: SurfaceSamples, sources: LightSources, sun_share: Array | None = None) -> Array:
-    """Return [N, 3] radiance towards the viewer, linear, before exposure and tone map; base colours of unlit materials.
+    """Return [N, 3] linear radiance towards the viewer, before exposure and tone map; for unlit materials, their base colour.
 
-    `sun_share`: [N, 1] how much of the sun each place sees; None: all of it.
+    `sun_share`: [N, 1] share of the sun that is not in shadow at each place; None is 1 everywhere.
     """
     roughness = np.clip(samples.surface[:, 2:3] * _factor(samples, "roughness"), 0.0, 1.0)
     metalness = np.clip(samples.surface[:, 3:4] * _factor(samples, "metalness"), 0.0, 1.0)
@@ -172,13 +172,13 @@ def shade(samples: SurfaceSamples, sources: LightSources, sun_share: Array | Non
     coat = _factor(samples, "clearcoat")
     if coat.any():
         zero, one = np.zeros((len(coat), 3)), np.ones((len(coat), 1))
-        # No clear coat has a normal map here: it follows the surface's own normal.
-        own = normalized(samples.normals)
+        # Normal maps of clear coats are not drawn: the coat follows the geometric normal.
+        coat_normals = normalized(samples.normals)
         layer_factors = one, one * 0.0, _factor(samples, "clearcoat_roughness")
         clear = Reflection(zero, zero, zero + CLEARCOAT_F0, *layer_factors)
-        layer = _Lobes.of(clear, own, samples.views)
+        layer = _Lobes.of(clear, coat_normals, samples.views)
         reflected = layer.environment(sources, samples.views) * occlusion + layer.lights(sources, samples, share)
-        radiance = radiance * (1.0 - coat * clearcoat_fresnel(np.clip(dot(own, samples.views), SMALLEST_COSINE, 1.0)))
+        radiance = radiance * (1.0 - coat * clearcoat_fresnel(np.clip(dot(coat_normals, samples.views), SMALLEST_COSINE, 1.0)))
         radiance = radiance + coat * reflected
     unlit = np.array(samples.unlit or [False] * len(samples.base), bool)[:, None]
     return np.asarray(np.where(unlit, samples.base, radiance))

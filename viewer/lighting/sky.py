@@ -1,6 +1,9 @@
 """A clear sky and its sun, after Preetham, Shirley and Smits 1999, "A Practical Analytic Model for Daylight".
 
-Radiance is relative: 1 is what a white surface sends back at about noon, UNIT_LUMINANCE in the model's units.
+The model gives luminance (Y) and chromaticity (x, y) of the sky by direction. Each is its value at the zenith times F(theta, gamma) /
+F(0, theta_sun), with Perez's F = (1 + a exp(b / cos theta)) (1 + c exp(d gamma) + e cos^2 gamma); theta is the angle from the zenith,
+gamma that from the sun. The coefficients a to e and the zenith's values are polynomials in turbidity (appendix A.2). Radiance is
+relative: 1 is about that of a white surface at noon, UNIT_LUMINANCE in the model's units.
 """
 
 import math
@@ -24,9 +27,9 @@ SUN_ILLUMINANCE: Final = 128.0
 GROUND: Final = (0.20, 0.18, 0.155)
 """Linear albedo of the ground below the horizon."""
 HORIZON_BLEND: Final = 0.02
-"""Sine of the elevations between which ground and sky are blended."""
+"""Sine of the elevation, above and below the horizon, up to which ground and sky are blended."""
 TWILIGHT_DEGREES: Final = 1.0
-"""Degrees below the horizon with each of which the sky's light halves."""
+"""Angle in degrees: each time the sun sinks by it below the horizon, the sky's light halves."""
 
 _LUMINANCE = ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703))
 _CHROMA_X = ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452))
@@ -44,7 +47,7 @@ _ZENITH_Y = (
 )
 _XYZ_TO_SRGB = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 _WAVELENGTHS = np.array([0.615, 0.545, 0.465])
-"""Wavelengths in micrometres that stand for linear sRGB's primaries in the sun's light."""
+"""Wavelengths in micrometres at which the sun's red, green and blue are computed."""
 
 
 def _perez(coefficients: tuple[tuple[float, float], ...], cosine: Array, gamma: Array) -> Array:
@@ -59,12 +62,12 @@ def _zenith_chroma(table: tuple[tuple[float, ...], ...], angle: float) -> float:
 
 
 def twilight(elevation: float) -> float:
-    """Return the share of the sky's light that is left when the sun stands `elevation` degrees above the horizon: 1 by day."""
+    """Return the share of the sky's light, 1 by day, when the sun's elevation is `elevation` degrees."""
     return float(max(2.0 ** (min(elevation, 0.0) / TWILIGHT_DEGREES), 1e-4))
 
 
 def _upper_half(directions: Array, elevation: float) -> Array:
-    """Return radiance [..., 3] of the sky in `directions` [..., 3]; below the horizon as at the horizon; sun in the north."""
+    """Return the radiance [..., 3] of the sky in `directions` [..., 3], with the sun in the north; below the horizon, that at it."""
     angle = math.radians(90.0 - max(elevation, 0.0))
     sun = np.array(direction_towards(0.0, max(elevation, 0.0)))
     # The model has a pole at the horizon.
@@ -86,9 +89,10 @@ def _upper_half(directions: Array, elevation: float) -> Array:
 
 
 def sun_irradiance(elevation: float) -> tuple[float, float, float]:
-    """Return linear RGB irradiance of a surface that faces the sun, whose centre stands `elevation` degrees above the horizon.
+    """Return the linear RGB irradiance of a surface that faces the sun, whose centre is `elevation` degrees above the horizon.
 
-    Rayleigh scattering and aerosols take their part (Preetham et al., appendix A.1); what is below the horizon gives nothing.
+    Rayleigh scattering and aerosols attenuate the light (Preetham et al., appendix A.1). The part of the disk below the horizon gives
+    no light.
     """
     radius = math.degrees(SUN_RADIUS)
     visible = min(max((elevation + radius) / (2.0 * radius), 0.0), 1.0)
@@ -106,11 +110,11 @@ def sun_irradiance(elevation: float) -> tuple[float, float, float]:
 def sky_radiance(elevation: float, height: int = 128, azimuth: float = 0.0) -> NDArray[np.float32]:
     """Return [height, 2 * height, 3] float32 linear RGB radiance of sky and ground without the sun's disk, equirectangular.
 
-    `elevation`, `azimuth`: where the sun stands, in degrees; azimuth 0 is north, the middle column.
+    `elevation`, `azimuth`: the sun's place in degrees; azimuth 0 is north, the middle column.
     """
     directions = panorama_directions(height)
     if azimuth:
-        # A sky is the same for every azimuth, turned.
+        # The sky of another azimuth is the same sky, turned.
         directions = np.roll(directions, round(azimuth / 180.0 * height), axis=1)
     sky = _upper_half(directions, elevation)
     up = directions[..., 1]
@@ -127,25 +131,25 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Sun:
-    """Sun: a light so far away that it shines along one direction."""
+    """Sun as a directional light."""
 
     direction: Triple
-    """Unit vector towards it, world space."""
+    """Unit vector towards the sun, world space."""
     irradiance: Triple
-    """Linear RGB irradiance of a surface that faces it; 0 below the horizon."""
+    """Linear RGB irradiance of a surface that faces the sun; 0 below the horizon."""
 
     @property
     def shines(self) -> bool:
-        """True where the sun gives any light."""
+        """True where the sun's irradiance is above 0."""
         return max(self.irradiance) > 0.0
 
 
 def sun_of(lighting: Lighting) -> Sun:
-    """Return the sun of a view. It stands before a panorama, too: `sun_strength` 0 leaves it out, for panoramas with their own."""
+    """Return the sun of a view. It also lights scenes before a panorama: `sun_strength` 0 turns it off where the panorama has one."""
     red, green, blue = (value * lighting.sun_strength for value in sun_irradiance(lighting.sun_elevation))
     return Sun(direction_towards(lighting.sun_azimuth, lighting.sun_elevation), (red, green, blue))
 
 
 def environment_turn(lighting: Lighting) -> float:
-    """Return the turn of the environment in degrees from north towards east: skies are made with their sun in the north."""
+    """Return the turn of the environment in degrees from north towards east. Skies are computed with their sun in the north."""
     return lighting.sun_azimuth if lighting.environment == SKY else lighting.environment_turn

@@ -1,4 +1,4 @@
-"""A studio: soft boxes around the scene in a grey room, which metals and gloss have edges to reflect of. Made by formula, no file."""
+"""A studio as an environment: soft boxes in a grey room, whose edges show in metal and gloss. It is computed, not read from a file."""
 
 import hashlib
 import math
@@ -14,7 +14,7 @@ from viewer.lighting.panorama import Panorama
 
 @dataclass(frozen=True)
 class SoftBox:
-    """A lamp with a flat front that faces the middle of the room. Angles in degrees."""
+    """Lamp with a flat rectangular front that faces the middle of the room. Angles in degrees."""
 
     azimuth: float
     elevation: float
@@ -34,15 +34,15 @@ BOXES: Final = (
 )
 """Boxes: key light from the front right, fill from the left, a strip on each side, one box above; none behind the scene."""
 ROOM: Final = ((-1.0, 0.16), (-0.15, 0.30), (0.1, 0.42), (1.0, 0.20))
-"""Radiance of the room by height: (sine of the elevation, radiance), straight lines between."""
+"""Radiance of the room by height, interpolated linearly: (sine of the elevation, radiance)."""
 EDGE: Final = 0.12
 """Width of a box's soft edge as a share of its half sides."""
 METERED: Final = (165.0, 20.0)
-"""Azimuth and elevation in degrees that a white surface faces which sends back radiance 1."""
+"""Azimuth and elevation in degrees of the exposure meter: a white surface that faces there has radiance 1."""
 
 
 def _share(directions: Array, box: SoftBox) -> Array:
-    """Return [...] how much of `box` is seen along `directions` [..., 3], 0 to 1."""
+    """Return [...] the coverage of `directions` [..., 3] by `box`, 0 to 1."""
     centre = np.array(direction_towards(box.azimuth, box.elevation))
     east = np.array(direction_towards(box.azimuth + 90.0, 0.0))
     up = np.cross(east, centre)
@@ -56,7 +56,7 @@ def _share(directions: Array, box: SoftBox) -> Array:
 
 
 def studio_radiance(height: int = 256) -> NDArray[np.float32]:
-    """Return [height, 2 * height, 3] float32 linear RGB radiance, equirectangular; a white surface towards METERED sends back 1."""
+    """Return [height, 2 * height, 3] float32 linear RGB radiance, equirectangular, scaled to METERED."""
     directions = panorama_directions(height)
     levels, values = zip(*ROOM, strict=True)
     radiance = np.repeat(np.interp(directions[..., 1], levels, values)[..., None], 3, axis=-1)

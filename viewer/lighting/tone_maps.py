@@ -1,6 +1,7 @@
-"""Exposure and tone maps: from radiance to a picture, linear in [0, 1].
+"""Exposure and tone maps in float64, the twins of shaders/lighting/tone_map.glsl.
 
-float64 twins of shaders/lighting/tone_map.glsl.
+A tone map compresses linear radiance, which has no upper limit, to linear values in [0, 1] that a display can show. `none` clips.
+Khronos PBR Neutral leaves colours below 0.8 true, for judging base colours. AgX rolls off like film: bright colours turn white.
 """
 
 from collections.abc import Callable, Mapping
@@ -35,7 +36,12 @@ def _none(radiance: Array) -> Array:
 
 
 def _neutral(radiance: Array) -> Array:
-    """Apply Khronos PBR Neutral: colours below 0.8 stay, less the reflection at normal incidence; brighter ones are compressed."""
+    """Apply Khronos PBR Neutral (KhronosGroup/ToneMapping): a toe, then compression and desaturation of what is bright.
+
+    The toe subtracts the Fresnel reflection of 4 % that a dielectric adds to its base colour, less of it for dark colours. A largest
+    component p above 0.76 becomes 1 - d^2 / (p - 0.76 + d), with d = 0.24: value and slope are continuous, and the limit is 1. The
+    more p is compressed, the more the colour is blended towards grey.
+    """
     start, desaturation = 0.8 - 0.04, 0.15
     lowest = radiance.min(axis=-1, keepdims=True)
     color = radiance - np.where(lowest < 0.08, lowest - 6.25 * lowest * lowest, 0.04)
@@ -49,7 +55,12 @@ def _neutral(radiance: Array) -> Array:
 
 
 def _agx(radiance: Array) -> Array:
-    """Apply AgX (Sobotka) as fitted by Wrensch 2023, "Minimal AgX Implementation"; its output is decoded with a gamma of 2.2."""
+    """Apply AgX (Sobotka) as fitted by Wrensch 2023, "Minimal AgX Implementation".
+
+    The inset matrix mixes the components, so that saturated lights become white and not a clipped primary. The curve, a polynomial of
+    degree 6, acts on log2 between AGX_STOPS. The outset matrix undoes most of the mix. The result is display-encoded with a gamma of
+    2.2, which is decoded here.
+    """
     low, high = AGX_STOPS
     encoded = np.log2(np.maximum(radiance @ _AGX_INSET.T, 2.0**low))
     x = (np.clip(encoded, low, high) - low) / (high - low)
@@ -63,7 +74,7 @@ def _agx(radiance: Array) -> Array:
 TONE_MAPS: Final[Mapping[ToneMap, Callable[[Array], Array]]] = MappingProxyType(
     {"none": _none, "neutral": _neutral, "agx": _agx}
 )
-"""Functions: linear radiance [..., 3], at least 0 -> linear picture [..., 3] in [0, 1]."""
+"""Tone maps by name: linear radiance [..., 3], at least 0 -> linear picture [..., 3] in [0, 1]."""
 
 
 def tone_mapped(radiance: Array, exposure: float, tone_map: ToneMap) -> Array:

@@ -1,7 +1,7 @@
-"""The first view of a scene without cameras: all of it, unless a place in it shows much more of its textures.
+"""Search for the first view of a scene without cameras.
 
-All of a town is a speck, and a room is a closed box from outside. So while that is on screen, places are sampled beside the
-frames and looked from, one a frame.
+The window opens with a view of the whole scene. That view shows a town as a speck, and a room as a closed box. Therefore the search
+samples places in the background, draws one of them per frame, and moves the camera to the place that shows most textures.
 """
 
 from collections.abc import Sequence
@@ -26,14 +26,14 @@ from viewer.viewpoints.sampling import (
 )
 
 WALKING, CLOSE, AROUND, INDOORS = 6, 3, 3, 12
-"""Numbers of places at eye height, close to surfaces, around the scene and in rooms that are looked from; where there are rooms, in
-them alone."""
+"""Numbers of sampled places at eye height, close to surfaces, around the scene, and in rooms. An interior is sampled in its rooms
+alone."""
 ENOUGH = ViewCriteria(least_covered=0.03, most_of_one=1.0, least_textures=1)
-"""Criteria that the view of all of the scene must meet to be the first view, besides ENOUGH_TEXTURES."""
+"""Criteria that the view of the whole scene must meet to stay the first view, besides ENOUGH_TEXTURES."""
 ENOUGH_TEXTURES = 0.6
-"""Share of the scene's textures that is enough."""
+"""Share of the scene's textures that the view of the whole scene must show to stay the first view."""
 TARGET_DISTANCE = 4.0
-"""Distance in eye heights of the point that the found camera turns about."""
+"""Distance in eye heights of the point that the chosen camera orbits."""
 CONFIG = ViewpointConfig(count=1)
 
 
@@ -45,9 +45,9 @@ class FirstView:
         self._scene: Scene | None = None
         self._overview: CandidateView | None = None
         self._waiting: Sequence[Candidate] | None = None
-        """Places still to look from; None until they are known."""
+        """Places that are not drawn yet; None until they are sampled."""
         self._indoors = False
-        """Flag: the places are in rooms."""
+        """True where the places are in rooms."""
         self._views: list[CandidateView] = []
 
     def is_due(self, session: Session) -> bool:
@@ -73,7 +73,7 @@ class FirstView:
         if self._scene is not scene:
             self._scene, self._overview, self._waiting, self._views = scene, None, None, []
         if camera.name != ALL:
-            # Somebody has moved it: where to, is as wanted.
+            # The user has moved the camera: it stays there.
             self._emit(FirstViewFound(scene, None))
             return
         drawer = CandidateRenderer(draw_ids, CONFIG.size, scene)
@@ -96,7 +96,7 @@ class FirstView:
         return self._background.submit(("first view", id(scene)), lambda _report: _places(scene))
 
     def _look_at_all(self, scene: Scene, camera: Camera, draw_ids: DrawTextureIds) -> None:
-        """Stay with all of the scene where that shows enough; else notify that another view is searched for."""
+        """End the search where the whole scene shows enough textures; otherwise notify that it continues."""
         extent = float((scene.bounds[1] - scene.bounds[0]).max())
         ids = draw_ids(camera, CONFIG.size)
         self._overview = CandidateView.of(Candidate(camera, extent), ids, len(scene.textures))
@@ -109,7 +109,7 @@ class FirstView:
         )
 
     def _best(self, scene: Scene, drawer: CandidateRenderer) -> Camera | None:
-        """Return the place that shows most; None where that is outdoors and no more than all of the scene shows."""
+        """Return the camera of the best place; None where no place outdoors covers more of the picture than the whole scene does."""
         shown = 0.0 if self._overview is None or self._indoors else self._overview.covered
         better = [view for view in self._views if view.covered > shown]
         chosen = choose(better, drawer, 1, len(scene.textures)) if better else []
@@ -125,7 +125,7 @@ class FirstView:
 
 
 def _places(scene: Scene) -> tuple[bool, list[Candidate]]:
-    """Return whether the scene is an interior, and places to look from, the same for the same scene."""
+    """Return whether the scene is an interior, and its sampled places; equal scenes give equal places."""
     sampler = CandidateSampler.of(scene, CONFIG)
     if sampler is None:
         return False, []

@@ -1,4 +1,15 @@
-"""Viewpoints sampled in a scene: candidates at eye height, close to surfaces and around it, and the greedy choice among them."""
+"""Viewpoints sampled in a scene: random candidates, and a greedy choice among them.
+
+A grouping is optimised for pictures, and a scene without cameras has none. `sample_viewpoints` makes them in three steps:
+
+1. Draw random places of three kinds: at eye height on the ground, close to textured surfaces, and around the scene. Of OVERSAMPLING
+   times as many as needed, take those with most textures in a cone before the eye. That estimate ignores occlusion and is cheap.
+2. Render the texture ids of each candidate at low resolution. The features of a view are its textures, and the pairs of textures
+   that share a framebuffer block: such a pair costs divergence unless both textures have one decoder.
+3. Add, one at a time, the view that most increases F = sum over features of w log(1 + blocks that show the feature). F is monotone and
+   submodular, so that greedy choice alone reaches 1 - 1/e of its maximum (Nemhauser, Wolsey and Fisher 1978). Criteria from strict
+   to loose, near duplicates and obstructed views restrict it further, without such a bound.
+"""
 
 import math
 from collections.abc import Callable, Sequence
@@ -19,13 +30,13 @@ Array = NDArray[np.float64]
 EYE_HEIGHT = 1.7
 """Eye height above the ground in metres."""
 METRES = (5.0, 250.0)
-"""Range of the longest side of scenes that are taken to be measured in metres."""
+"""Range of the longest side of a scene whose unit is assumed to be the metre."""
 POSSIBLY_METRES = 2000.0
-"""Longest side up to which a scene is a city in metres, or a small place in other units: candidates for both are drawn."""
+"""Longest side up to which a scene may be a city in metres or a small place in other units. Candidates for both are drawn."""
 EYE_HEIGHT_SHARES = (0.01, 0.1)
 """Range of eye heights where the unit is unknown, as shares of the longest side."""
 OVERSAMPLING = 3
-"""Number of places drawn for each one that is used; the worst are left out."""
+"""Number of places drawn for each candidate; those with the highest estimated score are rendered."""
 PITCH_DEGREES = (-20.0, 10.0)
 ELEVATION_DEGREES = (5.0, 45.0)
 CLOSE_PITCH_DEGREES = (-10.0, 45.0)
@@ -36,7 +47,7 @@ ORBIT_DISTANCES = (0.6, 1.0)
 ORBIT_SCALE = 0.25
 """Eye height of views around the scene, as a share of the longest side."""
 SAMPLES = 4000
-"""Number of points on textured surfaces from which the score of a place is estimated before it is drawn."""
+"""Number of points on textured surfaces that estimate the score of a place before it is rendered."""
 SCORE_DISTANCE = 12.0
 """Distance in eye heights beyond which points do not count."""
 SCORE_COSINE = 0.75
@@ -51,19 +62,19 @@ DUPLICATE_COSINE = math.cos(math.radians(30.0))
 
 
 FLOOR_TOLERANCE = 0.5
-"""Height in metres above the floor of most rooms up to which ground is a floor or outdoors; what is higher is a table or a roof."""
+"""Largest height in metres of a floor or of ground outdoors above the median floor. Higher ground is a table or a roof."""
 LEAST_INDOORS = 0.5
-"""Share of the low ground that lies in rooms from which a scene is an interior."""
+"""Smallest share of the low ground that lies in rooms, in an interior."""
 LEAST_OF_ALL = 0.25
-"""The same for all ground, roofs included."""
+"""Smallest share of all ground, tables and roofs included, that lies in rooms, in an interior."""
 INDOOR_POINTS = 64
-"""Number of points on the ground by which it is decided whether a scene is an interior."""
+"""Number of sampled points on the ground that decide whether a scene is an interior."""
 LEAST_WALLED = 0.75
-"""Share of the level directions in which a room has a wall."""
+"""Smallest share of the level directions in which a room has a wall."""
 ROOM_HEIGHTS = (2.0, 8.0)
 """Range of the heights of rooms in metres."""
 UNITS = (1.0, 100.0)
-"""Units to a metre in interiors: glTF's metres, and centimetres."""
+"""Scene units per metre in interiors: 1 where the unit is glTF's metre, 100 where it is the centimetre."""
 INDOOR_SLOPE = 0.12
 """Slope downwards of views in rooms, so that the floor is in the picture."""
 CLEARANCE = 0.35
@@ -80,12 +91,12 @@ class ViewpointConfig:
     candidates_per_view: int = 6
     """Number of candidates rendered for each viewpoint returned."""
     size: tuple[int, int] = (160, 90)
-    """Width and height in pixels of the pictures that candidates are judged by."""
+    """Width and height in pixels of the rendered pictures of candidates."""
     fov_degrees: float = 60.0
 
 
 def _direction(turn: Array, pitch: Array) -> Array:
-    """Return [N, 3] unit vectors; angles in radians."""
+    """Return [N, 3] unit vectors of directions given by `turn` [N] about the vertical and `pitch` [N], in radians."""
     level = np.cos(pitch)
     return np.stack([level * np.sin(turn), np.sin(pitch), level * np.cos(turn)], axis=1)
 
@@ -106,14 +117,14 @@ def _eye_heights(random: np.random.Generator, extent: float, count: int) -> Arra
 
 @dataclass(frozen=True)
 class Candidate:
-    """Camera that may be chosen."""
+    """Candidate viewpoint: a camera that may be chosen."""
 
     camera: Camera
     scale: float
-    """Eye height in scene units; distances to judge the view by are multiples of it."""
+    """Eye height in scene units. Distances of the criteria are multiples of it."""
 
     def duplicates(self, other: "Candidate") -> bool:
-        """Return whether both look from about the same place in about the same direction."""
+        """Return whether both cameras are within DUPLICATE_DISTANCE and DUPLICATE_COSINE of each other."""
         first, second = (np.array([one.camera.eye, one.camera.target]) for one in (self, other))
         near = np.linalg.norm(first[0] - second[0]) < DUPLICATE_DISTANCE * max(self.scale, other.scale)
         ways = [(pair[1] - pair[0]) / np.linalg.norm(pair[1] - pair[0]) for pair in (first, second)]
@@ -121,6 +132,7 @@ class Candidate:
 
 
 def candidates(eyes: Array, targets: Array, scales: Array, fov: float) -> list[Candidate]:
+    """Return the candidates with `eyes` [N, 3], `targets` [N, 3] and `scales` [N]; `fov` is vertical, in degrees."""
     return [
         Candidate(Camera("candidate", tuple(eye), tuple(target), fov_degrees=fov), scale)
         for eye, target, scale in zip(eyes.tolist(), targets.tolist(), scales.tolist(), strict=True)
@@ -128,10 +140,10 @@ def candidates(eyes: Array, targets: Array, scales: Array, fov: float) -> list[C
 
 
 class CandidateSampler:
-    """Sampler of viewpoints inside of a scene; it keeps those with the highest estimated score."""
+    """Sampler of viewpoints in a scene; it returns those with the highest estimated score."""
 
     def __init__(self, scene: Scene, config: ViewpointConfig, ground: Surfaces) -> None:
-        """Take a scene whose surfaces `ground` have textures."""
+        """Prepare the sampling of `scene`, of which some surfaces in `ground` have a texture."""
         self._scene, self._config, self._ground = scene, config, ground
         self._random = np.random.default_rng(config.seed)
         self._extent = float((scene.bounds[1] - scene.bounds[0]).max())
@@ -157,7 +169,10 @@ class CandidateSampler:
             scores[index] = len(np.unique(self._samples.textures[before]))
         return (1.0 + scores) * self._random.uniform(*SCORE_JITTER, len(eyes))
 
-    def _kept(self, eyes: Array, targets: Array, heights: Array, low_first: bool, count: int) -> list[Candidate]:
+    def _best_candidates(
+        self, eyes: Array, targets: Array, heights: Array, low_first: bool, count: int
+    ) -> list[Candidate]:
+        """Return at most `count` candidates, by score; `low_first` puts places on roofs last."""
         around = self._ground.around(eyes, heights)
         scores = self._scores(eyes, targets, heights)
         last = np.zeros(len(eyes), bool)
@@ -180,23 +195,25 @@ class CandidateSampler:
         eyes[:, 1] += heights
         turn, pitch = random.uniform(0.0, 2.0 * np.pi, points), random.uniform(*PITCH_DEGREES, points)
         targets = eyes + _direction(turn, np.radians(pitch)) * heights[:, None]
-        return self._kept(eyes, targets, heights, True, count)
+        return self._best_candidates(eyes, targets, heights, True, count)
 
     def indoors(self, count: int) -> list[Candidate]:
-        """Return at most `count` views from eye height in rooms, each along its longest free direction; the longest come first.
+        """Return at most `count` views from eye height in rooms; empty where the scene is not an interior.
 
-        None where less than LEAST_INDOORS of the ground lies in rooms. The camera turns about the middle of the free way.
+        A room is a place with walls in most level directions and a ceiling at one of ROOM_HEIGHTS, in one of UNITS. A scene is an
+        interior by LEAST_INDOORS and LEAST_OF_ALL. Each view looks along its longest free distance, the longest first. The camera
+        orbits the middle of that distance.
         """
         ground = self._ground
         if not ground.up_area.any():
             return []
         floors = ground.points(self._random, ground.up_area, INDOOR_POINTS, up_only=True).points
-        # From just above the floor: the eye could be in a table or above a low ceiling.
+        # The test looks from just above the floor, because the eye may be in a table or above a low ceiling.
         around = ground.around(floors + np.array([0.0, 1e-3 * self._extent, 0.0]), np.ones(len(floors)))
         walls, rooms = np.isfinite(around.distance[[0, 2]]).mean(axis=(0, 1)), around.distance[1, 0]
         is_closed = (walls >= LEAST_WALLED) & ~around.buried()
-        found = [is_closed & (rooms > unit * ROOM_HEIGHTS[0]) & (rooms < unit * ROOM_HEIGHTS[1]) for unit in UNITS]
-        unit, inside = max(zip(UNITS, found, strict=True), key=lambda pair: int(pair[1].sum()))
+        in_rooms = [is_closed & (rooms > unit * ROOM_HEIGHTS[0]) & (rooms < unit * ROOM_HEIGHTS[1]) for unit in UNITS]
+        unit, inside = max(zip(UNITS, in_rooms, strict=True), key=lambda pair: int(pair[1].sum()))
         if not inside.any():
             return []
         is_low = floors[:, 1] <= np.median(floors[inside, 1]) + FLOOR_TOLERANCE * unit
@@ -226,7 +243,7 @@ class CandidateSampler:
         pitch = np.clip(pitch, *np.radians(CLOSE_PITCH_DEGREES))
         away = _direction(np.arctan2(away[:, 0], away[:, 2]), pitch)
         distance = heights * _log_uniform(random, CLOSE_DISTANCES, points)
-        return self._kept(targets.points + away * distance[:, None], targets.points, heights, False, count)
+        return self._best_candidates(targets.points + away * distance[:, None], targets.points, heights, False, count)
 
     def around(self, count: int) -> list[Candidate]:
         """Sample `count` views from around the scene that show all or most of it."""
@@ -255,7 +272,7 @@ DrawTextureIds = Callable[[Camera, tuple[int, int]], NDArray[np.int32]]
 MOST_OBSTRUCTED = 0.1
 """Largest share of the picture that obstructing surfaces may hide."""
 TEXTURE_WEIGHT = 8.0
-"""Weight of a visible texture, relative to a pair of textures that is visible in one block."""
+"""Weight of a visible texture, relative to that of a pair of textures that share a block."""
 
 
 @dataclass(frozen=True)
@@ -292,9 +309,9 @@ class CandidateView:
     """Share of the most visible texture."""
     textures: int
     features: NDArray[np.int64]
-    """[F] numbers of the visible textures and of the pairs of textures that share a block."""
+    """[F] numbers of the features: visible textures, and pairs of textures that share a block."""
     amounts: Array
-    """[F] number of blocks that show each."""
+    """[F] number of blocks that show each feature."""
 
     @staticmethod
     def of(candidate: Candidate, ids: NDArray[np.int32], textures: int) -> "CandidateView":
@@ -310,7 +327,7 @@ class CandidateView:
         return CandidateView(candidate, ids, covered, dominant, len(seen), features, amounts)
 
     def meets(self, criteria: ViewCriteria) -> bool:
-        """Return whether the view shows enough textures, and none too large."""
+        """Return whether the view shows enough textures, and no texture fills too much of it."""
         return (
             self.covered >= criteria.least_covered
             and self.dominant <= criteria.most_of_one
@@ -330,7 +347,7 @@ class CandidateRenderer:
         return [view for view in seen if view.textures]
 
     def is_unobstructed(self, view: CandidateView) -> bool:
-        """Return whether the picture stays much the same without the surfaces closest to the eye."""
+        """Return whether surfaces closer than CLEARANCE hide at most MOST_OBSTRUCTED of the picture."""
         camera = view.candidate.camera
         near, far = clip_distances(camera, self._bounds)
         clear = CLEARANCE * view.candidate.scale
@@ -341,7 +358,7 @@ class CandidateRenderer:
 
 
 class _Coverage:
-    """Coverage: blocks in which the chosen views show each texture and pair, and what the other views would add."""
+    """Coverage of features by the chosen views, in blocks, and the gain of each further view."""
 
     def __init__(self, views: Sequence[CandidateView], textures: int) -> None:
         used, columns = np.unique(np.concatenate([view.features for view in views]), return_inverse=True)
@@ -352,7 +369,7 @@ class _Coverage:
         self._blocks = np.zeros(len(used))
 
     def gains(self) -> Array:
-        """Return [views] what each would add: logarithmic in the blocks, so that repeated content counts less."""
+        """Return [views] the gain of each view: logarithmic in the blocks, because repeated content adds little."""
         rows = self._amounts
         before = self._blocks[rows.indices]
         each = (np.log1p(before + rows.data) - np.log1p(before)) * self._weights[rows.indices]
@@ -365,7 +382,7 @@ class _Coverage:
 
 
 def choose(views: Sequence[CandidateView], renderer: CandidateRenderer, count: int, textures: int) -> list[Candidate]:
-    """Choose at most `count` candidates, greedily by what each adds; those that meet the strictest criteria come first."""
+    """Choose at most `count` candidates greedily by their gain; those that meet the strictest criteria come first."""
     coverage = _Coverage(views, textures)
     chosen: list[Candidate] = []
     refused: set[int] = set()
@@ -388,15 +405,15 @@ def choose(views: Sequence[CandidateView], renderer: CandidateRenderer, count: i
 WALKING_AND_CLOSE_SHARES = (0.5, 0.3)
 """Shares of the candidates at eye height and close to surfaces; the others are around the scene."""
 ORBITS_TRIED = 4
-"""Number of views around the scene that are rendered in any case; the rest only where good views are few."""
+"""Number of views around the scene that are always rendered. The others are rendered only where good views are few."""
 ENOUGH = 2
-"""Number of good views that are enough, for each one asked for."""
+"""Number of good views per requested view from which no further views around the scene are rendered."""
 
 
 def sample_viewpoints(scene: Scene, draw_ids: DrawTextureIds, config: ViewpointConfig) -> tuple[Camera, ...]:
-    """Sample at most `config.count` cameras named "sampled_01" and so on, those that add most first; equal seeds give equal cameras.
+    """Sample at most `config.count` cameras named "sampled_01" and so on, by decreasing gain; equal seeds give equal cameras.
 
-    Raises InputError where no viewpoint sees a texture.
+    The module's head describes the steps. Raises InputError where no viewpoint sees a texture.
     """
     if config.count < 1:
         raise InputError(f"viewpoints: count {config.count}; ask for one or more")
@@ -410,7 +427,7 @@ def sample_viewpoints(scene: Scene, draw_ids: DrawTextureIds, config: ViewpointC
     views = renderer.views([*places.walking(walking), *places.close(close)])
     around = places.around(max(total - walking - close, ORBITS_TRIED))
     views += renderer.views(around[:ORBITS_TRIED])
-    # Views from outside are the slowest to render, and in a town show mostly the backs of houses.
+    # Views around the scene are the slowest to render, and those of a town mostly show the backs of houses.
     if sum(view.meets(CRITERIA[0]) for view in views) < ENOUGH * config.count:
         views += renderer.views(around[ORBITS_TRIED:])
     chosen = choose(views, renderer, config.count, len(scene.textures)) if views else []

@@ -1,4 +1,4 @@
-"""The views that a grouping is chosen for: a cameras file, the scene's own cameras, or viewpoints sampled in it."""
+"""The views that a grouping is optimised for: from a cameras file, the scene's cameras, or sampled viewpoints."""
 
 import math
 from collections.abc import Sequence
@@ -23,20 +23,20 @@ class NearbyConfig:
     count: int = 8
     """Number of nearby cameras for each camera."""
     yaw_degrees: float = 20.0
-    """Standard deviation of the direction, to the sides."""
+    """Standard deviation of the yaw, in degrees."""
     pitch_slope: float = 0.1
-    """Standard deviation of the direction, up and down, as a share of the distance to the target."""
+    """Standard deviation of the target's height, as a share of the distance to the target."""
     step_share: float = 0.1
-    """Standard deviation of the eye as a share of the distance to the target; 0.3 of it up and down."""
+    """Standard deviation of the eye's position on each level axis, as a share of the distance to the target; 0.3 of it vertically."""
     step_of_extent: float = 0.01
-    """Upper limit of that deviation as a share of the scene's extent."""
+    """Upper limit of the standard deviation of the eye's position, as a share of the scene's extent."""
     seed: int = 0
 
 
 def nearby_cameras(cameras: Sequence[Camera], scene: Scene, config: NearbyConfig) -> tuple[Camera, ...]:
     """Return `config.count` cameras near each of `cameras`.
 
-    Without them a grouping overfits the pixels of a few pictures; docs/explanation/sharing.md measures what they bring.
+    Without them a grouping overfits the pixels of a few pictures; docs/explanation/sharing.md has the measured gain.
     """
     random = np.random.default_rng(config.seed)
     extent = float(np.linalg.norm(scene.bounds[1] - scene.bounds[0]))
@@ -75,9 +75,9 @@ class ViewSource:
     """Choice of the views."""
 
     file: Path | None = None
-    """JSON file of cameras; None: the scene's own."""
+    """JSON file of cameras; None takes the scene's cameras."""
     sampled: int | None = None
-    """Number of viewpoints sampled besides; None: 24 where there are no cameras."""
+    """Number of viewpoints sampled besides the cameras; None samples 24 where there are no cameras."""
     seed: int = 0
 
     def __post_init__(self) -> None:
@@ -98,7 +98,7 @@ class SceneViews:
     """Line for the user about sampled viewpoints; empty without them."""
 
     def exactly(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
-        """Draw the texture ids [H, W] from these cameras."""
+        """Draw the texture ids [H, W] from exactly these cameras."""
         return tuple(self.renderer.texture_ids_from(camera, SIZE) for camera in cameras)
 
     def near(self, cameras: Sequence[Camera]) -> tuple[NDArray[np.int32], ...]:
@@ -118,12 +118,12 @@ class SceneViews:
 
 
 def cameras_of(scene: Scene, source: ViewSource) -> tuple[Camera, ...]:
-    """Return the named cameras: of the file, else the scene's own. Raises InputError for a file that cannot be read."""
+    """Return the cameras of the source's file, or the scene's where there is no file. Raises InputError for an unreadable file."""
     return read_cameras(source.file) if source.file is not None else scene.cameras
 
 
 def scene_views(scene: Scene, source: ViewSource) -> SceneViews:
-    """Prepare the views that `source` asks for. Raises InputError for a file that cannot be read, and where nothing is visible."""
+    """Prepare the views of `source`. Raises InputError for an unreadable file, and where no view shows a texture."""
     cameras = cameras_of(scene, source)
     wanted = source.sampled
     if wanted is None:

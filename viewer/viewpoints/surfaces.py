@@ -10,7 +10,7 @@ from viewer.scene.model import Scene
 
 Array = NDArray[np.float64]
 HIGH_UP = 4.0
-"""Height in eye heights above another ground at which a place counts as a roof."""
+"""Smallest height of a roof above other ground, in eye heights."""
 
 
 def value_range(values: Array) -> tuple[Array, Array]:
@@ -19,9 +19,13 @@ def value_range(values: Array) -> tuple[Array, Array]:
 
 
 def crossings(corners: Array, axis: int) -> tuple[Array, NDArray[np.bool_]]:
-    """Return (positions, facing along the axis) of the crossings of triangles [T, 3, 3] with an axis."""
+    """Return (positions [M], whether the triangle faces along the axis [M]) of the crossings of triangles [T, 3, 3] with an axis.
+
+    The triangles are projected along the axis, which becomes the origin of a plane. The cross products of successive corners are twice
+    the areas that the origin makes with each side. The origin is inside where all have one sign. Divided by their sum they are its
+    barycentric coordinates; the sign of the sum is the side that the triangle faces.
+    """
     p, q = corners[:, :, (axis + 1) % 3], corners[:, :, (axis + 2) % 3]
-    # Twice the areas that the origin makes with each side, seen along the axis: all of one sign inside.
     areas = p * np.roll(q, -1, axis=1) - q * np.roll(p, -1, axis=1)
     whole = areas.sum(axis=1)
     inside = ((areas >= 0.0).all(axis=1) | (areas <= 0.0).all(axis=1)) & (whole != 0.0)
@@ -32,16 +36,16 @@ def crossings(corners: Array, axis: int) -> tuple[Array, NDArray[np.bool_]]:
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Nearest opaque surfaces of places [N] along each axis: [3, 2, N], first forwards, then backwards."""
+    """Nearest opaque surfaces of places [N] along each axis: arrays [3, 2, N], forwards first, then backwards."""
 
     distance: Array
     """Distance to the surface; infinite without one."""
     back: NDArray[np.bool_]
-    """Flag: the surface's back faces the place."""
+    """True where the surface's back faces the place."""
     double_sided: NDArray[np.bool_]
-    """Flag: the surface's back is drawn."""
+    """True where the surface's back is drawn."""
     high_up: NDArray[np.bool_]
-    """[N] flag: another ground lies more than HIGH_UP eye heights below."""
+    """[N] true where other ground lies more than HIGH_UP eye heights below."""
 
     @staticmethod
     def nothing(count: int) -> "Surroundings":
@@ -52,7 +56,7 @@ class Surroundings:
     def add(
         self, axis: int, index: int, offsets: Array, along: NDArray[np.bool_], double_sided: bool, height: float
     ) -> None:
-        """Add surfaces at `offsets` [M] along `axis` from place `index`; `along` [M] is whether each faces along the axis."""
+        """Add surfaces at `offsets` [M] along `axis` from place `index`; `along` [M] is true for those that face along the axis."""
         if axis == 1:
             self.high_up[index] |= bool((along & (offsets < -HIGH_UP * height)).any())
         for side, (distances, backs) in enumerate(((offsets, along), (-offsets, ~along))):
@@ -64,17 +68,17 @@ class Surroundings:
                 self.double_sided[axis, side, index] = double_sided
 
     def buried(self) -> NDArray[np.bool_]:
-        """Return [N] whether the place is under the ground or inside of something."""
+        """Return [N] whether the place is under the ground or inside a solid."""
         above, below = np.isfinite(self.distance[1])
         unseen = (self.back & ~self.double_sided)[1].any(axis=0)
         return np.asarray(unseen | self.back[1].all(axis=0) | (above & ~below))
 
     def behind_walls(self) -> NDArray[np.bool_]:
-        """Return [N] whether the place is behind a wall whose back is not drawn, so that the camera looks through it."""
+        """Return [N] whether the place is behind a wall whose back is not drawn: the camera would look through it."""
         return np.asarray((self.back & ~self.double_sided)[[0, 2]].any(axis=(0, 1)))
 
     def on_top(self) -> NDArray[np.bool_]:
-        """Return [N] whether the place is on a roof: nothing above, and another ground far below."""
+        """Return [N] whether the place is on a roof: nothing above it, and other ground far below."""
         return np.asarray(self.high_up & self.open_sky())
 
     def open_sky(self) -> NDArray[np.bool_]:
@@ -83,13 +87,13 @@ class Surroundings:
 
 
 LEAST_UP = 0.7
-"""Cosine between the vertical and the normal of ground that can be stood on."""
+"""Smallest cosine between the vertical and the normal of walkable ground."""
 CHUNK = 1 << 20
 """Number of triangles that are transformed at once."""
 
 
 DIRECTIONS = 16
-"""Number of level directions in which `Surfaces.free_distances` looks."""
+"""Number of level directions that `Surfaces.free_distances` measures."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,13 +109,13 @@ class SurfacePoints:
 
 
 class Surfaces:
-    """Triangles of a scene, on which points are sampled by area; only a chunk of them is transformed at once."""
+    """Triangles of a scene, sampled by area. At most CHUNK of them are transformed at once."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         transforms = scene.instances.transform.astype(np.float64)
         linear = transforms[:, :3, :3]
-        # The matrix that carries area vectors over: its columns are cross products of the transform's columns.
+        # The cofactor matrix transforms area vectors. Its columns are cross products of the transform's columns.
         self._area_matrix = np.stack(
             [np.cross(linear[:, :, (i + 1) % 3], linear[:, :, (i + 2) % 3]) for i in range(3)], axis=2
         )
@@ -138,7 +142,7 @@ class Surfaces:
         )
 
     def _local_areas(self, primitive: int) -> Array:
-        """Return [T, 3] normals of twice the triangles' areas in length."""
+        """Return [T, 3] normals whose lengths are twice the areas of the triangles."""
         corners = self._corners(primitive)
         return np.nan_to_num(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
 
@@ -147,7 +151,7 @@ class Surfaces:
         vectors = np.einsum("kij,tj->kti", self._area_matrix[instances], self._local[primitive])
         areas = np.linalg.norm(vectors, axis=2)
         up = np.where(self._mirrored[instances][:, None], -vectors[:, :, 1], vectors[:, :, 1])
-        # Back faces are culled: a camera that stands on one would look from below the ground.
+        # Back faces are culled: a camera above one would look at the ground from below.
         up = np.where(self._double_sided[instances][:, None], np.abs(up), up)
         return areas, np.where(up > LEAST_UP * areas, areas, 0.0)
 
@@ -200,7 +204,7 @@ class Surfaces:
 
         `turn`: angle in radians by which the axes are turned about the vertical, from +z towards +x.
         """
-        found = Surroundings.nothing(len(eyes))
+        surroundings = Surroundings.nothing(len(eyes))
         boxes = [self._box(index) for index in range(len(self._local))]
         sine, cosine = math.sin(turn), math.cos(turn)
         turned = np.array([[cosine, 0.0, -sine], [0.0, 1.0, 0.0], [sine, 0.0, cosine]])
@@ -224,19 +228,20 @@ class Surfaces:
                         offsets, along = crossings(corners[met] - eye, axis)
                         along ^= bool(self._mirrored[instance])
                         sided = bool(self._double_sided[instance])
-                        found.add(axis, index, offsets, along, sided, float(heights[index]))
-        return found
+                        surroundings.add(axis, index, offsets, along, sided, float(heights[index]))
+        return surroundings
 
     def free_distances(self, eyes: Array, heights: Array) -> Array:
-        """Return [N, DIRECTIONS] distances from `eyes` [N, 3] to the nearest opaque surface, direction i at i/DIRECTIONS of a turn.
+        """Return [N, DIRECTIONS] distances from `eyes` [N, 3] to the nearest opaque surface in each level direction.
 
-        The turn is from +z towards +x; distances are infinite where there is none, 0 where the nearest is seen through from its back.
+        Direction i is i / DIRECTIONS of a turn from +z towards +x. A distance is infinite where there is no surface, and 0 where the
+        nearest one shows its culled back.
         """
         quarter = DIRECTIONS // 4
-        found = np.zeros((len(eyes), DIRECTIONS))
+        distances = np.zeros((len(eyes), DIRECTIONS))
         for index in range(quarter):
             around = self.around(eyes, heights, 2.0 * math.pi * index / DIRECTIONS)
             distance = np.where(around.back & ~around.double_sided, 0.0, around.distance)
             for number, (axis, side) in enumerate(((2, 0), (0, 0), (2, 1), (0, 1))):
-                found[:, index + number * quarter] = distance[axis, side]
-        return found
+                distances[:, index + number * quarter] = distance[axis, side]
+        return distances
