@@ -1,1 +1,1 @@
-"""Tables and figures for panels, without a window: no ImGui."""
+"""Tables and figures of the panels, computed without ImGui."""

@@ -1,6 +1,6 @@
 """Comparison of slots A and B in one picture: figures, histogram, errors of textures and decoders.
 
-`compare` needs no OpenGL, and runs in a process of its own."""
+`compare` needs no OpenGL. It runs in a separate process."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from viewer.render.resources.layout import materials_of, texture_ids_of
 from viewer.state.view_state import REFERENCE, ViewState, is_image_source
 
 STEPS = 256
-"""Number of values of |A - B| in steps of 8-bit sRGB."""
+"""Number of different values of |A - B| in steps of 8-bit sRGB."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class PicturePair:
 
 @dataclass(frozen=True)
 class ErrorRow:
-    """Error of A against B over the pixels of one texture, or of one decoder's textures, in steps of 8-bit sRGB."""
+    """Error of A against B over the pixels of one texture, or of the textures of one decoder, in steps of 8-bit sRGB."""
 
     number: int
     """Number of the texture or decoder."""
@@ -57,10 +57,10 @@ class ErrorRow:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Result of `compare`. Figures are None where no pixel is covered."""
+    """Comparison of A with B, the result of `compare`. Figures are None where no pixel is covered."""
 
     pixels: int
-    """Number of covered pixels, of which all figures are."""
+    """Number of covered pixels. All figures are over these."""
     psnr_db: float | None
     """PSNR in dB over 8-bit sRGB."""
     ssim: float | None
@@ -70,7 +70,7 @@ class Comparison:
     flip_map: NDArray[np.float32] | None
     """FLIP map [H, W], 0 to 1, row 0 on top."""
     problem: str
-    """Reason why there is no FLIP; "" where there is."""
+    """Reason why FLIP cannot be computed; "" where it can."""
     histogram: NDArray[np.int64]
     """Covered pixels by |A - B| of red, green and blue in steps of 8-bit sRGB: [3, 256]."""
     textures: tuple[ErrorRow, ...]
@@ -94,11 +94,11 @@ class LiveFigures:
     source: str = REFERENCE
     """Source of the decoders in `comparison.decoders`: slot A's, else slot B's."""
     problem: str = ""
-    """Reason why there is no comparison."""
+    """Error that ended the comparison; "" without one."""
 
 
 def compared_source(view: ViewState) -> str:
-    """Return the source by whose decoders errors are listed: slot A's, or slot B's where A shows images."""
+    """Return the source whose decoders list the errors: slot A's, or slot B's where A shows images."""
     return view.slot_b.source if is_image_source(view.slot_a.source) else view.slot_a.source
 
 
@@ -108,7 +108,7 @@ def _srgb8(pixels: bytes, kind: str, size: tuple[int, int]) -> NDArray[np.uint8]
 
 
 def _rows(numbers: NDArray[np.intp], decoders: Sequence[int], difference: NDArray[np.int64]) -> tuple[ErrorRow, ...]:
-    """Return a row for each different number in `numbers` [N]; `difference` [N, 3] is |A - B|, `decoders` is by number."""
+    """Return a row for each number that occurs in `numbers` [N]; `difference` [N, 3] is |A - B|, `decoders` is by number."""
     count = len(decoders)
     pixels = np.bincount(numbers, minlength=count)
     squares = np.bincount(numbers, (difference * difference).sum(axis=1), count)
@@ -147,10 +147,10 @@ def compare(pair: PicturePair) -> Comparison:
     ids = texture_ids_of(words)[covered].astype(np.intp)
     textured = ids >= 0
     textures = _rows(ids[textured], pair.decoders, difference[textured])
-    of_pixel = np.array([*pair.decoders, -1], np.intp)[ids]
-    decoded = of_pixel >= 0
+    pixel_decoders = np.array([*pair.decoders, -1], np.intp)[ids]
+    decoded = pixel_decoders >= 0
     most = max(pair.decoders, default=-1) + 1
-    decoders = _rows(of_pixel[decoded], range(most), difference[decoded])
+    decoders = _rows(pixel_decoders[decoded], range(most), difference[decoded])
     errors, problem = None, ""
     try:
         errors = flip_map(a, b)

@@ -1,4 +1,4 @@
-"""What A, B and the block formats cost, as bars: bytes on disk and in memory, time of a frame, and PSNR."""
+"""Cost bars of A, B and the block formats: bytes on disk and in memory, time per frame, and PSNR."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -35,19 +35,19 @@ KINDS = ("on disk, MB", "in memory, MB", "a frame, ms", "PSNR, dB")
 def cost_bars(
     measured: Mapping[Side, SlotMeasurement], formats: Mapping[BlockFormat, CompressedTextures]
 ) -> dict[str, tuple[CostBar, ...]]:
-    """Return bars by kind of cost: of A and B as measured, then of the block formats that are encoded and not in A or B.
+    """Return bars by kind of cost: those of A and B as measured, then those of encoded block formats that are in neither slot.
 
-    PSNR of A and B is of the picture, that of other formats of their textures.
+    The PSNR of A and B is that of the picture; the PSNR of other formats is that of their textures.
     """
     costs = [
         _Cost(
-            f"{side.upper()}: {own.source}",
-            (_mega(own.file_bytes), _mega(own.gpu_bytes), own.draw_ms, own.psnr_db),
+            f"{side.upper()}: {measurement.source}",
+            (_mega(measurement.file_bytes), _mega(measurement.gpu_bytes), measurement.draw_ms, measurement.psnr_db),
         )
         for side in SIDES
-        if (own := measured.get(side)) is not None
+        if (measurement := measured.get(side)) is not None
     ]
-    shown = {own.source for own in measured.values()}
+    shown = {measurement.source for measurement in measured.values()}
     for name, blocks in formats.items():
         if name not in shown:
             size, quality = _mega(blocks.stored_bytes), blocks.psnr
@@ -58,7 +58,7 @@ def cost_bars(
         known = [(source, value) for source, value in values if value is not None and value < float("inf")]
         largest = max((value for _, value in known), default=0.0)
         bars[kind] = tuple(CostBar(source, value, value / largest if largest else 0.0) for source, value in known)
-    return {kind: own for kind, own in bars.items() if own}
+    return {kind: group for kind, group in bars.items() if group}
 
 
 def _mega(count: int | None) -> float | None:
@@ -66,7 +66,7 @@ def _mega(count: int | None) -> float | None:
 
 
 def absent_formats() -> tuple[str, ...]:
-    """Return a line for the block formats whose encoder is not installed, with the command that installs it; empty where all are."""
+    """Return lines that name the block formats without an installed encoder, and the command that installs it."""
     lines: dict[str, list[str]] = {}
     for name in BLOCK_FORMATS:
         lines.setdefault(missing_packages(name), []).append(name)
@@ -75,14 +75,14 @@ def absent_formats() -> tuple[str, ...]:
 
 def costs_png(bars: Mapping[str, Sequence[CostBar]]) -> bytes:
     """Return the bars as a PNG, one chart for each kind of cost."""
-    figure = Figure(figsize=(8.0, 0.5 + sum(0.55 + 0.3 * len(own) for own in bars.values())), layout="constrained")
-    axes = figure.subplots(len(bars), 1, squeeze=False, height_ratios=[len(own) + 1 for own in bars.values()])
-    for axis, (kind, own) in zip(axes[:, 0], bars.items(), strict=True):
-        drawn = axis.barh([bar.source for bar in own], [bar.value for bar in own], color="#4c78a8")
-        axis.bar_label(drawn, [f"{bar.value:.2f}" for bar in own], padding=3)
+    figure = Figure(figsize=(8.0, 0.5 + sum(0.55 + 0.3 * len(group) for group in bars.values())), layout="constrained")
+    axes = figure.subplots(len(bars), 1, squeeze=False, height_ratios=[len(group) + 1 for group in bars.values()])
+    for axis, (kind, group) in zip(axes[:, 0], bars.items(), strict=True):
+        drawn = axis.barh([bar.source for bar in group], [bar.value for bar in group], color="#4c78a8")
+        axis.bar_label(drawn, [f"{bar.value:.2f}" for bar in group], padding=3)
         axis.set_title(kind, loc="left", fontsize=10)
         axis.invert_yaxis()
-        axis.set_xlim(0.0, 1.15 * max(bar.value for bar in own) or 1.0)
+        axis.set_xlim(0.0, 1.15 * max(bar.value for bar in group) or 1.0)
         axis.spines[["top", "right"]].set_visible(False)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png", dpi=120)

@@ -16,15 +16,15 @@ def _value(name: str, row: ErrorRow, column: ErrorColumn) -> float | str:
     return values[column]
 
 
-def sorted_rows(session: Session, found: Comparison | None) -> list[tuple[str, ErrorRow]]:
+def sorted_rows(session: Session, comparison: Comparison | None) -> list[tuple[str, ErrorRow]]:
     """Return the rows of a comparison with their names, in the order of the panel Errors; none without a comparison."""
     table = session.inspection.errors
-    if found is None:
+    if comparison is None:
         return []
     if table.by == "texture":
         textures = session.scene.textures
-        rows = [(textures[row.number].name, row) for row in found.textures if row.number < len(textures)]
+        rows = [(textures[row.number].name, row) for row in comparison.textures if row.number < len(textures)]
     else:
-        rows = [(f"decoder {row.number}", row) for row in found.decoders]
+        rows = [(f"decoder {row.number}", row) for row in comparison.decoders]
     # Python's sort is stable: equal rows stay in order of their numbers.
     return sorted(rows, key=lambda named: _value(named[0], named[1], table.column), reverse=table.descending)

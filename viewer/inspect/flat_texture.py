@@ -29,11 +29,11 @@ class FlatTexture:
     mips: tuple[NDArray[np.uint8], ...]
     """Mips as [h, w, 3] uint8 sRGB, from the finest."""
     level: int
-    """Level of the first of `mips`: above 0 for a preview."""
+    """Mip level of the first of `mips`: above 0 in a preview."""
     psnr_db: float | None
-    """PSNR of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview and the original itself."""
+    """PSNR in dB of mip 0 against the original, over 8-bit values; infinite when equal, None for a preview and for the original."""
     reduced: bool = False
-    """True where the texture was reduced before encoding; `psnr_db` is then against the original reduced in the same way."""
+    """True where the texture was reduced before encoding. `psnr_db` then compares with the original, reduced in the same way."""
 
 
 def as_rgb8(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -52,7 +52,7 @@ def original_flat(texture: SceneTexture, report: JobReport) -> FlatTexture:
 
 
 def compressed_flat(compressed: CompressedTexture, _report: JobReport) -> FlatTexture:
-    """Return a texture as hardware reads its blocks (a job)."""
+    """Return a texture as graphics hardware decodes its blocks (a job)."""
     return FlatTexture(tuple(as_rgb8(mip) for mip in compressed.mips()), 0, compressed.psnr_db)
 
 
@@ -71,7 +71,7 @@ def _decode(pack: Pack, index: int, level: int, report: JobReport) -> NDArray[np
 
 
 def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport) -> FlatTexture:
-    """Decode texture `index` of `pack`, which encodes `texture`, with the numpy reference; a small mip first (a job)."""
+    """Decode texture `index` of `pack`, which encodes `texture`, with the numpy reference; show a small mip first (a job)."""
     encoded = pack.textures[index]
     levels = texture_levels(encoded, pack.config)
     preview = next((n for n, size in enumerate(levels) if max(size.texel_width, size.texel_height) <= PREVIEW_SIDE), 0)
@@ -90,12 +90,12 @@ def decode_flat(texture: SceneTexture, pack: Pack, index: int, report: JobReport
 
 
 LARGEST_REPEAT = 32
-"""Largest side of a repeated texel in pixels; beyond it the screen's own filter enlarges, and blurs the edges."""
+"""Largest side in pixels of a repeated texel. Above it the GPU's filter enlarges the texels and blurs their edges."""
 
 
 @dataclass(frozen=True, eq=False)
 class VisiblePart:
-    """Part of an image as new pixels."""
+    """Visible part of an image, cut out as new pixels."""
 
     mips: tuple[NDArray[np.uint8], ...]
     """Mips of the whole image."""
@@ -113,10 +113,10 @@ def visible_part(
     width: float,
     known: VisiblePart | None = None,
 ) -> VisiblePart | None:
-    """Return the part `visible` (left, top, right, bottom as shares) of an image with `mips`, which is `width` pixels wide as a whole.
+    """Return the part `visible` (left, top, right, bottom as shares) of an image with `mips` that is drawn `width` pixels wide.
 
-    It is cut from the finest mip without more texels than pixels; texels of an enlarged image stay square. Returns
-    `known` where it is the same part, and None where nothing is visible.
+    The part is cut from the finest mip that has no more texels than pixels. Texels of an enlarged image are repeated, so that they
+    stay square. Returns `known` where it is the same part, and None where nothing is visible.
     """
     finest = mips[0].shape[1]
     level = min(max(math.floor(math.log2(max(finest / max(width, 1.0), 1.0)) + 0.5), 0), len(mips) - 1)
@@ -138,5 +138,5 @@ def visible_part(
 
 
 def _range(low: float, high: float, texels: int) -> tuple[int, int]:
-    """Return the texels that a range of shares touches, and one more on each side for the screen's filter."""
+    """Return the range of texels that a range of shares touches, and one more on each side, which the GPU's filter reads."""
     return max(math.floor(low * texels) - 1, 0), min(math.ceil(high * texels) + 1, texels)

@@ -6,10 +6,10 @@ from numpy.typing import NDArray
 from viewer.scene.json_text import counted
 
 RECENT = 15
-"""Number of recent frames that always fit on the axis: the medians are of these."""
+"""Number of recent frames that always fit on the axis. The panel shows the medians of these."""
 COMPILING_MS = 1000.0
 COMPILING_TIMES = 5.0
-"""Factor of the second longest recent frame; a frame beyond that and COMPILING_MS compiled shaders."""
+"""Factor of the second longest recent frame. A frame that takes longer than that and than COMPILING_MS compiled shaders."""
 TICKS = 3
 """Largest number of ticks on the axis of frames, besides the last one."""
 
@@ -17,7 +17,7 @@ TICKS = 3
 def axis_top(frames_ms: NDArray[np.float64]) -> float:
     """Return the upper end in ms of an axis for times of frames [frames], oldest first.
 
-    All recent ones fit, and 95 of 100 of the others. Frames that compile shaders take seconds, and must not flatten the rest.
+    All recent frames fit, and 95 % of the others. Frames that compile shaders do not count, because they would flatten the rest.
     """
     if not len(frames_ms):
         return 1.0
@@ -30,7 +30,7 @@ def axis_top(frames_ms: NDArray[np.float64]) -> float:
 
 
 def frame_ticks(frames: int) -> list[int]:
-    """Return the ticks, in frames ago, for an axis of `frames` (at least 2) frames, falling to 0."""
+    """Return the ticks, in frames before the last one, of an axis of `frames` (at least 2) frames, falling to 0."""
     steps = (digit * 10**decade for decade in range(9) for digit in (1, 2, 5))
     step = next(step for step in steps if step * TICKS >= frames - 1)
     return list(range((frames - 1) // step * step, -1, -step))

@@ -1,4 +1,4 @@
-"""Table of a pack's groups: their members, their PSNR, and how similar they are."""
+"""Table of a pack's groups: their members, the PSNR, and the distances of members from their centroid."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping, Sequence
@@ -32,23 +32,23 @@ class GroupRow:
     psnr_db: float | None
     """PSNR in dB of the mean square error of the members' mip 0, as encoders and training report it."""
     worst_db: float | None
-    """Least PSNR of a member's mip 0, in dB."""
+    """Lowest PSNR of a member's mip 0, in dB."""
     absent: int
-    """Number of textures of the group that the scene does not have."""
+    """Number of textures of the group that are not in the scene."""
     before_db: float | None = None
-    """PSNR in dB of the same textures in the pack that this one replaced; None where unknown."""
+    """PSNR in dB of the same textures in the pack that this one replaced; None where it is unknown."""
 
 
 def _psnr_db(pack: Pack, match: PackMatch, members: Iterable[int]) -> list[float] | None:
     """Return the PSNR in dB of mip 0 of textures of the scene; None where one is unknown."""
     indices = [match.texture_index[texture] for texture in members]
-    found = [pack.textures[index].psnr_db if index >= 0 else None for index in indices]
-    known = [value for value in found if value is not None]
-    return known if known and len(known) == len(found) else None
+    values = [pack.textures[index].psnr_db if index >= 0 else None for index in indices]
+    known_values = [value for value in values if value is not None]
+    return known_values if known_values and len(known_values) == len(values) else None
 
 
-def _together(values: Sequence[float] | None) -> float | None:
-    return None if values is None else psnr_of_mse(float(np.mean([mse_of_psnr(value) for value in values])))
+def _together(decibels: Sequence[float] | None) -> float | None:
+    return None if decibels is None else psnr_of_mse(float(np.mean([mse_of_psnr(value) for value in decibels])))
 
 
 def group_rows(pack: Pack, match: PackMatch, before: tuple[Pack, PackMatch] | None = None) -> tuple[GroupRow, ...]:
@@ -77,11 +77,11 @@ def group_rows(pack: Pack, match: PackMatch, before: tuple[Pack, PackMatch] | No
 
 @dataclass(frozen=True)
 class GroupDistances:
-    """Distance of each texture from the centroid of its group, in features."""
+    """Distance of each texture from the centroid of its group, in feature space."""
 
     features: FeatureName
     grouped_by: str
-    """Features that the pack was grouped by, where those need a network; "" where they are the same."""
+    """Features that the pack was grouped by, where those need a network; "" where they are `features`."""
     by_texture: Mapping[int, float]
     """Euclidean distances by texture id."""
 
@@ -92,9 +92,9 @@ class GroupDistances:
 
 
 def grouping_features(pack: Pack) -> tuple[FeatureName, str] | None:
-    """Return the features to measure distances in, and the name of those that they replace, "" where they are the same.
+    """Return the features that measure distances, and the name of the features that they replace, "" where there is no replacement.
 
-    Returns None where the pack was not grouped by features.
+    Features that need a network are replaced, because they take too long. Returns None where the pack was not grouped by features.
     """
     named = pack.grouping.parameters.get("features")
     if not isinstance(named, str):
@@ -106,9 +106,9 @@ def centroid_distances(features: NDArray[np.float64], groups: NDArray[np.int64])
     """Return the Euclidean distance [N] of each row of `features` [N, F] to the mean of its group in `groups` [N]."""
     distances = np.zeros(len(features))
     for group in np.unique(groups):
-        of_group = groups == group
-        centroid = features[of_group].mean(axis=0)
-        distances[of_group] = np.linalg.norm(features[of_group] - centroid, axis=1)
+        members = groups == group
+        centroid = features[members].mean(axis=0)
+        distances[members] = np.linalg.norm(features[members] - centroid, axis=1)
     return distances
 
 
@@ -116,12 +116,12 @@ def group_distances(
     scene: Scene, decoders: tuple[int, ...], features: FeatureName, grouped_by: str, report: JobReport
 ) -> GroupDistances:
     """Return the distances of all decoded textures (a job). `decoders` is by texture id, -1 for none."""
-    held = [texture for texture, decoder in enumerate(decoders) if decoder >= 0]
+    decoded = [texture for texture, decoder in enumerate(decoders) if decoder >= 0]
     options = FeatureOptions(cache=cache_folder("features"), progress=report.progress)
     sources = [
         source_texture(scene, texture, None, "base" if has_source(scene.textures[texture], "base") else "all")
-        for texture in held
+        for texture in decoded
     ]
     matrix = feature_matrix(features, sources, options)
-    distances = centroid_distances(matrix, np.array([decoders[texture] for texture in held], np.int64))
-    return GroupDistances(features, grouped_by, dict(zip(held, distances.tolist(), strict=True)))
+    distances = centroid_distances(matrix, np.array([decoders[texture] for texture in decoded], np.int64))
+    return GroupDistances(features, grouped_by, dict(zip(decoded, distances.tolist(), strict=True)))

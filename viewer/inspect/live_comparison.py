@@ -1,4 +1,4 @@
-"""Work while the picture rests: draw the hidden slot, compile programs, and compare A with B."""
+"""Work while the picture is at rest: draw the hidden slot, compile programs, and compare A with B."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,21 +16,21 @@ from viewer.render.renderer import Renderer
 from viewer.state.view_state import Slot, ViewState
 
 REST_SECONDS = 0.3
-"""Time without a change of camera and slots after which a picture rests, in seconds."""
+"""Time in seconds without a change of camera and slots after which a picture is at rest."""
 
 
 def _errors(comparison: Comparison, decoders: tuple[int, ...]) -> ComparisonErrors:
     by_texture = np.full(len(decoders), np.nan, np.float32)
     for row in comparison.textures:
         by_texture[row.number] = row.rmse
-    of_decoder = {row.number: row.rmse for row in comparison.decoders}
-    by_decoder = np.array([of_decoder.get(decoder, np.nan) for decoder in decoders], np.float32)
+    decoder_errors = {row.number: row.rmse for row in comparison.decoders}
+    by_decoder = np.array([decoder_errors.get(decoder, np.nan) for decoder in decoders], np.float32)
     return ComparisonErrors(by_texture, by_decoder)
 
 
 @dataclass(frozen=True, eq=False)
 class _Request:
-    """Comparison that has begun."""
+    """Comparison under way, or finished."""
 
     key: object
     """Key of the pair of pictures."""
@@ -40,9 +40,9 @@ class _Request:
 
 
 class LiveComparison:
-    """Comparison in steps of one decode or one read-back, so that no frame waits for long. It belongs to the OpenGL thread.
+    """Comparison in steps of one decode or one read-back, so that no frame waits for long. All calls are on the OpenGL thread.
 
-    FLIP holds Python's interpreter lock, and frames must not wait for it: a helper process compares the pictures.
+    A separate process compares the pictures, because FLIP holds Python's interpreter lock and would stop the frames.
     """
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class LiveComparison:
         self._rest_key: object = None
         self._rested_since = 0.0
         self._done: object = None
-        """Key of the rest for which all work is done."""
+        """Rest key of the picture whose work is all done."""
         self._renderer: Renderer | None = None
         self._packs: Mapping[str, Pack] | None = None
         self._slots: tuple[Slot, Slot] | None = None
@@ -63,7 +63,7 @@ class LiveComparison:
     def note(
         self, renderer: Renderer, view: ViewState, packs: Mapping[str, Pack], window: tuple[int, int], now: float
     ) -> None:
-        """Note the shown view in a window of `window` (width, height) pixels, and drop figures of other slots."""
+        """Record which view is shown in a window of `window` (width, height) pixels, and drop figures of other slots."""
         key = (renderer, view.camera, window, view.slot_a, view.slot_b, view.anisotropy)
         if key != self._rest_key or packs is not self._packs:
             self._packs, self._done = packs, None
@@ -86,11 +86,11 @@ class LiveComparison:
         return self._job is not None
 
     def is_pending(self, wanted: bool) -> bool:
-        """Return True where `step` will have work when the picture has rested or a comparison has ended."""
+        """Return True where `step` will have work as soon as the picture is at rest or the comparison has ended."""
         return self._job is not None or (self._rest_key, wanted) != self._done
 
     def has_work(self, wanted: bool, now: float) -> bool:
-        """Return True where `step` has work."""
+        """Return True where `step` has work now."""
         if self._job is not None:
             return self._job.done
         return now - self._rested_since >= REST_SECONDS and (self._rest_key, wanted) != self._done
@@ -109,7 +109,7 @@ class LiveComparison:
             if renderer.prepare_slots() or renderer.prepare_comparison():
                 return False
         except Exception:
-            # Reported once, and not tried again before something changes.
+            # The error is reported once. The work is tried again only when something changes.
             self._done = (self._rest_key, wanted)
             raise
         pair = renderer.drawn_pair()
@@ -145,7 +145,7 @@ class LiveComparison:
     def _take(self, renderer: Renderer, job: Job[Comparison]) -> bool:
         request = self._request
         if request is None or request.renderer is not renderer or renderer.pair_key() != request.key:
-            # The picture has changed meanwhile: the new one is compared when it rests.
+            # The picture has changed meanwhile. The new one is compared when it is at rest.
             self._request = None
             return False
         try:

@@ -12,30 +12,30 @@ SIDES: tuple[Side, ...] = ("a", "b")
 
 
 def figure_rows(measured: Mapping[Side, SlotMeasurement]) -> dict[str, tuple[str, str]]:
-    """Return (A, B) by the name of the figure; a dash where a figure does not exist."""
-    found = [measured.get(side) for side in SIDES]
+    """Return the texts (A, B) by name of the figure; a dash where a slot has no such figure."""
+    measurements = [measured.get(side) for side in SIDES]
 
     def row(text: Callable[[SlotMeasurement], str | None]) -> tuple[str, str]:
-        first, second = (DASH if each is None else text(each) or DASH for each in found)
+        first, second = (DASH if slot is None else text(slot) or DASH for slot in measurements)
         return first, second
 
     rows = {
-        "shows": row(lambda own: own.source),
-        "PSNR seen dB": row(lambda own: _number(own.psnr_db, 2)),
-        "bits per texel": row(lambda own: _number(own.bits, 2)),
-        "file MB": row(lambda own: _number(own.file_bytes, 2, 1e6)),
-        "GPU MB": row(lambda own: _number(own.gpu_bytes, 2, 1e6)),
-        "decode ms": row(lambda own: _number(own.draw_ms, 2)),
-        "path": row(lambda own: own.path),
-        "divergence score": row(lambda own: f"{own.divergence.score:.4f}" if own.divergence else None),
-        "excess": row(lambda own: str(own.divergence.excess) if own.divergence else None),
+        "shows": row(lambda slot: slot.source),
+        "PSNR seen dB": row(lambda slot: _number(slot.psnr_db, 2)),
+        "bits per texel": row(lambda slot: _number(slot.bits, 2)),
+        "file MB": row(lambda slot: _number(slot.file_bytes, 2, 1e6)),
+        "GPU MB": row(lambda slot: _number(slot.gpu_bytes, 2, 1e6)),
+        "decode ms": row(lambda slot: _number(slot.draw_ms, 2)),
+        "path": row(lambda slot: slot.path),
+        "divergence score": row(lambda slot: f"{slot.divergence.score:.4f}" if slot.divergence else None),
+        "excess": row(lambda slot: str(slot.divergence.excess) if slot.divergence else None),
     }
     further = {
-        "compression dB": row(lambda own: _number(own.compression_db, 2)),
-        "load Mtexel/s": row(lambda own: _number(own.load_rate, 1, 1e6)),
+        "compression dB": row(lambda slot: _number(slot.compression_db, 2)),
+        "load Mtexel/s": row(lambda slot: _number(slot.load_rate, 1, 1e6)),
     }
     rows |= {name: both for name, both in further.items() if both != (DASH, DASH)}
-    by_map = [each.psnr_by_map if each is not None else {} for each in found]
+    by_map = [slot.psnr_by_map if slot is not None else {} for slot in measurements]
     for name in dict.fromkeys(name for maps in by_map for name in maps):
         a, b = (_decibels(maps[name]) if name in maps else DASH for maps in by_map)
         rows[f"{name} alone dB"] = (a, b)
@@ -59,25 +59,25 @@ def figures_markdown(measured: Mapping[Side, SlotMeasurement]) -> str:
 
 
 def figures_json(measured: Mapping[Side, SlotMeasurement]) -> str:
-    """Return the figures as JSON: numbers without rounding, null where a figure does not exist or pictures are equal."""
-    found = {
+    """Return the figures as JSON: numbers without rounding, null where a slot has no such figure or pictures are equal."""
+    figures = {
         side: {
-            "source": own.source,
-            "psnr_db": _finite(own.psnr_db),
-            "bits_per_texel": own.bits,
-            "file_bytes": own.file_bytes,
-            "gpu_bytes": own.gpu_bytes,
-            "decode_ms": own.draw_ms,
-            "path": own.path or None,
-            "compression_psnr_db": None if own.compression_db is None else _finite(own.compression_db),
-            "load_texels_per_second": own.load_rate,
-            "divergence_score": own.divergence.score if own.divergence else None,
-            "excess": own.divergence.excess if own.divergence else None,
-            "psnr_db_by_map": {name: _finite(value) for name, value in own.psnr_by_map.items()},
+            "source": slot.source,
+            "psnr_db": _finite(slot.psnr_db),
+            "bits_per_texel": slot.bits,
+            "file_bytes": slot.file_bytes,
+            "gpu_bytes": slot.gpu_bytes,
+            "decode_ms": slot.draw_ms,
+            "path": slot.path or None,
+            "compression_psnr_db": None if slot.compression_db is None else _finite(slot.compression_db),
+            "load_texels_per_second": slot.load_rate,
+            "divergence_score": slot.divergence.score if slot.divergence else None,
+            "excess": slot.divergence.excess if slot.divergence else None,
+            "psnr_db_by_map": {name: _finite(value) for name, value in slot.psnr_by_map.items()},
         }
-        for side, own in measured.items()
+        for side, slot in measured.items()
     }
-    return json.dumps(found, indent=2) + "\n"
+    return json.dumps(figures, indent=2) + "\n"
 
 
 def _finite(value: float | None) -> float | None:

@@ -1,4 +1,7 @@
-"""Quality and divergence of slots, whole and map by map, for `render`, Measure in the window, and scripts."""
+"""Measurement of slots: quality and divergence of the picture, of all maps and of each map alone.
+
+The command `render`, the window's Measure and scripts use it.
+"""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +33,7 @@ def decoder_ids(texture_ids: NDArray[np.int32], pack: Pack, match: PackMatch) ->
 
 
 class WholeDrawing:
-    """Draws the view of a session whole, without a window: events change the session, errors end the work."""
+    """Drawing of complete pictures of a session's view without a window. Events change the session; errors end the work."""
 
     def __init__(
         self,
@@ -39,7 +42,7 @@ class WholeDrawing:
         background: Background,
         tell: Callable[[str], object] = lambda _: None,
     ) -> None:
-        """`tell` takes what the session notifies of, besides errors."""
+        """Make the drawing. `tell` is called with the text of each notification that is not an error."""
         self._session, self._tell = session, tell
         self._errors: list[str] = []
         self.viewport = Viewport(context, session, FrameTimes(context.waits), background, self._emit)
@@ -53,7 +56,7 @@ class WholeDrawing:
             apply_event(self._session, event)
 
     def draw(self, size: tuple[int, int]) -> tuple[FrameResult, Renderer]:
-        """Draw the session's view at `size` (width, height) in pixels. Raises InputError where that cannot be."""
+        """Draw the session's view at `size` (width, height) in pixels. Raises InputError where it cannot be drawn."""
         viewport = self.viewport
         viewport.draw(size, whole=True)
         if viewport.last is None or viewport.last_view is None or viewport.renderer is None:
@@ -63,7 +66,7 @@ class WholeDrawing:
 
 @dataclass(frozen=True, eq=False)
 class MeasuredPicture:
-    """Picture of a slot at full resolution, with the picture of the original images. All arrays have row 0 on top."""
+    """Picture of a slot at full resolution, beside the picture of the original images. All arrays have row 0 on top."""
 
     source: str
     color: NDArray[np.uint8]
@@ -85,8 +88,10 @@ class MeasuredPicture:
         return DivergenceStatistics.of(self.divergence)
 
     def psnr_db(self, mask: NDArray[np.bool_]) -> float | None:
-        """Return the PSNR in dB over 8-bit sRGB of the pixels of `mask` [H, W], infinite where they are equal; None for the reference
-        itself, and without a pixel."""
+        """Return the PSNR in dB of the pixels of `mask` [H, W] against the reference, over 8-bit sRGB.
+
+        Equal pixels give infinity; the reference itself and an empty mask give None.
+        """
         if self.source == REFERENCE or not mask.any():
             return None
         return psnr_db(self.color[mask], self.reference[mask])
@@ -95,14 +100,16 @@ class MeasuredPicture:
 def measure(
     renderer: Renderer, slots: Sequence[Slot], packs: Mapping[str, Pack], block: BlockName = Overlay.block
 ) -> list[MeasuredPicture]:
-    """Draw the renderer's last view at full resolution for each of `slots`; decoders are counted in blocks of shape `block`.
+    """Draw the renderer's last view at full resolution for each of `slots`. Raises ContextLostError.
 
-    Raises ContextLostError.
+    Divergence (the paper, Sec. 2, Eq. 1) is the number D of distinct decoders in a framebuffer block of shape `block`. The GPU runs
+    one decoder of a block after the other, so that max(D - 1, 0) runs are in excess. `DivergenceStatistics` has their sum over all
+    blocks (excess) and their mean (score).
     """
     reference = linear_to_srgb8(renderer.picture(Slot(REFERENCE)))
     covered, texture_ids = renderer.covered(), renderer.texture_ids()
     width, height = BLOCKS[block]
-    found = []
+    pictures = []
     for slot in slots:
         color = reference if slot.source == REFERENCE else linear_to_srgb8(renderer.picture(slot))
         pack, match = packs.get(slot.source), renderer.matches.get(slot.source)
@@ -110,15 +117,16 @@ def measure(
         if pack is not None and match is not None:
             ids = decoder_ids(texture_ids, pack, match)
         counts = divergence_map(ids, (height, width))
-        found.append(MeasuredPicture(slot.source, color, reference, covered, texture_ids, ids, counts))
-    return found
+        pictures.append(MeasuredPicture(slot.source, color, reference, covered, texture_ids, ids, counts))
+    return pictures
 
 
 @dataclass(frozen=True, eq=False)
 class MapError:
-    """Error of a picture with these maps decoded and all others original, over 8-bit sRGB of the covered pixels."""
+    """Error of a picture with some maps decoded and all others original, over 8-bit sRGB of the covered pixels."""
 
     maps: DecodedMaps
+    """Decoded maps: one map, or all."""
     mean_squared_error: float
     """Mean squared error in squared steps of 1/255."""
     psnr_db: float | None
@@ -132,19 +140,19 @@ class MapError:
 def shown_maps(renderer: Renderer, slot: Slot) -> tuple[ShownMap, ...]:
     """Return the decoded maps of `slot` that the last view shows, in the order of MAPS."""
     drawn = renderer.decoded_planes(slot)
-    held = {name for texture in renderer.scene.textures for name in texture.maps}
-    return tuple(name for name in MAPS if PLANE_OF_MAP[name] in drawn and name in held)
+    scene_maps = {name for texture in renderer.scene.textures for name in texture.maps}
+    return tuple(name for name in MAPS if PLANE_OF_MAP[name] in drawn and name in scene_maps)
 
 
 def errors_by_map(renderer: Renderer, slot: Slot) -> tuple[MapError, ...]:
-    """Measure the error of the last view for each decoded map alone, and last for all of them together."""
+    """Measure the error of the last view with each map decoded alone, and at the end with all maps decoded."""
     return tuple(error_of_each_map(renderer, slot))
 
 
 def error_of_each_map(renderer: Renderer, slot: Slot) -> Iterator[MapError]:
-    """Measure as `errors_by_map`, one after the other.
+    """Yield the errors of `errors_by_map`, each when it is measured.
 
-    Errors of single maps do not add up to that of all: light multiplies some of them. Pictures are drawn whole, one after the other.
+    Errors of single maps do not add up to the error of all maps, because shading multiplies some maps.
     """
     reference = linear_to_srgb8(renderer.picture(Slot())).astype(np.float64)
     covered, textures = renderer.covered(), renderer.texture_ids()
@@ -153,7 +161,7 @@ def error_of_each_map(renderer: Renderer, slot: Slot) -> Iterator[MapError]:
         shown = linear_to_srgb8(renderer.picture(replace(slot, maps=maps))).astype(np.float64)
         squared = np.where(covered, np.square(shown - reference).mean(axis=2), 0.0)
         error = float(squared.sum() / max(1, covered.sum()))
-        seen = textures >= 0
-        sums = np.bincount(textures[seen], weights=squared[seen], minlength=len(renderer.scene.textures))
+        textured = textures >= 0
+        sums = np.bincount(textures[textured], weights=squared[textured], minlength=len(renderer.scene.textures))
         psnr = finite_or_none(10.0 * np.log10(255.0**2 / error)) if error > 0.0 else None
         yield MapError(maps, error, psnr, sums.astype(np.float64), squared.astype(np.float32))

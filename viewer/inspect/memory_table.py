@@ -32,8 +32,10 @@ class MemoryRow:
 
 @lru_cache(maxsize=4096)
 def _bytes_of(width: int, height: int, maps: tuple[MapName, ...]) -> tuple[int, int]:
-    """Return the bytes (as RGBA8, as BC7) of a texture with these maps and all mips: one picture for the base colour, one for
-    normals (in BC5), one for roughness, metalness and occlusion, and one for emission."""
+    """Return the bytes (as RGBA8, as BC7) of a texture with these maps and all mips.
+
+    The maps make up to four pictures: base colour; normals (in BC5); roughness, metalness and occlusion; emission.
+    """
     sizes, pictures = mip_sizes(width, height), pictures_of(maps)
     plain = len(pictures) * sum(w * h * RGBA_BYTES for w, h in sizes)
     blocks = sum(compressed_bytes(w, h, "bc7", kind_of(picture)) for w, h in sizes for picture in pictures)
@@ -79,7 +81,7 @@ def size_pairs(scene: Scene, pack: Pack, match: PackMatch) -> tuple[SizePair, ..
 
 
 def smaller_note(pairs: Sequence[SizePair]) -> str:
-    """Return a note that textures were encoded smaller than their originals; "" where none was."""
+    """Return a note about textures that were encoded smaller than their originals; "" where none was."""
     smaller = [pair for pair in pairs if pair.is_smaller]
     if not smaller:
         return ""
@@ -93,10 +95,10 @@ def smaller_note(pairs: Sequence[SizePair]) -> str:
 def pack_memory(
     scene: Scene, pack: Pack, match: PackMatch, on_gpu: Mapping[str, int] | None, idle: int = 0
 ) -> tuple[MemoryRow, ...]:
-    """Return the size of a pack: in its file, and on the GPU by part, where it has been drawn.
+    """Return the size of a pack by part: in its file, and on the GPU where it has been drawn.
 
-    Shares are of the originals of the pack's textures and maps, reduced to the encoded size: fewer texels are not
-    compression. `idle` bytes on the GPU belong to decode paths that are not used now, and are not counted.
+    Shares are relative to the original images of the pack's textures and maps, reduced to the encoded size, because fewer texels
+    are not compression. `idle` bytes on the GPU belong to decode paths that are not in use; the sum leaves them out.
     """
     pairs = size_pairs(scene, pack, match)
     original = max(1, sum(_bytes_of(*pair.encoded, pair.maps)[0] for pair in pairs))
@@ -123,14 +125,16 @@ def pack_memory(
         total = sum(on_gpu.values())
         rows.append(MemoryRow("GPU in all", total, total / original, is_total=True))
     if idle:
-        rows.append(MemoryRow("for other paths", idle, None, "kept on the GPU for a fast switch to other decode paths"))
+        rows.append(
+            MemoryRow("for other paths", idle, None, "stays on the GPU for a fast switch to other decode paths")
+        )
     return tuple(rows)
 
 
 def compressed_memory(compressed: CompressedTextures) -> tuple[MemoryRow, ...]:
-    """Return the size of the textures in a block format. The viewer draws them from RGBA8 decoded from it."""
+    """Return the size of the textures in a block format. The viewer itself draws them decoded to RGBA8."""
     pictures = (*compressed.textures, *(picture for pictures in compressed.further for picture in pictures))
-    plain = max(1, sum(_bytes_of(own.shape[1], own.shape[0], own.maps)[0] for own in pictures))
+    plain = max(1, sum(_bytes_of(picture.shape[1], picture.shape[0], picture.maps)[0] for picture in pictures))
     stored = compressed.stored_bytes
     explanation = f"{compressed.bits_per_texel:.2f} bits per texel, all mips, padding of blocks included"
     return (MemoryRow("blocks in all", stored, stored / plain, explanation, is_total=True),)

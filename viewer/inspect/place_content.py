@@ -1,4 +1,4 @@
-"""Content of the picture at a place: the block and the pixel under the mouse, read back when place or picture change."""
+"""Picking: the pixel and the framebuffer block under the mouse, read back from the GPU when the mouse moves or the picture changes."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -22,67 +22,67 @@ Content = TypeVar("Content")
 
 
 @dataclass(frozen=True, eq=False)
-class Asked(Generic[Content]):
+class ReadRequest(Generic[Content]):
     """Request to read back parts of pictures."""
 
     parts: Sequence[PicturePart]
     make: Callable[[Sequence[NDArray[Any]]], Content]
-    """Function that makes the content of the parts, given as `PicturePart.array` gives them."""
+    """Function that makes the content from the arrays of the parts (`PicturePart.array`)."""
 
 
 class PlaceReader(Generic[Content]):
-    """Reader of the picture at a place. Unless frames wait, a moving picture is a frame or two behind."""
+    """Reader of the picture at a place. The content is one or two frames older than a moving picture, unless frames wait for it."""
 
     def __init__(self, context: GraphicsContext, what: str) -> None:
-        """Make a reader; `what` names it in errors of memory."""
+        """Make a reader; `what` names it where GPU memory runs out."""
         self._context = context
-        self._back = ReadBack[Asked[Content]](context, what)
+        self._back = ReadBack[ReadRequest[Content]](context, what)
         self._subject: object = None
         self._key: object = None
         self._content: Content | None = None
         self.reads = 0
-        """Number of requests."""
+        """Number of requests so far."""
 
     @property
     def is_pending(self) -> bool:
         """True while newer content is on its way."""
         return self._back.is_pending
 
-    def read(self, subject: object, key: object, ask: Callable[[], Asked[Content]]) -> Content | None:
+    def read(self, subject: object, key: object, ask: Callable[[], ReadRequest[Content]]) -> Content | None:
         """Return the latest content; None before there is any.
 
-        `ask` is called when `key` has changed. Content of another `subject` is dropped. Raises ContextLostError.
+        `ask` makes the request. It is called when `key` has changed. Content of another `subject` is dropped. Raises ContextLostError.
         """
         if subject != self._subject:
             self.forget()
             self._subject = subject
         if key != self._key:
-            asked = ask()
+            request = ask()
             self._key = key
             self.reads += 1
             try:
-                self._back.copy_parts(asked.parts, asked)
+                self._back.copy_parts(request.parts, request)
             except GpuMemoryError:
-                # Without memory for a copy the frame waits.
+                # There is no memory for a copy: this frame waits for the read-back.
                 self._back.drop()
-                self._make(asked, [part.read() for part in asked.parts])
+                self._make(request, [part.read() for part in request.parts])
         arrived = self._back.arrived(self._context.waits)
         if arrived is not None:
-            content, asked = arrived
+            content, request = arrived
             read, at = list[NDArray[Any]](), 0
-            for part in asked.parts:
+            for part in request.parts:
                 read.append(part.array(content[at : at + part.byte_count]))
                 at += part.byte_count
-            self._make(asked, read)
+            self._make(request, read)
         return self._content
 
-    def _make(self, asked: Asked[Content], read: Sequence[NDArray[Any]]) -> None:
+    def _make(self, request: ReadRequest[Content], read: Sequence[NDArray[Any]]) -> None:
         # Data of a lost context is void, and may name textures that do not exist.
         self._context.reset.check()
-        self._content = asked.make(read)
+        self._content = request.make(read)
 
     def forget(self) -> None:
-        """Drop the content, and what is on its way."""
+        """Drop the content and any request under way."""
         self._back.drop()
         self._subject = self._key = self._content = None
 
@@ -93,7 +93,7 @@ class PlaceReader(Generic[Content]):
 
 
 def pixel_at(share: tuple[float, float], picture: tuple[int, int]) -> tuple[int, int]:
-    """Return the pixel (x, y) at a place given as shares of a picture of `picture` (width, height) pixels; the nearest one inside."""
+    """Return the pixel (x, y) nearest to a place given as shares of a picture of `picture` (width, height) pixels."""
     x, y = (min(max(int(value * side), 0), side - 1) for value, side in zip(share, picture, strict=True))
     return x, y
 
@@ -131,7 +131,7 @@ class BlockPlace:
 
 @dataclass(frozen=True)
 class BlockTexture:
-    """Texture in a block."""
+    """Texture that pixels of a framebuffer block show."""
 
     texture_id: int
     name: str
@@ -143,7 +143,7 @@ class BlockTexture:
 
 @dataclass(frozen=True)
 class BlockContent:
-    """Content of a block."""
+    """Content of a framebuffer block: its textures and their decoders."""
 
     place: BlockPlace
     textures: tuple[BlockTexture, ...]
@@ -162,9 +162,9 @@ def block_content(
 ) -> BlockContent:
     """Return the content of the block at `place` with texture ids `ids` [h, w], -1 for none.
 
-    `decoders` has for each source the decoder of every texture.
+    `decoders` has the decoder of every texture, by source.
     """
-    found, counts = np.unique(ids[ids >= 0], return_counts=True)
+    texture_ids, counts = np.unique(ids[ids >= 0], return_counts=True)
     textures = [
         BlockTexture(
             texture_id=texture_id,
@@ -172,7 +172,7 @@ def block_content(
             pixels=pixels,
             decoders={source: table[texture_id] for source, table in decoders.items()},
         )
-        for texture_id, pixels in zip(found.tolist(), counts.tolist(), strict=True)
+        for texture_id, pixels in zip(texture_ids.tolist(), counts.tolist(), strict=True)
     ]
     in_order = tuple(sorted(textures, key=lambda texture: (-texture.pixels, texture.texture_id)))
     return BlockContent(place, in_order)
@@ -185,20 +185,20 @@ def read_block(
     view: ViewState,
     at: tuple[float, float],
 ) -> BlockContent | None:
-    """Read the block at `at` (shares of the picture from its upper left corner) of the last view, or of one before.
+    """Read the block at `at` (shares of the picture from its upper left corner) of the last view or of a recent one.
 
-    Returns None before it has been read.
+    Returns None until the first read-back has arrived.
     """
     place = BlockPlace.at(at, view.block, view.size)
     sources = [slot.source for slot in (view.slot_a, view.slot_b) if not is_image_source(slot.source)]
 
-    def ask() -> Asked[BlockContent]:
+    def ask() -> ReadRequest[BlockContent]:
         scene, decoders = renderer.scene, {source: renderer.decoders(source) for source in sources}
 
         def make(read: Sequence[NDArray[Any]]) -> BlockContent:
             return block_content(texture_ids_of(read[0][..., 0]), place, scene, decoders)
 
-        return Asked((renderer.visibility.words_in(place.pixels),), make)
+        return ReadRequest((renderer.visibility.words_in(place.pixels),), make)
 
     return reader.read((renderer, sources), (packs, view.camera, place), ask)
 
@@ -253,7 +253,7 @@ class PatchPlace:
 
     @property
     def inside(self) -> tuple[int, int, int, int]:
-        """Rectangle `pixels`, counted from the patch's own upper left corner."""
+        """Rectangle `pixels`, relative to the patch's upper left corner."""
         left, top, right, bottom = self.pixels
         x, y = self.x - REACH, self.y - REACH
         return left - x, top - y, right - x, bottom - y
@@ -280,7 +280,7 @@ class PatchPlace:
 
 @dataclass(frozen=True, eq=False)
 class PixelContent:
-    """Content of a pixel."""
+    """Content of a pixel: its surroundings in A and B, its material, texture and decoders."""
 
     place: PatchPlace
     a: PixelPatch | None
@@ -304,17 +304,19 @@ class PixelContent:
 def read_pixel(
     reader: PlaceReader[PixelContent], renderer: Renderer, view: ViewState, at: tuple[float, float]
 ) -> PixelContent | None:
-    """Read the pixel at `at` (shares of the picture from its upper left corner) of the last view, or of one before.
+    """Read the pixel at `at` (shares of the picture from its upper left corner) of the last view or of a recent one.
 
-    Returns None before it has been read.
+    Returns None until the first read-back has arrived.
     """
     place = PatchPlace.at(at, view.size)
     sources = tuple(dict.fromkeys(s.source for s in (view.slot_a, view.slot_b) if not is_image_source(s.source)))
     key = (place, view.camera, view.block, renderer.pair_key())
-    return reader.read((renderer, sources), key, lambda: _asked(renderer, view, place, sources))
+    return reader.read((renderer, sources), key, lambda: _pixel_request(renderer, view, place, sources))
 
 
-def _asked(renderer: Renderer, view: ViewState, place: PatchPlace, sources: Sequence[str]) -> Asked[PixelContent]:
+def _pixel_request(
+    renderer: Renderer, view: ViewState, place: PatchPlace, sources: Sequence[str]
+) -> ReadRequest[PixelContent]:
     scene, decoders = renderer.scene, {source: renderer.decoders(source) for source in sources}
     block = BlockPlace.at(((place.x + 0.5) / view.size[0], (place.y + 0.5) / view.size[1]), view.block, view.size)
     patches = [renderer.picture_part(slot, place.pixels) for slot in (view.slot_a, view.slot_b)]
@@ -341,4 +343,4 @@ def _asked(renderer: Renderer, view: ViewState, place: PatchPlace, sources: Sequ
         )
 
     drawn = (part for part in patches if part is not None)
-    return Asked((renderer.visibility.words_in(block.pixels), *drawn), make)
+    return ReadRequest((renderer.visibility.words_in(block.pixels), *drawn), make)

@@ -1,4 +1,4 @@
-"""The scene's nodes with their instances, as rows of a list that may be long."""
+"""Rows of the scene's list of nodes, with the instances of expanded nodes. The list may be long."""
 
 from dataclasses import dataclass
 
@@ -22,7 +22,7 @@ class TreeRow:
 
 
 class SceneTree:
-    """Rows of the nodes that have instances. A row's text is made on access: there may be 10^5 of them."""
+    """Rows of the nodes that have instances. There may be 10^5 rows, therefore the text of a row is made on access."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
@@ -46,7 +46,7 @@ class SceneTree:
         return len(self._places)
 
     def filter(self, text: str) -> None:
-        """Keep the nodes whose name, mesh or material has every word of `text`."""
+        """List only nodes whose name, or a mesh or material below, contains each word of `text`."""
         words = text.casefold().split()
         if not words:
             self._places = np.arange(len(self._nodes))
@@ -100,7 +100,7 @@ class SceneTree:
 
 
 def material_text(number: int, material: Material, scene: Scene) -> str:
-    """Return a material in a line: its number, name, texture, factor and further maps."""
+    """Return a line about a material: its number, name, texture, factor and further maps."""
     texture = scene.textures[material.texture_id].name if material.texture_id >= 0 else "no texture"
     extras: list[str] = [material.alpha_mode] if material.alpha_mode != "opaque" else []
     extras += ["double-sided"] if material.double_sided else []

@@ -23,7 +23,7 @@ Key = tuple[Scene, BlockFormat]
 
 
 class FormatEncoding:
-    """Encoding of `session.awaited_formats` in a helper process: some encoders hold Python's interpreter lock until they are done."""
+    """Encoding of `session.awaited_formats` in a separate process, because some encoders hold Python's interpreter lock."""
 
     def __init__(self, cache: Path, emit: EmitEvent) -> None:
         """Make the encoding; `cache` is the folder for encoded blocks."""
@@ -57,23 +57,23 @@ class FormatEncoding:
                 self._emit(TexturesCompressed(scene, block_format, None))
                 self._emit(Notification(f"{block_format}: {job.problem}", "error", details_of(error)))
                 continue
-            found = job.result()
-            self._emit(TexturesCompressed(scene, block_format, found))
-            quality = f", mean {found.psnr.mean_db:.2f} dB" if found.psnr is not None else ""
-            size = f"{found.bits_per_texel:.2f} bits per texel, {found.stored_bytes / 1e6:.2f} MB with mips"
+            compressed = job.result()
+            self._emit(TexturesCompressed(scene, block_format, compressed))
+            quality = f", mean {compressed.psnr.mean_db:.2f} dB" if compressed.psnr is not None else ""
+            size = f"{compressed.bits_per_texel:.2f} bits per texel, {compressed.stored_bytes / 1e6:.2f} MB with mips"
             self._emit(Notification(f"{block_format}: {size}{quality}"))
 
     def _compressed(self, scene: Scene, block_format: BlockFormat, report: JobReport) -> CompressedTextures:
         """Encode all textures in a format (a job). Raises InputError where the encoder is not installed."""
         requests = compression_requests(scene, block_format, self._cache)
-        pictures = [request for own in requests for request in own]
-        found = []
+        pictures = [request for of_texture in requests for request in of_texture]
+        textures = []
         for number, request in enumerate(pictures):
-            # No process starts for cached blocks.
+            # Cached blocks need no process.
             texture = kept_texture(request)
-            found.append(texture or HELPERS.call("block compression", compress_texture, request, report.check))
+            textures.append(texture or HELPERS.call("block compression", compress_texture, request, report.check))
             report.progress(number + 1, len(pictures))
-        return compressed_scene(block_format, requests, found)
+        return compressed_scene(block_format, requests, textures)
 
     def close(self) -> None:
         """End the encoding, even in the middle of a texture."""
@@ -85,18 +85,18 @@ class PrecisionSearch:
     """Search for `session.precision_searches`. It takes seconds for a large pack; no frame waits for it."""
 
     def __init__(self, background: Background, fastest_first: Sequence[Precision], emit: EmitEvent) -> None:
-        """Make the search among the driver's precisions, the fastest first."""
+        """Make the search among `fastest_first`, the driver's precisions from fastest to slowest."""
         self._background, self._fastest_first, self._emit = background, fastest_first, emit
 
     def step(self, session: Session) -> None:
-        """Report precisions found since the last call, with the reasons."""
+        """Report the precisions that were chosen since the last call, with the reasons."""
         for side in sorted(session.precision_searches):
             slot = session.view.slots[side]
             pack = session.packs.get(slot.source)
             if slot.source == REFERENCE or pack is None:
                 self._emit(PrecisionFound(side, None))
                 continue
-            job = self._background.submit(("precision", pack), partial(self._found, pack))
+            job = self._background.submit(("precision", pack), partial(self._precision, pack))
             if not job.done:
                 continue
             if error := job.future.exception():
@@ -107,5 +107,5 @@ class PrecisionSearch:
             self._emit(PrecisionFound(side, chosen.precision))
             self._emit(Notification(f"{slot.source}: precision {chosen.precision}: {chosen.reason}"))
 
-    def _found(self, pack: Pack, _report: JobReport) -> ChosenPrecision:
+    def _precision(self, pack: Pack, _report: JobReport) -> ChosenPrecision:
         return codec_of(pack.config).chosen_precision(pack, self._fastest_first)

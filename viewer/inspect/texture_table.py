@@ -43,8 +43,10 @@ def _common_start(names: Sequence[str]) -> str:
 
 
 def short_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names without folders, where they still differ, and without the words that all of them begin or end with; nothing is
-    cut where a name would be empty."""
+    """Return names without the words that all of them begin or end with, and without folders where they still differ.
+
+    Names stay as they are where one of them would become empty.
+    """
     if len(names) < 2:
         return tuple(names)
     files = [name.rpartition("/")[2] for name in names]
@@ -71,11 +73,11 @@ class TextureRow:
     group: int
     """Decoder in the pack; -1 where nothing is decoded."""
     psnr_db: float | None
-    """PSNR of mip 0 in dB, as the encoder measured it."""
+    """PSNR of mip 0 in dB, measured by the encoder."""
     bits_per_texel: float | None
-    """Bits of the latents with all mips, per texel of mip 0 as it was encoded."""
+    """Bits of the latents of all mips, per texel of the encoded mip 0."""
     file_bytes: int | None = None
-    """Bytes of the latents in the file; of a block format, bytes of its blocks."""
+    """Bytes of the latents in the file; in a block format, bytes of the blocks."""
     map_psnr_db: Mapping[MapName, float] = field(default_factory=dict)
     """PSNR of mip 0 in dB of each map of a material set."""
     normal_degrees: float | None = None
@@ -83,9 +85,9 @@ class TextureRow:
     error_share: float | None = None
     """Share of the squared error of the picture, 0 to 1; None where the texture is not in it."""
     short_name: str = ""
-    """Name without what all names of the scene begin or end with."""
+    """Name without the words that all names of the scene begin or end with."""
     gpu_bytes: int | None = None
-    """Bytes of the latents on the GPU, None before the pack is drawn; of a block format, bytes of its blocks."""
+    """Bytes of the latents on the GPU, None before the pack is drawn; in a block format, bytes of the blocks."""
 
     def key(self, column: TextureColumn) -> tuple[int, float | str]:
         """Return the key to sort rows by a column; unknown values come last in ascending order."""
@@ -114,7 +116,7 @@ class TextureRow:
 def texture_rows(
     scene: Scene, pack: Pack | None, match: PackMatch | None, gpu_bytes: Sequence[int] | None
 ) -> tuple[TextureRow, ...]:
-    """Return all textures by id; `gpu_bytes` is of their latents, by texture id."""
+    """Return the rows of all textures by id; `gpu_bytes` has the bytes of their latents on the GPU, by texture id."""
     rows: list[TextureRow] = []
     short = short_names([texture.name for texture in scene.textures])
     for number, texture in enumerate(scene.textures):
@@ -155,7 +157,7 @@ def _by_map(encoded: EncodedTexture) -> dict[MapName, float]:
 
 
 def with_error_shares(rows: Iterable[TextureRow], errors: Sequence[ErrorRow]) -> tuple[TextureRow, ...]:
-    """Return rows with the shares of the squared error of a picture that `errors` of its textures tell."""
+    """Return rows with each texture's share of the squared error of a picture, of which `errors` are the errors by texture."""
     squares = {error.number: error.rmse**2 * error.pixels for error in errors}
     total = sum(squares.values()) or 1.0
     return tuple(
@@ -164,16 +166,16 @@ def with_error_shares(rows: Iterable[TextureRow], errors: Sequence[ErrorRow]) ->
 
 
 def compressed_rows(scene: Scene, compressed: CompressedTextures) -> tuple[TextureRow, ...]:
-    """Return all textures by id in a block format; `bits_per_texel` counts all mips, per texel of mip 0, as for packs."""
+    """Return the rows of all textures by id in a block format; `bits_per_texel` counts all mips, as in packs."""
     return tuple(
         replace(
             row,
-            psnr_db=own.psnr_db,
-            bits_per_texel=8.0 * own.stored_bytes / (row.width * row.height),
-            file_bytes=own.stored_bytes,
-            gpu_bytes=own.stored_bytes,
+            psnr_db=texture.psnr_db,
+            bits_per_texel=8.0 * texture.stored_bytes / (row.width * row.height),
+            file_bytes=texture.stored_bytes,
+            gpu_bytes=texture.stored_bytes,
         )
-        for row, own in zip(texture_rows(scene, None, None, None), compressed.textures, strict=True)
+        for row, texture in zip(texture_rows(scene, None, None, None), compressed.textures, strict=True)
     )
 
 
@@ -191,7 +193,7 @@ def filtered(rows: Iterable[TextureRow], text: str) -> list[TextureRow]:
 
 
 def ordered(rows: Iterable[TextureRow], column: TextureColumn, descending: bool) -> list[TextureRow]:
-    """Return rows sorted by a column; equal ones stay in the order of their ids, unknown values come last either way."""
+    """Return rows sorted by a column. Equal rows stay in the order of their ids; unknown values are always last."""
     if not descending:
         return sorted(rows, key=lambda row: row.key(column))
     known = [row for row in rows if row.key(column)[0] == 0]

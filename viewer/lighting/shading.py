@@ -178,7 +178,9 @@ def shade(samples: SurfaceSamples, sources: LightSources, sun_share: Array | Non
         clear = Reflection(zero, zero, zero + CLEARCOAT_F0, *layer_factors)
         layer = _Lobes.of(clear, coat_normals, samples.views)
         reflected = layer.environment(sources, samples.views) * occlusion + layer.lights(sources, samples, share)
-        radiance = radiance * (1.0 - coat * clearcoat_fresnel(np.clip(dot(coat_normals, samples.views), SMALLEST_COSINE, 1.0)))
+        radiance = radiance * (
+            1.0 - coat * clearcoat_fresnel(np.clip(dot(coat_normals, samples.views), SMALLEST_COSINE, 1.0))
+        )
         radiance = radiance + coat * reflected
     unlit = np.array(samples.unlit or [False] * len(samples.base), bool)[:, None]
     return np.asarray(np.where(unlit, samples.base, radiance))

@@ -27,7 +27,7 @@ from viewer.gl.texture_arrays import TileAtlas
 from viewer.render.frames import FrameResult
 from viewer.render.renderer import Renderer
 from viewer.render.resources import layout
-from viewer.render.resources.tile_cache import cache
+from viewer.render.resources.tile_cache import cache as tile_cache
 from viewer.render.resources.tile_cache.budget import TileCacheConfig, TileCounts
 from viewer.render.resources.tile_cache.cache import PAGE_BYTES
 from viewer.scene.model import Camera, Material, Scene
@@ -217,7 +217,7 @@ def test_more_missing_tiles_than_a_request_can_list(graphics: GraphicsContext, m
     plain = opened(graphics)
     truth = picture(plain)
     monkeypatch.setattr(layout, "MAX_TILE_REQUESTS", 5)
-    monkeypatch.setattr(cache, "MAX_TILE_REQUESTS", 5)
+    monkeypatch.setattr(tile_cache, "MAX_TILE_REQUESTS", 5)
     few = opened(graphics)
     np.testing.assert_allclose(picture(few), truth, atol=ELSEWHERE)
     assert counts(render(few)).waiting == 0
@@ -258,7 +258,7 @@ def test_a_gpu_without_memory_makes_the_cache_smaller(
     needed = counts(render(plain)).decoded
     plain.release()
     # Pages of a layer are so few here that a second layer is asked for, and refused as a driver would.
-    monkeypatch.setattr(cache, "LAYER_PAGES", needed // 2)
+    monkeypatch.setattr(tile_cache, "LAYER_PAGES", needed // 2)
     grow = TileAtlas.grow
     monkeypatch.setattr(TileAtlas, "grow", lambda atlas, layers: grow(atlas, layers) if layers <= 1 else False)
     renderer = opened(graphics)
