@@ -1,4 +1,4 @@
-"""Exports of a scene and a pack for other programs. This module holds the choices only, all that the command line needs."""
+"""Exports of a scene and a pack for other programs. This module holds only the choices, because the command line needs no more."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Formats that decoded mips are stored in, and what is read from them."""
+"""Image formats of exported textures: files made from mips, and the pixels that hardware decodes from them."""
 
 import io
 import struct
@@ -18,18 +18,18 @@ from viewer.scene.images import decode_image
 from viewer.scene.ktx2 import ASTC_BLOCKS, FIRST_ASTC, SIGNATURE, dds_header
 
 DXGI_FORMATS: Final = {("bc1", False): 71, ("bc1", True): 72, ("bc7", False): 98, ("bc7", True): 99}
-"""DXGI_FORMAT by format, and whether colours are sRGB: UNORM or UNORM_SRGB."""
+"""DXGI_FORMAT (UNORM, UNORM_SRGB) by block format and by whether colours are sRGB."""
 ASTC_BYTES: Final = 16
 COLOR_MODEL_ASTC: Final = 162
 LINEAR, SRGB = 1, 2
 """Transfer functions of a data format descriptor (Khronos Data Format 1.3)."""
 UNSPECIFIED, BT709 = 0, 1
-"""Colour primaries of a data format descriptor. EXT_texture_astc demands UNSPECIFIED of data that are not colours."""
+"""Colour primaries of a data format descriptor. EXT_texture_astc demands UNSPECIFIED for data that are not colours."""
 _INDEX: Final = struct.Struct("<9I4I2Q")
 _LEVEL: Final = struct.Struct("<3Q")
 
 Mip = tuple[int, int, bytes]
-"""(width, height, blocks row by row, those over the edge included)."""
+"""Mip of a file: (width, height, blocks row by row, partial edge blocks included)."""
 
 
 def dds(mips: Sequence[Mip], block_format: BlockFormat, srgb: bool) -> bytes:
@@ -40,7 +40,7 @@ def dds(mips: Sequence[Mip], block_format: BlockFormat, srgb: bool) -> bytes:
 
 
 def _descriptor(block: tuple[int, int], srgb: bool) -> bytes:
-    """Data format descriptor of ASTC: one basic block with one sample, as the specification's table has it."""
+    """Return the data format descriptor of ASTC: one basic block with one sample (Khronos Data Format 1.3)."""
     sample = struct.pack("<HBB4BII", 0, 127, 0, 0, 0, 0, 0, 0, 0xFFFFFFFF)
     size = 24 + len(sample)
     colors = (COLOR_MODEL_ASTC, BT709, SRGB, 0) if srgb else (COLOR_MODEL_ASTC, UNSPECIFIED, LINEAR, 0)
@@ -49,7 +49,7 @@ def _descriptor(block: tuple[int, int], srgb: bool) -> bytes:
 
 
 def ktx2_astc(mips: Sequence[Mip], block_format: BlockFormat, srgb: bool) -> bytes:
-    """Return a KTX2 file of ASTC blocks as EXT_texture_astc demands it, without supercompression; `mips` from the largest to 1x1."""
+    """Return a KTX2 file of ASTC blocks after EXT_texture_astc, without supercompression; `mips` from the largest to 1x1."""
     block = block_size(block_format)
     number = FIRST_ASTC + 2 * ASTC_BLOCKS.index(block_format) + int(srgb)
     width, height, _ = mips[0]
@@ -58,7 +58,7 @@ def ktx2_astc(mips: Sequence[Mip], block_format: BlockFormat, srgb: bool) -> byt
     place = first + len(descriptor)
     levels: list[bytes] = []
     parts: list[bytes] = []
-    # The smallest lies first in the file (KTX 2.0, Sec. 3.9), each at a multiple of its block's bytes.
+    # The smallest mip is first in the file (KTX 2.0, Sec. 3.9). Each mip begins at a multiple of the bytes of a block.
     for _, _, data in reversed(mips):
         gap = -place % ASTC_BYTES
         parts += [b"\0" * gap, data]
@@ -69,28 +69,27 @@ def ktx2_astc(mips: Sequence[Mip], block_format: BlockFormat, srgb: bool) -> byt
 
 
 ASTC: BlockFormat = "astc-6x6"
-"""3.56 bits a texel: between BC1 and BC7."""
+"""ASTC format of exports: 3.56 bits per texel, between BC1 and BC7."""
 UASTC_EFFORT = 2
 WITHOUT_RATE_DISTORTION = 100
-"""Quality of UASTC from which nothing is lost to smaller files: below it blocks are made alike, so that they compress better, at
-a loss of up to 10 dB."""
+"""Quality of UASTC without rate-distortion optimisation, which makes blocks alike: smaller files, but a loss of up to 10 dB."""
 ZSTANDARD_LEVEL = 9
 Pixels = NDArray[np.uint8]
 
 
 @dataclass(frozen=True)
 class StoredImage:
-    """An image in a format."""
+    """Image as a file of one format."""
 
     data: bytes
-    """The file."""
+    """Content of the file."""
     read: Pixels
-    """[H, W, 3 or 4]: what hardware reads of its largest mip."""
+    """[H, W, 3 or 4] largest mip, as hardware decodes it."""
 
 
 @dataclass(frozen=True)
 class StoredFormat:
-    """A format of images, and how a glTF texture names one."""
+    """Format of images, and the way in which a glTF texture names such an image."""
 
     suffix: str
     mime_type: str
@@ -98,11 +97,11 @@ class StoredFormat:
     """Extension of the glTF texture; "" where `source` names the image."""
     has_mips: bool
     store: Callable[[Sequence[Pixels], bool], StoredImage]
-    """(mips [H, W, 3 or 4] from the largest on, whether colours are sRGB) -> file. Raises InputError without an encoder."""
+    """Function: (mips [H, W, 3 or 4], the largest first; whether colours are sRGB) -> image. Raises InputError without an encoder."""
 
 
 def _png(mips: Sequence[Pixels], srgb: bool) -> StoredImage:
-    del srgb  # PNGs of glTF tell nothing of it.
+    del srgb  # glTF ignores the colour space of a PNG.
     buffer = io.BytesIO()
     Image.fromarray(mips[0]).save(buffer, "PNG")
     return StoredImage(buffer.getvalue(), mips[0])
@@ -142,14 +141,14 @@ def _rgba(pixels: Pixels) -> Pixels:
 
 
 Compressor = Callable[[Pixels], bytes]
-"""Function: [H, W, 4] -> BC7 blocks, those over the edge padded with the last texels."""
+"""Function: pixels [H, W, 4] -> BC7 blocks; partial edge blocks repeat the last texels."""
 
 
 def _blocks(
     wanted: BlockFormat, compressor: Compressor | None = None
 ) -> Callable[[Sequence[Pixels], bool], StoredImage]:
     def store(mips: Sequence[Pixels], srgb: bool) -> StoredImage:
-        # BC1 would lose coverage.
+        # BC1 has no alpha: images with coverage become BC7.
         block_format: BlockFormat = "bc7" if wanted == "bc1" and mips[0].shape[2] == 4 else wanted
         kind: Literal["srgb", "linear"] = "srgb" if srgb else "linear"
 
@@ -177,8 +176,8 @@ FORMATS: Mapping[ImageFormat, StoredFormat] = {
 
 
 def stored_format(image_format: ImageFormat, compressor: Compressor | None = None) -> StoredFormat:
-    """Return the format; BC7 blocks are those of `compressor`, or of the extra `lab` without one."""
-    found = FORMATS[image_format]
+    """Return a format of FORMATS. `compressor` encodes its BC7 blocks; without one, the encoder of the extra `lab` does."""
+    unchanged = FORMATS[image_format]
     if compressor is None or image_format not in ("bc7", "bc1"):
-        return found
-    return replace(found, store=_blocks(image_format, compressor))
+        return unchanged
+    return replace(unchanged, store=_blocks(image_format, compressor))

@@ -1,4 +1,4 @@
-"""`ntc-viewer export SCENE --pack F --out G.gltf --as FORMAT`: the scene with the images that its pack decodes to."""
+"""Export of a scene with decoded images: `ntc-viewer export SCENE --pack F --out G.gltf --as FORMAT`."""
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -28,13 +28,13 @@ from viewer.scene.images import ProgressReport
 
 Pixels = NDArray[np.uint8]
 LevelDecoder = Callable[[int, int], Pixels]
-"""(texture of the pack, level) -> [h, w, channels] uint8."""
+"""Function: (texture of the pack, mip level) -> pixels [h, w, channels] uint8."""
 OPAQUE = 255
-LEVELS_KEPT = 16
+CACHED_LEVELS = 16
 
 
 def resized(pixels: Pixels, width: int, height: int) -> Pixels:
-    """Return [height, width, C]: `pixels` [H, W, C] averaged over areas."""
+    """Return `pixels` [H, W, C] resized to [height, width, C] by averages over areas."""
     if pixels.shape[:2] == (height, width):
         return pixels
     channels = [
@@ -45,21 +45,21 @@ def resized(pixels: Pixels, width: int, height: int) -> Pixels:
 
 @dataclass(frozen=True)
 class DecodedImage:
-    """An image of the scene: what the pack holds of it decoded, the rest from the original."""
+    """Image of the scene whose channels are decoded where the pack has them, and taken from the original elsewhere."""
 
     pack: Pack
     option: PackedTextureOption
     original: Callable[[], Pixels | None]
-    """[H, W, 3 or 4]; None where there is none."""
+    """Function that reads the original [H, W, 3 or 4]; it returns None where there is none."""
 
     @property
     def srgb(self) -> bool:
-        """True if it holds colours in sRGB."""
+        """True where the image has colours in sRGB."""
         return bool(SRGB_MAPS.intersection(name for _, name in self.option.references))
 
     @property
     def is_normal(self) -> bool:
-        """True if it holds normals, whose z follows from x and y."""
+        """True where the image has normals, whose z is computed from x and y."""
         return any(name == "normal" for _, name in self.option.references)
 
     @property
@@ -69,15 +69,17 @@ class DecodedImage:
         return [0, 1, 2] if self.is_normal else held
 
     def mips(self, decode: LevelDecoder, original: Pixels | None, all_levels: bool) -> list[Pixels]:
-        """Return the largest level that the pack has, or the full pyramid below it: [h, w, 3], or 4 where `original` has alpha.
+        """Return the largest mip of the pack [h, w, 3 or 4] and, with `all_levels`, all mips below it, down to 1x1.
 
-        Levels that the pack lacks are averaged from its smallest one.
+        There are four channels where `original` has alpha. Mips below the pack's smallest one are averages of it.
         """
         layer = self.option.layer
         texture = self.pack.textures[layer]
         levels = texture_levels(texture, self.pack.config)
-        found = [self._composed(decode(layer, number), original) for number in range(len(levels) if all_levels else 1)]
-        return found + self._smaller(found[-1]) if all_levels else found
+        largest_first = [
+            self._composed(decode(layer, number), original) for number in range(len(levels) if all_levels else 1)
+        ]
+        return largest_first + self._smaller(largest_first[-1]) if all_levels else largest_first
 
     def _smaller(self, pixels: Pixels) -> list[Pixels]:
         """Return the mips below `pixels` [h, w, C], down to 1x1."""
@@ -102,35 +104,37 @@ class DecodedImage:
 
 
 def level_decoder(pack: Pack) -> LevelDecoder:
-    """Decodes levels of `pack` on the processor: by libntc where it was built, else by torch."""
+    """Return a decoder of the mips of `pack` on the CPU: libntc where it is built, torch elsewhere."""
 
     @cache
     def twin() -> LevelDecoder:
-        # It takes a second to import.
+        # The import takes a second.
         return codec_of(pack.config).torch_twin(pack, "cpu").decode_image
 
     def decoded(texture: int, level: int) -> Pixels:
         image = native_image(pack, texture, level)
         return twin()(texture, level) if image is None else image
 
-    # A material set is asked for once for each of its images.
-    return lru_cache(LEVELS_KEPT)(decoded)
+    # The cache serves a material set, which is decoded for each of its images.
+    return lru_cache(CACHED_LEVELS)(decoded)
 
 
 @dataclass(frozen=True)
 class ImageLoss:
-    """Losses of one image, over the components that the pack holds of it: PSNR in dB of 8-bit values at the size that the pack has;
-    None where there is no original to compare with, infinite where nothing changed."""
+    """Losses of one image: PSNR in dB of 8-bit values, at the pack's size, over the components that the pack has.
+
+    A PSNR is None where there is no original to compare with, and infinite where nothing changed.
+    """
 
     name: str
     width: int
     height: int
     decoded_db: float | None
-    """PSNR of the pack alone: what was decoded against the original."""
+    """PSNR of the pack alone: decoded pixels against the original."""
     stored_db: float
-    """PSNR of the format alone: what was written against what was decoded."""
+    """PSNR of the format alone: written pixels against decoded ones."""
     both_db: float | None
-    """PSNR of what was written against the original."""
+    """PSNR of pack and format: written pixels against the original."""
     file_bytes: int
 
 
@@ -142,17 +146,17 @@ class ExportedTextures:
     scene_bytes: int
     losses: tuple[ImageLoss, ...]
     kept: int
-    """Images of textures that the pack does not hold: they stay."""
+    """Number of images that stay as they are, because the pack lacks their textures."""
     missing: tuple[str, ...]
 
 
 def _loss(one: Pixels, other: Pixels, components: list[int]) -> float:
-    """PSNR in dB over `components`."""
+    """Return the PSNR in dB over `components`."""
     return psnr_db(one[..., components], other[..., components])
 
 
 class _Storing:
-    """Makes images as they are written, and keeps what they lost. The next one is decoded meanwhile."""
+    """Encoder of images at the time they are written. It records their losses, and decodes the next image meanwhile."""
 
     def __init__(
         self, stored: StoredFormat, decode: LevelDecoder, pool: ThreadPoolExecutor, report: ProgressReport | None
@@ -163,7 +167,7 @@ class _Storing:
         self.losses: list[ImageLoss] = []
 
     def file(self, image: DecodedImage, name: str) -> ImageFile:
-        """Return `image`, to be decoded and stored when it is written."""
+        """Return the file of `image`, which is decoded and encoded when the file is written."""
         place = len(self._images)
         self._images.append(image)
         return ImageFile(f"{name}{self._stored.suffix}", self._stored.mime_type, lambda: self._made(place, name))
@@ -207,10 +211,10 @@ def export_textures(
     report: ProgressReport | None = None,
     compressor: Compressor | None = None,
 ) -> ExportedTextures:
-    """Write the scene at `scene_path` to `out` with the images that the pack at `pack_path` decodes to, in `image_format`.
+    """Write the scene at `scene_path` to `out` with images in `image_format`, decoded from the pack at `pack_path`.
 
-    `compressor` makes BC7 blocks; None: the encoder of the extra `lab`.
-    Raises InputError, and what `report` raises; then no file is there that was not there before.
+    `compressor` encodes BC7 blocks; None takes the encoder of the extra `lab`. Raises InputError, and what `report` raises; then
+    nothing is written.
     """
     opened = open_export(scene_path, (pack_path,), out)
     (packed,) = opened.packs
@@ -232,8 +236,8 @@ def export_textures(
             document.use_extension(stored.extension, required=True)
         document.remove_images(_unused(document))
         written = write_gltf(out, document)
-    kept = len(document.entries("images")) - len(images)
-    return ExportedTextures(out, written, tuple(storing.losses), kept, tuple(document.missing))
+    unchanged = len(document.entries("images")) - len(images)
+    return ExportedTextures(out, written, tuple(storing.losses), unchanged, tuple(document.missing))
 
 
 _Key = tuple[int, int, tuple[int, ...]]
@@ -242,33 +246,33 @@ _Key = tuple[int, int, tuple[int, ...]]
 def _distinct(
     opened: OpenedExport, entries: list[tuple[int, PackedTextureOption]]
 ) -> Mapping[_Key, tuple[DecodedImage, list[int]]]:
-    """Return the images to write with the texture entries that show them, by (image of the file, texture of the pack, channels)."""
-    found: dict[_Key, tuple[DecodedImage, list[int]]] = {}
+    """Return the images to write and the texture entries that show each, by (image of the file, texture of the pack, channels)."""
+    images: dict[_Key, tuple[DecodedImage, list[int]]] = {}
     for number, option in entries:
         key = option.image, option.layer, tuple(option.channels)
-        if key not in found:
+        if key not in images:
             original = partial(image_pixels, opened.file, opened.buffers, option.image)
-            found[key] = DecodedImage(opened.packs[0].pack, option, original), []
-        found[key][1].append(number)
-    return found
+            images[key] = DecodedImage(opened.packs[0].pack, option, original), []
+        images[key][1].append(number)
+    return images
 
 
 def _name_image(texture: dict[str, object], image: int, stored: StoredFormat) -> None:
-    """Let a texture entry show image entry `image` alone."""
+    """Point a texture entry at image entry `image`, and at no other image."""
     extensions = texture.get("extensions")
-    kept = {k: v for k, v in extensions.items() if k not in IMAGE_EXTENSIONS} if isinstance(extensions, dict) else {}
+    further = {k: v for k, v in extensions.items() if k not in IMAGE_EXTENSIONS} if isinstance(extensions, dict) else {}
     texture.pop("source", None)
     texture.pop("extensions", None)
     if stored.extension:
-        kept[stored.extension] = {"source": image}
+        further[stored.extension] = {"source": image}
     else:
         texture["source"] = image
-    if kept:
-        texture["extensions"] = kept
+    if further:
+        texture["extensions"] = further
 
 
 def _unused(document: GltfDocument) -> set[int]:
-    """Image entries that no texture names."""
+    """Return the image entries that no texture names."""
     used: set[int] = set()
     for texture in document.entries("textures"):
         for owner in (texture, *texture.get("extensions", {}).values()):

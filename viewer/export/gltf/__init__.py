@@ -1,1 +1,1 @@
-"""A copy of a scene's glTF file in which textures also name the pack that they are encoded in (NV_texture_swizzle)."""
+"""Export as glTF: a copy of the scene's file whose textures also name the pack that encodes them (NV_texture_swizzle)."""

@@ -1,4 +1,4 @@
-"""The content of a glTF file, to be changed and written again: what is not ours passes through as it is."""
+"""Document of a glTF file that is changed and written again. Everything that an export does not change passes through."""
 
 import copy
 from collections.abc import Callable, Iterable
@@ -17,19 +17,19 @@ from viewer.scene.gltf.packed_textures import PACK_MIME_TYPE, SWIZZLE
 from viewer.scene.images import image_suffix
 
 ALIGNMENT = 4
-"""Bytes: accessors of 32-bit values begin at multiples of it (glTF 2.0, Sec. 3.6.2.4)."""
+"""Alignment in bytes of accessors of 32-bit values (glTF 2.0, Sec. 3.6.2.4)."""
 
 
 @dataclass(frozen=True, eq=False)
 class ImageFile:
-    """An image as a file holds it."""
+    """Image as a file."""
 
     name: str
     """File name."""
     mime_type: str
-    """"" where glTF has none for it."""
+    """MIME type; "" where glTF has none for the format."""
     read: Callable[[], bytes]
-    """Reader of the bytes, called when they are written. Raises InputError."""
+    """Function that returns the bytes. It is called when they are written. Raises InputError."""
 
 
 @dataclass(eq=False)
@@ -37,30 +37,30 @@ class GltfDocument:
     """A glTF file with its buffers and images."""
 
     name: str
-    """Name of the file it was read from, for messages."""
+    """Name of the source file in messages."""
     json: dict[str, Any]
-    """A copy of the whole document."""
+    """Copy of the whole JSON document."""
     buffers: list[NDArray[np.uint8] | None]
-    """Bytes [N] of each buffer; None where it has none: what decompressed views are said to lie in."""
+    """Bytes [N] of each buffer; None where it has none, such as the fallback buffers of compressed views."""
     images: dict[int, ImageFile]
-    """Files to write, by image entry. Images in buffer views are no files."""
+    """Files to write, by image entry. Images in buffer views are not among them."""
     missing: list[str]
-    """Images that could not be read: their entries stay as they are."""
+    """Messages about images that could not be read. Their entries stay as they are."""
 
     def entries(self, key: str) -> list[dict[str, Any]]:
-        """Return a top-level array, made where there is none."""
-        found: list[dict[str, Any]] = self.json.setdefault(key, [])
-        return found
+        """Return the top-level array `key`; it is added where the document has none."""
+        array: list[dict[str, Any]] = self.json.setdefault(key, [])
+        return array
 
     def use_extension(self, name: str, required: bool = False) -> None:
-        """Name an extension among those in use, and where `required` among those that a reader must know."""
+        """Add an extension to those in use and, where `required`, to those that a reader must support."""
         for key in ("extensionsUsed", "extensionsRequired") if required else ("extensionsUsed",):
             names = self.json.setdefault(key, [])
             if name not in names:
                 names.append(name)
 
     def replace_image(self, index: int, file: ImageFile | None) -> None:
-        """Let image entry `index` be `file`, or nothing at all, and let go of the bytes that it had."""
+        """Make `file` the content of image entry `index`, or no content where it is None. The bytes of the old image are removed."""
         entry = self.entries("images")[index]
         view = entry.pop("bufferView", None)
         for key in ("uri", "mimeType"):
@@ -72,12 +72,12 @@ class GltfDocument:
             self.images[index] = file
 
     def remove_images(self, removed: set[int]) -> None:
-        """Take image entries out, with their bytes; textures that named them name no image any more."""
+        """Remove image entries and their bytes, and the references of textures to them."""
         for index in removed:
             self.replace_image(index, None)
-        kept = [index for index in range(len(self.entries("images"))) if index not in removed]
-        places = {index: place for place, index in enumerate(kept)}
-        self.json["images"] = [self.entries("images")[index] for index in kept]
+        remaining = [index for index in range(len(self.entries("images"))) if index not in removed]
+        places = {index: place for place, index in enumerate(remaining)}
+        self.json["images"] = [self.entries("images")[index] for index in remaining]
         self.images = {places[index]: file for index, file in self.images.items()}
         for texture in self.entries("textures"):
             extensions = texture.get("extensions", {})
@@ -91,7 +91,7 @@ class GltfDocument:
                 del extensions[name]
 
     def _release(self, view: int) -> None:
-        """Take the bytes of a buffer view out of its buffer; its entry stays, as others are named by their place."""
+        """Remove the bytes of a buffer view from its buffer. The entry stays, because views are named by their index."""
         entry = self.entries("bufferViews")[view]
         number, data = entry["buffer"], self.buffers[entry["buffer"]]
         if data is None:
@@ -101,14 +101,14 @@ class GltfDocument:
         self.buffers[number] = _compacted(data, ranges)
 
     def _ranges(self) -> Iterable[dict[str, Any]]:
-        """Yield what names a range of a buffer: views, and what they are decompressed from."""
+        """Yield the JSON objects that name a range of a buffer: views, and their compressed sources."""
         for view in self.entries("bufferViews"):
             yield view
             extensions = view.get("extensions", {})
             yield from (extensions[name] for name in MESHOPT_EXTENSIONS if name in extensions)
 
     def merge_buffers(self) -> NDArray[np.uint8]:
-        """Put the bytes of all buffers into the first one, which it returns, as a GLB has it; those without bytes come behind it."""
+        """Merge the bytes of all buffers into the first one, as a GLB needs, and return it; buffers without bytes follow."""
         starts: dict[int, int] = {}
         parts: list[NDArray[np.uint8]] = []
         length = 0
@@ -133,7 +133,7 @@ class GltfDocument:
 
 
 def _compacted(data: NDArray[np.uint8], owners: list[dict[str, Any]]) -> NDArray[np.uint8]:
-    """Return what `owners` name of `data`, each byte once; their offsets become those in the result."""
+    """Return the bytes of `data` that `owners` name, each byte once; the offsets of `owners` are changed to match."""
     owners = sorted(owners, key=lambda owner: owner.get("byteOffset", 0))
     parts: list[NDArray[np.uint8]] = []
     length, end, moved = 0, -1, 0
@@ -155,12 +155,15 @@ def _compacted(data: NDArray[np.uint8], owners: list[dict[str, Any]]) -> NDArray
 
 
 def read_document(file: GltfFile, buffers: Buffers) -> GltfDocument:
-    """Return all that `file` holds and names. Images that cannot be read stay out, and are told. Raises InputError for others."""
-    found: list[NDArray[np.uint8] | None] = []
+    """Return the document of `file` with its buffers and images.
+
+    Images that cannot be read are listed in `missing`. Raises InputError for other unreadable content.
+    """
+    contents: list[NDArray[np.uint8] | None] = []
     for number, entry in enumerate(file.entries("buffers")):
         has_data = "uri" in entry or (number == 0 and file.binary is not None)
-        found.append(buffers.buffer(number) if has_data else None)
-    document = GltfDocument(file.name, copy.deepcopy(dict(file.json)), found, {}, [])
+        contents.append(buffers.buffer(number) if has_data else None)
+    document = GltfDocument(file.name, copy.deepcopy(dict(file.json)), contents, {}, [])
     for index, entry in enumerate(file.entries("images")):
         if "uri" not in entry or entry.get("mimeType") == PACK_MIME_TYPE:
             continue
@@ -176,8 +179,8 @@ def read_document(file: GltfFile, buffers: Buffers) -> GltfDocument:
 
 def _image_file(file: GltfFile, index: int, uri: str, data: bytes) -> ImageFile:
     suffix = image_suffix(data, uri)
-    own = PurePosixPath(uri).name if uri[:5].lower() != "data:" else ""
-    label = file.label(file.entries("images")[index], own or f"image {index}")
+    file_name = PurePosixPath(uri).name if uri[:5].lower() != "data:" else ""
+    label = file.label(file.entries("images")[index], file_name or f"image {index}")
     mime_type = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/webp", ".ktx2": "image/ktx2"}.get(
         suffix, ""
     )
@@ -185,4 +188,4 @@ def _image_file(file: GltfFile, index: int, uri: str, data: bytes) -> ImageFile:
     def read() -> bytes:
         return read_uri(file, uri, f"images[{index}].uri")
 
-    return ImageFile(own or f"{label}{suffix}", mime_type, read)
+    return ImageFile(file_name or f"{label}{suffix}", mime_type, read)

@@ -1,4 +1,4 @@
-"""`ntc-viewer export SCENE --pack F --out G.gltf`: the scene with its pack."""
+"""Export of a scene as glTF with its pack: `ntc-viewer export SCENE --pack F --out G.gltf`."""
 
 import io
 import json
@@ -40,22 +40,22 @@ from viewer.scene.scene_files import PACK_SUFFIX, SCENE_SUFFIXES, scene_file
 from viewer.state.pack_files import match_scene, same_place
 
 LARGEST_GLB = (1 << 32) - 1
-"""Bytes: a GLB tells its length in 32 bits."""
+"""Largest size of a GLB in bytes: its header has 32 bits for the length."""
 GLB_VERSION = 2
 LONGEST_NAME = 120
-"""Letters of a file name that are kept of an image's name."""
+"""Largest number of letters of an image's name in its file name."""
 
 
 def files_folder(out: Path) -> Path:
-    """Return the folder of a .gltf file's buffers and images."""
+    """Return the folder that has the buffers and images of the .gltf file `out`."""
     return out.with_name(f"{out.stem}.files")
 
 
 def write_gltf(out: Path, document: GltfDocument) -> int:
-    """Write `document`, which is changed by it, to the .gltf or .glb file `out`; returns the bytes of all files.
+    """Write `document` to the .gltf or .glb file `out`, and return the bytes of all files. The document is changed.
 
-    Buffers and images of a .gltf go into the folder `files_folder`, which is replaced whole; a .glb holds them itself. Raises
-    InputError where that cannot be written; then all files are as they were.
+    Buffers and images of a .gltf go into the folder `files_folder`, which is replaced as a whole; a .glb contains them. Raises
+    InputError where the files cannot be written; then all files are as they were.
     """
     if out.suffix.lower() == ".glb":
         return _write_glb(out, document)
@@ -81,12 +81,12 @@ def write_gltf(out: Path, document: GltfDocument) -> int:
 
 
 def _take_places(out: Path, made: Path) -> None:
-    """Put the file and the folder that lie in `made` where `out` and its folder are. Whatever is raised, those before are back."""
+    """Move the new file and folder from `made` to the places of `out` and its folder. After an error the old ones are restored."""
     folder, before, content = files_folder(out), made / "before", made / "files"
     if folder.exists():
         folder.rename(before)
     try:
-        # An empty folder would be one more thing to wonder about.
+        # An empty folder is not written.
         if any(content.iterdir()):
             content.rename(folder)
         (made / "scene.gltf").replace(out)
@@ -100,14 +100,16 @@ def _take_places(out: Path, made: Path) -> None:
 
 def _json_bytes(document: GltfDocument) -> bytes:
     for key in [key for key, value in document.json.items() if value == []]:
-        # Arrays that are there must not be empty (glTF 2.0, JSON schema).
+        # glTF forbids empty arrays (glTF 2.0, JSON schema).
         del document.json[key]
     return json.dumps(document.json, ensure_ascii=False, separators=(",", ":")).encode("utf-8", "replace")
 
 
 def _write_files(document: GltfDocument, folder: Path, name: str) -> int:
-    """Write buffers and images into `folder`, which is to be called `name`, and name them in the document; returns their bytes.
-    Raises OSError and InputError."""
+    """Write buffers and images into `folder`, name them in the document as files of a folder `name`, and return their bytes.
+
+    Raises OSError and InputError.
+    """
     taken: set[str] = set()
     byte_count = 0
 
@@ -133,7 +135,7 @@ def _write_files(document: GltfDocument, folder: Path, name: str) -> int:
 
 
 def _free_name(wanted: str, taken: set[str]) -> str:
-    """Return `wanted` as a file name that every system takes, with a number where another file has it; `taken` grows by it."""
+    """Return `wanted` as a file name that is valid on every system, numbered where it is in `taken`; it is added to `taken`."""
     name = re.sub(r'[\x00-\x1f<>:"/\\|?*]', "_", wanted).strip(" .") or "file"
     stem, dot, suffix = name.rpartition(".")
     stem, suffix = (stem[:LONGEST_NAME], f".{suffix[:10]}") if dot else (name[:LONGEST_NAME], "")
@@ -150,7 +152,7 @@ def _write_glb(out: Path, document: GltfDocument) -> int:
     views = document.entries("bufferViews")
     for index, image in document.images.items():
         if not image.mime_type:
-            problem = f"{image.name} is no image that a .glb can hold (PNG, JPEG, WebP, KTX2); write a .gltf"
+            problem = f"{image.name} is not an image that a .glb can hold (PNG, JPEG, WebP, KTX2); write a .gltf"
             raise InputError(f"{out}: {problem}")
         data = np.frombuffer(image.read(), np.uint8)
         entry = document.entries("images")[index]
@@ -176,11 +178,11 @@ def _write_glb(out: Path, document: GltfDocument) -> int:
 
 
 JPEG_QUALITY = 90
-"""Quality of libjpeg, without subsampling of colour: normals and roughness are no colours."""
+"""Quality of libjpeg. Colour is not subsampled, because normals and roughness are not colours."""
 
 
 def replaceable_images(document: GltfDocument, textures: set[int]) -> tuple[int, ...]:
-    """Image entries that the texture entries `textures` alone read: a pack holds all of them."""
+    """Return the image entries that only the texture entries `textures` read."""
     entries = document.entries("textures")
     wanted = {index for number in textures for index in _images_of(entries[number])}
     others = {index for number, entry in enumerate(entries) if number not in textures for index in _images_of(entry)}
@@ -195,10 +197,10 @@ def _images_of(texture: dict[str, Any]) -> set[int]:
 
 @dataclass(frozen=True, eq=False)
 class OpenedExport:
-    """Scene and pack that an exporter of glTF works on."""
+    """Scene and packs opened for an export as glTF."""
 
     file: GltfFile
-    """File as it was read; images that only a pack holds are entries too."""
+    """File as it was read, with entries for images that only a pack has."""
     buffers: Buffers
     """Buffers of `file`, each read once."""
     scene: Scene
@@ -208,7 +210,7 @@ class OpenedExport:
 
 
 def apply_fallback(opened: OpenedExport, textures: set[int], fallback: Fallback) -> int:
-    """Replace the images of the texture entries `textures`, which a pack holds whole; returns how many were replaced.
+    """Replace the images of the texture entries `textures`, which a pack holds completely, and return the number of replaced images.
 
     Raises InputError for images that cannot be read, and for KTX2 without its encoder.
     """
@@ -223,18 +225,18 @@ def apply_fallback(opened: OpenedExport, textures: set[int], fallback: Fallback)
         return _replace_by_ktx2(opened, images)
     replaced = 0
     for index in images:
-        found = _as_jpeg(file, buffers, index)
-        if found is not None:
-            document.replace_image(index, found)
+        file_as_jpeg = _as_jpeg(file, buffers, index)
+        if file_as_jpeg is not None:
+            document.replace_image(index, file_as_jpeg)
             replaced += 1
     return replaced
 
 
 def _as_jpeg(file: GltfFile, buffers: Buffers, index: int) -> ImageFile | None:
-    """Image entry `index` as JPEG; None where that cannot hold it."""
+    """Return image entry `index` as JPEG; None where JPEG cannot store it."""
     name = file.label(file.entries("images")[index], f"image {index}")
     pixels = decode_image(image_bytes(file, buffers, index), f"{file.name}: images[{index}]")
-    # JPEG has no alpha, and could make one colour of an image that has hardly more.
+    # JPEG has no alpha, and may turn an image with small differences into a constant one.
     if pixels.shape[2] != 3:
         return None
     data = jpeg(pixels)
@@ -244,7 +246,7 @@ def _as_jpeg(file: GltfFile, buffers: Buffers, index: int) -> ImageFile | None:
 
 
 def _replace_by_ktx2(opened: OpenedExport, images: tuple[int, ...]) -> int:
-    """Let `images` be Basis Universal in KTX2, which textures name by its extension alone; returns how many there are."""
+    """Replace `images` by Basis Universal in KTX2, which textures name only by the extension, and return their number."""
     document, stored = opened.document, FORMATS["ktx2"]
     colors = {
         option.image
@@ -273,7 +275,7 @@ def _same(data: bytes) -> bytes:
 
 
 def image_pixels(file: GltfFile, buffers: Buffers, index: int) -> NDArray[np.uint8] | None:
-    """Return [H, W, 3 or 4] of image entry `index`; None where it cannot be read, or lies in a pack alone."""
+    """Return the pixels [H, W, 3 or 4] of image entry `index`; None where it cannot be read or only a pack has it."""
     try:
         return decode_image(image_bytes(file, buffers, index), f"{file.name}: images[{index}]")
     except InputError:
@@ -288,7 +290,7 @@ def jpeg(pixels: NDArray[np.uint8]) -> bytes:
 
 
 def check_out(out: Path, scene: Path) -> None:
-    """Raises InputError for a file that is no glTF by its name, and for the scene itself."""
+    """Check the output file. Raises InputError where its name is not that of a glTF file, and where it is the scene itself."""
     if out.suffix.lower() not in SCENE_SUFFIXES:
         raise InputError(f"--out {out}: name a {' or '.join(SCENE_SUFFIXES)} file")
     if out.is_dir() or (files_folder(out).exists() and not files_folder(out).is_dir()):
@@ -302,9 +304,10 @@ def check_out(out: Path, scene: Path) -> None:
 def open_export(
     scene_path: Path, pack_paths: Sequence[Path], out: Path, report: ProgressReport | None = None
 ) -> OpenedExport:
-    """Open the scene at `scene_path` with the packs at `pack_paths`, to be written to `out`.
+    """Open the scene at `scene_path` with the packs at `pack_paths` for an export to `out`.
 
-    Raises InputError for what cannot be read, for a pack of another scene and for an `out` that will not do; what `report` raises.
+    Raises InputError for unreadable files, for a pack of another scene and for an unusable `out` (`check_out`), and what `report`
+    raises.
     """
     scene_path = scene_file(scene_path)
     check_out(out, scene_path)
@@ -332,34 +335,35 @@ class ExportedScene:
     out: Path
     pack: Path
     scene_bytes: int
-    """The glTF file with its buffers and images."""
+    """Bytes of the glTF file with its buffers and images."""
     pack_bytes: int
     textures: int
-    """Textures of the scene that the pack holds."""
+    """Number of the scene's textures that the pack holds."""
     of_textures: int
+    """Number of the scene's textures."""
     replaced: int
-    """Images that were replaced or left out."""
+    """Number of images that were replaced or left out."""
     missing: tuple[str, ...]
-    """Images that could not be read."""
+    """Messages about images that could not be read."""
 
 
 def exported_pack_path(out: Path, pack: Pack) -> Path:
-    """Return where the pack of an exported scene lies: beside it, so that it is also found by its name."""
+    """Return the path of the pack of an exported scene: beside the scene, under the name by which the viewer opens it."""
     return out.with_name(f"{out.stem}.{pack.grouping.name}{PACK_SUFFIX}")
 
 
 def export_gltf(
     scene_path: Path, pack_path: Path, out: Path, fallback: Fallback, report: ProgressReport | None = None
 ) -> ExportedScene:
-    """Write the scene at `scene_path` to `out`, its textures also naming the pack at `pack_path`, which is put beside it.
+    """Write the scene at `scene_path` to `out`, whose textures also name the pack at `pack_path`, and copy the pack beside it.
 
-    Raises InputError, and what `report` raises; then no file is there that was not there before.
+    Raises InputError, and what `report` raises; then nothing is written.
     """
     opened = open_export(scene_path, (pack_path,), out, report)
     document, (packed,) = opened.document, opened.packs
     whole = held_whole(opened.file, opened.scene, packed.options)
     replaced = apply_fallback(opened, whole, fallback)
-    # Where it lies beside the new file already, it is not copied.
+    # A pack that already lies beside the new file is not copied.
     beside = same_place(pack_path.parent, out.parent) and pack_path.exists()
     target = pack_path if beside else exported_pack_path(out, packed.pack)
     add_options(document, opened.packs, (quote(target.name),))

@@ -1,4 +1,4 @@
-"""Textures of a pack, and their channels, that stand for the textures of a glTF file."""
+"""Packed textures of a glTF file: the pack's textures and channels that replace its texture entries (NV_texture_swizzle)."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -26,38 +26,39 @@ TEXTURE_PLACES: Mapping[MapName, tuple[tuple[str, ...], ...]] = {
     "emissive": (("emissiveTexture",),),
     "occlusion": (("occlusionTexture",),),
 }
-"""Places where a material names the texture of each map (glTF 2.0, Sec. 3.9); of several places the last one that is there."""
+"""Places where a material may name the texture of each map (glTF 2.0, Sec. 3.9). The last place that exists is valid."""
 
 
 @dataclass(eq=False)
 class PackedTextureOption:
-    """A texture of the pack that stands for a texture entry of the file, in some materials."""
+    """Packed texture that replaces a texture entry of the file, in some materials."""
 
     image: int
-    """Index of the file's image that it stands for, as the viewer chooses it."""
+    """Index of the file's image that is replaced, as the viewer chooses it."""
     layer: int
+    """Index of the texture in the pack."""
     channels: list[int] = field(default_factory=lambda: [NO_CHANNEL] * 4)
     """Channel of the pack's texture for each component of the glTF texture."""
     references: list[tuple[int, MapName]] = field(default_factory=list)
-    """(material, map) that read it."""
+    """(material, map) pairs that read the texture."""
 
 
 def _channels(texture: EncodedTexture, name: MapName) -> dict[int, int]:
     """Return the channel of `texture` for each component of the glTF texture that holds map `name`."""
     place = map_slices(texture.maps, texture.channels)[name]
-    own = range(place.start, place.stop)
+    channels = range(place.start, place.stop)
     if name != "base":
-        return dict(zip(CHANNELS[name], own, strict=True))
+        return dict(zip(CHANNELS[name], channels, strict=True))
     # One or two channels are grey, with alpha last.
-    colors = list(own[:3]) if len(own) >= 3 else [own[0]] * 3
-    alpha = [texture.channels - 1] if "alpha" in texture.maps else [own[-1]] if len(own) in (2, 4) else []
+    colors = list(channels[:3]) if len(channels) >= 3 else [channels[0]] * 3
+    alpha = [texture.channels - 1] if "alpha" in texture.maps else [channels[-1]] if len(channels) in (2, 4) else []
     return dict(enumerate([*colors, *alpha]))
 
 
 def _packed_maps(
     scene: Scene, sources: tuple[MaterialSource, ...]
 ) -> Iterator[tuple[int, MapName, TextureReference, int]]:
-    """Yield (material, map, its reference in the file, texture of the scene) of all maps that textures of the scene hold."""
+    """Yield (material, map, reference in the file, texture of the scene) of each map that a texture of the scene contains."""
     for number, (material, source) in enumerate(zip(scene.materials, sources, strict=False)):
         for name, reference in source.maps.items():
             plane = material.plane(PLANE_OF_MAP[name])
@@ -68,13 +69,13 @@ def _packed_maps(
 def packed_options(
     file: GltfFile, scene: Scene, pack: Pack, layers: tuple[int, ...]
 ) -> dict[int, list[PackedTextureOption]]:
-    """Return the textures of `pack` that stand for each texture entry of `file`. `layers`: by texture of `scene`, or -1."""
-    found: dict[int, list[PackedTextureOption]] = {}
+    """Return the packed textures by texture entry of `file`. `layers`: texture of `pack` by texture of `scene`, -1 for none."""
+    options_of_entries: dict[int, list[PackedTextureOption]] = {}
     for material, name, reference, texture_id in _packed_maps(scene, read_materials(file, ReportNotes())):
         layer = layers[texture_id]
         if layer < 0 or name not in pack.textures[layer].maps:
             continue
-        options = found.setdefault(reference.texture, [])
+        options = options_of_entries.setdefault(reference.texture, [])
         option = next((each for each in options if each.layer == layer), None)
         if option is None:
             option = PackedTextureOption(reference.image, layer)
@@ -82,12 +83,14 @@ def packed_options(
         for component, channel in _channels(pack.textures[layer], name).items():
             option.channels[component] = channel
         option.references.append((material, name))
-    return found
+    return options_of_entries
 
 
 def held_whole(file: GltfFile, scene: Scene, options: Mapping[int, list[PackedTextureOption]]) -> set[int]:
-    """Texture entries of which the pack holds all that materials read: no alpha, and no map that became a factor."""
-    held = {reference for found in options.values() for option in found for reference in option.references}
+    """Return the texture entries of which the pack has every map that materials read: none has alpha or a map that became a factor."""
+    held = {
+        reference for entry_options in options.values() for option in entry_options for reference in option.references
+    }
     whole = set(options)
     sources = read_materials(file, ReportNotes())
     for number, (material, source) in enumerate(zip(scene.materials, sources, strict=False)):
@@ -101,18 +104,18 @@ def held_whole(file: GltfFile, scene: Scene, options: Mapping[int, list[PackedTe
 
 @dataclass(frozen=True, eq=False)
 class PackOptions:
-    """A pack of the scene, and where its textures stand for those of the file."""
+    """Pack of the scene, and the texture entries of the file that its textures replace."""
 
     pack: Pack
     match: PackMatch
     options: Mapping[int, list[PackedTextureOption]]
-    """Textures of the pack that stand for each texture entry of the file."""
+    """Packed textures by texture entry of the file."""
 
 
 def add_options(document: GltfDocument, packs: Sequence[PackOptions], uris: Sequence[str]) -> None:
-    """Name `packs`, which lie at `uris`, beside the images of the document's textures, the first one first.
+    """Add `packs`, which lie at `uris`, as options to the texture entries of the document, in this order.
 
-    A texture entry that several textures of a pack stand for, in different materials, becomes several.
+    A texture entry that different materials read from different textures of a pack becomes several entries.
     """
     images, textures = document.entries("images"), document.entries("textures")
     first = len(images)
@@ -141,9 +144,9 @@ _Options = tuple[PackedTextureOption | None, ...]
 def separate_entries(
     document: GltfDocument, packs: Sequence[Mapping[int, list[PackedTextureOption]]]
 ) -> list[tuple[int, _Options]]:
-    """Return (texture entry, its option of each pack): an entry with several of a pack, in different materials, becomes several."""
+    """Return (texture entry, its option in each pack). An entry with several options of one pack becomes several entries."""
     textures = document.entries("textures")
-    found: list[tuple[int, _Options]] = []
+    entries: list[tuple[int, _Options]] = []
     for number in dict.fromkeys(chain.from_iterable(packs)):
         plain = dict(textures[number])
         for place, (options, references) in enumerate(_uses(packs, number).items()):
@@ -153,48 +156,48 @@ def separate_entries(
                 textures.append(dict(plain))
                 for material, name in references:
                     _texture_info(document.entries("materials")[material], name)["index"] = target
-            found.append((target, options))
-    return found
+            entries.append((target, options))
+    return entries
 
 
 def _uses(
     packs: Sequence[Mapping[int, list[PackedTextureOption]]], number: int
 ) -> dict[_Options, list[tuple[int, MapName]]]:
-    """Return the (material, map) that read texture entry `number`, by the option that each pack has there."""
+    """Return the (material, map) pairs that read texture entry `number`, by their option in each pack."""
 
     def place(reference: tuple[int, MapName]) -> tuple[int, tuple[tuple[str, ...], ...]]:
         # Maps at one place of a material read one entry.
         return reference[0], TEXTURE_PLACES[reference[1]]
 
-    found: dict[_Options, list[tuple[int, MapName]]] = {}
+    uses: dict[_Options, list[tuple[int, MapName]]] = {}
     options = [pack.get(number, []) for pack in packs]
     for reference in dict.fromkeys(chain.from_iterable(own.references for own in chain.from_iterable(options))):
         here = place(reference)
         key = tuple(next((own for own in each if here in map(place, own.references)), None) for each in options)
-        found.setdefault(key, []).append(reference)
-    return found
+        uses.setdefault(key, []).append(reference)
+    return uses
 
 
 def remove_packs(document: GltfDocument) -> None:
-    """Take out what an earlier export said of packs."""
+    """Remove the packs of an earlier export from the document."""
     packs = {n for n, image in enumerate(document.entries("images")) if image.get("mimeType") == PACK_MIME_TYPE}
     for texture in document.entries("textures"):
         extension = texture.get("extensions", {}).get(SWIZZLE)
         if extension is not None:
-            kept = [option for option in extension.get("options", []) if option["source"] not in packs]
+            remaining = [option for option in extension.get("options", []) if option["source"] not in packs]
             texture["extensions"].pop(SWIZZLE)
-            if kept:
-                texture["extensions"][SWIZZLE] = {"options": kept}
+            if remaining:
+                texture["extensions"][SWIZZLE] = {"options": remaining}
     document.remove_images(packs)
 
 
 def _texture_info(material: dict[str, Any], name: MapName) -> dict[str, Any]:
-    """Return the place where `material` names the texture of a map."""
-    found: dict[str, Any] = {}
+    """Return the JSON object in which `material` names the texture of a map."""
+    info: dict[str, Any] = {}
     for place in TEXTURE_PLACES[name]:
         owner: Any = material
         for key in place:
             owner = owner.get(key) if isinstance(owner, dict) else None
         if isinstance(owner, dict):
-            found = owner
-    return found
+            info = owner
+    return info

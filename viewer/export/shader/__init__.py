@@ -1,1 +1,1 @@
-"""`export --shader`: the decoder of a pack as source for other programs, made from the viewer's own shaders."""
+"""Export of a pack's decoder as source for other programs (`export --shader`), translated from the viewer's shaders."""

@@ -1,4 +1,4 @@
-"""Writes `syntax` as source of languages that look like C. What differs from GLSL is for each language to say."""
+"""Writer of a syntax tree as GLSL, and base of the writers of other languages, which override what differs from GLSL."""
 
 from collections.abc import Iterable, Sequence
 
@@ -36,19 +36,19 @@ INDENT = "    "
 
 
 class CLikeWriter:
-    """GLSL 4.30, as it was read."""
+    """Writer of GLSL 4.30."""
 
     def type_name(self, kind: Type) -> str:
-        """Name of a type, the length of an array left out."""
+        """Return the name of a type, without the length of an array."""
         return kind.name
 
     def declared(self, kind: Type, name: str) -> str:
-        """Type and name of a variable, a field or a parameter."""
+        """Return type and name of a variable, a field or a parameter."""
         count = f"[{self.expression(kind.count)}]" if kind.count is not None else ""
         return f"{self.type_name(kind)} {name}{count}"
 
     def expression(self, value: Expression) -> str:
-        """Source of a value."""
+        """Return the source of an expression."""
         match value:
             case Number():
                 return self.number(value)
@@ -94,7 +94,7 @@ class CLikeWriter:
         return f"{value.function}({', '.join(arguments)})"
 
     def relation(self, value: Builtin, operator: str) -> str:
-        """Two vectors compared by an operator, for languages where that gives a vector."""
+        """Return the comparison of two vectors by an operator, in languages where it gives a vector."""
         parts = [
             f"({self.expression(part)})" if isinstance(part, Binary) else self.expression(part)
             for part in value.arguments
@@ -106,7 +106,7 @@ class CLikeWriter:
         return f"{self.type_name(value.type)}({', '.join(arguments)})"
 
     def binary(self, value: Binary) -> str:
-        """Two values joined."""
+        """Return a binary expression."""
         return f"{self.expression(value.left)} {value.operator} {self.expression(value.right)}"
 
     def choice(self, value: Choice) -> str:
@@ -115,7 +115,7 @@ class CLikeWriter:
         return "{} ? {} : {}".format(*parts)
 
     def statement(self, statement: Statement) -> list[str]:
-        """Lines of a statement, comments left out."""
+        """Return the lines of a statement, without comments."""
         match statement:
             case Declare():
                 return [f"{self.variable(statement)};"]
@@ -140,7 +140,7 @@ class CLikeWriter:
                 return self.repeat(self.body(statement.body), self.expression(statement.condition))
 
     def repeat(self, body: list[str], condition: str) -> list[str]:
-        """Lines of a loop that runs `body` once, and then again while `condition` holds."""
+        """Return the lines of a loop that runs `body` once, and then again while `condition` holds."""
         return ["do {", *body, f"}} while ({condition});"]
 
     def variable(self, declaration: Declare) -> str:
@@ -154,17 +154,17 @@ class CLikeWriter:
         return self.variable(declaration)
 
     def assignment(self, statement: Assign) -> str:
-        """Return a change of a variable."""
+        """Return an assignment."""
         if statement.operator == "+=" and statement.value == Number(statement.target.type, "1"):
             return f"++{self.expression(statement.target)}"
         return f"{self.expression(statement.target)} {statement.operator} {self.expression(statement.value)}"
 
     def body(self, statements: Iterable[Statement]) -> list[str]:
-        """Lines of what stands in braces."""
+        """Return the lines between braces."""
         lines: list[str] = []
         for statement in statements:
-            own = with_comments(self.statement(statement), statement.comments)
-            lines += [f"{INDENT}{line}" if line else "" for line in own]
+            lines_of_statement = with_comments(self.statement(statement), statement.comments)
+            lines += [f"{INDENT}{line}" if line else "" for line in lines_of_statement]
         return lines
 
     def parameter(self, parameter: Parameter) -> str:
@@ -178,7 +178,7 @@ class CLikeWriter:
         return f"{self.type_name(function.type)} {function.name}({parameters})"
 
     def function(self, function: Function) -> list[str]:
-        """Lines of a function."""
+        """Return the lines of a function."""
         return [f"{self.heading(function)} {{", *self.body(function.body), "}"]
 
     def field(self, kind: Type, name: str) -> str:
@@ -186,19 +186,19 @@ class CLikeWriter:
         return f"{self.declared(kind, name)};"
 
     def struct(self, struct: Struct) -> list[str]:
-        """Lines of a struct."""
+        """Return the lines of a struct."""
         lines = [f"struct {struct.name} {{"]
-        for own in struct.fields:
-            written = with_comments([self.field(own.type, own.name)], own.comments)
+        for struct_field in struct.fields:
+            written = with_comments([self.field(struct_field.type, struct_field.name)], struct_field.comments)
             lines += [f"{INDENT}{line}" for line in written]
         return [*lines, "};"]
 
     def constant(self, declaration: Declare) -> list[str]:
-        """Lines of a constant outside functions."""
+        """Return the lines of a constant outside functions."""
         return self.statement(declaration)
 
     def item(self, item: Item) -> list[str]:
-        """Lines of what stands outside functions."""
+        """Return the lines of a constant, a struct or a function."""
         match item:
             case Declare():
                 return self.constant(item)
@@ -208,20 +208,20 @@ class CLikeWriter:
                 return self.function(item)
 
     def items(self, items: Iterable[Item]) -> str:
-        """Return all items, with their comments; a line is left free between those that take several."""
+        """Return the source of all items with their comments; an empty line separates items, except successive constants."""
         lines: list[str] = []
         before: Item | None = None
         for item in items:
-            own = with_comments(self.item(item), item.comments)
+            lines_of_item = with_comments(self.item(item), item.comments)
             if before is not None and not (isinstance(item, Declare) and isinstance(before, Declare)):
                 lines.append("")
-            lines += own
+            lines += lines_of_item
             before = item
         return "\n".join(lines) + "\n"
 
 
 def with_comments(lines: list[str], comments: Comments) -> list[str]:
-    """Return `lines` of source with what is said of them."""
+    """Return `lines` of source with the comments above them and behind the last one."""
     above = [f"// {comment}".rstrip() for comment in comments.above]
     if comments.behind:
         lines = [*lines[:-1], f"{lines[-1]}  // {comments.behind}"]

@@ -1,4 +1,4 @@
-"""C++ 17 for CPUs, and CUDA for NVIDIA's GPUs: one source for both."""
+"""Writer of C++ 17 for CPUs and of CUDA for NVIDIA's GPUs: both compile the same source."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -18,13 +18,13 @@ from viewer.export.shader.syntax import (
     walk,
 )
 
-# `min` and `max` are macros where the headers of Windows have been read.
+# `min` and `max` are macros in the headers of Windows.
 _FUNCTIONS: Final = {"roundEven": "round_even", "bitCount": "bit_count", "min": "smaller", "max": "larger"}
 _BITS: Final = {"floatBitsToUint": "float_bits_to_uint", "uintBitsToFloat": "uint_bits_to_float"}
 
 
 class CppWriter(CLikeWriter):
-    """Members of a struct that holds the words of the pack's data."""
+    """Writer of C++: items become members of a struct that holds the words of the pack's data."""
 
     def number(self, value: Number) -> str:
         """Return a number."""
@@ -38,7 +38,7 @@ class CppWriter(CLikeWriter):
         kind = self.type_name(vector(value.base.type.scalar, len(value.name)))
         if isinstance(value.base, Name):
             return f"{kind}({', '.join(f'{base}.{component}' for component in value.name)})"
-        # Its first components.
+        # A constructor of a shorter vector takes the first components.
         return f"{kind}{base}"
 
     def builtin(self, value: Builtin, arguments: Sequence[str]) -> str:
@@ -54,7 +54,7 @@ class CppWriter(CLikeWriter):
         return super().construct(value, arguments)
 
     def parameter(self, parameter: Parameter) -> str:
-        """Return a parameter. Arrays are given by their address."""
+        """Return a parameter. Arrays are passed by address."""
         if parameter.type.count is not None:
             return f"{'' if parameter.is_reference else 'const '}{self.declared(parameter.type, parameter.name)}"
         if parameter.is_reference:
@@ -62,12 +62,13 @@ class CppWriter(CLikeWriter):
         return super().parameter(parameter)
 
     def heading(self, function: Function) -> str:
-        """Return the first line of a function. Parameters that it does not read have no name, so that compilers do not warn of
-        them."""
+        """Return the first line of a function. Unused parameters have no name, because compilers warn about them otherwise."""
         read = {node.name for node in walk(function.body) if isinstance(node, Name)}
         parameters = [
-            self.parameter(own) if own.name in read else f"{self.type_name(own.type)} /* {own.name} */"
-            for own in function.parameters
+            self.parameter(parameter)
+            if parameter.name in read
+            else f"{self.type_name(parameter.type)} /* {parameter.name} */"
+            for parameter in function.parameters
         ]
         return f"NTC_FUNCTION {self.type_name(function.type)} {function.name}({', '.join(parameters)}) const"
 
@@ -76,5 +77,5 @@ class CppWriter(CLikeWriter):
         return [f"static {line.replace('const', 'constexpr', 1)}" for line in super().constant(declaration)]
 
     def item(self, item: Item) -> list[str]:
-        """Lines of a member of the struct."""
+        """Return the lines of a member of the struct."""
         return [f"{INDENT}{line}" if line else "" for line in super().item(item)]

@@ -1,4 +1,4 @@
-"""The decoder of a pack as items of source: what all its planes share once, and the functions of each plane by its name."""
+"""The decoder of a pack as items of source. Items that are equal in all planes are written once, the others for each plane."""
 
 import zlib
 from collections.abc import Callable
@@ -19,12 +19,12 @@ def planes_of(pack: Pack) -> tuple[Plane, ...]:
 
 
 def codec_number(pack: Pack) -> int:
-    """Return a number that decoders for other codecs, sizes and packings do not have: their sum (CRC-32)."""
+    """Return the checksum (CRC-32) of the decoding source, which tells codecs, sizes and packings apart."""
     return zlib.crc32("\n".join(decoding_source(pack, plane) for plane in planes_of(pack)).encode())
 
 
 def prefixed(name: str) -> str:
-    """Return a name of something outside functions, told apart from those of the program that it goes into."""
+    """Return the name of an item with the prefix of the library, so that it cannot collide with names of the including program."""
     if name.isupper():
         return f"{PREFIX.upper()}_{name}"
     return f"{PREFIX.title()}{name}" if name[0].isupper() else f"{PREFIX}_{name}"
@@ -37,26 +37,26 @@ def _of_plane(name: str, plane: Plane) -> str:
 
 
 def _differing(versions: list[dict[str, Item]]) -> set[str]:
-    """Return the names of what is not the same in all versions, or takes what is not; the entry is each version's own."""
+    """Return the names of the items that differ between versions, or use an item that does. The entry always differs."""
     names = {name for version in versions for name in version}
-    found = {ENTRY}
-    found |= {name for name in names if len({version[name] for version in versions if name in version}) > 1}
+    differing = {ENTRY}
+    differing |= {name for name in names if len({version[name] for version in versions if name in version}) > 1}
     while True:
         more = {
             name
             for version in versions
             for name, item in version.items()
-            if name not in found and not found.isdisjoint(names_used(item))
+            if name not in differing and not differing.isdisjoint(names_used(item))
         }
         if not more:
-            return found
-        found |= more
+            return differing
+        differing |= more
 
 
 def decoder_items(pack: Pack, rename: Callable[[str], str]) -> tuple[Item, ...]:
-    """Constants, structs and functions in an order in which each is known before it is used; `decode_PLANE` decodes a plane.
+    """Return constants, structs and functions, each before its first use; function `decode_PLANE` decodes a plane.
 
-    `rename` gives the name by which something outside functions is called.
+    `rename` returns the written name of an item.
     """
     planes = planes_of(pack)
     parsed = [parse(decoding_source(pack, plane), STORED, ENTRY) for plane in planes]

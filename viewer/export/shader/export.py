@@ -1,4 +1,4 @@
-"""`export --shader`: writes the folder of a decoder."""
+"""Folder of an exported decoder (`export --shader`): source, data, layout, and a reference program."""
 
 import json
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ def _struct(name: str, record: np.dtype) -> list[str]:
 
 
 def layout_header(pack: Pack, heading: Heading) -> str:
-    """Return a C header: the words of the header, the records, and how many numbers a decoder and an adapter have."""
+    """Return a C header with the data's layout: words of its header, records, and blocks per decoder and adapter."""
     tables = codec_of(pack.config).gpu_tables(pack.config)
     lines = [
         f"/* Layout of ntc_pack.bin, the data of {heading.pack}: made by ntc-viewer export --shader; do not edit.",
@@ -82,7 +82,7 @@ class ExportedDecoder:
     """Summary of an exported decoder."""
 
     files: dict[str, int]
-    """Bytes by name."""
+    """Bytes of each file, by name."""
 
 
 def _texture(number: int, texture: EncodedTexture, pack: Pack) -> dict[str, Any]:
@@ -100,10 +100,10 @@ def _texture(number: int, texture: EncodedTexture, pack: Pack) -> dict[str, Any]
 
 
 def _program(pack: Pack, cpp: str) -> str:
-    """Return the reference program for the planes that the codec has."""
+    """Return the reference program with the planes of the codec."""
     calls = "\n".join(
         f'    if (plane == "{plane}") {{\n'
-        f"        found = decoder.decode_{plane}(texture, uv, lod, wrap);\n"
+        f"        value = decoder.decode_{plane}(texture, uv, lod, wrap);\n"
         "        return true;\n"
         "    }"
         for plane in planes_of(pack)
@@ -113,11 +113,11 @@ def _program(pack: Pack, cpp: str) -> str:
 
 
 def export_decoder(pack: Pack, language: ShaderLanguage, destination: Path) -> ExportedDecoder:
-    """Write into the folder `destination` the decoder of `pack` in `language`, its data, and a program in C++ that uses both.
+    """Write the decoder of `pack` in `language` into the folder `destination`, with its data and a C++ program that uses both.
 
-    All or nothing. Raises InputError where the folder cannot be written.
+    All files are written, or none. Raises InputError where the folder cannot be written.
     """
-    # Without its folders: what is written goes to others, and is the same wherever the pack lies.
+    # The pack is named without folders: the files go to others, and do not depend on where the pack lies.
     heading = Heading(printable(Path(pack.name).name), codec_number(pack))
     cpp = FILES["cuda"] if language == "cuda" else CPP_FILE
     textures = [_texture(number, texture, pack) for number, texture in enumerate(pack.textures)]

@@ -1,4 +1,4 @@
-"""HLSL of shader model 5 and later, for the compilers of Microsoft (FXC, DXC) and glslang alike."""
+"""Writer of HLSL, shader model 5 and later, for the compilers FXC, DXC and glslang."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -16,7 +16,7 @@ _FUNCTIONS: Final = {
 }
 _RELATIONS: Final = {"equal": "==", "notEqual": "!=", "greaterThan": ">"}
 CHOSEN: Final = "ntc_chosen"
-"""Takes components of its second argument where the third is true: `select` exists in newer compilers only."""
+"""Function that takes components of its second argument where the third is true; `select` exists in newer compilers only."""
 SUPPORT: Final = "\n".join(
     [
         "// Components of `second` where `choice` is true, of `first` elsewhere.",
@@ -40,15 +40,15 @@ SUPPORT: Final = "\n".join(
 
 
 class HlslWriter(CLikeWriter):
-    """HLSL."""
+    """Writer of HLSL."""
 
     def __init__(self) -> None:
         self._structs: set[str] = set()
 
     def type_name(self, kind: Type) -> str:
-        """Name of a type."""
+        """Return the name of a type."""
         if kind.name == "mat4":
-            # Its rows are what GLSL calls columns: they are multiplied from the left.
+            # Rows of HLSL take the place of GLSL's columns. Therefore vectors are multiplied from the left.
             return "float4x4"
         return f"{kind.scalar}{kind.components}" if kind.is_vector else kind.name
 
@@ -70,7 +70,7 @@ class HlslWriter(CLikeWriter):
         return f"{name}({', '.join(arguments)})"
 
     def binary(self, value: Binary) -> str:
-        """Two values joined."""
+        """Return a binary expression."""
         if value.left.type.name == "mat4":
             return f"mul({self.expression(value.right)}, {self.expression(value.left)})"
         return super().binary(value)
@@ -80,17 +80,17 @@ class HlslWriter(CLikeWriter):
         return [f"static {line}" for line in super().constant(declaration)]
 
     def struct(self, struct: Struct) -> list[str]:
-        """Return a struct, and the function that makes one where all its fields are given."""
+        """Return a struct and, unless it has arrays, a function that makes one from all its fields."""
         self._structs.add(struct.name)
         lines = super().struct(struct)
-        if any(own.type.count is not None for own in struct.fields):
+        if any(struct_field.type.count is not None for struct_field in struct.fields):
             return lines
-        parameters = ", ".join(self.declared(own.type, own.name) for own in struct.fields)
+        parameters = ", ".join(self.declared(struct_field.type, struct_field.name) for struct_field in struct.fields)
         return [
             *lines,
             f"{struct.name} new_{struct.name}({parameters}) {{",
             f"{INDENT}{struct.name} made;",
-            *(f"{INDENT}made.{own.name} = {own.name};" for own in struct.fields),
+            *(f"{INDENT}made.{struct_field.name} = {struct_field.name};" for struct_field in struct.fields),
             f"{INDENT}return made;",
             "}",
         ]

@@ -1,4 +1,4 @@
-"""The decoder of a pack as a file in each language."""
+"""The files of a pack's decoder in each language: heading, support functions, and the translated items."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,7 +58,7 @@ fn ntc_word(place: i32) -> u32 {{
 
 @dataclass(frozen=True)
 class Heading:
-    """First lines of a file, about itself."""
+    """Data of the first lines of a file."""
 
     pack: str
     """Name of the pack's file, in one line and without folders: comments hold it."""
@@ -67,7 +67,7 @@ class Heading:
 
 
 def _opening(pack: Pack, heading: Heading, calls: str) -> str:
-    """Comments at the top of a file."""
+    """Return the comments at the top of a file."""
     planes = planes_of(pack)
     maps = {
         "base": "base colour, and coverage last (grey textures: the first component alone)",
@@ -78,13 +78,13 @@ def _opening(pack: Pack, heading: Heading, calls: str) -> str:
     return "\n".join(
         [
             f"// Decoder of the textures in {heading.pack}, codec {heading.codec:08x}.",
-            "// Made by ntc-viewer export --shader from the viewer's own shaders; do not edit.",
+            "// Made by ntc-viewer export --shader from the viewer's shaders; do not edit.",
             "//",
-            "// What to call, by what its components hold:",
+            "// Functions to call, and the components of their results:",
             *(f"// {calls.format(plane=plane)}: {maps[plane]}" for plane in planes),
             "//",
-            "// It reads ntc_pack.bin, an array of 32-bit words whose layout is told in ntc_layout.h. It serves every data file whose",
-            "// header names the same codec. Filtered as by a trilinear sampler; derivatives for `lod` are the caller's.",
+            "// They read ntc_pack.bin, an array of 32-bit words with the layout in ntc_layout.h, and every other data file whose",
+            "// header names the same codec. They filter like a trilinear sampler. The caller computes `lod` from its derivatives.",
             "",
             "",
         ]
@@ -92,7 +92,7 @@ def _opening(pack: Pack, heading: Heading, calls: str) -> str:
 
 
 def shader_source(pack: Pack, language: ShaderLanguage, heading: Heading) -> str:
-    """Return the file of `language`. Raises UnsupportedSourceError."""
+    """Return the text of the decoder in `language`. Raises UnsupportedSourceError."""
     if language == "cuda":
         return cpp_source(pack, heading)
     items = decoder_items(pack, prefixed)
@@ -107,7 +107,7 @@ def shader_source(pack: Pack, language: ShaderLanguage, heading: Heading) -> str
 
 
 def cpp_source(pack: Pack, heading: Heading) -> str:
-    """Return the decoder as a header of C++ 17, which CUDA takes as well. Raises UnsupportedSourceError."""
+    """Return the decoder as a header of C++ 17 that CUDA compiles as well. Raises UnsupportedSourceError."""
     call = "vec4 ntc::decoder::decode_{plane}(int texture_number, vec2 uv, float lod, ivec2 wrap)"
     members = CppWriter().items(decoder_items(pack, lambda name: name))
     template = (TEMPLATES / "decode.hpp").read_text(encoding="utf-8")

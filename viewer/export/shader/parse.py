@@ -1,4 +1,13 @@
-"""GLSL without directives as `syntax`, read with tree-sitter: what the decoding shaders use of the language, nothing else."""
+"""Parser of GLSL without directives into `viewer.export.shader.syntax`. It knows only what the decoding shaders use of the language.
+
+The decoders of all languages are translated from the viewer's shaders, so that there is one source. The steps are those of a compiler:
+
+1. `source.decoding_source` resolves includes and conditions, and replaces buffers by functions that read words.
+2. `parse` reads the text with tree-sitter, drops what the entry function does not reach, and gives each expression its type. Implicit
+   conversions of GLSL become explicit (`typing_rules`), because WGSL has none.
+3. `decoder.decoder_items` merges the planes: an item that is equal in all planes is written once.
+4. A writer for each language (`c_like`, `cpp`, `hlsl`, `wgsl`) prints the items; it overrides only what differs from GLSL.
+"""
 
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
@@ -54,7 +63,7 @@ from viewer.export.shader.typing_rules import (
 
 _WIDE_PRODUCT: Final = "umulExtended"
 PRODUCT_HIGH: Final = "product_high"
-"""A function that languages supply: the upper 32 bits of the product of two uint."""
+"""Function that each language supplies: the upper 32 bits of the product of two uint."""
 
 
 def _text(node: Node | None) -> str:
@@ -71,18 +80,18 @@ def _child(node: Node, name: str) -> Node:
 
 
 def _parts(node: Node) -> list[Node]:
-    """Return the named children that are no comments."""
+    """Return the named children without comments."""
     return [child for child in node.named_children if child.type != "comment"]
 
 
 class _Comments:
-    """Comments of a list of siblings."""
+    """Comments among a list of siblings."""
 
     def __init__(self, siblings: Sequence[Node]) -> None:
         self._siblings = siblings
 
     def of(self, node: Node) -> Comments:
-        """Return what stands directly above `node`, and behind it in its last line."""
+        """Return the comments directly above `node`, and the one behind it in its last line."""
         place = next(i for i, other in enumerate(self._siblings) if other.id == node.id)
         above: list[str] = []
         row, before = node.start_point[0], place - 1
@@ -108,7 +117,7 @@ def _comment(node: Node) -> str:
 
 
 class _Reader:
-    """Reads items one after another; knows those before."""
+    """Reader of items in order. It knows the names and types of earlier items."""
 
     def __init__(self, stored: Mapping[str, str], needed: AbstractSet[str]) -> None:
         self._stored, self._needed = stored, needed
@@ -119,28 +128,28 @@ class _Reader:
         self._result = VOID
 
     def items(self, root: Node) -> Iterator[Item]:
-        """Yield all that stands outside functions."""
+        """Yield the constants, structs and functions that are needed."""
         comments = _Comments(root.children)
         for node in root.children:
             if node.type in ("comment", ";") or self._needed.isdisjoint(_names_of(node)):
                 continue
-            own = comments.of(node)
+            item_comments = comments.of(node)
             match node.type:
                 case "struct_specifier":
-                    found = self._struct(node, own)
-                    self._structs[found.name] = found
-                    yield found
+                    struct = self._struct(node, item_comments)
+                    self._structs[struct.name] = struct
+                    yield struct
                 case "function_definition" | "declaration" if _child(node, "declarator").type == "function_declarator":
-                    function = self._function(node, own)
+                    function = self._function(node, item_comments)
                     known = self._functions.get(function.name)
                     if known is not None and known.body:
-                        # Overloads: only the first is called by what is read here; `promoted` refuses a call of another one.
+                        # Of overloads only the first is called here. `promoted` refuses a call of another one.
                         continue
                     self._functions[function.name] = function
                     if function.body:
                         yield function
                 case "declaration":
-                    yield from self._declare(node, own)
+                    yield from self._declare(node, item_comments)
                 case _:
                     raise UnsupportedSourceError(f"line {node.start_point[0] + 1}: {node.type} {_text(node)[:60]!r}")
 
@@ -154,24 +163,28 @@ class _Reader:
 
     def _struct(self, node: Node, comments: Comments) -> Struct:
         body = _child(node, "body")
-        found: list[Field] = []
-        own = _Comments(body.children)
+        fields: list[Field] = []
+        comments_of = _Comments(body.children)
         for child in body.children:
             if child.type == "field_declaration":
                 declarator = _child(child, "declarator")
                 name = _text(declarator if declarator.type != "array_declarator" else _child(declarator, "declarator"))
                 if not name.startswith("padding"):
-                    found.append(Field(self._type(_child(child, "type"), declarator), name, own.of(child)))
-        return Struct(_text(_child(node, "name")), tuple(found), comments)
+                    fields.append(Field(self._type(_child(child, "type"), declarator), name, comments_of.of(child)))
+        return Struct(_text(_child(node, "name")), tuple(fields), comments)
 
     def _function(self, node: Node, comments: Comments) -> Function:
         declarator = _child(node, "declarator")
         parameters = []
         self._names = {name: kind for name, kind in self._names.items() if name in self._constants}
         for child in _parts(_child(declarator, "parameters")):
-            own = _child(child, "declarator")
-            kind = self._type(_child(child, "type"), own)
-            name = _text(own if own.type != "array_declarator" else _child(own, "declarator"))
+            parameter_declarator = _child(child, "declarator")
+            kind = self._type(_child(child, "type"), parameter_declarator)
+            name = _text(
+                parameter_declarator
+                if parameter_declarator.type != "array_declarator"
+                else _child(parameter_declarator, "declarator")
+            )
             words = [_text(part) for part in child.children]
             passing: Literal["in", "inout", "out"] = "inout" if "inout" in words else "out" if "out" in words else "in"
             parameters.append(Parameter(kind, name, passing))
@@ -184,7 +197,7 @@ class _Reader:
 
     def _declare(self, node: Node, comments: Comments) -> list[Declare]:
         """Return the variables of a declaration."""
-        found = list[Declare]()
+        variables = list[Declare]()
         is_constant = any(child.type == "type_qualifier" and _text(child) == "const" for child in node.children)
         outside = node.parent is not None and node.parent.type == "translation_unit"
         for declarator in node.children_by_field_name("declarator"):
@@ -200,11 +213,11 @@ class _Reader:
                 self._constants.add(name)
             if value is not None:
                 value = promoted(value, kind.scalar)
-            found.append(Declare(kind, name, value, is_constant, comments if not found else Comments()))
-        return found
+            variables.append(Declare(kind, name, value, is_constant, comments if not variables else Comments()))
+        return variables
 
     def _block(self, node: Node) -> tuple[Statement, ...]:
-        """Return what stands in braces, or the one statement that stands without."""
+        """Return the statements in braces, or the single statement without braces."""
         if node.type != "compound_statement":
             return tuple(self._statement(node, Comments()))
         comments = _Comments(node.children)
@@ -318,9 +331,9 @@ class _Reader:
         base = self._expression(_child(node, "argument"))
         name = _text(_child(node, "field"))
         if base.type.name in self._structs:
-            kind = next(own.type for own in self._structs[base.type.name].fields if own.name == name)
+            kind = next(field.type for field in self._structs[base.type.name].fields if field.name == name)
             return Member(kind, base, name)
-        # The field knows components by two sets of letters, shaders by one.
+        # GLSL names components by two sets of letters; the other languages get one.
         name = name.translate(str.maketrans("rgba", "xyzw"))
         return Member(vector(base.type.scalar, len(name)), base, name)
 
@@ -341,12 +354,14 @@ class _Reader:
             return construct(TYPES[name], arguments)
         if name in self._structs:
             given = zip(arguments, self._structs[name].fields, strict=True)
-            return Construct(Type(name), tuple(promoted(value, own.type.scalar) for value, own in given))
+            return Construct(Type(name), tuple(promoted(value, declared.type.scalar) for value, declared in given))
         if name in self._functions:
             function = self._functions[name]
             pairs = list(zip(arguments, function.parameters, strict=True))
-            values = tuple(value if own.is_reference else promoted(value, own.type.scalar) for value, own in pairs)
-            return Call(function.type, name, values, tuple(own.is_reference for _, own in pairs))
+            values = tuple(
+                value if declared.is_reference else promoted(value, declared.type.scalar) for value, declared in pairs
+            )
+            return Call(function.type, name, values, tuple(declared.is_reference for _, declared in pairs))
         if name in BUILTINS:
             return builtin(name, arguments)
         raise UnsupportedSourceError(f"line {node.start_point[0] + 1}: {name} is not known")
@@ -360,39 +375,38 @@ def _names_in(node: Node) -> Iterator[str]:
 
 
 def _names_of(node: Node) -> list[str]:
-    """Return what a node outside functions declares."""
+    """Return the names that a node outside functions declares."""
     if node.type == "struct_specifier":
         return [_text(_child(node, "name"))]
     return [next(_names_in(declarator)) for declarator in node.children_by_field_name("declarator")]
 
 
 def _needed(root: Node, stored: Mapping[str, str], entry: str) -> set[str]:
-    """Return the names of all that `entry` takes."""
+    """Return the names that `entry` reaches, itself included."""
     uses: dict[str, set[str]] = {}
     for node in root.children:
         for name in _names_of(node) if node.type not in ("comment", ";") else ():
             uses.setdefault(name, set()).update(stored.get(used, used) for used in _names_in(node))
-    found, open_names = set[str](), [entry]
+    needed, open_names = set[str](), [entry]
     while open_names:
         name = open_names.pop()
-        if name in uses and name not in found:
-            found.add(name)
+        if name in uses and name not in needed:
+            needed.add(name)
             open_names += uses[name]
-    return found
+    return needed
 
 
 def parse(text: str, stored: Mapping[str, str], entry: str) -> tuple[Item, ...]:
-    """Return the function `entry` of `text`, last, and all that it takes.
-    An element of an array that `stored` names is what the function of its name gives.
+    """Return the items that function `entry` of `text` reaches, `entry` last. Raises UnsupportedSourceError.
 
-    Raises UnsupportedSourceError.
+    `stored` maps arrays to functions: the element of such an array becomes a call of its function.
     """
     with warnings.catch_warnings():
-        # The grammar of GLSL hands its address over as a number, which tree-sitter would rather have otherwise.
+        # The grammar passes its address as a number, which tree-sitter accepts with a warning.
         warnings.simplefilter("ignore", DeprecationWarning)
         language = Language(tree_sitter_glsl.language())
     tree = Parser(language).parse(text.encode())
     if tree.root_node.has_error:
-        raise UnsupportedSourceError("the decoding shaders are not GLSL that can be read here")
+        raise UnsupportedSourceError("the decoding shaders use GLSL that the parser does not know")
     needed = _needed(tree.root_node, stored, entry)
     return tuple(_Reader(stored, needed).items(tree.root_node))

@@ -1,4 +1,4 @@
-"""The viewer's decoding shader of a plane, with a pack's settings filled in: GLSL without directives, comments kept."""
+"""The viewer's decoding shader of a plane with the settings of a pack: GLSL without directives, but with its comments."""
 
 import io
 import re
@@ -17,7 +17,7 @@ from viewer.gl.program import ShaderLibrary
 from viewer.locations import shaders_folder
 
 MAGIC: Final = 0x5743544E
-"""The first word: the letters NTCW."""
+"""First word of the data: the letters NTCW."""
 VERSION: Final = 1
 HEADER_FIELDS: Final = (
     "magic",
@@ -31,14 +31,14 @@ HEADER_FIELDS: Final = (
     "latents",
     "codec",
 )
-"""Words of the header. `textures` to `latents`: the word where each of them begins. `codec`: what a decoder is made for."""
+"""Words of the header. `textures` to `latents` are the words where these sections begin; `codec` is `decoder.codec_number`."""
 HEADER_WORDS: Final = 16
 
 
 def pack_words(pack: Pack, codec: int) -> NDArray[np.uint32]:
     """Return [words] uint32, to be stored little-endian: header, texture records, level records, decoders with adapters, latents.
 
-    `codec` is the number that tells decoders for other settings apart.
+    `codec` is the number of the settings (`decoder.codec_number`).
     """
     tables = codec_of(pack.config).gpu_tables(pack.config)
     records = np.zeros(len(pack.textures), tables.texture_record)
@@ -49,9 +49,9 @@ def pack_words(pack: Pack, codec: int) -> NDArray[np.uint32]:
     for record, texture in zip(records, pack.textures, strict=True):
         pyramid = texture_levels(texture, pack.config)
         tables.fill_record(record, texture, first_level, adapter)
-        own = level_records(pyramid)
-        own["first_cell"] = [first_cell + row.first for row in tables.level_rows(texture)]
-        levels.append(own)
+        records_of_levels = level_records(pyramid)
+        records_of_levels["first_cell"] = [first_cell + row.first for row in tables.level_rows(texture)]
+        levels.append(records_of_levels)
         stored = tables.latent_words(texture, slice(None))
         latents.append(stored.reshape(-1))
         first_level += len(pyramid)
@@ -81,9 +81,9 @@ def pack_words(pack: Pack, codec: int) -> NDArray[np.uint32]:
 
 SHADER: Final = "export/decode.glsl"
 ENTRY: Final = "decode"
-"""The function of the source that other programs call."""
+"""Function of the source that other programs call."""
 WORD_AT: Final = "word"
-"""The function that other programs supply: a word of the pack's data."""
+"""Function that other programs supply: it returns a word of the pack's data."""
 STORED: Final = {
     "textures": "texture_at",
     "levels": "level_at",
@@ -99,24 +99,24 @@ _MARK: Final = "constant_to_keep_"
 
 
 class _Conditions(pcpp.Preprocessor):  # type: ignore[misc]
-    """Evaluates what is conditional, and keeps comments."""
+    """Preprocessor that evaluates conditions and leaves comments in the text."""
 
     def on_comment(self, _token: object) -> bool:
-        """Keep it."""
+        """Return True: the comment stays."""
         return True
 
     def on_error(self, file: str, line: int, message: str) -> None:
-        """Fail where the shaders are wrong."""
+        """Raise AssertionError: the shaders are wrong."""
         raise AssertionError(f"{file}:{line}: {message}")
 
 
 def _place(section: str) -> str:
-    """Return the constant that tells where a section of the data begins: its word of the header."""
+    """Return the constant with the number of the header's word where the beginning of a section is stored."""
     return f"HEADER_{section.upper()}"
 
 
 def _reader(name: str, result: str, record: np.dtype, section: str) -> str:
-    """GLSL of the function that reads a record of `section` of the data."""
+    """Return the GLSL of a function that reads a record of `section` of the data."""
     lines = [
         f"{result} {name}(int number) {{",
         f"    int at = int({WORD_AT}({_place(section)})) + number * {record.itemsize // 4};",
@@ -135,7 +135,7 @@ def _reader(name: str, result: str, record: np.dtype, section: str) -> str:
 
 
 def _readers(pack: Pack) -> str:
-    """GLSL of the functions that stand for the viewer's buffers."""
+    """Return the GLSL of the functions that replace the viewer's buffers."""
     decoders, latents = _place("decoders"), _place("latents")
     vec4 = ", ".join(f"uintBitsToFloat({WORD_AT}(at + {part}))" for part in range(4))
     uvec4 = ", ".join(f"{WORD_AT}(at + {part})" for part in range(4))
@@ -150,14 +150,14 @@ def _readers(pack: Pack) -> str:
             "// Four numbers of the data from word `at` on.",
             f"vec4 vec4_at(int at) {{\n    return vec4({vec4});\n}}",
             f"uvec4 uvec4_at(int at) {{\n    return uvec4({uvec4});\n}}",
-            "// What the data tells of texture `number` of the pack.",
+            "// Record of texture `number` of the pack.",
             _reader(STORED["textures"], "TextureRecord", tables.texture_record, "textures"),
-            "// What the data tells of a mip; `number` counts those of all textures.",
+            "// Record of a mip; `number` counts the mips of all textures.",
             _reader(STORED["levels"], "LevelRecord", LEVEL_RECORD, "levels"),
             "// A word of the latents of all textures.",
             f"uint {STORED['latent_words']}(int number) {{",
             f"    return {WORD_AT}(int({WORD_AT}({latents})) + number);\n}}",
-            "// Four numbers of what decoders hold.",
+            "// Four numbers of the decoders.",
             f"{result} {name}(int number) {{",
             f"    return {result}_at(int({WORD_AT}({decoders})) + 4 * number);\n}}",
             "",
@@ -166,21 +166,26 @@ def _readers(pack: Pack) -> str:
 
 
 def decoding_source(pack: Pack, plane: Plane) -> str:
-    """GLSL of constants, structs and functions that decode `plane` of a texture of `pack`, the last of them ENTRY."""
+    """Return the GLSL of constants, structs and functions that decode `plane` of a texture of `pack`; ENTRY is the last.
+
+    The preprocessor must evaluate conditions but leave constants as names, which read better in the exported source. Therefore uses
+    of constants are marked, so that it does not know them, and each constant becomes a `const` afterwards. Buffers are replaced by
+    functions that read words: their layout is the same in every language.
+    """
     tables = codec_of(pack.config).gpu_tables(pack.config)
     library = ShaderLibrary(shaders_folder(), tables.includes(SOFTWARE))
     text = library.assemble(SHADER, {"PRECISION_FP16": 0, "PLANE": CODED_PLANES.index(plane)}).text
     lines = [line for line in text.splitlines() if not line.startswith(("#version", "#line"))]
     names = dict.fromkeys(name for name, _ in _CONSTANT.findall("\n".join(lines)))
-    kept = re.compile(rf"\b({'|'.join(names)})\b")
-    marked = [line if line.lstrip().startswith("#") else kept.sub(rf"{_MARK}\1", line) for line in lines]
+    constant_names = re.compile(rf"\b({'|'.join(names)})\b")
+    marked = [line if line.lstrip().startswith("#") else constant_names.sub(rf"{_MARK}\1", line) for line in lines]
     conditions, resolved = _Conditions(), io.StringIO()
     conditions.line_directive = None
     conditions.parse("\n".join(marked) + "\n")
     conditions.write(resolved)
     text = resolved.getvalue().replace(_MARK, "")
     text = _UNIFORM.sub(f"const int network_blocks = {tables.loop_length};", text)
-    # Functions that read buffers follow the records; the first buffer stands behind the last record.
+    # The functions that read buffers take the place of the first buffer, which follows the records.
     first = _BUFFER.search(text)
     assert first is not None, "the decoding shaders read no buffer"
     text = (

@@ -1,4 +1,4 @@
-"""Syntax of the decoding shaders: expressions that know their types, statements, functions. All comments are kept."""
+"""Syntax tree of the decoding shaders: typed expressions, statements, functions and structs, with their comments."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields, is_dataclass, replace
@@ -10,14 +10,14 @@ _VECTORS = {"float": "vec", "int": "ivec", "uint": "uvec", "bool": "bvec"}
 
 @dataclass(frozen=True)
 class Type:
-    """A type by its name in GLSL; an array of it where `count` is given."""
+    """Type by its name in GLSL; with `count`, an array of it."""
 
     name: str
     count: "Expression | None" = None
 
     @property
     def scalar(self) -> str:
-        """Type of the components of a scalar or a vector; its own name otherwise."""
+        """Type of the components of a scalar or a vector; for other types, `name`."""
         for scalar, vector in _VECTORS.items():
             if self.name.startswith(vector) and self.name[len(vector) :].isdigit():
                 return scalar
@@ -25,17 +25,17 @@ class Type:
 
     @property
     def components(self) -> int:
-        """2 to 4 for a vector, else 1."""
+        """Number of components: 2 to 4 for a vector, else 1."""
         return int(self.name[-1]) if self.name != self.scalar else 1
 
     @property
     def is_vector(self) -> bool:
-        """True if it has components."""
+        """True for a type with several components."""
         return self.name != self.scalar
 
 
 def vector(scalar: str, components: int) -> Type:
-    """Return the type of so many components."""
+    """Return the type of `components` components of type `scalar`."""
     return Type(scalar if components == 1 else f"{_VECTORS[scalar]}{components}")
 
 
@@ -44,7 +44,7 @@ VOID, INT, UINT, FLOAT, BOOL = (Type(name) for name in ("void", "int", "uint", "
 
 @dataclass(frozen=True)
 class Number:
-    """A number, or true or false."""
+    """Literal: a number, true or false."""
 
     type: Type
     text: str
@@ -78,7 +78,7 @@ class Index:
 
 @dataclass(frozen=True)
 class Call:
-    """A call of a function of the source."""
+    """Call of a function of the source."""
 
     type: Type
     function: str
@@ -89,7 +89,7 @@ class Call:
 
 @dataclass(frozen=True)
 class Builtin:
-    """A call of a function of GLSL. Arguments of `min`, `max`, `clamp` and `mix` have as many components as the result."""
+    """Call of a built-in function of GLSL. Arguments of `min`, `max`, `clamp` and `mix` have as many components as the result."""
 
     type: Type
     function: str
@@ -98,7 +98,7 @@ class Builtin:
 
 @dataclass(frozen=True)
 class Construct:
-    """A value made of parts, which have the type of its components; one part alone may also be spread or converted."""
+    """Constructor of a value from parts of the type of its components. A single part may also be repeated or converted."""
 
     type: Type
     arguments: "tuple[Expression, ...]"
@@ -106,7 +106,7 @@ class Construct:
 
 @dataclass(frozen=True)
 class Unary:
-    """- ~ or ! of a value."""
+    """Unary operator: -, ~ or ! of a value."""
 
     type: Type
     operator: str
@@ -115,7 +115,7 @@ class Unary:
 
 @dataclass(frozen=True)
 class Binary:
-    """Two values and what stands between them."""
+    """Binary operator between two values."""
 
     type: Type
     operator: str
@@ -125,7 +125,7 @@ class Binary:
 
 @dataclass(frozen=True)
 class Choice:
-    """`condition ? chosen : other`."""
+    """Conditional expression, `condition ? chosen : other`."""
 
     type: Type
     condition: "Expression"
@@ -155,7 +155,7 @@ class Comments:
 
 @dataclass(frozen=True)
 class Declare:
-    """A variable, with its first value or none."""
+    """Declaration of a variable, with or without its first value."""
 
     type: Type
     name: str
@@ -166,7 +166,7 @@ class Declare:
 
 @dataclass(frozen=True)
 class Assign:
-    """`target operator value`."""
+    """Assignment, `target operator value`."""
 
     target: Expression
     operator: str
@@ -176,7 +176,7 @@ class Assign:
 
 @dataclass(frozen=True)
 class If:
-    """A branch; `otherwise` may be empty."""
+    """Branch on a condition; `otherwise` may be empty."""
 
     condition: Expression
     then: "tuple[Statement, ...]"
@@ -186,7 +186,7 @@ class If:
 
 @dataclass(frozen=True)
 class For:
-    """A loop over a number that is declared by `first` and grows by `step`."""
+    """Loop over a number that `first` declares and `step` changes."""
 
     first: Declare
     condition: Expression
@@ -197,7 +197,7 @@ class For:
 
 @dataclass(frozen=True)
 class Repeat:
-    """A loop that runs once and then again while `condition` holds."""
+    """Loop that runs once, and then again while `condition` holds."""
 
     body: "tuple[Statement, ...]"
     condition: Expression
@@ -206,7 +206,7 @@ class Repeat:
 
 @dataclass(frozen=True)
 class Return:
-    """The end of a function, with what it gives."""
+    """Return statement with its value."""
 
     value: Expression
     comments: Comments = Comments()
@@ -222,7 +222,7 @@ class Block:
 
 @dataclass(frozen=True)
 class Run:
-    """A call for what it writes into its arguments."""
+    """Call as a statement: the function writes into its arguments."""
 
     call: Call
     comments: Comments = Comments()
@@ -241,13 +241,13 @@ class Parameter:
 
     @property
     def is_reference(self) -> bool:
-        """True if the function writes into what is given."""
+        """True where the function writes into the argument."""
         return self.passing != "in"
 
 
 @dataclass(frozen=True)
 class Function:
-    """A function of the source."""
+    """Function of the source."""
 
     type: Type
     name: str
@@ -267,7 +267,7 @@ class Field:
 
 @dataclass(frozen=True)
 class Struct:
-    """Values that belong together."""
+    """Struct of the source."""
 
     name: str
     fields: tuple[Field, ...]
@@ -279,42 +279,42 @@ Item = Declare | Function | Struct
 
 
 def walk(node: object) -> Iterator[Any]:
-    """Yield `node` and all that it is made of."""
+    """Yield `node` and all nodes below it."""
     if is_dataclass(node):
         yield node
-        for own in fields(node):
-            yield from walk(getattr(node, own.name))
+        for part_field in fields(node):
+            yield from walk(getattr(node, part_field.name))
     elif isinstance(node, tuple):
         for part in node:
             yield from walk(part)
 
 
 def names_used(item: Item) -> set[str]:
-    """Return the names of the constants, functions and types that `item` reads, and of its own variables."""
-    found: set[str] = set()
+    """Return the names of the constants, functions, types and variables that `item` reads."""
+    names: set[str] = set()
     for node in walk(item):
         if isinstance(node, Name):
-            found.add(node.name)
+            names.add(node.name)
         elif isinstance(node, Call):
-            found.add(node.function)
+            names.add(node.function)
         elif isinstance(node, Type):
-            found.add(node.name)
-    return found
+            names.add(node.name)
+    return names
 
 
-def renamed(node: Any, names: Mapping[str, str], own: frozenset[str] = frozenset()) -> Any:
-    """Return `node` with functions, types and constants called as `names` says. Variables of a function, `own`, keep their names."""
+def renamed(node: Any, names: Mapping[str, str], local_names: frozenset[str] = frozenset()) -> Any:
+    """Return `node` with its functions, types and constants renamed by `names`; `local_names` of a function stay as they are."""
     if isinstance(node, tuple):
-        return tuple(renamed(part, names, own) for part in node)
+        return tuple(renamed(part, names, local_names) for part in node)
     if not is_dataclass(node) or isinstance(node, type):
         return node
     if isinstance(node, Function):
-        own = frozenset(part.name for part in walk(node) if isinstance(part, Parameter | Declare))
-    changed = {part.name: renamed(getattr(node, part.name), names, own) for part in fields(node)}
+        local_names = frozenset(part.name for part in walk(node) if isinstance(part, Parameter | Declare))
+    changed = {part.name: renamed(getattr(node, part.name), names, local_names) for part in fields(node)}
     match node:
         case Type() | Function() | Struct():
             changed["name"] = names.get(node.name, node.name)
-        case Name() | Declare() if node.name not in own:
+        case Name() | Declare() if node.name not in local_names:
             changed["name"] = names.get(node.name, node.name)
         case Call():
             changed["function"] = names.get(node.function, node.function)

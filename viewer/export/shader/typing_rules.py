@@ -1,4 +1,4 @@
-"""Types of expressions in GLSL (GLSL 4.30 Sec. 4.1.10 and 8), and conversions that it does without being asked, written out."""
+"""Types of GLSL expressions (GLSL 4.30, Sec. 4.1.10 and 8). Implicit conversions become explicit, because WGSL has none."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -36,7 +36,7 @@ TYPES: Final = {
 
 
 class UnsupportedSourceError(Exception):
-    """GLSL beyond what can be said in all languages; the message names it."""
+    """GLSL that cannot be translated to all languages; the message names it."""
 
 
 def converted(value: Expression, scalar: str) -> Expression:
@@ -49,18 +49,18 @@ def converted(value: Expression, scalar: str) -> Expression:
 
 
 def promoted(value: Expression, scalar: str) -> Expression:
-    """Return `value` converted to components of type `scalar` as GLSL does it without being asked: int to uint, both to float.
+    """Return `value` with GLSL's implicit conversion to components of type `scalar`: int to uint, and both to float.
 
-    Raises UnsupportedSourceError for others, which GLSL does not do: another function of that name was meant.
+    Raises UnsupportedSourceError where GLSL has no such conversion: the call was meant for another overload.
     """
-    own = value.type.scalar
-    if own in SCALARS and own != scalar and (own, scalar) not in _PROMOTIONS:
-        raise UnsupportedSourceError(f"a value of type {own} stands where {scalar} is needed")
+    present = value.type.scalar
+    if present in SCALARS and present != scalar and (present, scalar) not in _PROMOTIONS:
+        raise UnsupportedSourceError(f"a value of type {present} is given where {scalar} is needed")
     return converted(value, scalar)
 
 
 def choice(condition: Expression, chosen: Expression, other: Expression) -> Choice:
-    """Return `condition ? chosen : other`, both of the wider type."""
+    """Return `condition ? chosen : other` with both values in the wider type."""
     scalars = {chosen.type.scalar, other.type.scalar}
     if len(scalars) > 1:
         wider = "float" if "float" in scalars else "uint"
@@ -69,16 +69,16 @@ def choice(condition: Expression, chosen: Expression, other: Expression) -> Choi
 
 
 def spread(value: Expression, components: int) -> Expression:
-    """Return `value` with that many components, all the same where it is a scalar."""
+    """Return `value` with `components` components: those of a vector, or a scalar repeated."""
     if components == 1 or value.type.is_vector:
         return value
     return Construct(vector(value.type.scalar, components), (value,))
 
 
 def construct(kind: Type, arguments: Sequence[Expression]) -> Expression:
-    """Return `kind(arguments)`. What has that type already stays as it is."""
+    """Return `kind(arguments)`. A single argument of that type stays as it is."""
     if len(arguments) == 1 and arguments[0].type == kind:
-        # In parentheses: what stands around it may bind closer.
+        # The parentheses stay, because operators around the value may bind closer.
         return Group(kind, arguments[0]) if isinstance(arguments[0], Binary | Choice | Unary) else arguments[0]
     if kind.name == "mat4" or (len(arguments) == 1 and arguments[0].type.components == kind.components > 1):
         return Construct(kind, tuple(arguments))
@@ -93,7 +93,7 @@ def construct(kind: Type, arguments: Sequence[Expression]) -> Expression:
 
 
 def binary(operator: str, left: Expression, right: Expression) -> Binary:
-    """Two values joined."""
+    """Return `left operator right` with its type and GLSL's conversions."""
     if operator in ("<<", ">>"):
         return Binary(left.type, operator, left, right)
     scalars = {left.type.scalar, right.type.scalar}
@@ -104,7 +104,7 @@ def binary(operator: str, left: Expression, right: Expression) -> Binary:
     if operator in _COMPARISONS:
         if left.type.is_vector or right.type.is_vector:
             raise UnsupportedSourceError(
-                f"{operator}: of vectors, it gives one value in some languages and several in others"
+                f"{operator}: between vectors it gives one value in some languages and several in others"
             )
         return Binary(BOOL, operator, left, right)
     if left.type.name == "mat4":
@@ -113,9 +113,9 @@ def binary(operator: str, left: Expression, right: Expression) -> Binary:
 
 
 def builtin(function: str, arguments: Sequence[Expression]) -> Builtin:
-    """Return a call of a function of GLSL."""
+    """Return a call of a built-in function of GLSL, arguments converted. Raises UnsupportedSourceError."""
     if function not in BUILTINS:
-        raise UnsupportedSourceError(f"{function}: no such function is known to all languages")
+        raise UnsupportedSourceError(f"{function}: not a function that all languages have")
     given = list(arguments)
     if function in _BY_COMPONENT:
         scalar = "float" if any(value.type.scalar == "float" for value in given) else given[0].type.scalar

@@ -1,4 +1,8 @@
-"""WGSL (W3C), without extensions."""
+"""Writer of WGSL (W3C), without extensions.
+
+WGSL differs from GLSL in three ways that change more than spelling: parameters cannot be written, so that written ones are copied to
+variables; arguments that a function writes are pointers; operators on bits take other operators only in parentheses.
+"""
 
 from collections.abc import Sequence
 from typing import Final
@@ -49,26 +53,26 @@ def _root(target: Expression) -> str:
 
 
 def _changed(function: Function) -> set[str]:
-    """Variables that the function writes into after they have been declared."""
-    found = set()
+    """Return the variables that the function changes after their declaration."""
+    changed = set()
     for node in walk(function.body):
         if isinstance(node, Assign):
-            found.add(_root(node.target))
+            changed.add(_root(node.target))
         elif isinstance(node, Call):
             pairs = zip(node.arguments, node.references, strict=True)
-            found |= {_root(argument) for argument, is_reference in pairs if is_reference}
-    return found
+            changed |= {_root(argument) for argument, is_reference in pairs if is_reference}
+    return changed
 
 
 class WgslWriter(CLikeWriter):
-    """WGSL."""
+    """Writer of WGSL."""
 
     def __init__(self) -> None:
         self._changed: set[str] = set()
         self._pointers: set[str] = set()
 
     def type_name(self, kind: Type) -> str:
-        """Name of a type, with the length of an array."""
+        """Return the name of a type, with the length of an array."""
         if kind.name == "mat4":
             return "mat4x4<f32>"
         scalar = _SCALARS.get(kind.scalar, kind.name)
@@ -76,7 +80,7 @@ class WgslWriter(CLikeWriter):
         return f"array<{name}, {self.expression(kind.count)}>" if kind.count is not None else name
 
     def declared(self, kind: Type, name: str) -> str:
-        """Name and type."""
+        """Return name and type of a variable, a field or a parameter."""
         return f"{name}: {self.type_name(kind)}"
 
     def field(self, kind: Type, name: str) -> str:
@@ -112,7 +116,7 @@ class WgslWriter(CLikeWriter):
         return f"{_FUNCTIONS.get(value.function, value.function)}({', '.join(arguments)})"
 
     def binary(self, value: Binary) -> str:
-        """Two values joined: operators on bits take no other without parentheses, shifts take unsigned numbers."""
+        """Return a binary expression. Operators on bits need parentheses around others, and shifts need unsigned numbers."""
         left, right = self.expression(value.left), self.expression(value.right)
         components = value.left.type.components
         if value.operator in ("<<", ">>") and value.right.type.scalar != "uint":
@@ -129,7 +133,7 @@ class WgslWriter(CLikeWriter):
         return f"{left} {value.operator} {right}"
 
     def bracketed(self, part: Expression) -> str:
-        """Return a part of what operators on bits take."""
+        """Return an operand of an operator on bits, in parentheses where it is a binary expression."""
         text = self.expression(part)
         return f"({text})" if isinstance(part, Binary) else text
 
@@ -138,7 +142,7 @@ class WgslWriter(CLikeWriter):
         return f"({text})" if isinstance(part, Binary) and part.operator in _BITWISE else text
 
     def choice(self, value: Choice) -> str:
-        """Return a choice between two values, both of which are computed."""
+        """Return `select`, which computes both values."""
         parts = (self.expression(part) for part in (value.other, value.chosen, value.condition))
         return f"select({', '.join(parts)})"
 
@@ -147,14 +151,14 @@ class WgslWriter(CLikeWriter):
         return f"{self.type_name(value.type)}({', '.join(arguments)})"
 
     def variable(self, declaration: Declare) -> str:
-        """Return a variable, or a value that does not change."""
+        """Return the declaration of a variable: `var` where it changes, `let` elsewhere."""
         if declaration.value is None:
             return f"var {self.declared(declaration.type, declaration.name)}"
         kind = "var" if declaration.name in self._changed else "let"
         return f"{kind} {self.declared(declaration.type, declaration.name)} = {self.expression(declaration.value)}"
 
     def repeat(self, body: list[str], condition: str) -> list[str]:
-        """Lines of a loop that runs `body` once, and then again while `condition` holds."""
+        """Return the lines of a loop that runs `body` once, and then again while `condition` holds."""
         return ["loop {", *body, f"{INDENT}if (!({condition})) {{", f"{INDENT * 2}break;", f"{INDENT}}}", "}"]
 
     def counter(self, declaration: Declare) -> str:
@@ -173,7 +177,7 @@ class WgslWriter(CLikeWriter):
         return [f"const {self.declared(declaration.type, declaration.name)} = {self.expression(declaration.value)};"]
 
     def parameter(self, parameter: Parameter) -> str:
-        """Return a parameter: those that the function writes into are pointers; others are values that it cannot change."""
+        """Return a parameter: a pointer where the function writes into it, elsewhere a value that it cannot change."""
         if parameter.is_reference:
             return f"{parameter.name}: ptr<function, {self.type_name(parameter.type)}>"
         name = f"given_{parameter.name}" if parameter.name in self._changed else parameter.name
@@ -186,7 +190,7 @@ class WgslWriter(CLikeWriter):
         return f"fn {function.name}({parameters}){result}"
 
     def function(self, function: Function) -> list[str]:
-        """Lines of a function."""
+        """Return the lines of a function."""
         loops = {node.first.name for node in walk(function.body) if isinstance(node, For)}
         self._changed = _changed(function) - loops
         self._pointers = {parameter.name for parameter in function.parameters if parameter.is_reference}

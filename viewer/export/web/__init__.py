@@ -1,1 +1,1 @@
-"""A page that shows a scene and decodes its textures from a pack: a folder for any file server."""
+"""Export as a web page that decodes the scene's textures from a pack. The folder works on any file server."""

@@ -1,4 +1,4 @@
-"""`export --web`: writes the folder of a page, which shows the exported glTF by three.js and the plug-in of integrations/three."""
+"""Folder of a web page (`export --web`). The page draws the exported glTF with three.js and the plug-in of integrations/three."""
 
 import json
 import shutil
@@ -26,7 +26,7 @@ from viewer.state.framing import frame_all
 from viewer.state.view_state import DEFAULT_LIGHTING
 
 FORMAT: Final = 2
-"""Version of `page.json`: raised with each change that an older page would misread."""
+"""Version of `page.json`. Each change that an older page would misread raises it."""
 DESCRIPTION: Final = "page.json"
 SCENE: Final = "scene.gltf"
 HERE: Final = Path(__file__).resolve().parent
@@ -44,9 +44,9 @@ class PageSummary:
     pack_bytes: int
     """Bytes of the packs."""
     image_bytes: int
-    """Bytes of the original images, which are read only when the page shows them."""
+    """Bytes of the original images, which the page loads only when it shows them."""
     missing: tuple[str, ...]
-    """Images that could not be read."""
+    """Messages about images that could not be read."""
 
 
 def export_page(
@@ -56,10 +56,10 @@ def export_page(
     with_originals: bool = True,
     report: ProgressReport | None = None,
 ) -> PageSummary:
-    """Write into the folder `destination` a page that shows the scene with the packs at `pack_paths`, as a whole or not at all.
+    """Write a page that shows the scene with the packs at `pack_paths` into the folder `destination`, completely or not at all.
 
-    `with_originals`: the page also has the original images, to compare with. Without, it has those alone that a pack lacks.
-    Raises InputError for a pack of another scene, and where the folder cannot be written; what `report` raises.
+    With `with_originals` the page has all original images for comparison, without it only those that a pack lacks. Raises InputError
+    for a pack of another scene and where the folder cannot be written, and what `report` raises.
     """
     with atomic_folder(destination, DESCRIPTION) as folder:
         opened = open_export(scene_path, pack_paths, folder / SCENE, report)
@@ -85,7 +85,7 @@ def export_page(
 
 
 def _write_packs(opened: OpenedExport, paths: Sequence[Path], folder: Path) -> list[str]:
-    """Copy the packs into `folder`; returns their names there, each another."""
+    """Copy the packs into `folder` and return their names there, all different."""
     names: list[str] = []
     for packed, path in zip(opened.packs, paths, strict=True):
         stem = f"scene.{packed.pack.grouping.name}"
@@ -97,7 +97,7 @@ def _write_packs(opened: OpenedExport, paths: Sequence[Path], folder: Path) -> l
 
 
 def _copy_program(opened: OpenedExport, folder: Path) -> None:
-    """Copy the page, three.js, the plug-in, and the tables that packs of grouping `universal` are decoded with."""
+    """Copy the page, three.js, the plug-in, and the tables that decode packs of grouping `universal`."""
     files = [(path, path.name) for path in sorted((HERE / "page").iterdir())]
     files += [(HERE / "vendor" / name, f"vendor/{name}") for name in VENDOR_FILES]
     files += [(three_folder() / name, f"ntc-three/{name}") for name in PLUGIN_FILES]
@@ -139,23 +139,23 @@ def _description(opened: OpenedExport, names: Sequence[str], with_originals: boo
 
 
 def _decoders(packed: PackOptions, scene: Scene) -> list[int]:
-    """Return the decoder of each material of `scene`, that of its base colour first; -1 where nothing is decoded."""
-    found: list[int] = []
+    """Return the decoder of each material of `scene`: that of its base colour, else of its other maps; -1 where nothing is decoded."""
+    decoders: list[int] = []
     for material in scene.materials:
         textures = [material.plane_texture(plane) for plane in PLANES]
         layers = [packed.match.texture_index[texture] for texture in textures if texture >= 0]
-        found.append(next((packed.pack.textures[layer].group for layer in layers if layer >= 0), -1))
-    return found
+        decoders.append(next((packed.pack.textures[layer].group for layer in layers if layer >= 0), -1))
+    return decoders
 
 
 def _figures(pack: Pack) -> list[tuple[str, str]]:
-    """Return lines about `pack`: name and value."""
+    """Return figures of `pack` as (name, value)."""
     table = psnr_table(pack)
     size = table.latent_bytes + table.decoder_bytes + table.adapter_bytes
     lines = [
         ("Codec", f"{pack.config.kind}, {pack.grouping.name}"),
         ("Decoders", f"{len({texture.group for texture in pack.textures})} for {len(pack.textures)} textures"),
-        ("Stored", f"{size / 1e6:.1f} MB, {bits_with_mips(pack):.2f} bits a texel"),
+        ("Stored", f"{size / 1e6:.1f} MB, {bits_with_mips(pack):.2f} bits per texel"),
     ]
     if table.summary is not None:
         summary = table.summary

@@ -1,4 +1,4 @@
-"""The light of the page: the window's own sky and sun, filtered here so that the first picture does not wait for it."""
+"""Light of the page: the window's sky and sun. The sky is prefiltered here, because the page would delay its first picture for it."""
 
 import math
 from typing import Final
@@ -14,7 +14,7 @@ SIDES: Final = (64, 32, 16, 8)
 """Sides in texels of the faces of the mips of the sky's cube map."""
 _SOURCE_SIDE: Final = 128
 _SAMPLES: Final = 48
-# Of each face, as OpenGL has it (OpenGL 4.6, Table 8.19): main axis, the axis along rows, the axis down columns, each with its sign.
+# Axes of each face (OpenGL 4.6, Table 8.19): main axis, axis along rows, axis down columns, each with its sign.
 _FACES: Final = (
     ((0, 1), (2, -1), (1, -1)),
     ((0, -1), (2, 1), (1, -1)),
@@ -38,9 +38,10 @@ def _face_directions(side: int) -> NDArray[np.float64]:
 
 
 def sky_cube(lighting: Lighting) -> bytes:
-    """Return the sky without its sun as the cube map that three.js reads: float16 RGBA, face by face, each with the mips of SIDES.
+    """Return the sky without the sun's disk as a cube map for three.js: float16 RGBA, face by face, each with the mips of SIDES.
 
-    Mip n of N has the roughness 1 - sqrt(1 - n / (N - 1)). three.js mirrors cube maps of files: +X is west.
+    Mip n of N is prefiltered for the roughness 1 - sqrt(1 - n / (N - 1)), where three.js samples it. three.js mirrors cube maps of
+    files: +X is west.
     """
     panorama = sky_radiance(lighting.sun_elevation, azimuth=lighting.sun_azimuth).astype(np.float64)
     chain = mip_chain(octahedral_source(panorama, _SOURCE_SIDE))

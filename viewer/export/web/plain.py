@@ -1,4 +1,4 @@
-"""glTF that three.js reads without decoders: compressed geometry, images and materials become plain ones."""
+"""Conversion of glTF for three.js without decoders: compressed geometry, images and materials become plain ones."""
 
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,14 +29,14 @@ BROWSER_IMAGES = {".png": "image/png", ".jpg": "image/jpeg", ".webp": "image/web
 
 @dataclass(eq=False)
 class _NewBuffer:
-    """A buffer for decompressed data, the last one of the document."""
+    """Buffer for decompressed data, the last one of the document."""
 
     number: int
     parts: list[NDArray[np.uint8]] = field(default_factory=list)
     size: int = 0
 
     def add(self, data: NDArray[Any]) -> dict[str, int]:
-        """Return the buffer view of `data`."""
+        """Add `data` and return its buffer view."""
         content = np.ascontiguousarray(data).reshape(-1).view(np.uint8)
         view = {"buffer": self.number, "byteOffset": self.size, "byteLength": len(content)}
         self.parts.append(np.pad(content, (0, -len(content) % ALIGNMENT)))
@@ -45,7 +45,7 @@ class _NewBuffer:
 
 
 def make_plain(opened: OpenedExport) -> None:
-    """Change the document of `opened`: no extension of it needs a decoder then, and its images are files. Raises InputError."""
+    """Change the document of `opened` so that no extension needs a decoder and all images are files. Raises InputError."""
     document = opened.document
     buffer = _NewBuffer(len(document.entries("buffers")))
     _expand_views(opened, buffer)
@@ -67,7 +67,7 @@ def _expand_views(opened: OpenedExport, buffer: _NewBuffer) -> None:
             data, _ = opened.buffers.view(number, f"bufferViews[{number}]")
             view.update(buffer.add(data))
     for entry in opened.document.entries("buffers"):
-        # What a view falls back to where it cannot be decompressed.
+        # These extensions mark fallback buffers of compressed views.
         entry.pop("extensions", None)
 
 
@@ -91,7 +91,7 @@ def _write_draco(document: GltfDocument, primitive: dict[str, Any], mesh: DracoM
         accessor = document.entries("accessors")[index]
         kind = COMPONENT_TYPES[accessor["componentType"]]
         rows = data.astype(kind).reshape(len(data), -1).view(np.uint8)
-        # Rows of vertices begin at multiples of four bytes.
+        # glTF aligns the rows of vertices to four bytes.
         aligned = rows if name == "indices" else np.pad(rows, ((0, 0), (0, -rows.shape[1] % ALIGNMENT)))
         stride = {} if name == "indices" else {"byteStride": aligned.shape[1]}
         accessor.update(bufferView=len(document.entries("bufferViews")), byteOffset=0, count=len(data))
@@ -99,7 +99,7 @@ def _write_draco(document: GltfDocument, primitive: dict[str, Any], mesh: DracoM
 
 
 def _plain_material(entry: dict[str, Any], material: Material) -> None:
-    """Replace specular and glossiness by the roughness and metalness that the viewer makes of them."""
+    """Replace specular and glossiness by the viewer's roughness and metalness."""
     glossiness = entry.get("extensions", {}).pop(GLOSSINESS, None)
     if glossiness is None:
         return
@@ -112,7 +112,7 @@ def _plain_material(entry: dict[str, Any], material: Material) -> None:
 
 
 def _plain_images(opened: OpenedExport) -> None:
-    """Let each texture name one image by `source`, and each image be a file that browsers read."""
+    """Make each texture name one image by `source`, and each image a file that browsers read."""
     document, file = opened.document, opened.file
     notes = ReportNotes()
     readable: dict[int, bool] = {}
@@ -120,7 +120,7 @@ def _plain_images(opened: OpenedExport) -> None:
         source = texture_image(file, file.entries("textures")[number], f"textures[{number}]", notes)
         for owner in (texture, *(texture.get("extensions", {}).pop(name, {}) for name in IMAGE_EXTENSIONS)):
             owner.pop("source", None)
-        # Images that only a pack holds are no entries of the document.
+        # Images that only a pack has are not entries of the document.
         if source is None or source >= len(document.entries("images")):
             continue
         if source not in readable:
@@ -132,7 +132,7 @@ def _plain_images(opened: OpenedExport) -> None:
 
 
 def _plain_image(opened: OpenedExport, index: int) -> bool:
-    """Let image entry `index` be a file that browsers read. Returns False where it cannot be read."""
+    """Convert image entry `index` to a file that browsers read. Returns False where it cannot be read."""
     file = opened.file
     name = file.label(file.entries("images")[index], f"image {index}")
     try:

@@ -52,5 +52,5 @@ def test_what_other_languages_take_otherwise_is_refused(parameters: str, body: s
 
 def test_a_call_of_the_second_of_two_overloads_is_refused() -> None:
     overloads = "float f(int a) {\n    return 1.0;\n}\nfloat f(float a) {\n    return 2.0;\n}\n"
-    with pytest.raises(UnsupportedSourceError, match="float stands where int"):
+    with pytest.raises(UnsupportedSourceError, match="float is given where int"):
         parse(f"{overloads}float decode(float x) {{\n    return f(x);\n}}\n", {}, "decode")

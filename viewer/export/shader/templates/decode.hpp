@@ -15,7 +15,7 @@ namespace ntc {
 
 using uint = unsigned int;
 
-// Vectors of two to four components. A single number given for one stands for all components.
+// Vectors of two to four components. A constructor with a single number sets all components to it.
 template <typename T> struct vector2 {
     T x, y;
     vector2() = default;
@@ -90,7 +90,7 @@ NTC_FUNCTION vec4 operator*(const mat4& m, vec4 v) {
     return m.columns[0] * v.x + m.columns[1] * v.y + m.columns[2] * v.z + m.columns[3] * v.w;
 }
 
-// Functions as GLSL has them.
+// Functions of GLSL.
 NTC_FUNCTION uint float_bits_to_uint(float value) {
 #if defined(__CUDA_ARCH__)
     return __float_as_uint(value);
@@ -156,12 +156,12 @@ template <typename T> NTC_FUNCTION bvec4 greaterThan(vector4<T> a, vector4<T> b)
 }
 NTC_FUNCTION bool any(bvec4 v) { return v.x || v.y || v.z || v.w; }
 
-// Decodes what `words` hold: ntc_pack.bin, in host or device memory.
+// Decoder of the data in `words`: ntc_pack.bin, in host or device memory.
 struct decoder {
     const uint* words;
-    uint count;    // of words
+    uint count;    // number of words
 
-    // Words beyond the end are 0: data that is damaged cannot make it read elsewhere.
+    // Words beyond the end are 0, so that damaged data cannot cause reads outside the array.
     NTC_FUNCTION uint word(int place) const { return uint(place) < count ? words[place] : 0u; }
 
     // MEMBERS

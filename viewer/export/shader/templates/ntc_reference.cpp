@@ -1,10 +1,10 @@
-// Decodes texels of ntc_pack.bin on a CPU: what a decoder in an engine can be compared with.
+// Decodes texels of ntc_pack.bin on a CPU, as a reference for decoders in engines.
 //
 //   c++ -std=c++17 -O2 -o ntc_reference ntc_reference.cpp
 //   echo "0 base 0.5 0.5 0 0 0" | ./ntc_reference ntc_pack.bin
 //
-// Each line of the input names a texel: texture number, plane, u, v, lod, and the wrap modes along u and v (0 repeated, 1 mirrored,
-// 2 clamped). Each line of the output gives its four components. Exit status: 0, or 2 with one line on stderr.
+// Each line of the input names a texel: texture number, plane, u, v, lod, and the wrap modes along u and v (0 repeat, 1 mirror,
+// 2 clamp). Each line of the output has its four components. Exit status: 0, or 2 with one line on stderr.
 #include <cstdint>
 #include <cstdio>
 #include <cstdlib>
@@ -29,7 +29,7 @@ namespace {
 std::vector<ntc::uint> read_words(const char* path) {
     std::ifstream file(path, std::ios::binary);
     std::ostringstream all;
-    // A folder opens in some systems, and fails when it is read.
+    // Some systems open a folder like a file; reading it fails.
     if (!file || !(all << file.rdbuf())) refuse(std::string(path) + ": cannot be read, or is empty");
     const std::string bytes = all.str();
     if (bytes.size() % 4 != 0) refuse(std::string(path) + ": does not end with a whole word");
@@ -51,10 +51,10 @@ void check_section(const char* path, const char* name, std::uint64_t first, std:
 
 void check(const char* path, const std::vector<ntc::uint>& words) {
     if (words.size() < NTC_HEADER_WORDS || words[NTC_WORD_MAGIC] != NTC_MAGIC)
-        refuse(std::string(path) + ": is no data of ntc-viewer export --shader");
+        refuse(std::string(path) + ": is not data of ntc-viewer export --shader");
     if (words[NTC_WORD_VERSION] != NTC_VERSION) refuse(std::string(path) + ": has another version of the layout");
     if (words[NTC_WORD_CODEC] != NTC_CODEC) refuse(std::string(path) + ": was made for a decoder of other settings");
-    if (words[NTC_WORD_TOTAL_WORDS] != words.size()) refuse(std::string(path) + ": is cut short, or longer than it says");
+    if (words[NTC_WORD_TOTAL_WORDS] != words.size()) refuse(std::string(path) + ": its length differs from that in its header");
     const std::uint64_t total = words.size(), levels = words[NTC_WORD_LEVEL_COUNT];
     const std::uint64_t textures = words[NTC_WORD_TEXTURE_COUNT];
     check_section(path, "textures", words[NTC_WORD_TEXTURES], textures, sizeof(ntc_texture_record) / 4, total);
@@ -69,11 +69,11 @@ void check(const char* path, const std::vector<ntc::uint>& words) {
         const std::int64_t first = record.first_level, count = record.levels;
         if (first < 0 || count < 1 || first + count > std::int64_t(levels) || record.finest_level < 0 ||
             record.finest_level >= count)
-            refuse(std::string(path) + ": texture " + std::to_string(i) + " names mips that are not there");
+            refuse(std::string(path) + ": texture " + std::to_string(i) + " names mips that do not exist");
         const std::uint64_t blocks = (words[NTC_WORD_LATENTS] - words[NTC_WORD_DECODERS]) / 4;
         if (record.decoder < 0 || (record.decoder + 1ull) * NTC_DECODER_BLOCKS > blocks ||
             record.adapter < 0 || record.adapter + std::uint64_t(NTC_ADAPTER_BLOCKS) > blocks)
-            refuse(std::string(path) + ": texture " + std::to_string(i) + " names a decoder that is not there");
+            refuse(std::string(path) + ": texture " + std::to_string(i) + " names a decoder that does not exist");
     }
     for (std::uint64_t i = 0; i < levels; ++i) {
         ntc_level_record record;
@@ -87,7 +87,7 @@ void check(const char* path, const std::vector<ntc::uint>& words) {
 }
 
 bool decode(const ntc::decoder& decoder, const std::string& plane, int texture, ntc::vec2 uv, float lod, ntc::ivec2 wrap,
-            ntc::vec4& found) {
+            ntc::vec4& value) {
     // PLANES
     return false;
 }
@@ -110,10 +110,10 @@ int main(int argc, char** argv) {
             refuse("line " + std::to_string(number) + ": expected texture, plane, u, v, lod, wrap_u, wrap_v");
         if (texture < 0 || ntc::uint(texture) >= words[NTC_WORD_TEXTURE_COUNT])
             refuse("line " + std::to_string(number) + ": there is no texture " + std::to_string(texture));
-        ntc::vec4 found;
-        if (!decode(decoder, plane, texture, ntc::vec2(u, v), lod, ntc::ivec2(wrap_u, wrap_v), found))
+        ntc::vec4 value;
+        if (!decode(decoder, plane, texture, ntc::vec2(u, v), lod, ntc::ivec2(wrap_u, wrap_v), value))
             refuse("line " + std::to_string(number) + ": the codec has no plane " + plane);
-        std::printf("%.9g %.9g %.9g %.9g\n", found.x, found.y, found.z, found.w);
+        std::printf("%.9g %.9g %.9g %.9g\n", value.x, value.y, value.z, value.w);
     }
     return 0;
 }

@@ -1,7 +1,7 @@
-// What lights the scene: the window's sky and sun.
+// Light of the scene: the window's sky and sun.
 import * as THREE from "three";
 
-/** The sky as a cube map whose mips are filtered by roughness, from the bytes of sky.bin: `sides` are those of its mips in texels. */
+/** Returns the sky as a cube map with mips prefiltered by roughness, from the bytes of sky.bin; `sides` are those of the mips in texels. */
 function skyCube(buffer, sides) {
   let at = 0;
   const faces = Array.from({ length: 6 }, () => {
@@ -22,7 +22,7 @@ function skyCube(buffer, sides) {
 }
 
 export class Light {
-  /** `sky`: the bytes of sky.bin. `radius`: of the sphere around the scene. */
+  /** `sky`: bytes of sky.bin. `radius`: radius of the sphere around the scene. */
   constructor(renderer, page, sky, radius) {
     Object.assign(this, { renderer, radius, sky: skyCube(sky, page.sky.sides) });
     this.direction = new THREE.Vector3(...page.sun.direction);
@@ -35,7 +35,7 @@ export class Light {
     renderer.shadowMap.autoUpdate = false;
   }
 
-  /** Lays the shadow map over what stands around `target`, at `distance` from the camera. */
+  /** Fits the shadow map to the surroundings of `target`, which is at `distance` from the camera. */
   aim(target, distance) {
     const { radius, sun } = this;
     const reach = Math.min(radius, Math.max(4 * distance, radius / 12));

@@ -1,13 +1,13 @@
-// Starts the page: the picture, its divider, the divergence map and the controls. What goes wrong is told in one line.
+// Starts the page: the picture, its divider, the divergence map and the controls. An error is shown in one line.
 import * as THREE from "three";
 import { TextureMemory } from "ntc-three";
 import { Sight, VIRIDIS, divergence, drawMap, footprints, mainTexture } from "./sight.js";
 import { PageError, Stage, VIEWS, readJson } from "./stage.js";
 
 const FORMAT = 2;
-const REST_MS = 160; // without a movement: then finer mips are asked for
-const SLOW_MS = 100; // a frame that takes longer has half the pixels a side until all mips are there
-const BLENDED = 1 / 512; // footprint of what lies over other surfaces: it is not measured
+const REST_MS = 160; // time without movement after which finer mips are requested
+const SLOW_MS = 100; // longer frames have half the pixels along each side until all mips are decoded
+const BLENDED = 1 / 512; // assumed footprint of blended surfaces, which are not measured
 const LIMIT_MB = { small: 96, large: 256 };
 
 const byId = (id) => document.getElementById(id);
@@ -23,16 +23,16 @@ function fail(error) {
   dataset.state = "failed";
 }
 
-/** Shows what a source lacks. The picture goes on without it. */
+/** Shows an error of a source. The picture stays. */
 function tell({ message }) {
   byId("error").textContent = message;
   byId("error").hidden = false;
 }
 
 class View {
-  version = 0; // of camera and settings
-  looked = -1; // version whose textures are asked for
-  isSlow = true; // whether frames of all pixels take more than SLOW_MS, as far as is known
+  version = 0; // version of camera and settings
+  looked = -1; // version whose textures are requested
+  isSlow = true; // whether frames at full resolution are assumed to take more than SLOW_MS
   took = 0; // milliseconds of the last frame
   isSwapped = false;
   map = null; // the divergence map of this view
@@ -49,7 +49,7 @@ class View {
     return this.stage.sources[this.isSwapped ? state.a : state.b];
   }
 
-  /** The sources that are shown. */
+  /** Sources on both sides of the divider, or the only one. */
   get shown() {
     return state.split === null ? [this.left] : [this.left, this.right];
   }
@@ -58,18 +58,18 @@ class View {
     return this.looked === this.version && this.shown.every(({ plugin, isReady }) => isReady && plugin.isComplete);
   }
 
-  /** The camera or a setting changed. */
+  /** Handles a change of the camera or of a setting. */
   moved() {
     ++this.version;
     this.map = null;
     clearTimeout(this.resting);
     this.resting = setTimeout(() => this.rest(), REST_MS);
-    // The first picture goes first.
+    // Other sources are prepared after the first picture.
     if (dataset.first !== undefined) for (const source of this.shown) this.stage.prepare(source).catch(fail);
     this.invalidate();
   }
 
-  /** Finer mips arrived. Drawing for each of many would take the time from decoding. */
+  /** Handles the arrival of finer mips. Not every arrival causes a frame, because frames take time from decoding. */
   refined() {
     this.tell();
     if (this.isComplete || performance.now() - this.drawn > Math.max(200, 8 * this.took)) this.invalidate();
@@ -88,7 +88,7 @@ class View {
     if (renderer.getPixelRatio() !== ratio) renderer.setPixelRatio(ratio);
     const [width, height] = stage.size;
     const place = state.split === null ? width : Math.round(state.split * width);
-    // Until something of a source is there, the other one is shown in its place.
+    // A source that has no textures yet is replaced by the other one.
     const sides = [this.left, this.right].map((source, number, both) => (source?.isReady ? source : both[1 - number]));
     renderer.setScissorTest(place < width && sides[0] !== sides[1]);
     renderer.setScissor(0, 0, place, height);
@@ -120,7 +120,7 @@ class View {
     });
   }
 
-  /** Asks for the mips that the view reads, once the camera rests, and counts decoders. */
+  /** Requests the mips that the view reads, once the camera is at rest, and counts decoders. */
   async rest() {
     const { stage, version } = this;
     if (this.isResting || dataset.first === undefined) return void (this.resting = setTimeout(() => this.rest(), REST_MS));
@@ -235,7 +235,7 @@ class Panel {
     this.refresh();
   }
 
-  /** Shows what the picture shows now. */
+  /** Updates the controls and figures from the state. */
   refresh() {
     const { view, page } = this;
     const { split, heat } = state;

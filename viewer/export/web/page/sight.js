@@ -1,9 +1,9 @@
-// What is in sight: which material each pixel shows, and how far apart in texture coordinates neighbouring pixels are.
+// Visibility: the material of each pixel, and its footprint, the distance of neighbouring pixels in texture coordinates.
 import * as THREE from "three";
 
 const BLOCK = 8; // pixels a side of a block of the divergence map
-const STEPS = 8; // of a footprint's logarithm, for each power of two from 2^-24 on
-const LEAST = 24;
+const STEPS = 8; // steps of a stored footprint per power of two
+const LEAST = 24; // the smallest stored footprint is 2^-24
 // S. van der Walt and N. Smith, CC0.
 export const VIRIDIS = [
   [68, 1, 84], [70, 43, 120], [59, 82, 139], [44, 114, 142], [33, 145, 140], [40, 174, 128], [94, 201, 98], [173, 220, 48], [253, 231, 37],
@@ -20,7 +20,7 @@ const NUMBER = `
   gl_FragColor = vec4(number + 1.0 - 256.0 * high, high, floor(place), 255.0) / 255.0;
 }`;
 
-/** The first texture of a material, whose coordinates stand for those of all. */
+/** Returns the first texture of a material. Its coordinates measure the footprint for all textures. */
 export const mainTexture = ({ map, normalMap, roughnessMap, emissiveMap, aoMap }) =>
   [map, normalMap, roughnessMap, emissiveMap, aoMap].find((texture) => texture?.set) ?? map ?? null;
 
@@ -48,8 +48,8 @@ export class Sight {
   }
 
   /**
-   * Draws `meshes` in `width` x `height` pixels, one in `step` each way; `lit(mesh)` is its material. Returns bytes of RGBA, the
-   * lowest row first: red and green are a material's number + 1, blue is its footprint.
+   * Draws one pixel in `step` along each side of a picture of `width` x `height` pixels; `lit(mesh)` returns the material of a mesh.
+   * Returns bytes of RGBA, the lowest row first: red and green are a material's number + 1, blue is the footprint.
    */
   async draw(meshes, camera, width, height, step, lit) {
     const { renderer, scene, target } = this;
@@ -75,7 +75,7 @@ export class Sight {
   }
 }
 
-/** By number of a material, the smallest footprint of its pixels: their distance in texture coordinates. */
+/** Returns the smallest footprint of the pixels of each material, by its number. */
 export function footprints(pixels) {
   const least = new Map();
   for (let at = 0; at < pixels.length; at += 4) {
@@ -86,8 +86,8 @@ export function footprints(pixels) {
 }
 
 /**
- * Distinct decoders of each block of 8 x 8 pixels, counted from the top left; `decoders`: by number of a material, -1 for none.
- * Returns {counts, across, down, excess, most}.
+ * Counts the distinct decoders D of each block of 8 x 8 pixels, from the top left; `decoders`: by number of a material, -1 for none.
+ * Returns {counts, across, down, excess, most}: D of each block, blocks along each side, the sum of max(D - 1, 0), the largest D.
  */
 export function divergence(pixels, width, height, decoders) {
   const [across, down] = [Math.ceil(width / BLOCK), Math.ceil(height / BLOCK)];
@@ -111,7 +111,7 @@ export function divergence(pixels, width, height, decoders) {
   return { counts, across, down, excess, most };
 }
 
-/** Draws a divergence map of {counts, across, down} into `canvas`, which covers the picture; `most` has the last colour. */
+/** Draws a divergence map {counts, across, down} into `canvas`, which covers the picture; the last colour is that of `most`. */
 export function drawMap(canvas, { counts, across, down }, most, ratio) {
   Object.assign(canvas, { width: across, height: down });
   Object.assign(canvas.style, { width: `${(across * BLOCK) / ratio}px`, height: `${(down * BLOCK) / ratio}px` });

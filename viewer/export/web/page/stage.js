@@ -1,10 +1,10 @@
-// The scene, its camera, and the textures that each source gives its materials.
+// The scene, its camera, and the materials of each source of textures.
 import * as THREE from "three";
 import { NTCTextures } from "ntc-three";
 import { Light } from "./light.js";
 
 const MOST_LIGHTS = 12;
-/** What the views show: a texture of a material. */
+/** Views by name; `slot` is the texture of a material that a view shows. */
 export const VIEWS = {
   lit: { label: "Lit" },
   base: { label: "Base colour", slot: "map" },
@@ -23,14 +23,14 @@ const WHITE = pixel([255, 255, 255, 255]);
 const FLAT = pixel([128, 128, 255, 255]);
 const SLOTS = ["map", "roughnessMap", "metalnessMap", "aoMap", "emissiveMap"];
 
-/** Lets one program draw most materials: compiling another takes longer than reading a white texture. */
+/** Fills the empty texture slots of a material, so that one program draws most materials. Compiling another takes longer than reading a white texel. */
 function unify(material) {
   if (!material.isMeshStandardMaterial) return;
   for (const slot of SLOTS) material[slot] ??= WHITE;
   material.normalMap ??= FLAT;
 }
 
-/** What goes wrong in a way that one line tells. */
+/** Error whose message is enough for the user, in one line. */
 export class PageError extends Error {}
 
 async function answer(name) {
@@ -48,7 +48,7 @@ export async function readJson(name) {
   }
 }
 
-/** A pack, or the original images: the materials of all meshes with its textures. */
+/** Source of textures, a pack or the original images, and the materials of all meshes with these textures. */
 class Source {
   constructor(description) {
     this.description = description;
@@ -60,7 +60,7 @@ class Source {
     return this.materials.size > 0 && this.plugin.hasCoarse;
   }
 
-  /** The material of a mesh in a view; what does not light is shown as it is. */
+  /** Returns the material of a mesh in a view; all views but "lit" show a texture without shading. */
   material(mesh, view) {
     const lit = this.materials.get(mesh);
     if (view === "lit") return lit;
@@ -79,7 +79,7 @@ class Source {
     } else if (map === WHITE || map === FLAT) made.color.setRGB(0.02, 0.02, 0.025);
     else if (slot === "emissiveMap") made.color.copy(lit.emissive).multiplyScalar(lit.emissiveIntensity);
     else {
-      // Numbers, not colours: the encoding of the picture is undone first.
+      // These textures store numbers, not colours. Decoding sRGB here cancels the encoding of the picture.
       made.onBeforeCompile = (shader) => {
         const shown = "diffuseColor.rgb = sRGBTransferEOTF(texture2D(map, vMapUv)).rgb;";
         shader.fragmentShader = shader.fragmentShader.replace("#include <map_fragment>", shown);
@@ -88,7 +88,7 @@ class Source {
     return made;
   }
 
-  /** The textures of a mesh that a view reads. */
+  /** Returns the textures of a mesh that a view reads. */
   textures(mesh, view) {
     const lit = this.materials.get(mesh);
     const all = view === "lit" ? Object.values(lit) : [lit[VIEWS[view].slot]];
@@ -97,7 +97,7 @@ class Source {
 }
 
 export class Stage {
-  /** `memory`: of all textures. `changed` is called when the picture is out of date, `failed` with an error of a source. */
+  /** `memory` is shared by all textures. `changed` is called when the picture is out of date, `failed` with an error of a source. */
   constructor(canvas, page, memory, changed, failed) {
     Object.assign(this, { page, memory, changed, failed });
     this.sources = page.sources.map((description) => new Source(description));
@@ -112,14 +112,14 @@ export class Stage {
     this.size = [1, 1];
   }
 
-  /** Begins to read the scene with the textures of source 0. */
+  /** Starts reading the scene with the textures of source 0. */
   read() {
     this.sky = answer("sky.bin").then((response) => response.arrayBuffer());
     this.reading = readJson(this.page.scene).then((json) => this.parse(this.sources[0], (this.json = json)));
     for (const promise of [this.sky, this.reading]) promise.catch(() => {});
   }
 
-  /** Makes the scene that `read` has begun with. */
+  /** Completes the scene that `read` has started reading. */
   async load(renderer) {
     this.renderer = renderer;
     this.light = new Light(renderer, this.page, await this.sky, this.radius);
@@ -134,7 +134,7 @@ export class Stage {
       object.visible = !object.isLight || this.lights <= MOST_LIGHTS;
       if (!object.isMesh) return;
       const { meshes, primitives } = parser.associations.get(object);
-      // Without a material the last number: no source has a decoder for it.
+      // A mesh without a material gets the number after the last one: no source has a decoder for it.
       object.userData.number = this.json.meshes[meshes].primitives[primitives ?? 0].material ?? this.page.materials;
       object.castShadow = object.receiveShadow = !object.material.transparent;
       this.meshes.push(object);
@@ -145,7 +145,7 @@ export class Stage {
     this.scene.updateMatrixWorld(true);
   }
 
-  /** Lets the device compile the program of most materials while the scene is read. */
+  /** Compiles the program of most materials while the scene is read. */
   warm() {
     const mesh = new THREE.Mesh(new THREE.PlaneGeometry(), new THREE.MeshStandardMaterial());
     mesh.castShadow = mesh.receiveShadow = true;
@@ -157,7 +157,7 @@ export class Stage {
     this.scene.remove(mesh);
   }
 
-  /** The glTF file as three.js has it with the textures of a source. */
+  /** Parses the glTF file with the textures of a source. */
   parse(source, json) {
     const options = {
       format: "rgba8", onDemand: true, memory: this.memory,
@@ -198,7 +198,7 @@ export class Stage {
       const half = named.height / 2;
       Object.assign(camera, { left: -half * aspect, right: half * aspect, top: half, bottom: -half });
     } else if (named) {
-      // On a narrow screen the width counts: else a portrait window would see a slit.
+      // On a narrow screen the field of view grows, because a portrait window would show only a slit.
       const half = Math.tan(THREE.MathUtils.degToRad(named.fov) / 2);
       camera.aspect = aspect;
       camera.fov = 2 * THREE.MathUtils.radToDeg(Math.atan(aspect < 1 ? Math.min(half / Math.sqrt(aspect), 1.4) : half));
