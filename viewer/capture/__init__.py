@@ -1,1 +1,1 @@
-"""Pictures and camera paths as files."""
+"""Capture of pictures and films as files."""

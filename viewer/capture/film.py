@@ -1,4 +1,4 @@
-"""The window's content as pixels, and over time as an animated WebP."""
+"""Capture of the window's content as pixels, and as an animated WebP."""
 
 import io
 import math
@@ -15,16 +15,16 @@ from ntc.io import write_bytes
 SECONDS_BETWEEN_PICTURES = 0.1
 """Shortest time in seconds between two pictures of a film."""
 LAST_PICTURE_SECONDS = 1.5
-"""Time in seconds that the last picture stays before a player begins anew."""
+"""Time in seconds for which the last picture is shown before a player repeats the film."""
 LARGEST_FILM = 512 << 20
-"""Limit in bytes of all pictures in memory, at which every second one is dropped."""
+"""Limit in bytes of all pictures in memory. Beyond it every second picture is dropped."""
 QUALITY = 60
-"""Quality of the pictures, 0 to 100, as libwebp counts it."""
+"""Quality of the pictures on libwebp's scale from 0 to 100."""
 
 
 def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
-    """Read a framebuffer: [H, W, 3] uint8, row 0 on top."""
-    # The window's own framebuffer goes on saying the size that it was opened with: its viewport is what is shown.
+    """Read the pixels [H, W, 3] uint8 of a framebuffer, row 0 on top."""
+    # moderngl reports the size with which the window's framebuffer was opened. Its viewport has the present size.
     viewport = framebuffer.viewport
     width, height = viewport[2:]
     pixels = np.frombuffer(framebuffer.read(viewport=viewport, components=3, alignment=1), np.uint8)
@@ -33,7 +33,7 @@ def read_pixels(framebuffer: moderngl.Framebuffer) -> NDArray[np.uint8]:
 
 @dataclass
 class Film:
-    """Film so far; each of its pictures is shown until the next one was taken."""
+    """Film that is being recorded. Each picture is shown until the next one was taken."""
 
     path: Path
     _pictures: list[NDArray[np.uint8]] = field(default_factory=list)
@@ -41,13 +41,13 @@ class Film:
     """Monotonic seconds at which each picture was taken."""
 
     def wants(self, now: float) -> bool:
-        """Return whether a picture at `now` (monotonic seconds) would be taken."""
+        """Return whether the next picture is due at `now` (monotonic seconds)."""
         return now - (self._times[-1] if self._times else -math.inf) >= SECONDS_BETWEEN_PICTURES
 
     def add(self, pixels: NDArray[np.uint8], now: float) -> None:
-        """Take a picture [H, W, 3] uint8 sRGB, row 0 on top.
+        """Add a picture [H, W, 3] uint8 sRGB, row 0 on top.
 
-        One that equals the last, or has another size than the first, is left out.
+        A picture that equals the last one, or has another size than the first one, is left out.
         """
         if self._pictures and (pixels.shape != self._pictures[0].shape or np.array_equal(pixels, self._pictures[-1])):
             return
@@ -57,7 +57,7 @@ class Film:
         self._times.append(now)
 
     def write(self) -> int:
-        """Write the file, and return how many pictures it has; nothing is written without one. Raises InputError."""
+        """Write the file and return its number of pictures. Without pictures no file is written. Raises InputError."""
         if not self._pictures:
             return 0
         ends = [*self._times[1:], self._times[-1] + LAST_PICTURE_SECONDS]

@@ -1,4 +1,4 @@
-"""Pictures and maps of a view: channels of one EXR file, the colour bar of a divergence map, the error against the reference."""
+"""Pictures of a view: material maps as channels of an EXR file, the colour bar of a divergence map, and the error overlay."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,30 +16,30 @@ Channels = Mapping[str, NDArray[np.float32]]
 
 
 def material_aovs(renderer: Renderer, slot: Slot) -> Channels:
-    """Return the maps that the last view has read of a slot (factors applied to the base colour alone), and coverage.
+    """Return the material maps of a slot in the last view, and the coverage as alpha.
 
-    Colours are linear; `normal` is the tangent-space normal, a unit vector.
+    Colours are linear. Only the base colour is multiplied by its factor. `normal` is the tangent-space normal, a unit vector.
     """
     planes = renderer.planes(slot)
-    found = {"A": renderer.covered().astype(np.float32)}
+    channels = {"A": renderer.covered().astype(np.float32)}
     if "base" in planes:
-        found |= {name: planes["base"][..., place] for place, name in enumerate("RGB")}
+        channels |= {name: planes["base"][..., place] for place, name in enumerate("RGB")}
     if "surface" in planes:
         surface = planes["surface"]
         across = surface[..., :2] * 2.0 - 1.0
         up = np.sqrt(np.maximum(1.0 - np.square(across).sum(2, keepdims=True), 0.0))
         normals = np.concatenate([across, up], axis=2)
         normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-        found |= {f"normal.{axis}": normals[..., place] for place, axis in enumerate("XYZ")}
-        found |= {"roughness": surface[..., 2], "metalness": surface[..., 3]}
+        channels |= {f"normal.{axis}": normals[..., place] for place, axis in enumerate("XYZ")}
+        channels |= {"roughness": surface[..., 2], "metalness": surface[..., 3]}
     if "emission" in planes:
-        found |= {f"emissive.{name}": planes["emission"][..., place] for place, name in enumerate("RGB")}
-        found["occlusion"] = planes["emission"][..., 3]
-    return found
+        channels |= {f"emissive.{name}": planes["emission"][..., place] for place, name in enumerate("RGB")}
+        channels["occlusion"] = planes["emission"][..., 3]
+    return channels
 
 
 def write_aovs(path: Path, channels: Channels) -> None:
-    """Write `channels` as an EXR file of 32-bit floats, atomically. Raises InputError where it cannot be written."""
+    """Write `channels` atomically as an EXR file of 32-bit floats. Raises InputError where it cannot be written."""
     names = sorted(channels)
     pixels = np.ascontiguousarray(np.stack([channels[name] for name in names], axis=2), np.float32)
     height, width = pixels.shape[:2]
@@ -57,9 +57,9 @@ MOST_TICKS = 16
 
 
 def with_color_bar(picture: NDArray[np.uint8], palette: PaletteName, most: int) -> NDArray[np.uint8]:
-    """Return `picture` [H, W, 3] uint8 with a colour bar at its lower left, which shows the colour of each number of decoders.
+    """Return `picture` [H, W, 3] uint8 with a colour bar at its lower left: the colours of 1 to `most` decoders per block.
 
-    A picture too small for it stays as it is.
+    A picture that is too small for the bar stays as it is.
     """
     height, width = picture.shape[:2]
     most = max(most, 2)
@@ -88,6 +88,6 @@ def with_color_bar(picture: NDArray[np.uint8], palette: PaletteName, most: int) 
 
 
 def error_overlay(color: NDArray[np.uint8], reference: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return [H, W, 3] uint8: absolute difference of 8-bit sRGB values, amplified 8 times, black where equal."""
+    """Return the error overlay [H, W, 3] uint8: the absolute difference of 8-bit sRGB values times 8, black where they are equal."""
     difference = np.abs(color.astype(np.int16) - reference.astype(np.int16)) * ERROR_AMPLIFICATION
     return np.minimum(difference, 255).astype(np.uint8)

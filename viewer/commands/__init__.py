@@ -1,4 +1,4 @@
-"""Every command of the window: one registry feeds menus, keys, the palette, the help and scripts."""
+"""Registry of all commands of the window, for menus, keys, the palette, the help and scripts."""
 
 import difflib
 from collections.abc import Mapping
@@ -26,19 +26,19 @@ from viewer.state.event_handlers import notify
 from viewer.state.message_log import details_of
 
 _MODULES = (edit, compare, inspection, overlay, materials, animation, camera, files, closing, training, window)
-_ALL = tuple(found for module in _MODULES for found in vars(module).values() if isinstance(found, Command))
+_ALL = tuple(value for module in _MODULES for value in vars(module).values() if isinstance(value, Command))
 COMMANDS = tuple(command for command in _ALL if command.help)
-"""Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have none."""
+"""Commands with a text form, for menus, palette, scripts and tables. Gestures of mouse and widgets have no text form."""
 BY_ID = {command.id: command for command in _ALL}
 """Commands and gestures by id."""
 NEXT = {command.steps: command.id for command in COMMANDS if command.steps}
-"""Commands that take the next choice, by the id of the command that takes a given one."""
+"""Ids of the commands that switch to the next choice, by id of the command that sets the choice."""
 REPLACED = {
     "training.accept": "training.keep",
     "training.kept-back": "training.show, training.keep or training.discard",
     "window.close": "file.quit",
 }
-"""Commands of earlier versions, and those that took their place."""
+"""Replacements of commands of earlier versions, by id of the old command."""
 PICTURE_HINTS = (
     ("left drag", "orbit; look around when flying"),
     ("right or middle drag", "pan"),
@@ -50,7 +50,7 @@ PICTURE_HINTS = (
     ("Shift + left drag", "move the sun, in the lit view"),
     ("drop a file", "open a scene or a pack, or light the scene by an .hdr or .exr"),
 )
-"""(gesture, effect) of the mouse over the picture, for the sheet of keys."""
+"""Gestures of the mouse over the picture with their effects, for the sheet of keys."""
 
 
 def find_command(command_id: str) -> Command:
@@ -84,7 +84,7 @@ def run(context: Context, command_id: str, *values: Any) -> None:
 
 
 def why_not(context: Context, command_id: str) -> str:
-    """Return in a line why a command cannot run now; "" where it can."""
+    """Return the reason in one line why a command cannot run now; "" where it can."""
     return BY_ID[command_id].why_not(context)
 
 
@@ -110,5 +110,5 @@ def bindings(keys: Mapping[str, str]) -> Bindings:
 
 @lru_cache(maxsize=8)
 def _bindings(keys: tuple[tuple[str, str], ...]) -> Bindings:
-    """Bind the keys once for each state of the settings: every frame asks for them."""
+    """Return the bound keys. They are cached, because every frame needs them."""
     return bind_keys(COMMANDS, dict(keys))

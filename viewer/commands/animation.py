@@ -1,4 +1,4 @@
-"""Commands: the animations of the scene."""
+"""Commands for the animations of the scene."""
 
 from dataclasses import replace
 from typing import Annotated
@@ -14,7 +14,7 @@ LONGEST_SECONDS = 1e6
 _animated = unless(lambda context: context.session.scene.animations, "the scene has no animations")
 
 
-def _stand(session: Session, pose: Pose | None) -> None:
+def _set_pose(session: Session, pose: Pose | None) -> None:
     session.view = replace(session.view, pose=pose)
 
 
@@ -38,7 +38,7 @@ def play(session: Session) -> None:
     if session.playback.is_playing and not session.playback.repeats:
         shown, pose = chosen_animation(session.scene.animations, session.view.pose), session.view.pose
         if pose is not None and pose.seconds >= shown.seconds:
-            _stand(session, Pose(shown.name, 0.0))
+            _set_pose(session, Pose(shown.name, 0.0))
 
 
 @command(
@@ -50,13 +50,13 @@ def play(session: Session) -> None:
 )
 def set_time(session: Session, seconds: Seconds, animation: AnimationName = "") -> None:
     name = animation or chosen_animation(session.scene.animations, session.view.pose).name
-    _stand(session, Pose(name, seconds))
+    _set_pose(session, Pose(name, seconds))
 
 
 @command("animation.rest", "Rest pose", "show the scene without animation", unavailable=_animated, icon="stop")
 def rest(session: Session) -> None:
     session.playback = replace(session.playback, is_playing=False)
-    _stand(session, None)
+    _set_pose(session, None)
 
 
 speed = field_command("playback.speed", unavailable=_animated)

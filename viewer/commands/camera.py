@@ -1,4 +1,4 @@
-"""Commands: the camera: where it is, bookmarks, recorded paths, and motion by itself."""
+"""Commands for the camera: place, bookmarks, recorded paths, and automatic motion."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -41,7 +41,7 @@ def fly_faster(session: Session, notches: float) -> None:
     session.navigation.speed_notches += notches
 
 
-@command("camera.frame-all", "Frame all", "frame the whole scene as it stands now", "F", icon="expand")
+@command("camera.frame-all", "Frame all", "frame the whole scene in its present pose", "F", icon="expand")
 def frame_all(session: Session) -> None:
     width, height = session.window.picture_size
     camera = replace(session.view.camera, name=FREE)
@@ -72,8 +72,8 @@ def go(session: Session, name: Annotated[str, Arg("camera of the scene", _camera
 
 
 def _place(which: Literal["eye", "target"], axis: int) -> Arg:
-    """Return the description of a coordinate; the palette suggests the present value."""
-    what = "place of the camera" if which == "eye" else "place that it looks at"
+    """Return the description of a coordinate, for which the palette suggests the present value."""
+    what = "place of the camera" if which == "eye" else "place that the camera looks at"
     return Arg(
         f"{what}; scene units, Y up", suggestion=lambda session: f"{getattr(session.view.camera, which)[axis]:.6g}"
     )

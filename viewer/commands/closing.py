@@ -1,4 +1,4 @@
-"""Commands: quitting, and closing what is on top."""
+"""Commands that quit, or close the topmost layer over the picture."""
 
 from dataclasses import replace
 
@@ -22,11 +22,11 @@ LAYERS = {
     "window.show_first_steps": False,
     "inspection.flat_texture": None,
 }
-"""Windows over the picture, topmost first: the session's attribute that opens each, and its value while closed."""
+"""Layers over the picture, topmost first: attribute of the session that opens the layer -> its value while closed."""
 
 
 def _close(session: Session, layer: str) -> bool:
-    """Close one of LAYERS, and return True where it was open."""
+    """Close one of LAYERS. Returns True where it was open."""
     group, _, name = layer.partition(".")
     is_open = bool(getattr(getattr(session, group), name) != LAYERS[layer])
     setattr(getattr(session, group), name, LAYERS[layer])
@@ -42,9 +42,9 @@ def close_layer(session: Session, layer: str) -> None:
 
 def _forget_places(session: Session) -> bool:
     inspection = session.inspection
-    kept = inspection.pixel is not None or inspection.block is not None
+    had_place = inspection.pixel is not None or inspection.block is not None
     inspection.pixel = inspection.block = None
-    return kept
+    return had_place
 
 
 def _forget_highlight(session: Session) -> bool:

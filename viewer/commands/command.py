@@ -1,4 +1,4 @@
-"""Commands and their parameters. The types of a function declare them once, for scripts, widgets, help and tables."""
+"""Commands and their parameters. Type hints of a function declare a command once, for scripts, widgets, help and tables."""
 
 import inspect
 import shlex
@@ -29,7 +29,7 @@ SlotSide = Annotated[Side, Arg("which slot", names={"a": "A", "b": "B"})]
 
 
 class Context:
-    """The state that commands change, and the services that they use."""
+    """State that commands change, and services that they use."""
 
     def __init__(
         self,
@@ -38,7 +38,7 @@ class Context:
         write_clipboard: Callable[[str], object] = len,
         unsaved: UnsavedRuns | None = None,
     ) -> None:
-        """Make a context. Without clipboard functions copied text is lost, without `unsaved` runs are not autosaved."""
+        """Make a context. Without clipboard functions, copied text is lost. Without `unsaved`, runs are not autosaved."""
         self.session, self.training = session, LiveTraining(partial(apply_event, session), unsaved)
         self.read_clipboard, self.write_clipboard = read_clipboard, write_clipboard
         self.history = History()
@@ -47,14 +47,14 @@ class Context:
 
 
 def typed(value: Any) -> str:
-    """Return a value as it is typed."""
+    """Return the text by which a user types `value`."""
     if isinstance(value, bool):
         return "on" if value else "off"
     return f"{value:g}" if isinstance(value, float) else "" if value == Path() else str(value)
 
 
 def typed_path(text: str) -> Path:
-    """Return a typed path with `~` expanded. Raises InputError for names that no file can have."""
+    """Return the path of a typed text, with `~` expanded. Raises InputError for names that no file can have."""
     try:
         if "\0" in text:
             raise InputError(f"{text!r}: is not a valid file name")
@@ -65,7 +65,7 @@ def typed_path(text: str) -> Path:
 
 @dataclass(frozen=True)
 class Parameter:
-    """Argument of a command."""
+    """Parameter of a command."""
 
     name: str
     type: Any
@@ -82,12 +82,12 @@ class Parameter:
 
     @property
     def is_choice(self) -> bool:
-        """True where the value is one of a list."""
+        """True where the value comes from a list of choices."""
         return self.arg.choices is not None or bool(self.fixed)
 
     @property
     def default_text(self) -> str | None:
-        """Default value as it is typed; None where a value must be given."""
+        """Text of the default value; None where the user must give a value."""
         return None if self.default is REQUIRED else typed(self.default)
 
     def options(self, session: Session) -> tuple[str, ...]:
@@ -95,11 +95,11 @@ class Parameter:
         return self.arg.choices(session) if self.arg.choices is not None else tuple(self.fixed)
 
     def refusal(self, session: Session, text: str) -> str:
-        """Why the choice `text` cannot be taken now; "" where it can."""
+        """Return the reason why the choice `text` cannot be taken now; "" where it can."""
         return self.arg.refuses(session, text) if self.arg.refuses is not None else ""
 
     def parse(self, text: str) -> Any:
-        """Parse a typed text. Raises InputError for texts that are wrong whatever is open."""
+        """Return the value of a typed text. Raises InputError for a text that is wrong in every session."""
         if self.fixed:
             if text not in self.fixed:
                 raise InputError(f"{self.name} {text!r}: must be one of {', '.join(self.fixed)}")
@@ -117,10 +117,10 @@ class Parameter:
         return number
 
     def checked(self, value: Any, session: Session) -> Any:
-        """Return `value`, clamped where the parameter says so. Raises InputError for a value that cannot be taken now."""
+        """Return `value`, clamped where the parameter clamps. Raises InputError for a value that cannot be taken now."""
         if self.is_choice:
             options = self.options(session) if self.arg.choices is not None else tuple(self.fixed.values())
-            # An empty text stands for the default of the command.
+            # An empty text means the default of the command.
             if value not in options and not value == self.default == "":
                 raise InputError(
                     f"{self.name} {value!r}: must be one of {', '.join(map(str, options)) or 'nothing yet'}"
@@ -145,33 +145,32 @@ class Parameter:
 
 @dataclass(frozen=True, eq=False)
 class Command:
-    """Something the user can do. One definition feeds menus, keys, the palette, the help and scripts."""
+    """Command of the window. One definition feeds menus, keys, the palette, the help and scripts."""
 
     id: str
     """Name of the command in scripts: `noun.verb`, lower case."""
     title: str
     """Title in menus and the palette: a few words."""
     help: str
-    """Description of the command in one line, lower case, without a full stop. "" for a gesture of mouse or widgets, which has no
-    text form."""
+    """Description of the command in one line, lower case, without a full stop; "" for a gesture, which has no text form."""
     function: Callable[..., Effect | None]
-    """Function that carries the command out. It takes a Session or a Context, and the values of the parameters. It returns the
-    effect outside the session, None without one. Raises InputError."""
+    """Function that carries out the command. It takes a Session or a Context, and the values of the parameters. It returns the
+    effect outside the session, or None. Raises InputError."""
     parameters: tuple[Parameter, ...]
     key: str = ""
     """Default key as `viewer.commands.keys` spells it; "" for none."""
     second_key: str = ""
     """Second default key; "" for none."""
     unavailable: Callable[[Context], str] | None = None
-    """Function that says in a line why the command cannot run now, "" where it can. Menus, palette and buttons are grey then, with
-    the reason as tooltip; a script gets the reason as its error."""
+    """Function that returns the reason in one line why the command cannot run now, "" where it can. Menus, palette and buttons are
+    then grey and show the reason as tooltip; a script stops with the reason as its error."""
     current: Callable[..., Any] | None = None
     """Function that returns the present value, which menus tick and widgets show. It takes the session and the texts of all
-    parameters but the last. A command without parameters that switches something returns a bool."""
+    parameters except the last. For a command that switches something on and off it returns a bool."""
     about: str = ""
     """Tooltip of the widget in sentences; "" takes `help`."""
     steps: str = ""
-    """Id of the command whose next choice this one takes; "" for none."""
+    """Id of the command whose next choice this command sets; "" for none."""
     icon: str = ""
     """Name of the Font Awesome icon beside the title, such as `folder-open`; "" for none."""
 
@@ -188,16 +187,16 @@ class Command:
 
     @property
     def is_switch(self) -> bool:
-        """True for a command that switches something on and off and tells its state."""
-        own = not self.parameters or (len(self.parameters) == 1 and self.parameters[0].type is bool)
-        return own and self.current is not None
+        """True for a command that switches something on and off and has a present state."""
+        takes_bool = not self.parameters or (len(self.parameters) == 1 and self.parameters[0].type is bool)
+        return takes_bool and self.current is not None
 
     def is_on(self, session: Session) -> bool:
         """Return True where a switch is on now."""
         return self.current is not None and self.current(session) is True
 
     def why_not(self, context: Context) -> str:
-        """Return why the command cannot run now; "" where it can."""
+        """Return the reason why the command cannot run now; "" where it can."""
         return self.unavailable(context) if self.unavailable is not None else ""
 
     @cached_property
@@ -205,7 +204,7 @@ class Command:
         return "context" in inspect.signature(self.function).parameters
 
     def parse(self, texts: Sequence[str]) -> tuple[Any, ...]:
-        """Parse typed arguments. Raises InputError for arguments that are wrong whatever is open."""
+        """Return the values of typed arguments. Raises InputError for arguments that are wrong in every session."""
         self._require_all(len(texts))
         return tuple(self._each(lambda parameter, text: parameter.parse(text), texts))
 
@@ -244,7 +243,7 @@ def command(
     about: str = "",
     icon: str = "",
 ) -> Callable[[Callable[..., Effect | None]], Command]:
-    """Return a decorator that makes a `Command` of a function; the parameters after its first are the command's."""
+    """Return a decorator that makes a `Command` of a function. The function's parameters after the first are the command's."""
     return lambda function: Command(
         *(command_id, title, help_line, function, _parameters(function), key, second_key, unavailable, current, about),
         icon=icon,
@@ -252,7 +251,7 @@ def command(
 
 
 def unless(holds: Callable[[Context], object], reason: str) -> Callable[[Context], str]:
-    """Return a function for `Command.unavailable` that gives `reason` where `holds` is false."""
+    """Return a function for `Command.unavailable` that returns `reason` where `holds` is false."""
     return lambda context: "" if holds(context) else reason
 
 
@@ -303,9 +302,9 @@ def field_command(
     refuses: Callable[[Session, str], str] | None = None,
     said: Callable[[Any], str] | None = None,
 ) -> Command:
-    """Return the command that sets the field of the session at `path`, as its `Setting` and `Arg` describe it.
+    """Return the command that sets the field of the session at `path`. The field's `Setting` and `Arg` describe the command.
 
-    A `*` in the path stands for the side of a slot, which is the first parameter then. `said` gives a message about the value.
+    A `*` in the path is the side of a slot, which becomes the first parameter. `said` returns a message about the new value.
     """
     hint = hint_of(path.replace("*", "a"))
     setting = next(each for each in get_args(hint) if isinstance(each, Setting))
@@ -355,7 +354,7 @@ def field_gesture(command_id: str, path: str) -> Command:
 def next_command(
     of: Command, command_id: str, title: str, help_line: str, key: str, said: Callable[[Any], str] | None = None
 ) -> Command:
-    """Return the command that takes the next choice of another command. `said` gives a message about it."""
+    """Return the command that switches to the next choice of command `of`. `said` returns a message about the new choice."""
 
     def change(session: Session) -> None:
         assert of.current is not None
@@ -368,12 +367,12 @@ def next_command(
 
 
 def following(names: Sequence[Name], present: Name) -> Name:
-    """Return the name after `present`, the first one after the last."""
+    """Return the name after `present`; after the last name, the first one."""
     return names[(names.index(present) + 1) % len(names)]
 
 
 def words(line: str) -> list[str]:
-    """Split a line into words, quoted as in a shell; a comment has none. Raises InputError."""
+    """Split a line into words with the quotes and comments of a shell. Raises InputError."""
     try:
         return shlex.split(line, comments=True)
     except ValueError as error:

@@ -1,4 +1,4 @@
-"""Commands: what slots A and B show, and how they are compared."""
+"""Commands for slots A and B: their sources, how they are decoded, and how they are compared."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -126,7 +126,7 @@ def swap(session: Session) -> None:
     icon="ruler",
 )
 def measure(_session: Session) -> Effect:
-    # A frame says so before: a picture of each slot takes a moment.
+    # The notice is shown one frame before the measurement, which stops the window for a moment.
     return RunCommand("compare.measure-now", (), "measuring A and B")
 
 
@@ -170,7 +170,7 @@ def save_figures(session: Session, file: FiguresFile = Path()) -> Effect:
 
 
 def source_refusal(session: Session, source: str) -> str:
-    """Return why a source cannot be shown: a format whose encoder is not installed. "" where it can."""
+    """Return the reason why a source cannot be shown: the encoder of its format is not installed. Returns "" where it can."""
     block_format = named_format(source)
     known = block_format is None or block_format in session.compressed
     return "" if known or block_format is None else missing_packages(block_format)
@@ -187,7 +187,7 @@ Source = Annotated[
 
 
 def show_source(session: Session, side: Side, source: str) -> None:
-    """Show `source` in a slot. A block format is shown when its textures have been encoded, which begins now."""
+    """Show `source` in a slot. For a block format this starts the encoding; the slot shows it when the encoding is done."""
     others = {other: name for other, name in session.awaited_formats.items() if other != side}
     block_format = named_format(source)
     if block_format is None or block_format in session.compressed:

@@ -1,4 +1,4 @@
-"""Commands: undoing what commands have changed."""
+"""Commands that undo and redo changes by other commands."""
 
 from viewer.commands.command import Context, command, unless
 from viewer.state.event_handlers import notify

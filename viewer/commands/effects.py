@@ -1,4 +1,4 @@
-"""Effects of commands outside the session. `viewer/app/effects.py` carries each out at its point of a frame."""
+"""Effects of commands outside the session. `viewer/app/effects.py` carries out each effect at its point of a frame."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +11,7 @@ PictureKind = Literal["window", PictureAlone]
 
 
 class Effect:
-    """Request of a command, carried out by the window."""
+    """Request of a command to the window."""
 
 
 @dataclass(frozen=True)
@@ -21,19 +21,19 @@ class RunCommand(Effect):
     command_id: str
     values: tuple[Any, ...] = ()
     announced: str = ""
-    """Text that a frame shows before a slow command runs; "" runs the command at once."""
+    """Notice that is shown for one frame before a slow command runs; "" runs the command at once."""
 
 
 @dataclass(frozen=True)
 class OpenScene(Effect):
-    """Read a scene beside the frames, then open it."""
+    """Read a scene in the background, then open it."""
 
     path: Path
 
 
 @dataclass(frozen=True)
 class ReadVariant(Effect):
-    """Read the open scene again beside the frames, in another material variant."""
+    """Read the open scene again in the background, in another material variant."""
 
     variant: str
 
@@ -57,10 +57,10 @@ class WriteText(Effect):
 
 @dataclass(frozen=True)
 class Export(Effect):
-    """Export beside the frames."""
+    """Export in the background."""
 
     title: str
-    """Text of the work for people."""
+    """Name of the work in the window."""
     request: ExportRequest
     folder: Path
     """Folder that the files are written into."""
@@ -80,17 +80,17 @@ class RaisePanel(Effect):
 
 @dataclass(frozen=True)
 class ResetLayout(Effect):
-    """Dock all panels where they are at first."""
+    """Dock all panels in their original places."""
 
 
 @dataclass(frozen=True)
 class Measure(Effect):
-    """Measure both slots in the next whole picture."""
+    """Measure both slots in the next complete picture."""
 
 
 @dataclass(frozen=True)
 class TakePicture(Effect):
-    """Write the next whole picture as a PNG."""
+    """Write the next complete picture as a PNG."""
 
     kind: PictureKind = "window"
     """Content of the picture: the whole window, or only the picture (`PictureAlone`)."""

@@ -1,4 +1,4 @@
-"""Commands: opening files, screenshots, and the whole view as JSON, in files and on the clipboard."""
+"""Commands for files: open, export, screenshots, and the view as JSON in files and on the clipboard."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -63,7 +63,7 @@ def open_now(session: Session, file: Path) -> None:
 
 
 def _exported_pack(session: Session) -> tuple[str, Path]:
-    """Return the pack that is exported: slot A's, else slot B's. Raises InputError for none that is in a file."""
+    """Return name and file of the exported pack: slot A's, else slot B's. Raises InputError where there is no pack in a file."""
     name = base_pack_name(session.view, session.packs)
     if name is None:
         raise InputError("no pack is open; encode the scene first (training.encode)")
@@ -148,7 +148,7 @@ def _restore(session: Session, text: str, where: str) -> None:
     view, missing = with_open_sources(saved.view, session.view, session.open_sources)
     session.navigation.motion = None
     session.playback = replace(session.playback, is_playing=False)
-    # The window's own size stays.
+    # The size of the window stays.
     session.view = with_known_pose(replace(view, size=session.view.size), session.scene.animations)
     session.resolution = saved.resolution
     session.navigation.bookmarks = {**session.navigation.bookmarks, session.scene_key: saved.bookmarks}

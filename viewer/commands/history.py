@@ -1,4 +1,4 @@
-"""Undo and redo: the changes that commands have made to the view, the settings and the panels."""
+"""History of changes to the view, the settings and the panels, for undo and redo."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
@@ -11,15 +11,15 @@ from viewer.state.session import Session
 from viewer.state.view_state import Slot
 
 SECONDS_TOGETHER = 1.0
-"""Time within which repetitions of one command, as by a drag, count as one change."""
+"""Time in seconds within which repetitions of one command, such as those of a drag, count as one change."""
 MOST_CHANGES = 200
 NOT_UNDONE = (
     "view.size",
     *(f"settings.{name}" for name in ("window_size", "column_folded", "keys", "first_steps", "recent_files")),
 )
-"""Fields that undo leaves alone: they follow the window, or only record history."""
+"""Fields that undo does not change, because they follow the window or record recent files."""
 VALUES = ("view", "settings")
-"""Attributes of the session whose fields are undone one by one."""
+"""Attributes of the session whose fields are undone separately."""
 NAMES = (
     *VALUES,
     "resolution",
@@ -27,7 +27,7 @@ NAMES = (
     *(f"inspection.{name}" for name in ("selected_texture", "flat_texture", "block", "pixel", "errors")),
     *(f"window.{name}" for name in ("open_panels", "show_panels", "flickers")),
 )
-"""Attributes of the session that can be undone. Each holds an immutable value."""
+"""Attributes of the session that can be undone. Their values are immutable."""
 _read = attrgetter(*NAMES)
 
 
@@ -51,7 +51,7 @@ def _changed(before: tuple[Any, ...], after: tuple[Any, ...]) -> Iterator[tuple[
 
 @dataclass(frozen=True)
 class Change:
-    """Changes by one command, or by the same one several times in a row."""
+    """Change by one command, or by successive runs of the same command."""
 
     command_id: str
     title: str
@@ -62,7 +62,7 @@ class Change:
 
 
 class History:
-    """The changes of one window, in one scene."""
+    """History of the changes in one window and one scene."""
 
     def __init__(self) -> None:
         self._done: tuple[Change, ...] = ()
@@ -74,11 +74,11 @@ class History:
         return bool(self._done) and self._scene is session.scene
 
     def can_redo(self, session: Session) -> bool:
-        """Return True where a change was undone and nothing else was done since."""
+        """Return True where a change was undone and no other change was made since."""
         return bool(self._undone) and self._scene is session.scene
 
     def note(self, command_id: str, title: str, before: tuple[Any, ...], after: tuple[Any, ...], scene: Scene) -> None:
-        """Record that a command has changed `before` to `after` (`present_state`). Another `scene` begins an empty history."""
+        """Record that a command changed state `before` to `after` (`present_state`). Another `scene` empties the history first."""
         if scene is not self._scene:
             self._done, self._undone, self._scene = (), (), scene
         values = {name: (old, new) for name, old, new in _changed(before, after) if old != new}
@@ -107,7 +107,7 @@ class History:
 
 
 def _restore(session: Session, values: Mapping[str, tuple[Any, Any]]) -> None:
-    """Set each attribute in `values` (present value, wanted value) to the wanted value."""
+    """Set the attributes in `values`, by name (present value, new value), to their new values."""
     if "view.camera" in values:
         session.navigation.motion = None
     for path, (_, value) in values.items():

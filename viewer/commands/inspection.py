@@ -1,4 +1,4 @@
-"""Commands: the pixel inspector, errors of textures and decoders, their histogram, and single textures."""
+"""Commands for inspection: the pixel inspector, errors of textures and decoders, their histogram, and single textures."""
 
 from dataclasses import replace
 from typing import Annotated, Literal
@@ -35,7 +35,8 @@ let_pixel_go = command(
     "Release pixel",
     "let the panel Pixel follow the mouse again",
     unavailable=unless(
-        lambda context: context.session.inspection.pixel, "no pixel is kept; click on one while the panel Pixel is open"
+        lambda context: context.session.inspection.pixel,
+        "no pixel is fixed; click on one while the panel Pixel is open",
     ),
 )(setter("inspection.pixel", None))
 keep_pixel_at = field_gesture("pixel.keep-at", "inspection.pixel")
@@ -76,7 +77,7 @@ def _textures_of_decoder(session: Session, decoder: int) -> tuple[int, ...]:
     if pack is None or decoder < 0:
         return ()
     decoders = match_scene(pack, session.scene).decoders(pack)
-    return tuple(texture for texture, of_texture in enumerate(decoders) if of_texture == decoder)
+    return tuple(texture for texture, number in enumerate(decoders) if number == decoder)
 
 
 @command(
@@ -116,13 +117,13 @@ Texture = Annotated[str, Arg("number of the texture in the scene, or its name")]
 
 
 def named_texture(session: Session, named: str) -> int:
-    """Return the texture id that a number or a name stands for. Raises InputError."""
+    """Return the id of the texture with this number or name. Raises InputError."""
     textures = session.scene.textures
     if named.isdecimal() and len(named) < 10 and int(named) < len(textures):
         return int(named)
-    found = [number for number, texture in enumerate(textures) if texture.name == named]
-    if found:
-        return found[0]
+    numbers = [number for number, texture in enumerate(textures) if texture.name == named]
+    if numbers:
+        return numbers[0]
     raise InputError(f"texture {named!r}: no such texture; name one, or give its number below {len(textures)}")
 
 

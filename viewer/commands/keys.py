@@ -1,4 +1,4 @@
-"""Keys with their modifiers as text (`F`, `Ctrl+S`, `Shift+/`), and which of them run which command."""
+"""Keys with modifiers as text (`F`, `Ctrl+S`, `Shift+/`), and the commands that they run."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ NAMED_KEYS = (
     *("Up", "Down", "Left", "Right"),
     *("/", ",", ".", ";", "'", "[", "]", "\\", "-", "=", "`"),
 )
-"""Names of all keys that a chord can end with; upper and lower case are the same key."""
+"""Names of the keys that a chord can end with, in any case."""
 _BY_LOWER = {name.lower(): name for name in NAMED_KEYS}
 
 
 @dataclass(frozen=True)
 class Chord:
-    """A key with exactly the modifiers that must be held."""
+    """Key with exactly the modifiers that must be held."""
 
     key: str
     """Name of the key, one of NAMED_KEYS."""
@@ -35,12 +35,12 @@ class Chord:
 
     @property
     def is_function_key(self) -> bool:
-        """True for F1 to F12, which type nothing and so work while a text field is active."""
+        """True for F1 to F12. They type no text, therefore they work while a text field is active."""
         return len(self.key) > 1 and self.key[0] == "F" and self.key[1:].isdigit()
 
 
 def parse_chord(text: str) -> Chord:
-    """Parse a chord; `?` stands for `Shift+/`. Raises InputError for an unknown key."""
+    """Return the chord of a text; `?` means `Shift+/`. Raises InputError for an unknown key."""
     *held, key = ("Shift+/" if text.strip() == "?" else text).split("+")
     modifiers = [part.strip().capitalize() for part in held]
     named = _BY_LOWER.get(key.strip().lower())
@@ -56,7 +56,7 @@ RESERVED = {
     **dict.fromkeys("WASDQE", "flying"),
     **dict.fromkeys("123456789", "cameras of the scene"),
 }
-"""Keys that commands cannot have, and their use."""
+"""Uses of the keys that commands cannot have."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class Bindings:
     chords: Mapping[str, tuple[Chord, ...]]
     """Chords by command id; commands without a key are absent."""
     problems: tuple[str, ...] = ()
-    """Reasons why keys of the user were refused, one line each; those commands keep their default keys."""
+    """Reasons why keys of the user were refused, one line each. Their commands have the default keys."""
 
     def text(self, command_id: str) -> str:
         """Return the keys of a command as text; "" for none."""
@@ -74,7 +74,7 @@ class Bindings:
 
 
 def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list[str]) -> dict[str, tuple[Chord, ...]]:
-    """Return the user's chords by command id, without those that cannot be read or have another use."""
+    """Return the user's chords by command id. Unreadable and reserved keys are left out and added to `problems`."""
     ids = {command.id for command in commands}
     wanted: dict[str, tuple[Chord, ...]] = {}
     for command_id, text in keys.items():
@@ -97,10 +97,10 @@ def _wanted(commands: Sequence[Command], keys: Mapping[str, str], problems: list
 def _conflict(
     commands: Sequence[Command], wanted: Mapping[str, tuple[Chord, ...]]
 ) -> tuple[dict[str, tuple[Chord, ...]], tuple[str, str, Chord] | None]:
-    """Return all chords with the `wanted` ones, and the first conflict as (refused id, id that keeps the chord, chord)."""
+    """Return all chords with the `wanted` ones, and the first conflict: (refused id, id that has the chord, chord)."""
     chords: dict[str, tuple[Chord, ...]] = {}
     owners: dict[Chord, str] = {}
-    # Commands that the user did not change come first: they keep their keys.
+    # Commands that the user did not change come first, so that they have their keys.
     for command in sorted(commands, key=lambda command: command.id in wanted):
         default = tuple(parse_chord(key) for key in (command.key, command.second_key) if key)
         mine = wanted.get(command.id, default)
@@ -128,7 +128,7 @@ def bind_keys(commands: Sequence[Command], keys: Mapping[str, str]) -> Bindings:
         refused, owner, chord = conflict
         problems.append(f"keys: {refused}: {chord} belongs to {owner}; choose another, or change that one too")
         if refused not in wanted:
-            # Two commands have the same default key: the later one gets none.
+            # Two commands have the same default key: the later command gets no key.
             wanted[refused] = ()
             continue
         del wanted[refused]

@@ -1,4 +1,4 @@
-"""Commands: what of the materials is shown, and the light that they are shown in."""
+"""Commands for materials and light: the view of the materials, their variant, the sun, the environment and the tone map."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -12,8 +12,8 @@ from viewer.state.session import Session
 from viewer.state.setting import field_args
 from viewer.state.view_state import OWN_ENVIRONMENTS, SKY, VIEWS, Azimuth, Elevation, Lighting
 
-OWN_MATERIALS = "default"
-"""Name of the variant in which primitives have their own materials."""
+DEFAULT_VARIANT = "default"
+"""Name of the variant in which primitives have the materials that they name themselves."""
 
 
 def _light(session: Session, **changes: Any) -> None:
@@ -32,7 +32,8 @@ next_view = next_command(
 
 
 Variant = Annotated[
-    str, Arg(f"a variant of the scene's materials, or {OWN_MATERIALS}", lambda s: (OWN_MATERIALS, *s.scene.variants))
+    str,
+    Arg(f"a variant of the scene's materials, or {DEFAULT_VARIANT}", lambda s: (DEFAULT_VARIANT, *s.scene.variants)),
 ]
 
 
@@ -41,11 +42,11 @@ Variant = Annotated[
     "Material variant",
     "draw the scene in another of its material variants",
     unavailable=unless(lambda context: context.session.scene.variants, "the scene has no material variants"),
-    current=lambda session: session.scene.variant or OWN_MATERIALS,
+    current=lambda session: session.scene.variant or DEFAULT_VARIANT,
 )
 def set_variant(session: Session, name: Variant) -> Effect:
-    own = name == OWN_MATERIALS and name not in session.scene.variants
-    return ReadVariant("" if own else name)
+    is_default = name == DEFAULT_VARIANT and name not in session.scene.variants
+    return ReadVariant("" if is_default else name)
 
 
 @command("light.sun", "Sun direction", "set azimuth and elevation of the sun")
@@ -59,7 +60,7 @@ sun_elevation = field_command("view.lighting.sun_elevation")
 
 @gesture("light.move-sun")
 def move_sun(session: Session, azimuth: float, elevation: float) -> None:
-    """Turn the sun by these angles, in degrees."""
+    """Move the sun by these angles, in degrees."""
     lighting = session.view.lighting
     moved = (lighting.sun_azimuth + azimuth, lighting.sun_elevation + elevation)
     set_sun.function(session, *(p.checked(value, session) for p, value in zip(set_sun.parameters, moved, strict=True)))
@@ -71,10 +72,10 @@ tone_map = field_command("view.lighting.tone_map")
 
 
 def use_environment(session: Session, file: Path) -> None:
-    """Light the scene by the panorama in `file`. Raises InputError for a file that cannot be used; the light then stays."""
+    """Light the scene by the panorama in `file`. Raises InputError for an unusable file; the light then stays unchanged."""
     path = session.file_to_read(file)
     load_panorama(path)
-    # A panorama has lights of its own.
+    # The panorama contains its lights.
     _light(session, environment=str(path), sun_strength=0.0)
     notify(session, f"lit by {path.name} alone; the sun is off")
 

@@ -1,4 +1,4 @@
-"""Places of commands in the menus."""
+"""Menus: the commands of each menu, in sections."""
 
 from typing import Final
 
@@ -25,7 +25,7 @@ ORDER: Final[dict[str, str]] = {
     "window.theme window.ui-scale window.layout-reset",
     "Help": "help.first-steps | help.keys help.glossary | help.palette",
 }
-"""Commands of each menu by sections. All others are in ONLY_TYPED."""
+"""Ids of the commands of each menu; `|` separates sections. All other commands are in ONLY_TYPED."""
 
 _TYPED = (
     "camera.look camera.next-mode camera.turntable compare.flicker errors.by errors.highlight errors.sort light.sun "
@@ -33,7 +33,7 @@ _TYPED = (
     "training.choose training.measure-rates training.show view.magnify window.dismiss"
 )
 ONLY_TYPED: Final = frozenset(_TYPED.split())
-"""Commands without a menu item: panels or the mouse do the same."""
+"""Ids of the commands without a menu item, because panels or the mouse do the same."""
 
 MENUS: Final = {
     menu: tuple(tuple(BY_ID[command_id] for command_id in section.split()) for section in sections.split("|"))

@@ -1,4 +1,4 @@
-"""Commands: maps over the picture."""
+"""Commands for the map over the picture."""
 
 from viewer.commands.command import command, field_command, next_command
 from viewer.state.session import Session

@@ -1,4 +1,4 @@
-"""Commands: encode and train in the background, and keep, discard or show runs."""
+"""Commands that encode and train in the background, and that keep, discard or show runs."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -41,7 +41,7 @@ AS_CHOSEN = "default: as chosen in the panel Training"
 
 
 def _typed(name: str, more: str = "") -> Arg:
-    """Return the description of a setting of the training for a command that takes its text; `more` follows the help."""
+    """Return the description of a parameter that takes the text of a training setting; `more` follows the setting's help."""
     arg = SETTINGS[name][1]
     return Arg(f"{arg.help}{more}", arg.choices)
 
@@ -58,7 +58,7 @@ PackFile = Annotated[Path, Arg("a .ntc file; default: SCENE.GROUPING.ntc beside 
 
 
 def _runs(context: Context) -> LiveTraining:
-    """Return the training with the runs of the open scene."""
+    """Return the training after it has switched to the runs of the open scene."""
     context.training.enter(context.session.scene)
     return context.training
 
@@ -76,17 +76,17 @@ def _start(context: Context, job: TrainingJob) -> Effect:
 
 
 def _show_where(context: Context, pack: Pack, groups: Collection[int], textures: Collection[int] = ()) -> None:
-    """Highlight textures of the picture for a moment: those of `groups`, and `textures` by their number in `pack`."""
-    found = match_scene(pack, context.session.scene)
+    """Highlight textures of the picture for a moment: those of `groups`, and `textures` (numbers in `pack`)."""
+    match = match_scene(pack, context.session.scene)
     members = {n for n, texture in enumerate(pack.textures) if texture.group in groups} | set(textures)
-    ids = tuple(texture for texture, index in enumerate(found.texture_index) if index in members)
-    # All textures of the pack: dimming the rest would show nothing.
-    point_out(context.session, ids if len(ids) < len(found.texture_index) else ())
+    ids = tuple(texture for texture, index in enumerate(match.texture_index) if index in members)
+    # Where all textures of the pack are concerned, there is nothing to dim.
+    point_out(context.session, ids if len(ids) < len(match.texture_index) else ())
 
 
 @gesture("training.point-out")
 def point_out_groups(context: Context, groups: frozenset[int]) -> None:
-    """Highlight the textures of groups whose names are under the mouse; an empty set ends that."""
+    """Highlight the textures of the groups under the mouse; an empty set ends the highlight."""
     _show_where(context, _base(context), groups)
 
 
@@ -143,7 +143,7 @@ def encode(
 @command(
     "training.choose",
     "Choose how to encode",
-    "set how the next encoding is done: the offer, the panel Training and training.encode follow",
+    "set an option of the next encoding, for the panel Training and training.encode",
 )
 def choose(
     context: Context,
@@ -167,12 +167,12 @@ def measure_rates(
     _runs(context).measure_rates(session.scene, named_texture(session, texture) if texture else None)
 
 
-def _cannot_encode_anew(context: Context) -> str:
+def _cannot_reencode(context: Context) -> str:
     if reason := _no_base(context):
         return reason
     pack = _base(context)
-    own = pack.textures[0]
-    can = codec_of(pack.config).texture_bits(pack.config, (own.width, own.height)) is not None
+    texture = pack.textures[0]
+    can = codec_of(pack.config).texture_bits(pack.config, (texture.width, texture.height)) is not None
     return "" if can else "the codec of this pack cannot encode one texture again; retrain its group"
 
 
@@ -180,9 +180,9 @@ def _cannot_encode_anew(context: Context) -> str:
     "training.anew",
     "Encode texture again",
     "encode one texture of the shown pack with other bits per texel; all others stay unchanged",
-    unavailable=_cannot_encode_anew,
+    unavailable=_cannot_reencode,
 )
-def encode_anew(
+def reencode_texture(
     context: Context, texture: Texture, bits: Annotated[float, Arg("bits per texel of mip 0", None, 0.01, 1000.0)]
 ) -> Effect:
     pack = _base(context)
@@ -330,7 +330,7 @@ def show(
     slot = session.view.slots[side]
     path = "cached" if is_image_source(slot.source) else slot.path
     if {slot.source for slot in session.view.slots.values()} == {REFERENCE}:
-        # As when a training begins: A and B are both visible.
+        # A and B become both visible, as at the start of a training.
         session.view = replace(session.view, compare="wipe")
     view = session.view.with_slot(side, replace(slot, source=name, path=path))
     session.view = view if view.compare in (side, "wipe") else replace(view, compare=side)

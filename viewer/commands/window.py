@@ -1,4 +1,4 @@
-"""Commands: the window, its panels and how they look."""
+"""Commands for the window, its panels, and their appearance."""
 
 from dataclasses import replace
 from typing import Annotated
@@ -46,7 +46,7 @@ fit_column = field_gesture("window.fit-column", "window.column_folded")
 
 
 def panel_command(title: str, help_line: str, key: str = "", *, icon: str) -> Command:
-    """Return the command that opens a panel of OPENED_ON_REQUEST, or closes it."""
+    """Return the command that opens or closes a panel of OPENED_ON_REQUEST."""
 
     def toggle(session: Session) -> None:
         session.window.open_panels ^= {title}
@@ -85,7 +85,7 @@ Title = Annotated[str, Arg("title of the panel", lambda session: session.window.
 @command("window.panel", "Show panel", "bring a panel to the front, or close it")
 def show_panel(session: Session, name: Title, state: State = True) -> Effect | None:
     hidden = tuple(title for title in session.settings.hidden_panels if title != name)
-    # Panels that open on request are not hidden: check boxes and keys open them again.
+    # Panels that open on request are closed, not hidden: check boxes and keys open them again.
     closed = state or name in OPENED_ON_REQUEST
     session.settings = replace(session.settings, hidden_panels=hidden if closed else (*hidden, name))
     others = session.window.open_panels - {name}

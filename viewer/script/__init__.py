@@ -1,1 +1,1 @@
-"""Scripts of commands and stage directions, played with or without a window."""
+"""Scripts: commands and stage directions that are played with or without a window."""

@@ -1,4 +1,4 @@
-"""Stage directions: the lines of a script besides commands. Each is parsed before the script starts."""
+"""Stage directions: the lines of a script that are not commands. All are parsed before the script starts."""
 
 import difflib
 import math
@@ -31,14 +31,14 @@ def rest() -> Iterator[Turn]:
 
 
 def opened(stage: Stage) -> Iterator[Turn]:
-    """Yield the next frame, and then until all files are open."""
+    """Yield the next frame, and then wait until all files are open."""
     yield "frame"
     while stage.is_opening:
         yield "rest"
 
 
 def hold(chord: Chord, down: bool) -> Iterator[Turn]:
-    """Press a key with its modifiers, or release them."""
+    """Press a key with its modifiers where `down`; otherwise release them."""
     io = imgui.get_io()
     for is_held, modifier in zip((chord.ctrl, chord.shift, chord.alt), MODIFIER_KEYS.values(), strict=True):
         if is_held:
@@ -48,7 +48,7 @@ def hold(chord: Chord, down: bool) -> Iterator[Turn]:
 
 
 def hold_modifier(name: str, down: bool) -> Iterator[Turn]:
-    """Press one of MODIFIER_KEYS for the mouse, or release it."""
+    """Press one of MODIFIER_KEYS for the mouse where `down`; otherwise release it."""
     imgui.get_io().add_key_event(MODIFIER_KEYS[name], down)
     yield "frame"
 
@@ -72,7 +72,7 @@ def _button(down: bool, button: int) -> Iterator[Turn]:
 
 
 def click(label: str, stage: Stage) -> Iterator[Turn]:
-    """Click on the widget called `label`, whose panel may still be coming to the front. Raises InputError for an unknown label."""
+    """Click on the widget `label`. Its panel may need up to LAYOUT_FRAMES to come to the front. Raises InputError for an unknown label."""
     items = stage.widgets
     for _ in range(LAYOUT_FRAMES):
         if label in items.labels():
@@ -101,7 +101,7 @@ def drag(start: tuple[float, float], end: tuple[float, float], button: int) -> I
 
 
 def wheel(notches: float) -> Iterator[Turn]:
-    """Turn the wheel; positive notches turn it away from the hand."""
+    """Turn the wheel; positive notches turn it away from the user."""
     imgui.get_io().add_mouse_wheel_event(0.0, notches)
     yield from rest()
 
@@ -113,7 +113,7 @@ def type_text(text: str) -> Iterator[Turn]:
 
 
 Play = Callable[[Stage], Iterator[Turn]]
-"""Function that plays a line: it yields for each frame that it needs, and while it waits. Raises InputError."""
+"""Function that plays a line. It yields once for each frame that it needs, and while it waits. Raises InputError."""
 
 MOST_FRAMES = 100_000
 LONGEST_WAIT = 3600.0
@@ -135,7 +135,7 @@ class Direction:
     """Least number of arguments."""
     most: int
     read: Callable[[Sequence[str]], Play]
-    """Function that makes a `Play` of the arguments. Raises InputError."""
+    """Function that returns the `Play` of the arguments. Raises InputError."""
 
 
 def _number(text: str, low: float, high: float) -> float:
@@ -155,7 +155,7 @@ def _whole(text: str, low: int, high: int) -> int:
 
 
 def _place(text: str) -> tuple[float, bool]:
-    """Parse a place such as `120` or `50%` into (number, True for a share of the side)."""
+    """Return the place of a text such as `120` or `50%`: (number, whether it is a share of the side)."""
     is_share = text.endswith("%")
     number = _number(text.removesuffix("%"), -LARGEST_SIDE, LARGEST_SIDE)
     return (number / 100.0, True) if is_share else (number, False)
@@ -353,7 +353,7 @@ DIRECTIONS = {
         "expect PROPERTY VALUE", "stop with an error unless the property has this value", 2, MANY, _expect
     ),
 }
-"""Directions by their first word, which has no dot; the id of every command has one."""
+"""Directions by their first word. It has no dot, whereas the id of every command has one."""
 
 
 def direction_table_markdown() -> str:

@@ -1,4 +1,4 @@
-"""Scripts: all lines are parsed before any is played. Playing is a generator, which never blocks the window."""
+"""Scripts: parsing and playing. All lines are parsed before the first is played. Playing is a generator, which never blocks frames."""
 
 import difflib
 from collections.abc import Iterator, Sequence
@@ -29,7 +29,7 @@ class Step:
 
     @property
     def expects_message(self) -> bool:
-        """True for a line that checks messages: an error message before it is expected."""
+        """True for a line that checks messages; the line before it may cause an error message."""
         return self.words[:2] == ("expect", "toast")
 
 
@@ -80,7 +80,7 @@ def _steps(lines: Sequence[str], name: str) -> Script:
 
 
 def parse_script(text: str, name: str) -> Script:
-    """Parse a script called `name`, one step a line. Raises InputError with the line."""
+    """Return the steps of a script called `name`, one for each line. Raises InputError that names the line."""
     return _steps(text.splitlines(), name)
 
 
@@ -96,7 +96,7 @@ def read_script(path: Path) -> Script:
 
 
 def split_lines(text: str) -> list[str]:
-    """Split a text at semicolons outside of quotes."""
+    """Split a text at the semicolons outside quotes."""
     parts, quote = [""], ""
     for letter in text:
         if letter == ";" and not quote:
@@ -109,15 +109,15 @@ def split_lines(text: str) -> list[str]:
 
 
 def parse_exec(text: str) -> Script:
-    """Parse the option --exec: lines separated by semicolons. Raises InputError."""
+    """Return the script of the option --exec, whose lines are separated by semicolons. Raises InputError."""
     return _steps(split_lines(text.replace("\n", ";")), "--exec")
 
 
 def play_script(script: Script, stage: Stage) -> Iterator[Turn]:
-    """Play `script` on `stage`: yield for every frame and while waiting, until its end or until a command closes the window.
+    """Play `script` on `stage` until its end or until a command closes the window. Yields for each frame and while it waits.
 
-    Raises InputError with file and line where a line fails or its expectation does, and where the window shows an
-    error that the next line does not expect.
+    Raises InputError with file and line where a line fails, where an expectation does not hold, and where the window shows an error
+    message that the next line does not check.
     """
     for step, following in zip(script, (*script[1:], None), strict=True):
         known = _errors(stage)

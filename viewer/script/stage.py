@@ -1,4 +1,4 @@
-"""Stage of a script, and the properties that a script can check."""
+"""Stage of a script: the program that plays it, and the properties that it can check."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -10,7 +10,7 @@ from viewer.state.session import Session
 from viewer.ui.widgets import WidgetRects
 
 Turn = Literal["frame", "rest"]
-"""Turn of a script: it needs the next frame, or it waits and a frame is drawn only where something changes."""
+"""Turn of a script: `frame` needs the next frame; `rest` waits, and a frame is drawn only where something changes."""
 
 
 class Stage(Protocol):
@@ -36,7 +36,7 @@ class Stage(Protocol):
 
     @property
     def is_closing(self) -> bool:
-        """True where the window is to be closed."""
+        """True where the window is closing."""
         ...
 
     @property
@@ -49,7 +49,7 @@ class Stage(Protocol):
         ...
 
     def open_files(self, paths: list[Path]) -> None:
-        """Open files, as when the user drops them on the window."""
+        """Open files like files that the user drops on the window."""
         ...
 
 
@@ -87,8 +87,8 @@ CONTAIN = ("toast", "label")
 
 
 def expect(name: str, value: str, stage: Stage) -> None:
-    """Check a property. Raises InputError where it differs."""
-    found = PROPERTIES[name](stage)
-    if (value not in found) if name in CONTAIN else (value != found):
+    """Check that a property has, or contains, `value`. Raises InputError where it does not."""
+    actual = PROPERTIES[name](stage)
+    if (value not in actual) if name in CONTAIN else (value != actual):
         verb = "contains" if name in CONTAIN else "is"
-        raise InputError(f"expected that {name} {verb} {value!r}; it is {found[:300]!r}")
+        raise InputError(f"expected that {name} {verb} {value!r}; it is {actual[:300]!r}")
