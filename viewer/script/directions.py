@@ -72,7 +72,7 @@ def _button(down: bool, button: int) -> Iterator[Turn]:
 
 
 def click(label: str, stage: Stage) -> Iterator[Turn]:
-    """Click on the widget `label`. Its panel may need up to LAYOUT_FRAMES to come to the front. Raises InputError for an unknown label."""
+    """Click on the widget `label` when its panel has come to the front, at most LAYOUT_FRAMES later. Raises InputError without it."""
     items = stage.widgets
     for _ in range(LAYOUT_FRAMES):
         if label in items.labels():
