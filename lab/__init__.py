@@ -1,1 +1,1 @@
-"""The research harness: benchmarks and studies of the codec and the viewer."""
+"""Research harness: benchmarks and studies of the codecs and the viewer."""

@@ -1,4 +1,4 @@
-"""What benchmarks and studies have in common around what they measure: options, machine, repeats, progress, record, table and plot."""
+"""Shared parts of benchmarks and studies: options, facts about the machine, progress, records, tables and plots."""
 
 import argparse
 import importlib.metadata
@@ -26,24 +26,24 @@ from viewer.gl.timer import PassTimer
 from viewer.scene.text_table import Table
 
 LOG_COLUMNS = 160
-"""Width of a table that goes to a file."""
+"""Width in characters of tables that are not printed to a terminal."""
 LIBRARIES = ("numpy", "moderngl", "torch")
-"""Libraries whose versions change times."""
-Found = TypeVar("Found")
+"""Libraries whose versions affect times."""
+StepResult = TypeVar("StepResult")
 Report = Callable[[int, int], None]
-"""Called with (parts of a step done, parts in all)."""
-Step = Callable[[Report], Found]
+"""Function that is called with (finished parts of a step, parts of the step)."""
+Step = Callable[[Report], StepResult]
 
 
 def options(description: str | None) -> argparse.ArgumentParser:
-    """Options that every benchmark has. `description` is its docstring, whose first line the help shows."""
+    """Return a parser with the options of every benchmark. The help shows the first line of `description`."""
     parser = argparse.ArgumentParser(description=(description or "").split("\n")[0])
     parser.add_argument("--json", type=Path, help="write the record to this file")
     return parser
 
 
 def run(main: Callable[[], int | None]) -> None:
-    """Run a benchmark from the command line and exit. Bad input is one line and status 2."""
+    """Run a benchmark from the command line and exit. Bad input prints one line and exits with status 2."""
     try:
         sys.exit(main())
     except InputError as error:
@@ -52,16 +52,16 @@ def run(main: Callable[[], int | None]) -> None:
 
 
 def machine(context: GraphicsContext | None = None) -> dict[str, Any]:
-    """The machine that measures: processor and libraries; of `context` also renderer, driver, and how times are measured."""
-    found: dict[str, Any] = {}
+    """Return facts about the machine: processor and libraries, and with `context` renderer, driver and kind of timer."""
+    facts: dict[str, Any] = {}
     if context is not None:
-        found |= {
+        facts |= {
             "renderer": context.info.renderer,
             "vendor": context.info.vendor,
             "driver": context.info.version,
             "timer": PassTimer(context).kind,
         }
-    found |= {
+    facts |= {
         "system": f"{platform.system()} {platform.machine()}",
         "processor": _processor(),
         "cores": len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count(),
@@ -70,23 +70,23 @@ def machine(context: GraphicsContext | None = None) -> dict[str, Any]:
     }
     torch = sys.modules.get("torch")
     if torch is not None:
-        found |= {
+        facts |= {
             "threads": torch.get_num_threads(),
             "cuda": torch.cuda.get_device_name() if torch.cuda.is_available() else None,
         }
-    return found
+    return facts
 
 
 def _processor() -> str:
     try:
-        found = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
+        match = re.search(r"^model name\s*:\s*(.+)$", Path("/proc/cpuinfo").read_text(encoding="utf-8"), re.MULTILINE)
     except OSError:
-        found = None
-    return found[1] if found else platform.processor() or platform.machine()
+        match = None
+    return match[1] if match else platform.processor() or platform.machine()
 
 
 def write_record(file: Path | None, content: Mapping[str, Any]) -> None:
-    """Write the JSON record of a benchmark, where there is a file for it. Raises InputError where that cannot be written."""
+    """Write the JSON record of a benchmark to `file`, if there is one. Raises InputError where it cannot be written."""
     if file is not None:
         write_text(file, json.dumps(dict(content), indent=1, allow_nan=False) + "\n")
 
@@ -114,11 +114,11 @@ def report(title: str, rows: Sequence[Mapping[str, Any]], facts: Mapping[str, An
 
 
 def do_steps(
-    steps: Sequence[tuple[str, Step[Found]]], told: Callable[[Found], str], skipped: bool = False
-) -> list[Found]:
-    """The results of all steps, with progress and ETA on standard error, and a line about each.
+    steps: Sequence[tuple[str, Step[StepResult]]], line_about: Callable[[StepResult], str], skipped: bool = False
+) -> list[StepResult]:
+    """Run all steps and return their results. Progress, remaining time and a line about each result go to standard error.
 
-    `skipped`: a step that raises InputError is told and left out.
+    With `skipped`, a step that raises InputError is left out, and its line has the reason.
     """
     results = []
     console = Console(stderr=True, soft_wrap=True)
@@ -137,25 +137,25 @@ def do_steps(
                     raise
                 line = f"left out: {error}"
             else:
-                line = told(results[-1])
+                line = line_about(results[-1])
             bar.update(whole, completed=number + 1)
             console.print(f"{number + 1}/{len(steps)} {name}: {line}", highlight=False)
     return results
 
 
 def check_output(folder: Path) -> None:
-    """Raises InputError where `folder` is a file."""
+    """Check an output folder. Raises InputError where it is a file."""
     if folder.exists() and not folder.is_dir():
         raise InputError(f"--out {folder}: is a file; name a folder")
 
 
 @dataclass
 class StudyOutput:
-    """The folder of a study and what its records share. It is made before anything is measured; raises InputError for a file."""
+    """Output of a study: its folder, and the facts that its records share. Raises InputError where the folder is a file."""
 
     folder: Path
     context: GraphicsContext | None = None
-    """The context that drew, for the record of the machine."""
+    """OpenGL context whose renderer the records name."""
     began: float = field(default_factory=time.monotonic)
 
     def __post_init__(self) -> None:
@@ -171,9 +171,9 @@ class StudyOutput:
         rows: Sequence[Mapping[str, Any]] | None = None,
         summary: str | None = None,
     ) -> None:
-        """Write NAME.md, .csv, .png and .json, and print `summary`, by default the table.
+        """Write NAME.md, .csv, .png and .json, and print `summary`, or the table without one. Raises InputError.
 
-        The record holds the machine, the seconds so far, `facts`, and `rows`, by default those of the table. Raises InputError.
+        The record has the machine, the seconds so far, `facts`, and `rows`, or the table's rows without any.
         """
         record = {
             "study": name,
@@ -190,5 +190,5 @@ class StudyOutput:
         sys.stdout.write(f"{title}\n{table.text() if summary is None else summary}")
 
     def end(self) -> None:
-        """Say where the files are."""
+        """Print the folder of the files."""
         sys.stdout.write(f"wrote {self.folder}\n")

@@ -11,11 +11,11 @@ from viewer.scene.text_table import Table
 
 MARKERS = "os^Dvp*"
 FILLS = (1.0, 0.0, 0.5, 0.2)
-"""Opacity of the fill of a point, one for each precision."""
+"""Opacities of the fill of points, by precision."""
 
 
 def time_error_figure(table: Table, title: str) -> Figure:
-    """PSNR over the time of the decode pass, the Pareto front joined and ringed: up and to the left is better."""
+    """Return a plot of PSNR over the time of the decode pass, with rings and a line at the Pareto front. Up and left is better."""
     figure = Figure(figsize=(9, 5.5), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = figure.subplots()
@@ -36,9 +36,9 @@ def time_error_figure(table: Table, title: str) -> Figure:
             marker=markers[str(row["path"])],
         )
     front = sorted(time_and_quality(row) for row in shown if row["pareto"])
-    times, worths = [time for time, _ in front], [worth for _, worth in front]
-    axes.plot(times, worths, color="grey", linewidth=1.0, zorder=0)
-    axes.scatter(times, worths, s=130, facecolors="none", edgecolors="black")
+    times, qualities = [time for time, _ in front], [quality for _, quality in front]
+    axes.plot(times, qualities, color="grey", linewidth=1.0, zorder=0)
+    axes.scatter(times, qualities, s=130, facecolors="none", edgecolors="black")
     plain: dict[str, Any] = {"linestyle": "none", "color": "black", "markeredgecolor": "black"}
     handles = [Line2D([], [], linestyle="none", marker="o", color=color, label=name) for name, color in colors.items()]
     handles += [Line2D([], [], marker=marker, label=name, **plain) for name, marker in markers.items()]

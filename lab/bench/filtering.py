@@ -1,4 +1,4 @@
-"""Sampling as glTF samplers ask for it, also other than trilinear, in float64 (OpenGL 4.3, Sec. 8.14)."""
+"""Filters and wrap modes of glTF samplers in float64, not only trilinear (OpenGL 4.3, Sec. 8.14)."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,10 @@ Array = NDArray[np.float64]
 
 
 def selected_lod(lod: Array, sampler: Sampler, levels: int) -> tuple[Array, NDArray[np.bool_]]:
-    """([N] level of detail that is read, [N] whether the filter within a level is linear) for `lod` [N], of `levels` levels.
+    """Return ([N] sampled level of detail, [N] whether the filter within a level is linear) for `lod` [N] and `levels` levels.
 
-    A trilinear level of detail may lie beyond the last level: the texel that is nearest there is as large as that of a whole
-    pyramid. Decoding ends at the last level.
+    A trilinear level of detail may lie beyond the last level. The nearest texel there is then as large as that of a full pyramid,
+    but decoding ends at the last level.
     """
     magnified = lod <= 0.0
     linear = np.where(magnified, sampler.magnify_linear, sampler.minify_linear).astype(bool)
@@ -29,7 +29,7 @@ def selected_lod(lod: Array, sampler: Sampler, levels: int) -> tuple[Array, NDAr
 
 
 def _moved(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampler) -> tuple[Array, Array]:
-    """The `uv` [N, 2] and `lod` [N] that `sampler` reads."""
+    """Return the `uv` [N, 2] and `lod` [N] that `sampler` reads."""
     texture = pack.textures[texture_index]
     levels = texture_levels(texture, pack.config)
     read, linear = selected_lod(lod, sampler, len(levels))
@@ -39,16 +39,17 @@ def _moved(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampl
 
 
 def decode_filtered(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampler) -> Array:
-    """[N, channels] float64 in [0, 1], in the texture's colour space: what decode paths show with `sampler` at `uv` [N, 2], `lod` [N].
+    """Return [N, channels] float64 values in [0, 1] of a texture with `sampler` at `uv` [N, 2] and `lod` [N].
 
-    Where a filter takes the nearest texel or level, a decoder in fp32 may take another one for coordinates right between two.
+    Values are in the texture's colour space: a decode path should show them. With a nearest filter, a decoder in fp32 may take
+    another texel or level for coordinates right between two.
     """
     uv, read = _moved(pack, texture_index, uv, lod, sampler)
     return reference.decode_texels(pack, texture_index, uv, read, sampler.wrap)
 
 
 def wrapped(texel: NDArray[np.int64], size: NDArray[np.int64] | int, mode: WrapMode) -> NDArray[np.int64]:
-    """[N] texel numbers after wrapping; `size` of the side: one for all, or [N]."""
+    """Return [N] texel numbers after wrapping; `size` is the side in texels, one for all or [N]."""
     if mode == "clamp":
         return np.clip(texel, 0, size - 1)
     if mode == "repeat":
@@ -58,9 +59,9 @@ def wrapped(texel: NDArray[np.int64], size: NDArray[np.int64] | int, mode: WrapM
 
 
 def filter_decoded(pack: Pack, texture_index: int, uv: Array, lod: Array, sampler: Sampler) -> Array:
-    """As `decode_filtered`, for a path that decodes texels first and filters them in linear light: `cached`.
+    """Return the values of `decode_filtered` for path `cached`, which decodes texels first and filters them in linear light.
 
-    Decoded texels are not rounded to 8 bits here, as that path's tiles are.
+    Decoded texels are not rounded to 8 bits here, unlike those in the tiles of that path.
     """
     texture = pack.textures[texture_index]
     levels = texture_levels(texture, pack.config)

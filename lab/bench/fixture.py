@@ -33,15 +33,15 @@ from viewer.state.view_state import Precision
 FixturePath = Literal["deferred", "deferred, shared", "binned"]
 """`deferred` with a decoder index for each pixel, `deferred, shared` for packs of one decoder, or `binned`."""
 TEXTURE_SIDE = 256
-"""Texels a side of the textures that a fixture's pixels see."""
+"""Side in texels of the textures of a fixture."""
 PICTURE_BYTES = 16 + 4 + 16
-"""GPU memory of a pixel: visibility words, depth, albedo."""
+"""GPU memory in bytes per pixel: visibility words, depth, albedo."""
 BINNED_BYTES = 4
-"""Further GPU memory of a pixel for each pass of path `binned`."""
+"""Further GPU memory in bytes per pixel for each pass of path `binned`."""
 
 
 def white_scene() -> Scene:
-    """A scene without geometry and with one material: white, repeated, trilinear."""
+    """Return a scene without geometry and with one material: white, with a repeating trilinear sampler."""
     none = np.zeros((0, 3), np.float32)
     return Scene(
         name="benchmark",
@@ -59,7 +59,7 @@ def white_scene() -> Scene:
 
 
 def white_material(graphics: GraphicsContext) -> SceneBuffers:
-    """The materials of `white_scene` on the GPU. The visibility buffer says which texture is its base colour."""
+    """Return the material of `white_scene` on the GPU. Its base colour is the texture in the visibility buffer."""
     buffers = SceneBuffers(graphics, white_scene())
     buffers.materials["planes"]["texture_id"], buffers.materials["planes"]["components"] = 0, 15
     buffers.upload_materials()
@@ -67,7 +67,7 @@ def white_material(graphics: GraphicsContext) -> SceneBuffers:
 
 
 def _words(texture: NDArray[np.int32]) -> NDArray[np.uint32]:
-    """[H, W, 4] visibility words of pixels that see these textures [H, W], one texel a pixel."""
+    """Return [H, W, 4] visibility words of pixels that show the textures `texture` [H, W], one texel per pixel."""
     y, x = np.indices(texture.shape, np.int32)
     words = np.zeros((*texture.shape, 4), np.uint32)
     words[..., 0] = (texture + 1) | (1 << MATERIAL_SHIFT)
@@ -78,13 +78,13 @@ def _words(texture: NDArray[np.int32]) -> NDArray[np.uint32]:
 
 
 def interleaved_words(size: tuple[int, int], textures: int) -> NDArray[np.uint32]:
-    """[H, W, 4] visibility words: pixels take the textures in turn, the same in every block, one texel a pixel."""
+    """Return [H, W, 4] visibility words whose pixels show the textures in turn, one texel per pixel, the same in every block."""
     y, x = np.indices((size[1], size[0]), np.int32)
     return _words(((y % GROUP_SIDE) * GROUP_SIDE + x % GROUP_SIDE) % textures)
 
 
 class PackLoader:
-    """Loads packs onto the GPU without a scene that shows their textures. Packs of one codec share their programs."""
+    """Loader of packs onto the GPU without a scene that shows their textures. Packs of one codec share their programs."""
 
     def __init__(self, graphics: GraphicsContext) -> None:
         library = ShaderLibrary(shaders_folder(), scene_includes())
@@ -94,7 +94,7 @@ class PackLoader:
         self._context = RenderContext(graphics, self.programs, white_scene(), self.materials, scheduler)
 
     def load(self, pack: Pack, precision: Precision, emulate_half: bool = False) -> GpuPack:
-        """`pack` with all its latents; the texture with id i is its i-th. The caller releases it."""
+        """Return `pack` on the GPU with all its latents; texture id i is its i-th texture. The caller releases it."""
         context = replace(self._context, emulate_half=emulate_half)
         match = PackMatch(tuple(range(len(pack.textures))), (), ())
         return GpuPack(context, OpenPack(pack, match, 1), precision)
@@ -113,11 +113,13 @@ MAKE_PASS: Mapping[FixturePath, Callable[[GpuPack], DecodePass]] = {
 
 
 class DecodeFixture:
-    """A visibility buffer and the target that it is decoded to. A picture of several tiles has buffers for one and decodes it as
-    often as there are tiles."""
+    """Fixture of decode passes: a visibility buffer, and the target of decoding.
+
+    For a picture of several tiles there are buffers for one tile, which is decoded once for each tile.
+    """
 
     def __init__(self, context: GraphicsContext, tiles: Tiling, words: NDArray[np.uint32]) -> None:
-        """`words` [H, W, 4] uint32 are the visibility words of one tile, row 0 at the bottom."""
+        """Make the fixture with `words` [H, W, 4] uint32, the visibility words of one tile, row 0 at the bottom."""
         self._count = tiles.count
         self.visibility = VisibilityTarget(context, tiles.tile, SurfaceContent(False, False))
         self.visibility.write(words)
@@ -125,11 +127,11 @@ class DecodeFixture:
         self._passes: list[DecodePass] = []
 
     def inputs(self, materials: SceneBuffers, textures: int) -> VisibilityInputs:
-        """Inputs of decode passes, for a pack of so many textures."""
+        """Return the inputs of decode passes for a pack of `textures` textures."""
         return VisibilityInputs(self.visibility, materials, textures=tuple(range(textures)))
 
     def decoding(self, pack: GpuPack, path: FixturePath) -> Callable[[], None]:
-        """A call that decodes the whole picture; its pass is freed with the fixture."""
+        """Return a function that decodes the whole picture. Its pass is freed with the fixture."""
         decode = MAKE_PASS[path](pack)
         self._passes.append(decode)
         inputs = self.inputs(pack.context.scene_buffers, len(pack.pack.textures))

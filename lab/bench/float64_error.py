@@ -1,4 +1,4 @@
-"""How far a decode path is from the float64 codec, at pixels of a frame: from the visibility buffer's own words."""
+"""Error of a decode path against the float64 codec at sampled pixels of a frame, located by the visibility buffer."""
 
 import math
 from dataclasses import dataclass
@@ -17,9 +17,9 @@ from viewer.scene.model import Scene
 from viewer.state.view_state import FILTERED_PATHS, PathChoice
 
 SAMPLES = 4096
-"""Pixels of a frame that are decoded in float64; all where fewer are decoded."""
+"""Largest number of pixels of a frame that are decoded in float64."""
 LEAST_FACTOR = 1e-3
-"""Channels that a material or a vertex colour darkens below this are not compared: too little of the decoded value is left."""
+"""Smallest factor of a compared channel. Material and vertex colours below it leave too little of the decoded value."""
 
 Array = NDArray[np.float64]
 
@@ -35,21 +35,21 @@ class Float64Error:
     largest_step: int
     """Largest error of the 8-bit sRGB picture, in steps."""
     pixels: int
-    """Pixels compared."""
+    """Number of compared pixels."""
 
 
 @dataclass(frozen=True, eq=False)
 class Float64Pixels:
-    """Some pixels of a frame, decoded in float64."""
+    """Sampled pixels of a frame, decoded in float64."""
 
     pixels: NDArray[np.int64]
     """[N] indices of pixels, row by row, row 0 on top."""
     decoded: Array
     """[N, 3] in [0, 1], in the texture's colour space; one channel is repeated."""
     factor: Array
-    """[N, 3] linear: what the decoded colour is multiplied by."""
+    """[N, 3] linear factor of the decoded colour."""
     is_srgb: NDArray[np.bool_]
-    """[N] whether `decoded` is sRGB-coded."""
+    """[N] whether `decoded` is encoded in sRGB."""
 
     @property
     def albedo(self) -> Array:
@@ -58,7 +58,7 @@ class Float64Pixels:
         return linear * self.factor
 
     def compare(self, shown: NDArray[np.float32]) -> Float64Error:
-        """The error of a path's linear albedo [H, W, 3]."""
+        """Return the error of `shown`, the linear albedo [H, W, 3] of a path."""
         albedo = shown.reshape(-1, 3)[self.pixels].astype(np.float64)
         steps = linear_to_srgb8(albedo).astype(int) - linear_to_srgb8(self.albedo).astype(int)
         known = self.factor >= LEAST_FACTOR
@@ -85,9 +85,9 @@ def float64_pixels(
     samples: int = SAMPLES,
     seed: int = 0,
 ) -> Float64Pixels:
-    """`samples` pixels of the frame in `visibility`, chosen by `seed` from those that show a texture of `pack`.
+    """Return `samples` pixels of the frame in `visibility`, chosen by `seed` from those that show a texture of `pack`.
 
-    `path` says whether latents are filtered before they are decoded, or texels after (FILTERED_PATHS).
+    `path` decides whether latents are filtered before decoding, or decoded texels are filtered (FILTERED_PATHS).
     """
     decode = filter_decoded if path in FILTERED_PATHS else decode_filtered
     words = visibility.words().reshape(-1, 4)
@@ -107,10 +107,10 @@ def float64_pixels(
     if colors is not None:
         factor = factor * colors.reshape(-1, 3)[pixels]
     decoded = np.zeros((len(pixels), 3))
-    for index, own in {(int(index), int(own)) for index, own in zip(in_pack, material, strict=True)}:
-        these = np.nonzero((in_pack == index) & (material == own))[0]
+    for index, number in {(int(index), int(number)) for index, number in zip(in_pack, material, strict=True)}:
+        these = np.nonzero((in_pack == index) & (material == number))[0]
         lod = np.log2(np.maximum(footprint[these] * pack.textures[index].width, 1e-10))
-        values = decode(pack, index, uv[these], lod, scene.materials[own].sampler)
+        values = decode(pack, index, uv[these], lod, scene.materials[number].sampler)
         decoded[these] = values[:, :3] if values.shape[1] >= 3 else values[:, :1]
     is_srgb = np.array([texture.color_space == "srgb" for texture in pack.textures], bool)[in_pack]
     return Float64Pixels(pixels, decoded, factor, is_srgb)

@@ -1,4 +1,4 @@
-"""Interleaved timing: candidates run one after the other, round by round, so that drift affects all alike."""
+"""Interleaved timing: candidates run in turn, round by round, so that drift of the clock rate affects all of them equally."""
 
 import statistics
 from collections.abc import Callable, Sequence
@@ -8,11 +8,11 @@ from viewer.gl.context import GraphicsContext
 from viewer.gl.timer import PassTimer
 
 Progress = Callable[[int, int], None]
-"""Called with (rounds done, rounds in all)."""
+"""Function that is called with (finished rounds, all rounds)."""
 
 
 def no_progress(_done: int, _of: int) -> None:
-    """A Progress that ignores its calls."""
+    """Ignore progress: a `Progress` without effect."""
 
 
 @dataclass(frozen=True)
@@ -25,12 +25,12 @@ class Spread:
 
 
 def spread_of(times: Sequence[float]) -> Spread:
-    """Median, minimum and maximum of times in ms, at least one."""
+    """Return median, minimum and maximum of at least one time, in ms."""
     return Spread(statistics.median(times), min(times), max(times))
 
 
 def warm_up_rounds(context: GraphicsContext) -> int:
-    """Rounds before the first timed one: a GPU raises its clock under load, a software renderer has none to raise."""
+    """Return the number of rounds before the first timed one: several on a GPU, because its clock rises under load."""
     return 1 if context.info.is_software else 10
 
 
@@ -40,7 +40,7 @@ def time_interleaved(
     repeats: int,
     progress: Progress = no_progress,
 ) -> tuple[Spread, ...]:
-    """Run each candidate once a round, `repeats` (at least 1) timed rounds after the warm-up; a spread for each.
+    """Run each candidate once per round, with `repeats` (at least 1) timed rounds after the warm-up, and return their spreads.
 
     Raises ContextLostError.
     """
@@ -48,12 +48,12 @@ def time_interleaved(
     times: list[list[float]] = [[] for _ in candidates]
     warm_up = warm_up_rounds(context)
     for number in range(warm_up + repeats):
-        for candidate, own in zip(candidates, times, strict=True):
+        for candidate, candidate_times in zip(candidates, times, strict=True):
             with timer.measure("candidate"):
                 candidate()
             (milliseconds,) = timer.take().values()
             if number >= warm_up:
-                own.append(milliseconds)
+                candidate_times.append(milliseconds)
         context.reset.check()
         progress(number + 1, warm_up + repeats)
-    return tuple(spread_of(own) for own in times)
+    return tuple(spread_of(candidate_times) for candidate_times in times)

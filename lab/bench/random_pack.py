@@ -1,4 +1,4 @@
-"""Packs of random content, which decode at the same cost as others."""
+"""Packs of random content. They cost as much to decode as trained packs."""
 
 from collections.abc import Sequence
 
@@ -15,11 +15,11 @@ from ntc.codec.maps import MapName, map_slices, plane_channels
 from ntc.codec.model import Grouping, Pack
 
 EDGE_SHARE = 0.3
-"""Of the modes of random tables that have an edge part in a plane."""
+"""Share of the modes of random tables that have an edge part in a plane."""
 
 
 def _random_adapter(config: GridConfig, random: np.random.Generator) -> Adapter:
-    """Scales around 1 and biases around 0, exact in half precision."""
+    """Return an adapter with scales around 1 and biases around 0, exact in half precision."""
     shape = (2, config.hidden_width)
     scales, biases = random.uniform(0.5, 1.5, shape), random.normal(0.0, 0.2, shape)
     parts = [scales, biases]
@@ -41,7 +41,7 @@ def random_pack(
     wrap: tuple[WrapMode, WrapMode] = ("repeat", "repeat"),
     seed: int = 0,
 ) -> Pack:
-    """A pack of textures with these (width, height), whose decoders give values across [0, 1] and beyond."""
+    """Return a pack of textures of `sizes` (width, height) whose decoders produce values in [0, 1] and beyond."""
     config = config or GridConfig()
     random = np.random.default_rng(seed)
     textures = tuple(
@@ -84,7 +84,7 @@ def random_pack(
 
 
 def square_pack(textures: int, decoders: int, side: int, config: GridConfig, seed: int = 0) -> Pack:
-    """`textures` random textures of `side` x `side` texels; texture i has decoder i modulo `decoders`.
+    """Return a pack of `textures` random textures of `side` x `side` texels; texture i has decoder i modulo `decoders`.
 
     `decoders` is at most `textures`.
     """
@@ -92,13 +92,15 @@ def square_pack(textures: int, decoders: int, side: int, config: GridConfig, see
 
 
 def _random_block_decoder(config: BlockConfig, random: np.random.Generator) -> BlockDecoder:
-    """Coefficients whose variance falls as in pictures, along directions that are as good as orthogonal; some modes have edge
-    parts."""
+    """Return tables with nearly orthogonal basis functions and a variance of coefficients that falls as in photographs.
+
+    Some modes have edge parts.
+    """
     count = config.coefficients
     falling = 1.0 / np.arange(1, count + 1) ** 0.7
     spread = falling * random.lognormal(0.0, 0.5, (config.modes, count))
     basis = random.integers(-127, 128, (count, config.block_texels)).astype(np.int8)
-    in_planes = [channel for own in config.planes for channel in own]
+    in_planes = [channel for plane in config.planes for channel in plane]
     channels = np.array(in_planes, np.uint8)[np.sort(np.arange(count) % config.output_channels)]
     scale = stored_scales(np.full(count, 1.0 / (73.0 * np.sqrt(config.block_texels))))
     scales = stored_scales(spread[:, random.permutation(count)] * np.sqrt(config.block_texels) / 4.0)
@@ -110,7 +112,7 @@ def _random_block_decoder(config: BlockConfig, random: np.random.Generator) -> B
 def _random_words(
     width: int, height: int, code_mips: int | None, config: BlockConfig, random: np.random.Generator
 ) -> NDArray[np.uint32]:
-    """Stored words of random codes of random sizes."""
+    """Return the stored words of random codes of random sizes."""
     levels = latent_levels(width, height, config, code_mips)
     blocks = latent_cell_count(width, height, config, code_mips)
     codes = random.integers(0, 1 << 32, (blocks, config.block_words[-1]), np.uint32)
@@ -118,11 +120,11 @@ def _random_words(
 
 
 def _random_axes(config: BlockConfig, random: np.random.Generator) -> NDArray[np.float32]:
-    """Orthogonal axes of each plane."""
+    """Return random orthogonal axes for each plane."""
     axes = np.zeros((config.output_channels, config.output_channels), np.float32)
     for channels in plane_channels(config.maps, config.output_channels).values():
-        own = list(channels.values())
-        axes[np.ix_(own, own)] = np.linalg.qr(random.normal(size=(len(own), len(own))))[0] * 0.4
+        indices = list(channels.values())
+        axes[np.ix_(indices, indices)] = np.linalg.qr(random.normal(size=(len(indices), len(indices))))[0] * 0.4
     return axes
 
 
@@ -136,9 +138,9 @@ def random_block_pack(
     maps: Sequence[tuple[MapName, ...]] | None = None,
     code_mips: Sequence[int | None] = (),
 ) -> Pack:
-    """A pack of codec `block` of textures with these (width, height), whose texels lie across [0, 1] and beyond.
+    """Return a pack of codec `block` with textures of `sizes` (width, height), whose texels lie in [0, 1] and beyond.
 
-    `maps` by texture; None: those of the codec, with all its channels. `code_mips` by texture; empty: as the codec has it.
+    `maps`: maps of each texture; None takes those of the codec. `code_mips`: number of each texture; empty takes the codec's.
     """
     config = config or BlockConfig()
     random = np.random.default_rng(seed)

@@ -12,14 +12,14 @@ from viewer.scene.text_table import Table
 
 
 class BenchRecord:
-    """Record at `path`, written again with each part, so that a stopped run keeps what is done. None: nothing is written."""
+    """Record of a benchmark at `path`, written after each part: a stopped run loses no finished part. None writes nothing."""
 
     def __init__(self, path: Path | None, facts: Mapping[str, Any]) -> None:
         self._path = path
         self._content: dict[str, Any] = {"machine": dict(facts)}
 
     def add(self, part: str, content: Mapping[str, Any], suffix: str, title: str, table: Table) -> None:
-        """Keep a part, and write its table as `suffix` beside the record. Raises InputError where that cannot be written."""
+        """Add a part to the record, and write its table as `suffix` beside it. Raises InputError where they cannot be written."""
         if self._path is None:
             return
         self._content[part] = dict(content)
@@ -27,7 +27,7 @@ class BenchRecord:
         write_record(self._path, self._content)
 
     def plot(self, suffix: str, figure: Figure) -> None:
-        """Write a plot as `suffix` beside the record. Raises InputError where that cannot be written."""
+        """Write a plot as `suffix` beside the record. Raises InputError where it cannot be written."""
         if self._path is None:
             return
         write_figure(self._path.with_suffix(f"{suffix}.png"), figure)

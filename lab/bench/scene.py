@@ -1,4 +1,4 @@
-"""Time against error in a scene: every pack by every path and precision, over the scene's cameras."""
+"""Benchmark of a scene: time and error of every pack by path and precision, over the scene's cameras."""
 
 import math
 import statistics
@@ -36,29 +36,29 @@ from viewer.state.view_state import (
 )
 
 NUDGE = 1e-4
-"""A camera moves by this share of its distance to the target from frame to frame, so that no pass is skipped."""
+"""Movement of the camera between frames, as a share of its distance to the target. It prevents that a pass is skipped."""
 PLACES = 7
-"""Number of positions that a moved camera alternates between."""
+"""Number of positions between which a moved camera alternates."""
 PICTURE_BYTES = 16 + 4 + 4 + 4 + 8 + 2 * 16 + 4
-"""Bytes of a pixel, at most: visibility words, colour, depth, composite, albedo of the reference and of two slots, binned list."""
+"""Largest memory in bytes per pixel: visibility words, colour, depth, composite, albedo of reference and both slots, binned list."""
 
 
 @dataclass(frozen=True)
 class SceneBenchConfig:
-    """Settings of the scene's part."""
+    """Settings of the benchmark of a scene."""
 
     size: tuple[int, int] = (640, 360)
     paths: tuple[DecodePath, ...] = get_args(DecodePath)
     precisions: tuple[Precision, ...] = EVERYWHERE
     repeats: int = 5
     formats: tuple[BlockFormat, ...] = ()
-    """Formats of graphics hardware to show beside the packs."""
+    """Block formats of graphics hardware to measure beside the packs."""
     filters: tuple[TexelFilter, ...] = ("exact",)
 
 
 @dataclass(frozen=True)
 class SceneBenchRow:
-    """Times and errors of one slot seen by one camera."""
+    """Row of the benchmark: times and errors of one slot from one camera."""
 
     camera: str
     source: str
@@ -66,7 +66,7 @@ class SceneBenchRow:
     precision: str
     filter: str
     decode_ms: float
-    """Median time of the decode or reference pass; with the stochastic filter of one sample."""
+    """Median time of the decode or reference pass; with the stochastic filter, that of one sample."""
     min_ms: float
     max_ms: float
     frame_ms: float
@@ -80,11 +80,11 @@ class SceneBenchRow:
     flip: float | None
     """Mean FLIP against the reference picture."""
     reference_step: int | None
-    """Most 8-bit steps that a channel of a covered pixel is away from the reference picture; None for the reference."""
+    """Largest difference of a channel of a covered pixel from the reference picture, in 8-bit steps; None for the reference."""
     float64_max: float | None
-    """Largest distance of a decoded value, in [0, 1] before 8 bits, from the float64 decode of sampled pixels.
+    """Largest difference of a decoded value, in [0, 1] before rounding to 8 bits, from the float64 decode of sampled pixels.
 
-    None, as all that is named so, for the stochastic filter, which only approaches it."""
+    All figures named `float64` are None for the stochastic filter, which only approaches that decode."""
     float64_psnr_db: float | None
     """PSNR of the same values; None where equal."""
     float64_step: int | None
@@ -92,11 +92,11 @@ class SceneBenchRow:
     float64_pixels: int
     """Number of sampled pixels."""
     largest_step: int | None
-    """Most 8-bit steps that a channel of a pixel is away from the same pack's first slot: `deferred` in fp32, where timed."""
+    """Largest difference of a channel from the pack's first slot (`deferred` in fp32, if timed), in 8-bit steps."""
 
 
 def nudged(camera: Camera, frame: int) -> Camera:
-    """`camera` moved sideways a little, differently for each of PLACES frames in a row."""
+    """Return `camera` moved sideways a little, differently for each of PLACES successive frames."""
     x, y, z = camera.eye
     tx, _, tz = camera.target
     step = NUDGE * (frame % PLACES + 1)
@@ -104,9 +104,9 @@ def nudged(camera: Camera, frame: int) -> Camera:
 
 
 def bench_slots(packs: Sequence[str], config: SceneBenchConfig) -> tuple[Slot, ...]:
-    """The reference, the block formats, then every pack by every path, in every precision, with every filter that the path has.
+    """Return the slots to time: the reference, the block formats, and every pack by path, precision and filter.
 
-    `deferred` in fp32 with the exact filter comes before its like.
+    `deferred` in fp32 with the exact filter is the first slot of each pack.
     """
     paths = sorted(config.paths, key=lambda path: path != "deferred")
     precisions = sorted(config.precisions, key=lambda precision: precision != "fp32")
@@ -123,9 +123,9 @@ def bench_slots(packs: Sequence[str], config: SceneBenchConfig) -> tuple[Slot, .
 
 
 def interleaved(slots: Sequence[Slot], camera: Camera, rounds: int) -> Sequence[tuple[int, Slot, Camera]]:
-    """(round, slot, camera) of every frame in order: each slot once a round.
+    """Return (round, slot, camera) of every frame in order, with each slot once per round.
 
-    No two frames in a row, nor two of one slot in a row, are seen from the same place: either would skip passes.
+    Two successive frames, or two successive frames of one slot, have different cameras, because equal ones would skip passes.
     """
     stride = len(slots) + (len(slots) % PLACES == 0)
     return [
@@ -145,10 +145,10 @@ def bench_scene(
     compressed: Mapping[BlockFormat, CompressedTextures] | None = None,
     variant: VariantName | None = None,
 ) -> tuple[SceneBenchRow, ...]:
-    """A row for each camera and slot; `compressed` holds the scene's textures in the formats of `config`, and the rest is the
-    renderer's.
+    """Time and compare all slots, and return a row for each camera and slot.
 
-    Slots are timed interleaved, frame by frame; the first rounds warm up.
+    `compressed` has the scene's textures in the formats of `config`. Slots are timed interleaved, frame by frame; the first rounds
+    warm up.
     """
     renderer = Renderer(context, scene, variant=variant)
     renderer.set_packs(packs)
@@ -194,7 +194,7 @@ def _measured(
             if key not in twins:
                 pack, match = packs[slot.source], renderer.matches[slot.source]
                 twins[key] = float64_pixels(renderer.visibility, renderer.scene, pack, match, slot.path)
-            # Of the visibility buffer's surfaces alone, which BLEND surfaces at rest are not.
+            # The base plane has only the surfaces of the visibility buffer; the picture at rest also has BLEND surfaces.
             twin = twins[key].compare(renderer.planes(slot)["base"][..., :3])
         name = slot.source if is_image else f"decode_{slot.path}"
         decode = spread_of([entry.get(name, 0.0) for entry in times[slot]])
@@ -232,5 +232,5 @@ def _measured(
 
 
 def _steps(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> int:
-    """Largest difference of two arrays of one shape; 0 for none."""
+    """Return the largest difference between two arrays of one shape; 0 for empty ones."""
     return int(np.abs(a.astype(int) - b.astype(int)).max(initial=0))

@@ -23,7 +23,7 @@ LARGEST = BlockConfig(block_words=(15, 16), mean_words=16.0, coefficients=192, m
 
 
 def _with_codes(pack: Pack, fill: Callable[[Words], Words]) -> Pack:
-    """`pack`, whose codes have one size and so no directories, with other codes."""
+    """Return `pack` with other codes. Its codes have one size, so that it has no directories to change."""
     return replace(pack, textures=tuple(replace(t, words=fill(t.words)) for t in block_parts(pack).textures))
 
 
@@ -32,7 +32,7 @@ def _with_tables(pack: Pack, change: Callable[[BlockDecoder], BlockDecoder]) -> 
 
 
 def _largest_numbers(pack: Pack) -> Pack:
-    """`pack` with every number as large as files may hold it."""
+    """Return `pack` with every number at the limit of the file format."""
     largest = np.float32(LARGEST_NUMBER)
     tables = _with_tables(
         pack,
@@ -47,7 +47,7 @@ def _largest_numbers(pack: Pack) -> Pack:
 
 
 def block_cases(texels: int, seed: int = 0) -> list[StabilityCase]:
-    """All cases of codec `block`, with about `texels` texels each."""
+    """Return all cases of codec `block`, with about `texels` texels each."""
     random = np.random.default_rng(seed)
     plain = random_block_pack(SIZES, (0, 1), SINGLE_SIZE)
     sized = random_block_pack(SIZES, (0, 1), SIZED)

@@ -28,45 +28,45 @@ SMALL_CODEC = GridConfig(hidden_width=16)
 
 @dataclass(frozen=True, eq=False)
 class Requests:
-    """Texels of one texture, as float64 numbers that are fp32 exactly."""
+    """Requests for texels of one texture. Numbers are float64, but exact in fp32."""
 
     texture: int
     uv: Array
-    """[N, 2]."""
+    """[N, 2] texture coordinates."""
     lod: Array
-    """[N]."""
+    """[N] levels of detail."""
 
 
 @dataclass(frozen=True, eq=False)
 class StabilityCase:
-    """A pack, and the texels to decode."""
+    """Case of the study: a pack, and the texels to decode."""
 
     name: str
     pack: Pack
     requests: Sequence[Requests]
     rescale: bool = True
-    """Whether weights are rescaled for halves, as in the viewer."""
+    """True where weights are rescaled for halves, as in the viewer."""
 
 
 def as_single(values: NDArray[np.floating]) -> Array:
-    """`values` rounded to fp32; larger ones become infinite."""
+    """Return `values` rounded to fp32; those beyond its range become infinite."""
     with np.errstate(over="ignore"):
         return values.astype(np.float32).astype(np.float64)
 
 
 def anywhere(pack: Pack, texels: int, random: np.random.Generator) -> list[Requests]:
-    """Requests of `texels` random texels, divided between the textures; uv and lod also a little out of range."""
-    found = []
+    """Return requests for `texels` random texels, divided among the textures. Some uv and lod are a little out of range."""
+    requests = []
     for index, texture in enumerate(pack.textures):
         count = max(1, texels // len(pack.textures))
         levels = len(texture_levels(texture, pack.config))
         uv, lod = random.uniform(-2.0, 2.0, (count, 2)), random.uniform(-0.5, levels - 0.5, count)
-        found.append(Requests(index, as_single(uv), as_single(lod)))
-    return found
+        requests.append(Requests(index, as_single(uv), as_single(lod)))
+    return requests
 
 
 def changed(pack: Pack, weights: Sequence[Change], biases: Sequence[Change]) -> Pack:
-    """`pack` with weights and biases of each layer changed."""
+    """Return `pack` with changed weights and biases, by layer."""
 
     def of(decoder: GridDecoder) -> GridDecoder:
         with np.errstate(over="ignore", under="ignore"):
@@ -79,7 +79,7 @@ def changed(pack: Pack, weights: Sequence[Change], biases: Sequence[Change]) -> 
 
 
 def scaled(pack: Pack, first: int, second: int, third: int) -> Pack:
-    """`pack` with weights of each layer times this power of two, and biases such that layers stay alike."""
+    """Return `pack` with the weights of each layer times a power of two, and with biases scaled to match."""
 
     def times(exponent: int) -> Change:
         return lambda part: np.ldexp(part.astype(np.float64), exponent)
@@ -93,7 +93,7 @@ def _largest_weights(part: NDArray[np.float32]) -> NDArray[np.floating]:
 
 
 def reordered(pack: Pack, seed: int = 0) -> Pack:
-    """The same function with hidden neurons in another order, so that all sums are summed up in another order."""
+    """Return `pack` with hidden neurons in another order: the same function, but sums are computed in another order."""
     random = np.random.default_rng(seed)
     orders = [
         [random.permutation(grid_parts(pack).config.hidden_width) for _ in range(2)] for _ in grid_parts(pack).decoders
@@ -125,7 +125,7 @@ def _with_latents(pack: Pack, fill: Callable[[NDArray[np.uint8]], NDArray[np.uin
 
 
 def wrapped_pack(pack: Pack) -> Pack:
-    """The first texture of `pack` under every pair of wrap modes."""
+    """Return a pack with the first texture of `pack` under every pair of wrap modes."""
     modes: tuple[WrapMode, ...] = get_args(WrapMode)
     pairs = list(product(modes, modes))
     first = pack.textures[0]
@@ -138,7 +138,7 @@ def _at(pack: Pack, uv: Array, lod: Array) -> list[Requests]:
 
 
 def place_cases(pack: Pack, long: Pack, texels: int, random: np.random.Generator) -> list[StabilityCase]:
-    """Places beside edges, far away and that are no numbers: on `pack`, and on `long`, a texture of the largest side."""
+    """Return cases at hostile coordinates of `pack` and of `long`, a texture of the largest side: near edges, far away, NaN."""
     wrapped = wrapped_pack(pack)
     width, height = wrapped.textures[0].width, wrapped.textures[0].height
     count = max(16, texels // len(wrapped.textures))
@@ -164,7 +164,7 @@ def place_cases(pack: Pack, long: Pack, texels: int, random: np.random.Generator
 
 
 def stability_cases(texels: int, seed: int = 0) -> list[StabilityCase]:
-    """All cases of codec `grid` but those of trained packs, with about `texels` texels each."""
+    """Return all cases of codec `grid` except trained packs, with about `texels` texels each."""
     random = np.random.default_rng(seed)
     plain = random_pack(SIZES, (0, 1), SMALL_CODEC)
     adapted = random_pack(
@@ -203,5 +203,5 @@ def stability_cases(texels: int, seed: int = 0) -> list[StabilityCase]:
 
 
 def trained_case(name: str, pack: Pack, texels: int, seed: int = 0) -> StabilityCase:
-    """Texels of all textures of a trained pack."""
+    """Return a case with random texels of all textures of a trained pack."""
     return StabilityCase(f"trained: {name}", pack, anywhere(pack, texels, np.random.default_rng(seed)))

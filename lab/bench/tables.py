@@ -12,7 +12,7 @@ from viewer.scene.text_table import Cell, Column, Table
 
 Number = TypeVar("Number", int, float)
 OTHER_PASSES = ("cull", "visibility", "composite")
-"""What a frame takes besides the pass that gives albedo."""
+"""Passes of a frame besides the one that writes albedo."""
 WORST_CASE_COLUMNS = (
     Column("size", "pixels"),
     Column("cut", "decoded as"),
@@ -50,7 +50,10 @@ SCENE_COLUMNS = (
 
 
 def pareto_front(points: Sequence[tuple[float, float]]) -> tuple[bool, ...]:
-    """For each (cost, worth) whether no other point is at least as good in both and better in one; equal points stay together."""
+    """Return for each (cost, quality) whether no other point is at least as good in both and better in one.
+
+    Equal points are on the front together.
+    """
 
     def beats(other: tuple[float, float], point: tuple[float, float]) -> bool:
         return other != point and other[0] <= point[0] and other[1] >= point[1]
@@ -59,7 +62,7 @@ def pareto_front(points: Sequence[tuple[float, float]]) -> tuple[bool, ...]:
 
 
 def worst_case_table(rows: Sequence[WorstCaseRow]) -> Table:
-    """One row for each size and way to decode."""
+    """Return the table of the worst case, with a row for each size and way to decode."""
 
     def cells(row: WorstCaseRow) -> dict[str, Cell]:
         cut = "one picture" if row.tiles == 1 else f"{row.tiles} tiles of {row.tile_width}x{row.tile_height}"
@@ -78,7 +81,7 @@ def _most(values: Sequence[Number | None]) -> Number | None:
 
 
 def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
-    """One row for each slot: means over the cameras, and whether no other is both faster and closer to the reference."""
+    """Return the table of a scene, with a row for each slot: means over the cameras, and whether it is on the Pareto front."""
     slots = list(dict.fromkeys((row.source, row.path, row.precision, row.filter) for row in rows))
     table: list[dict[str, Cell]] = []
     for slot in slots:
@@ -115,28 +118,28 @@ def scene_table(rows: Sequence[SceneBenchRow]) -> Table:
         row["to_deferred"] = float(row["decode_ms"] or 0.0) / float(base) if base else None
         row["pareto"] = ""
     judged = [row for row in table if row["psnr_db"] is not None]
-    for row, kept in zip(judged, pareto_front([time_and_quality(row) for row in judged]), strict=True):
-        row["pareto"] = "yes" if kept else ""
+    for row, is_on_front in zip(judged, pareto_front([time_and_quality(row) for row in judged]), strict=True):
+        row["pareto"] = "yes" if is_on_front else ""
     return Table(SCENE_COLUMNS, table)
 
 
 def time_and_quality(row: Mapping[str, Cell]) -> tuple[float, float]:
-    """(ms of the decode pass, PSNR in dB) of a slot. Hundredths of a dB are the finest difference that counts."""
+    """Return (ms of the decode pass, PSNR in dB, rounded to hundredths) of a slot."""
     return float(row["decode_ms"] or 0.0), round(float(row["psnr_db"] or 0.0), 2)
 
 
 NEAR_DB = 0.1
-"""Loss of PSNR in dB that nobody sees: a faster path may cost so much."""
+"""Invisible loss of PSNR in dB, which a faster path may have."""
 
 
 def path_to_take(table: Table) -> str:
-    """One line for each pack of a scene's table: its fastest path whose PSNR is within NEAR_DB of the pack's best."""
+    """Return a line for each pack of a scene's table: its fastest path whose PSNR is within NEAR_DB of the pack's best."""
     lines = []
     packs = [row for row in table.rows if row["path"] and row["psnr_db"] is not None]
     for source in dict.fromkeys(row["source"] for row in packs):
-        own = [time_and_quality(row) for row in packs if row["source"] == source]
+        points = [time_and_quality(row) for row in packs if row["source"] == source]
         rows = [row for row in packs if row["source"] == source]
-        best = max(quality for _, quality in own)
+        best = max(quality for _, quality in points)
         near = [row for row in rows if time_and_quality(row)[1] >= best - NEAR_DB]
         row = min(near, key=time_and_quality)
         time, quality = time_and_quality(row)

@@ -1,4 +1,4 @@
-"""Pictures too large for a texture or for memory, cut into equal tiles."""
+"""Tiles of pictures that are too large for a texture or for memory."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ MEBIBYTE = 1 << 20
 
 @dataclass(frozen=True)
 class Tiling:
-    """A picture as `count` tiles of one size; with one tile, the picture itself."""
+    """Picture cut into `count` tiles of one size."""
 
     tile: tuple[int, int]
     """(width, height) in pixels."""
@@ -18,7 +18,7 @@ class Tiling:
 
     @property
     def pixels(self) -> int:
-        """Pixels of all tiles: those of the picture, and a few more where its sides do not divide."""
+        """Pixels of all tiles. There are more than in the picture where its sides do not divide."""
         return self.tile[0] * self.tile[1] * self.count
 
 
@@ -27,21 +27,21 @@ class PictureLimits:
     """Limits on the buffers of a picture."""
 
     side: int
-    """Pixels: GL_MAX_TEXTURE_SIZE."""
+    """Largest side of a texture in pixels: GL_MAX_TEXTURE_SIZE."""
     memory_bytes: int
 
 
 def _tile_side(side: int, parts: int) -> int:
-    """Side of `parts` tiles that cover `side`: whole work groups, so that every tile has the same pattern."""
+    """Return the side of `parts` tiles that cover `side`, in whole work groups, so that every tile has the same pattern."""
     if parts == 1:
         return side
     return -(-side // (parts * GROUP_SIDE)) * GROUP_SIDE
 
 
 def tiling(size: tuple[int, int], pixel_bytes: int, limits: PictureLimits) -> Tiling:
-    """The fewest tiles that keep to `limits` with `pixel_bytes` for each pixel; the longer side is cut first.
+    """Return the smallest number of tiles that are within `limits` at `pixel_bytes` per pixel; the longer side is cut first.
 
-    Raises InputError where even one work group does not fit.
+    Raises InputError where not even one work group fits.
     """
     parts = [1, 1]
     while True:
@@ -57,10 +57,12 @@ def tiling(size: tuple[int, int], pixel_bytes: int, limits: PictureLimits) -> Ti
 
 
 def require_memory(option: str, size: tuple[int, int], pixel_bytes: int, limits: PictureLimits) -> None:
-    """Raise InputError where a picture of `size`, named by `option`, does not fit whole."""
+    """Check that a picture of `size` fits without tiles. Raises InputError that names `option`."""
     name = f"{option} {size[0]}x{size[1]}"
     if max(size) > limits.side:
-        raise InputError(f"{name}: this renderer's textures have at most {limits.side} pixels a side; choose less")
+        raise InputError(
+            f"{name}: this renderer's textures have at most {limits.side} pixels on each side; choose less"
+        )
     needed = size[0] * size[1] * pixel_bytes
     if needed > limits.memory_bytes:
         raise InputError(

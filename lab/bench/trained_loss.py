@@ -1,4 +1,4 @@
-"""Loss of PSNR against the original images by precision."""
+"""Loss of PSNR of trained packs by precision, against the original images."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from ntc.codec.textures import SourceTexture
 
 @dataclass(frozen=True)
 class TrainedLoss:
-    """One trained pack in one precision, at texel centres of mip 0."""
+    """Loss of one trained pack in one precision, at texel centres of mip 0."""
 
     pack: str
     precision: Precision
     textures: int
     texels: int
     psnr_db: float
-    """Mean over textures, against the images, of float64 decoding."""
+    """PSNR of float64 decoding against the images, the mean over textures."""
     mean_loss_db: float
     largest_loss_db: float
-    """Loss of the texture that loses most; gains count as 0."""
+    """Largest loss of a texture; gains count as 0."""
     largest_error: float
     """Largest error against float64 decoding, in [0, 1]."""
 
@@ -38,7 +38,7 @@ def trained_loss(
     texels: int,
     seed: int = 0,
 ) -> TrainedLoss | None:
-    """Over about `texels` texels of the textures that `images` hold in the size of `pack`; None where there are none."""
+    """Return the loss over about `texels` texels of the textures that `images` has in the size of `pack`; None without any."""
     by_hash = {image.pixel_hash: image.pixels for image in images}
     random = np.random.default_rng(seed)
     decoder = bench.texel_decoder(pack, precision)
@@ -52,9 +52,9 @@ def trained_loss(
         uv = np.stack([(x + 0.5) / texture.width, (y + 0.5) / texture.height], axis=-1).astype(np.float32)
         truth = pixels[y, x, : texture.channels].astype(np.float64) / 255.0
         exact = decode_texels(pack, index, uv.astype(np.float64), np.zeros(each))
-        found = decoder.decode_texels(index, uv, np.zeros(each)).astype(np.float64)
-        largest = max(largest, float(np.abs(found - exact).max()))
-        quality = [-10.0 * np.log10(np.mean((values - truth) ** 2) + 1e-12) for values in (exact, found)]
+        decoded = decoder.decode_texels(index, uv, np.zeros(each)).astype(np.float64)
+        largest = max(largest, float(np.abs(decoded - exact).max()))
+        quality = [-10.0 * np.log10(np.mean((values - truth) ** 2) + 1e-12) for values in (exact, decoded)]
         exact_db.append(quality[0])
         loss.append(max(0.0, quality[0] - quality[1]))
     decoder.release()

@@ -1,4 +1,4 @@
-"""The worst case for a wave, as the paper times it: all decoders meet in every block of 8x8 pixels (paper, Sec. 4)."""
+"""Benchmark of the worst case for a wave: all decoders occur in every block of 8x8 pixels (paper, Sec. 4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -27,7 +27,7 @@ from viewer.state.view_state import Precision
 
 SHARED = 1
 BLOCK_PIXELS = GROUP_SIDE * GROUP_SIDE
-"""Pixels of a block. Each sees a texture of its own, so that rows differ in nothing but decoders."""
+"""Number of pixels of a block. Each shows another texture, so that rows differ only in the number of decoders."""
 
 
 @dataclass(frozen=True)
@@ -35,9 +35,9 @@ class WorstCaseConfig:
     """Settings of the worst case."""
 
     sizes: tuple[tuple[int, int], ...] = ((512, 512),)
-    """(width, height) in pixels, one after the other."""
+    """Sizes (width, height) in pixels."""
     decoders: tuple[int, ...] = (1, 5, 10, 20)
-    """1 to BLOCK_PIXELS each."""
+    """Numbers of decoders, 1 to BLOCK_PIXELS."""
     precisions: tuple[Precision, ...] = EVERYWHERE
     repeats: int = 7
     codec: GridConfig = field(default_factory=GridConfig)
@@ -45,29 +45,29 @@ class WorstCaseConfig:
 
 @dataclass(frozen=True)
 class WorstCaseRow:
-    """Times of one way to decode one size."""
+    """Row of the benchmark: times of one way to decode one size."""
 
     width: int
     height: int
     tile_width: int
     tile_height: int
     tiles: int
-    """More than 1: the picture is beyond a texture or the memory allowed, and was decoded as so many tiles, one after the other."""
+    """Number of tiles, decoded in turn; more than 1 where the picture exceeds the largest texture or the allowed memory."""
     decoders: int
-    """In every block."""
+    """Number of decoders in every block."""
     path: FixturePath
     precision: Precision
     median_ms: float
     min_ms: float
     max_ms: float
     to_shared: float | None
-    """Median, as a multiple of the one shared decoder's by `deferred, shared` in the same precision; None if that was not timed."""
+    """Median divided by that of `deferred, shared` with one decoder in the same precision; None if that was not timed."""
     to_one: float | None
-    """Median, as a multiple of the same path's with one decoder in the same precision; None if that was not timed."""
+    """Median divided by that of the same path with one decoder in the same precision; None if that was not timed."""
     gigaflops: float
-    """Multiplications and additions of the decoders' layers, 10^9 a second."""
+    """Multiplications and additions of the decoders' layers, in 10^9 per second."""
     largest_difference: float
-    """Of the albedo of a tile, to the path `deferred` with a decoder index; linear, 0 to 1."""
+    """Largest difference of a tile's albedo from that of path `deferred` with a decoder index; linear, 0 to 1."""
 
 
 @dataclass(frozen=True)
@@ -78,13 +78,13 @@ class _Candidate:
 
 
 def _candidates(config: WorstCaseConfig) -> list[_Candidate]:
-    found = []
+    candidates = []
     for decoders in config.decoders:
         paths: tuple[FixturePath, ...] = ("deferred", "deferred, shared", "binned")
         for precision in config.precisions:
-            own = [path for path in paths if decoders == SHARED or path != "deferred, shared"]
-            found += [_Candidate(decoders, path, precision) for path in own]
-    return found
+            possible = [path for path in paths if decoders == SHARED or path != "deferred, shared"]
+            candidates += [_Candidate(decoders, path, precision) for path in possible]
+    return candidates
 
 
 def worst_case(
@@ -93,9 +93,9 @@ def worst_case(
     limits: PictureLimits,
     progress: Progress = no_progress,
 ) -> tuple[WorstCaseRow, ...]:
-    """Times of every size, path, number of decoders and precision; the candidates of a size are timed interleaved.
+    """Time every size, path, number of decoders and precision; the candidates of a size are timed interleaved.
 
-    Raises InputError where `limits` leave no room for a tile, before anything is allocated.
+    Raises InputError, before anything is allocated, where no tile is within `limits`.
     """
     candidates = _candidates(config)
     bytes_each = PICTURE_BYTES + BINNED_BYTES * sum(candidate.path == "binned" for candidate in candidates)

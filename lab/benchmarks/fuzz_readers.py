@@ -1,8 +1,8 @@
-"""Feed the readers mutated files until so many were read or so much time is over, and record what broke.
+"""Fuzz the readers with mutated files for a number of files or seconds, and record the findings.
 
-Every reader runs in a process of its own under libFuzzer, guided by the coverage of the readers' Python code
+Every reader runs in a separate process under libFuzzer, guided by the coverage of the readers' Python code
 (needs `pip install atheris`). A finding is an exception other than InputError, a crash, more than 5 seconds or more
-than 1 GiB for one file; its input is kept in the folder of findings, and the run goes on without it.
+than 1 GiB for one file. Its input is written to the folder of findings, and the run continues without it.
 
     python -m lab.benchmarks.fuzz_readers --runs 200000 --seconds 600 --json lab/benchmarks/results/fuzz_readers.json
 """
@@ -32,7 +32,7 @@ READERS = (
     *("script", "view"),
 )
 MOST_FINDINGS = 20
-"""Findings of one reader after which it is not fuzzed further."""
+"""Number of findings after which a reader is not fuzzed further."""
 
 
 @dataclass
@@ -44,7 +44,7 @@ class Tally:
     executions: int = 0
     seconds: float = 0.0
     coverage: int = 0
-    """Edges of the watched Python code that were reached."""
+    """Number of reached edges of the instrumented Python code."""
     corpus: int = 0
     peak_rss_mb: int = 0
     slowest_seconds: int = 0
@@ -52,7 +52,7 @@ class Tally:
 
 
 def reader_seeds(reader: str, folder: Path | None) -> list[bytes]:
-    """The seeds of fuzzing `reader`."""
+    """Return the seeds for `reader`."""
     made: dict[str, Iterable[bytes]] = {
         "scene": [*seeds.scenes(), *seeds.real(folder, (".gltf", ".glb"))],
         "compressed scene": [*seeds.compressed_scenes()],
@@ -75,7 +75,7 @@ def _numbers(pattern: str, text: str) -> list[int]:
 
 
 def _cause(log: str) -> str:
-    """The most informative line of libFuzzer's log."""
+    """Return the most informative line of libFuzzer's log."""
     lines = [line.strip() for line in log.splitlines()]
     for number, line in enumerate(lines):
         if "Uncaught Python exception" in line:
@@ -84,7 +84,7 @@ def _cause(log: str) -> str:
 
 
 def _run(tally: Tally, runs: int, seconds: float, corpus: Path, findings: Path) -> None:
-    """One process; it ends at a finding, or when all is done."""
+    """Run one process of the fuzzer. It ends at a finding, or when all is done."""
     prefix = findings / f"{tally.reader.replace(' ', '-')}-"
     known = set(findings.iterdir())
     arguments = [
@@ -120,7 +120,7 @@ def _run(tally: Tally, runs: int, seconds: float, corpus: Path, findings: Path) 
 
 
 def fuzz(reader: str, runs: int, seconds: float, folder: Path | None, findings: Path) -> Tally:
-    """Fuzz `reader` until `runs` files were read, `seconds` are over or too much was found."""
+    """Fuzz `reader` until `runs` files were read, `seconds` have passed, or there are MOST_FINDINGS."""
     tally = Tally(reader)
     with tempfile.TemporaryDirectory() as name:
         corpus = Path(name)
@@ -137,13 +137,15 @@ def fuzz(reader: str, runs: int, seconds: float, folder: Path | None, findings: 
 
 
 def main() -> None:
-    """Run and report."""
+    """Fuzz all readers and write the record."""
     parser = options(__doc__)
     parser.add_argument("--reader", action="append", choices=READERS, help="may be given again; default all")
     parser.add_argument("--runs", type=int, default=200_000, help="files for each reader")
     parser.add_argument("--seconds", type=float, default=600.0, help="time for each reader")
     parser.add_argument("--seeds", type=Path, help="folder of real files; the small ones are used too")
-    parser.add_argument("--findings", type=Path, default=Path("fuzz-findings"), help="where inputs that broke are kept")
+    parser.add_argument(
+        "--findings", type=Path, default=Path("fuzz-findings"), help="folder for the inputs of findings"
+    )
     parser.add_argument("--more", action="store_true", help="add to the figures that --json names already")
     given = parser.parse_args()
     if importlib.util.find_spec("atheris") is None:

@@ -1,4 +1,4 @@
-"""`ntc-viewer bench` and `ntc-viewer study NAME`: `viewer.cli.arguments` imports this module by its name."""
+"""Subcommands `ntc-viewer bench` and `ntc-viewer study NAME`. `viewer.cli.arguments` imports this module by name."""
 
 from lab.commands.options import (
     BenchOptions,

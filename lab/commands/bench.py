@@ -1,4 +1,4 @@
-"""`ntc-viewer bench`: time against error of every path in a scene, and the worst case for a wave."""
+"""Subcommand `ntc-viewer bench`: time and error of every path in a scene, and the worst case for a wave."""
 
 import sys
 from collections.abc import Callable, Mapping
@@ -39,9 +39,9 @@ LEAST_MEMORY_MB = 16
 
 def _check(options: BenchOptions) -> None:
     if options.json is not None and options.json.suffix != ".json":
-        raise InputError(f"--json {options.json}: a record's name ends in .json")
+        raise InputError(f"--json {options.json}: the name of a record must end in .json")
     if options.decoder_variant and options.what == "worst-case":
-        raise InputError(f"--decoder-variant {options.decoder_variant}: only --what scene and all have it")
+        raise InputError(f"--decoder-variant {options.decoder_variant}: only --what scene and all use it")
     if options.repeats is not None and options.repeats < 1:
         raise InputError(f"--repeats {options.repeats}: must be at least 1")
     if options.memory_mb < LEAST_MEMORY_MB:
@@ -82,7 +82,7 @@ def _repeats(options: BenchOptions) -> int:
 
 
 def _squares(least: int, most: int) -> tuple[tuple[int, int], ...]:
-    """Squares from `least` to `most` pixels a side, each twice as wide as the one before."""
+    """Return squares from `least` to `most` pixels on each side, each twice as wide as the one before."""
     sides = [least]
     while sides[-1] < most:
         sides.append(sides[-1] * 2)
@@ -98,7 +98,7 @@ class _SceneToBench:
 
 
 def _open(options: BenchOptions) -> _SceneToBench:
-    """The scene, packs and cameras of the scene's part. Raises InputError."""
+    """Return the scene to time, with its packs and cameras. Raises InputError."""
     scene = open_scene(options.scene)
     packs = packs_for(scene, options.pack)
     if not packs:
@@ -126,7 +126,10 @@ def _precisions(options: BenchOptions, context: GraphicsContext) -> tuple[Precis
 
 
 def _paths(options: BenchOptions, context: GraphicsContext) -> tuple[DecodePath, ...]:
-    """The paths of the options; if those are all, the ones this driver can run. Raises InputError for one that it cannot."""
+    """Return the paths to time: those of the options, or where these are all, those that this driver can run.
+
+    Raises InputError for a path that it cannot run.
+    """
     if set(options.paths) == set(get_args(DecodePath)):
         return drawable_paths(context)
     lacking = unsupported_paths(context)
@@ -137,7 +140,10 @@ def _paths(options: BenchOptions, context: GraphicsContext) -> tuple[DecodePath,
 
 
 def _parts(options: BenchOptions, context: GraphicsContext) -> tuple[str, ...]:
-    """What is timed. Raises InputError for a part that this driver cannot run; of all of them it is left out, and a line says so."""
+    """Return the parts to time. Of all parts, those that this driver cannot run are left out with a line on standard error.
+
+    Raises InputError where the user named such a part.
+    """
     what = options.what or ("all" if options.thorough else "scene")
     if context.features.compute:
         return ("worst-case", "scene") if what == "all" else (what,)
@@ -224,7 +230,7 @@ def _bench_scene(
     content = {
         "name": name,
         "settings": {**asdict(config), "decoder_variant": options.decoder_variant},
-        "block_compression": [compression_statistics(found) for found in compressed.values()],
+        "block_compression": [compression_statistics(textures) for textures in compressed.values()],
         "table": [dict(row) for row in table.rows],
         "rows": [asdict(row) for row in rows],
     }

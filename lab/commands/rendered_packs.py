@@ -1,4 +1,4 @@
-"""Packs seen through the cameras of a scene: PSNR of rendered pictures and divergence, pack by pack."""
+"""Table of rendered packs: PSNR of pictures and divergence over the cameras of a scene, by pack."""
 
 import math
 import sys
@@ -34,7 +34,7 @@ COLUMNS = (
 
 @dataclass(frozen=True)
 class RenderedPack:
-    """A pack to render."""
+    """Pack to render."""
 
     recipe: str
     grouping: str
@@ -42,9 +42,9 @@ class RenderedPack:
 
 
 def rendered_table(scene: Scene, views: Path | None, packs: Sequence[RenderedPack], size: tuple[int, int]) -> Table:
-    """A row for each pack over all cameras of the scene, or of the file `views`, at `size` pixels; path deferred, fp32.
+    """Return a row for each pack over all cameras of the scene, or of the file `views`, at `size` pixels; path deferred, fp32.
 
-    PSNR is over 8-bit sRGB RGB of the covered pixels, against the original images. Raises InputError.
+    PSNR compares 8-bit sRGB of the covered pixels with the picture of the original images. Raises InputError.
     """
     cameras = cameras_of(scene, ViewSource(views))
     if not cameras:
@@ -89,7 +89,7 @@ def rendered_table(scene: Scene, views: Path | None, packs: Sequence[RenderedPac
 
 
 def rendered_figure(table: Table, title: str) -> Figure:
-    """Rendered PSNR over divergence: up and to the left is better."""
+    """Return a plot of rendered PSNR over divergence. Up and left is better."""
     figure = Figure(figsize=(8, 5), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = figure.subplots()

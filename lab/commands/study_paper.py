@@ -1,4 +1,4 @@
-"""`ntc-viewer study paper-textures` and `paper-scenes`: the paper's Tables 2, 3 and 4 again."""
+"""Studies of the paper's Tables 2, 3 and 4 (`ntc-viewer study paper-textures`, `paper-scenes`)."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -32,7 +32,7 @@ SCENE_GROUPINGS: tuple[GroupingName, ...] = ("baseline", "clustered", "random", 
 
 @dataclass(frozen=True)
 class _Page:
-    """A table of a study, with its picture."""
+    """Page of a study: a table and its plot."""
 
     name: str
     """Name of the page's files."""
@@ -46,7 +46,7 @@ def _training_steps(
     folder: Path,
     pack_file: Callable[[Run], Path | None] = lambda _run: None,
 ) -> list[tuple[str, Step[RunResult]]]:
-    """(name, step) of each run of a study whose files lie in `folder`."""
+    """Return (name, step) of each run of a study whose files lie in `folder`."""
 
     def step(run: Run) -> Step[RunResult]:
         return lambda report: finished_run(run, textures, folder / "runs", report, pack_file(run))
@@ -55,7 +55,7 @@ def _training_steps(
 
 
 def _title(source: Path, textures: Sequence[SourceTexture], settings: StudySettings, what: str) -> str:
-    """One line that describes the trainings."""
+    """Return a line that describes the trainings."""
     side = max(max(texture.size) for texture in textures)
     length = (
         "350 epochs" if settings.scale == "paper" else f"{settings.steps} steps of {settings.texels_per_texture} texels"
@@ -72,7 +72,7 @@ def _write_pages(
     pages: Sequence[_Page],
     results: Sequence[RunResult],
 ) -> None:
-    """Write the files of every page. Records hold the settings, that of the first page also every run."""
+    """Write the files of every page. All records have the settings; that of the first page also has every run."""
     for page in pages:
         runs = {"runs": [asdict(result) for result in results]} if page is pages[0] else {}
         output.write(page.name, title, page.table, page.figure, {"settings": asdict(settings), **runs})
@@ -135,7 +135,7 @@ def _covisible_inputs(source: Source, options: PaperScenesOptions) -> GroupingIn
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 
     if source.scene is None:
-        raise InputError(f"{options.source}: is no scene; use study paper-textures for a folder of images")
+        raise InputError(f"{options.source}: is not a scene; use study paper-textures for a folder of images")
     views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, 0))
     if views.note:
         sys.stderr.write(f"note: {views.note}\n")

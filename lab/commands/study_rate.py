@@ -1,4 +1,4 @@
-"""`ntc-viewer study rate`: rate and distortion of this program's codecs beside the formats that users have today."""
+"""Study of rate and distortion (`ntc-viewer study rate`): this program's codecs beside the formats in use today."""
 
 from pathlib import Path
 
@@ -19,17 +19,17 @@ DISK_DECIBELS = tuple(float(each) for each in range(32, 46))
 
 
 def _textures(source: Path, side: int, most: int) -> tuple[SourceTexture, ...]:
-    """At most `most` RGB textures of a scene or folder, evenly among all of them, at most `side` texels large. Raises InputError."""
+    """Return at most `most` RGB textures of a scene or folder, evenly chosen, reduced to `side` texels. Raises InputError."""
     textures = [texture for texture in read_source(source, side).textures if texture.pixels.shape[2] == 3]
     if not textures:
-        raise InputError(f"{source}: holds no texture of three channels")
+        raise InputError(f"{source}: has no texture with three channels")
     if len(textures) > most:
         textures = [textures[index * len(textures) // most] for index in range(most)]
     return tuple(textures)
 
 
 def _study(options: RateStudyOptions) -> RateStudy:
-    """The study that `options` describe, with its textures. Raises InputError."""
+    """Return the study that `options` describe, with its textures. Raises InputError."""
     textures = _textures(options.source, options.texture_size, options.most)
     inputs = GroupingInputs(features=FeatureOptions(cache=cache_folder("features")))
     clusters = min(options.clusters, len(textures))
@@ -94,7 +94,7 @@ def study_rate(options: RateStudyOptions) -> int:
 
 
 def _points(study: RateStudy) -> list[RatePoint]:
-    """Every point that can be had, with progress and ETA on standard error. Raises InputError where there is none."""
+    """Return every point that can be measured, with progress on standard error. Raises InputError where there is none."""
     points = do_steps(study.steps(), _line, skipped=True)
     if not points:
         raise InputError("study rate: no codec could be measured; the lines above say why")

@@ -1,4 +1,4 @@
-"""`ntc-viewer study stability`: every decode path and precision against float64 and certified bounds."""
+"""Study of numerical stability (`ntc-viewer study stability`): errors of every path and precision against float64 and bounds."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -6,7 +6,7 @@ from dataclasses import asdict
 from matplotlib.figure import Figure
 from rich.console import Console
 
-from lab.bench.stability import StabilityBench, StabilityRow, own_precisions, scene_rows, stability_rows
+from lab.bench.stability import StabilityBench, StabilityRow, computed_precisions, scene_rows, stability_rows
 from lab.bench.stability_block_cases import block_cases
 from lab.bench.stability_cases import stability_cases, trained_case
 from lab.bench.trained_loss import TrainedLoss, trained_loss
@@ -23,7 +23,7 @@ from viewer.scene.text_table import Cell, Column, Table
 from viewer.state.framing import frame_all
 
 TRAINED_SHARE = 16
-"""One in so many of the texels at which bounds are checked is of a trained pack: their networks are larger."""
+"""Divisor of the checked texels that gives the number in trained packs. Their networks are larger and slower."""
 COLUMNS = (
     Column("case", "case"),
     Column("path", "path"),
@@ -43,7 +43,7 @@ def _short(value: float | None) -> str | None:
 
 
 def stability_table(rows: Sequence[StabilityRow]) -> Table:
-    """All rows of a study."""
+    """Return the table of all rows."""
     cells: list[dict[str, Cell]] = [
         {
             **{
@@ -63,7 +63,7 @@ def stability_table(rows: Sequence[StabilityRow]) -> Table:
 
 
 def worst_table(rows: Sequence[StabilityRow]) -> Table:
-    """The worst case of each path and precision, without cases whose numbers leave the range of the precision."""
+    """Return the worst case of each path and precision, without cases whose numbers leave the range of the precision."""
     columns = (
         *COLUMNS[1:3],
         Column("cases", "cases"),
@@ -74,10 +74,10 @@ def worst_table(rows: Sequence[StabilityRow]) -> Table:
     )
     cells: list[dict[str, Cell]] = []
     for path, precision in dict.fromkeys((row.path, row.precision) for row in rows):
-        own = [row for row in rows if (row.path, row.precision) == (path, precision)]
+        same_path = [row for row in rows if (row.path, row.precision) == (path, precision)]
         certain = [
             row
-            for row in own
+            for row in same_path
             if row.largest is not None and not (row.bound is not None and row.bound >= 1.0 and row.largest > 0.05)
         ]
         worst = max(certain, key=lambda row: row.largest or 0.0, default=None)
@@ -85,30 +85,30 @@ def worst_table(rows: Sequence[StabilityRow]) -> Table:
             {
                 "path": path,
                 "precision": precision,
-                "cases": len(own),
+                "cases": len(same_path),
                 "largest": _short(worst.largest) if worst else None,
                 "worst": worst.case if worst else None,
-                "not_finite": sum(row.not_finite for row in own),
-                "holds": "yes" if all(row.holds is not False for row in own) else "NO",
+                "not_finite": sum(row.not_finite for row in same_path),
+                "holds": "yes" if all(row.holds is not False for row in same_path) else "NO",
             }
         )
     return Table(columns, cells)
 
 
 def stability_figure(rows: Sequence[StabilityRow], title: str) -> Figure:
-    """Largest error and bound of the texel decoder by case, a panel for each precision."""
+    """Return a plot of the texel decoder's largest error and bound by case, with a panel for each precision."""
     precisions = list(dict.fromkeys(row.precision for row in rows))
     figure = Figure(figsize=(4.6 * len(precisions), 7.0), layout="constrained")
     figure.suptitle(title)
     panels = figure.subplots(1, len(precisions), sharey=True, squeeze=False)[0]
     for panel, precision in zip(panels, precisions, strict=True):
-        own = [row for row in rows if row.precision == precision and row.path == "texels"]
-        places = list(range(len(own)))
-        panel.plot([max(row.largest or 0.0, 1e-9) for row in own], places, "o", label="largest error")
-        panel.plot([row.bound or 1.0 for row in own], places, "x", color="#d95f02", label="certified bound")
+        shown_rows = [row for row in rows if row.precision == precision and row.path == "texels"]
+        places = list(range(len(shown_rows)))
+        panel.plot([max(row.largest or 0.0, 1e-9) for row in shown_rows], places, "o", label="largest error")
+        panel.plot([row.bound or 1.0 for row in shown_rows], places, "x", color="#d95f02", label="certified bound")
         panel.axvline(0.5 / 255.0, color="#888888", linewidth=0.8, label="half an 8-bit step")
         panel.set(xscale="log", xlabel="error in [0, 1]", title=precision)
-        panel.set_yticks(places, [row.case for row in own])
+        panel.set_yticks(places, [row.case for row in shown_rows])
     panels[0].legend(loc="lower left", fontsize=8)
     return figure
 
@@ -125,12 +125,12 @@ def _checks(options: StabilityStudyOptions, packs: dict[str, Pack], console: Con
     shares += [
         (f"trained: {name}", pack, (options.bound_texels - cheap) // max(1, len(packs))) for name, pack in packs.items()
     ]
-    found = []
+    checks = []
     for name, pack, texels in shares:
         for precision in options.precisions:
             console.print(f"bounds: {name}, {precision}")
-            found.append(check_bounds(name, pack, precision, texels // len(options.precisions), options.seed))
-    return found
+            checks.append(check_bounds(name, pack, precision, texels // len(options.precisions), options.seed))
+    return checks
 
 
 def _summary(checks: Sequence[BoundCheck], losses: Sequence[TrainedLoss]) -> str:
@@ -177,7 +177,7 @@ def study_stability(options: StabilityStudyOptions) -> int:
         losses = [
             loss
             for name, pack in packs.items()
-            for precision in own_precisions(pack, options.precisions)
+            for precision in computed_precisions(pack, options.precisions)
             if (loss := trained_loss(bench, name, pack, images, precision, options.texels)) is not None
         ]
         bench.release()

@@ -1,1 +1,1 @@
-"""Pages of docs/ that are made from the code."""
+"""Generated parts of README and docs."""

@@ -1,6 +1,6 @@
-"""`python -m lab.documentation`: write the generated parts of README and docs again; name the pages that changed.
+"""Generator of README and docs: `python -m lab.documentation` writes the generated parts again and prints the changed pages.
 
-A generated part stands between `<!-- NAME -->` and `<!-- end of NAME -->`. What is outside of the marks is written by hand.
+A generated part is between `<!-- NAME -->` and `<!-- end of NAME -->`. Text outside the marks is written by hand.
 """
 
 import re
@@ -29,23 +29,23 @@ PARTS: Mapping[str, Callable[[], str]] = {
 
 
 def pages() -> Iterator[Path]:
-    """README, CONTRIBUTING and all pages of docs, in order."""
+    """Yield README, CONTRIBUTING and all pages of docs in order."""
     yield from (ROOT / "README.md", ROOT / "CONTRIBUTING.md")
     yield from sorted((ROOT / "docs").rglob("*.md"))
 
 
 def generated(text: str) -> str:
-    """`text` of a page with all its generated parts written again. Raises KeyError for a mark of another name."""
+    """Return the `text` of a page with all generated parts written again. Raises KeyError for an unknown mark."""
 
-    def part(found: re.Match[str]) -> str:
-        name = found[1]
+    def part(match: re.Match[str]) -> str:
+        name = match[1]
         return f"<!-- {name} -->\n\n{PARTS[name]().strip()}\n\n<!-- end of {name} -->"
 
     return re.sub(r"<!-- ([\w: ./-]+) -->\n.*?<!-- end of \1 -->", part, text, flags=re.DOTALL)
 
 
 def main() -> None:
-    """Write all pages, and name those that changed."""
+    """Write all pages, and print the names of those that changed."""
     for page in pages():
         old = page.read_text(encoding="utf-8")
         new = generated(old)

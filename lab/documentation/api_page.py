@@ -1,4 +1,4 @@
-"""What `import ntc` gives, from its docstrings."""
+"""Reference page of `import ntc`, made from its docstrings."""
 
 import ast
 import inspect
@@ -10,7 +10,7 @@ import ntc
 
 
 def _signature(name: str, function: Any) -> str:
-    """The function as it is written, each parameter in a line where it gets long."""
+    """Return the signature of a function; a long one has each parameter in a line."""
     parsed = ast.parse(textwrap.dedent(inspect.getsource(function))).body[0]
     assert isinstance(parsed, ast.FunctionDef)
     result = f" -> {ast.unparse(parsed.returns).strip(chr(39))}" if parsed.returns is not None else ""
@@ -23,7 +23,7 @@ def _signature(name: str, function: Any) -> str:
 
 
 def _split(arguments: str) -> list[str]:
-    """Parameters of a list; commas within brackets and quotes separate none."""
+    """Return the parameters of a list; commas within brackets and quotes do not separate."""
     parts, depth, start = [], 0, 0
     for place, letter in enumerate(arguments):
         depth += (letter in "([{") - (letter in ")]}")
@@ -34,7 +34,7 @@ def _split(arguments: str) -> list[str]:
 
 
 def class_fields(kind: type) -> Iterator[tuple[str, str, str]]:
-    """(name, type, what is said of it) of the fields of a dataclass, in their order."""
+    """Yield (name, type, docstring) of the fields of a dataclass in order."""
     parsed = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
     assert isinstance(parsed, ast.ClassDef)
     for place, node in enumerate(parsed.body):
@@ -48,7 +48,7 @@ def class_fields(kind: type) -> Iterator[tuple[str, str, str]]:
 
 
 def _members(kind: type) -> Iterator[tuple[str, Any]]:
-    """Public properties and methods of a class, in their order."""
+    """Yield the public properties and methods of a class in order."""
     for name, member in vars(kind).items():
         function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
         if not name.startswith("_") and inspect.isfunction(function) and inspect.getdoc(function):
@@ -56,6 +56,7 @@ def _members(kind: type) -> Iterator[tuple[str, Any]]:
 
 
 def table_cell(text: str) -> str:
+    """Return `text` with the bars escaped, for a cell of a Markdown table."""
     return text.replace("|", "\\|")
 
 
@@ -66,20 +67,22 @@ def _class_lines(name: str, kind: type) -> list[str]:
         lines += ["| field | type | |", "|---|---|---|"]
         lines += [f"| `{field}` | `{table_cell(kind_of)}` | {table_cell(said)} |" for field, kind_of, said in fields]
         lines.append("")
-    for own, member in _members(kind):
+    for member_name, member in _members(kind):
         function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
-        shown = f".{own}" if isinstance(member, property) else f".{own}()"
+        shown = f".{member_name}" if isinstance(member, property) else f".{member_name}()"
         said = (inspect.getdoc(function) or "").replace("\n", " ")
         lines.append(f"- `{shown}`: {said}")
     return [*lines, ""] if list(_members(kind)) else lines
 
 
 def api_page() -> str:
-    """The page as Markdown."""
+    """Return the page as Markdown."""
     exported = {name: getattr(ntc, name) for name in ntc.__all__}
-    functions = {name: own for name, own in exported.items() if inspect.isfunction(own)}
-    errors = {name: own for name, own in exported.items() if inspect.isclass(own) and issubclass(own, Exception)}
-    types = {name: own for name, own in exported.items() if name not in functions and name not in errors}
+    functions = {name: value for name, value in exported.items() if inspect.isfunction(value)}
+    errors = {
+        name: value for name, value in exported.items() if inspect.isclass(value) and issubclass(value, Exception)
+    }
+    types = {name: value for name, value in exported.items() if name not in functions and name not in errors}
     lines = ["## Functions", ""]
     for name, function in functions.items():
         lines += [

@@ -1,4 +1,4 @@
-"""Tables of keys and commands for docs/reference/commands.md, from the registry of commands."""
+"""Tables of keys and commands of docs/reference/commands.md, made from the registry of commands."""
 
 from viewer.commands import COMMANDS, PICTURE_HINTS, bindings
 from viewer.commands.command import Command
@@ -6,7 +6,7 @@ from viewer.commands.keys import HOLD_KEY
 
 
 def key_table() -> str:
-    """Markdown: a table of all keys and mouse gestures, keys first."""
+    """Return a Markdown table of all keys and mouse gestures, keys first."""
     bound = bindings({})
     keys = [(bound.text(command.id), command.help) for command in COMMANDS if bound.text(command.id)]
     held = ((HOLD_KEY, "hold: show the other slot"), *keys, ("1 to 9", "go to a camera of the scene"), *PICTURE_HINTS)
@@ -14,7 +14,7 @@ def key_table() -> str:
 
 
 def command_table() -> str:
-    """Markdown: a table of all commands."""
+    """Return a Markdown table of all commands."""
     bound = bindings({})
     rows = [f"| `{c.usage}` | {c.help} | {_parameters(c)} | {bound.text(c.id)} |" for c in COMMANDS]
     return "\n".join(["| command | what it does | parameters | key |", "|---|---|---|---|", *rows])

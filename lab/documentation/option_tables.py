@@ -1,4 +1,4 @@
-"""Tables of all options of the command line and of all settings, from the dataclasses that define them."""
+"""Tables of all command-line options and all settings, made from the dataclasses that define them."""
 
 import dataclasses
 import inspect
@@ -14,7 +14,7 @@ from viewer.state.settings import ViewerSettings
 
 
 def option_tables() -> str:
-    """Markdown: a section with a table for each subcommand and each study."""
+    """Return Markdown with a section and a table for each subcommand and each study."""
     commands = [*SUBCOMMANDS, *LAB_COMMANDS]
     sections = [_section(f"ntc-viewer {command.name}", command) for command in commands]
     sections += [_section(f"ntc-viewer study {study.name}", study) for study in STUDIES]
@@ -22,7 +22,7 @@ def option_tables() -> str:
 
 
 def settings_table() -> str:
-    """Markdown: a table of the fields of settings.json."""
+    """Return a Markdown table of the fields of settings.json."""
     said = {name: text for name, _, text in class_fields(ViewerSettings)}
     rows = [
         f"| `{field.name}` | {_default(field)} | {table_cell(said[field.name])} |"
@@ -45,12 +45,12 @@ def _documented(kind: type) -> list[tuple[str, str, str]]:
 
 
 def _row(field: dataclasses.Field[Any], hint: Any, said: str) -> str:
-    """One option: how it is written, its default, its help."""
+    """Return the table row of an option: its text on the command line, default and help."""
     metadata = hint.__metadata__ if get_origin(hint) is Annotated else ()
     inner = hint.__origin__ if metadata else hint
-    metavar = next((found for one in metadata if (found := getattr(one, "metavar", None))), None) or _values(inner)
-    name = next((found for one in metadata if (found := getattr(one, "name", None))), None) or field.name
-    said = next((found for one in metadata if isinstance(found := getattr(one, "help", None), str)), said)
+    metavar = next((text for one in metadata if (text := getattr(one, "metavar", None))), None) or _values(inner)
+    name = next((text for one in metadata if (text := getattr(one, "name", None))), None) or field.name
+    said = next((text for one in metadata if isinstance(text := getattr(one, "help", None), str)), said)
     if field.name == "out" and metavar == "FILE":
         metavar = "DIR"
     if any("positional" in str(one).lower() for one in metadata):
@@ -61,7 +61,7 @@ def _row(field: dataclasses.Field[Any], hint: Any, said: str) -> str:
 
 
 def _values(kind: Any) -> str:
-    """The values that an option takes, as they are written."""
+    """Return the values of an option as text."""
     origin = get_origin(kind)
     if origin is Annotated:
         return next(
@@ -77,7 +77,7 @@ def _values(kind: Any) -> str:
 
 
 def _default(field: dataclasses.Field[Any]) -> str:
-    """The default as it is written on the command line; nothing where the help tells what happens."""
+    """Return the default as text of the command line; "" where the help describes it."""
     value = field.default
     if value is dataclasses.MISSING:
         return "required" if field.default_factory is dataclasses.MISSING else ""

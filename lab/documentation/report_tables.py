@@ -1,4 +1,4 @@
-"""Tables of docs/reports, from the committed records of lab/benchmarks/results. The pages around them are written by hand."""
+"""Tables of docs/reports, made from the committed records of lab/benchmarks/results."""
 
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -13,25 +13,25 @@ Row = Mapping[str, Any]
 
 
 def record(name: str) -> Any:
-    """The JSON of a committed record, by its path below lab/benchmarks/results without suffix."""
+    """Return the JSON of a committed record; `name` is its path below lab/benchmarks/results without suffix."""
     return json.loads((RESULTS / f"{name}.json").read_text(encoding="utf-8"))
 
 
 def table(rows: Iterable[Row], *columns: str) -> str:
-    """Markdown of `rows` under `columns`, each "key", "key=heading" or "key=heading=digits after the point"."""
+    """Return `rows` as a Markdown table. Each column is "key", "key=heading" or "key=heading=digits after the point"."""
     parts = [[*column.split("="), "", ""] for column in columns]
     made = [Column(key, heading or key.replace("_", " "), int(digits or 2)) for key, heading, digits, *_ in parts]
     return Table(made, list(rows)).markdown()
 
 
 def rows_of(name: str, *columns: str, **equal: Any) -> str:
-    """The table of a record's rows, those alone whose fields are one of `equal`."""
+    """Return the table of the rows of a record whose fields have one of the values of `equal`."""
     rows = record(name)["rows"]
     return table([row for row in rows if all(row.get(key) in allowed for key, allowed in equal.items())], *columns)
 
 
 def sizes_of_files() -> str:
-    """Bits of files with all mips, by the mean PSNR that they reach."""
+    """Return the table of bits of files with all mips, by mean PSNR."""
     rows = [
         {"set": name, "wanted": row["mean_db"], **{key: row.get(curve) for key, curve in DISK_CURVES.items()}}
         for name in DISK_SETS
@@ -68,7 +68,7 @@ QUALITY = (
 
 
 def stability() -> str:
-    """Largest errors against float64 by path, a column for each precision."""
+    """Return the table of the largest errors against float64, by path and precision."""
     rows: dict[str, dict[str, Any]] = {}
     for row in record("studies/stability_llvmpipe")["worst"]:
         rows.setdefault(row["path"], {"path": row["path"], "nan": 0})[row["precision"]] = row["largest"]
@@ -78,13 +78,13 @@ def stability() -> str:
 
 
 def trained_packs(name: str) -> str:
-    """What trained packs lose in each precision."""
-    kept = [row | {"error": f"{row['largest_error']:.1e}"} for row in record(f"studies/{name}")["trained"]]
-    return table(kept, "pack", "precision", "error=largest error", "largest_loss_db=largest loss of a texture, dB=4")
+    """Return the table of losses of trained packs by precision."""
+    rows = [row | {"error": f"{row['largest_error']:.1e}"} for row in record(f"studies/{name}")["trained"]]
+    return table(rows, "pack", "precision", "error=largest error", "largest_loss_db=largest loss of a texture, dB=4")
 
 
 def scene_bench(scene: str) -> str:
-    """Every pack, path and precision of a scene: time and error."""
+    """Return the table of time and error of every pack, path and precision in a scene."""
     rows = [
         row | {"path": row["path"] or "-", "precision": row["precision"] or "-"}
         for row in record(f"bench/bench_{scene}_llvmpipe")["scene"]["table"]
@@ -103,7 +103,7 @@ def scene_bench(scene: str) -> str:
 
 
 def worst_case() -> str:
-    """All decoders in every block, 512x512."""
+    """Return the table of the worst case, with all decoders in every block, at 512x512."""
     rows = [row for row in record("bench/worst_case_llvmpipe")["worst_case"]["rows"] if row["width"] == 512]
     return table(
         rows,
@@ -117,7 +117,7 @@ def worst_case() -> str:
 
 
 def shader_statistics() -> str:
-    """Registers, spills and instructions of compiled decoding programs of codec grid, recipe best, and of codec block."""
+    """Return the table of registers, spills and instructions of compiled decoding programs of codec grid (best) and codec block."""
     rows = [
         row
         for row in record("shaders/after")["rows"]
@@ -137,7 +137,7 @@ def shader_statistics() -> str:
 
 
 def block_counts() -> str:
-    """Vector instructions of codec block: machine code times the trip counts of packs, with estimated times."""
+    """Return the table of vector instructions of codec block: machine code times trip counts of packs, with estimated times."""
     decoded = ("by each pixel", "by work groups")
     rows = [{**row, "decoded": decoded[row["together"]]} for row in record("shaders/block")["rows"]]
     return table(
@@ -155,14 +155,16 @@ def block_counts() -> str:
 
 
 def fuzzing() -> str:
-    """Files that the readers were fuzzed with, sums by reader."""
+    """Return the table of fuzzed files, summed by reader."""
     sums: dict[str, dict[str, Any]] = {}
     for run in record("fuzz_readers")["readers"]:
-        own = sums.setdefault(run["reader"], {"reader": run["reader"], "files": 0, "seconds": 0.0, "found": 0, "mb": 0})
-        own["files"] += run["executions"]
-        own["seconds"] += run["seconds"]
-        own["found"] += len(run["findings"])
-        own["mb"] = max(own["mb"], run["peak_rss_mb"])
+        total = sums.setdefault(
+            run["reader"], {"reader": run["reader"], "files": 0, "seconds": 0.0, "found": 0, "mb": 0}
+        )
+        total["files"] += run["executions"]
+        total["seconds"] += run["seconds"]
+        total["found"] += len(run["findings"])
+        total["mb"] = max(total["mb"], run["peak_rss_mb"])
     return table(sums.values(), "reader", "files", "seconds=seconds=0", "found=findings", "mb=peak memory, MB")
 
 

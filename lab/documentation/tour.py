@@ -1,6 +1,6 @@
-"""`python -m lab.documentation.tour`: make the pictures and the film of the guide again, in real windows on a virtual screen.
+"""Pictures and film of the guide: `python -m lab.documentation.tour` makes them in real windows on a virtual screen.
 
-They are played by docs/images/tour.script and docs/images/film.script, with the built-in scenes and empty settings.
+It plays docs/images/tour.script and docs/images/film.script with the built-in scenes and empty settings.
 """
 
 import io
@@ -17,19 +17,19 @@ from viewer.locations import assets_folder
 
 IMAGES = Path(__file__).resolve().parents[2] / "docs" / "images"
 LARGEST = 300_000
-"""Bytes of a picture at most."""
+"""Largest size of a picture in bytes."""
 COLORS = (256, 192, 128, 96, 64, 48, 32)
-"""Numbers of colours of a picture: the first with which it is small enough."""
+"""Numbers of colours of a picture. The first one that makes it small enough is used."""
 LARGEST_FILM = 1_200_000
-"""Bytes of a film at most."""
+"""Largest size of a film in bytes."""
 QUALITIES = (70, 60, 50, 40, 30)
-"""Qualities of a film that is larger: the first with which it is small enough."""
+"""Qualities of a film that is too large. The first one that makes it small enough is used."""
 RARE = 0.3
-"""Share of the colours for what covers few pixels, such as a legend."""
+"""Share of the palette for rare colours, such as those of a legend."""
 
 
 def reduced(picture: Path) -> bytes:
-    """The picture as a PNG of a few colours, below LARGEST bytes where that many colours suffice."""
+    """Return the picture as a PNG with the most of COLORS that stays below LARGEST bytes, or with the fewest."""
     image, data = Image.open(picture).convert("RGB"), b""
     for count in COLORS:
         rare, file, palette = int(RARE * count), io.BytesIO(), Image.new("P", (1, 1))
@@ -43,7 +43,7 @@ def reduced(picture: Path) -> bytes:
 
 
 def reduced_film(film: Path) -> bytes:
-    """The film as it is, or of the first of QUALITIES with which it is no larger than LARGEST_FILM."""
+    """Return the film unchanged, or at the first of QUALITIES that makes it at most LARGEST_FILM bytes."""
     data, qualities = film.read_bytes(), iter(QUALITIES)
     while len(data) > LARGEST_FILM and (quality := next(qualities, None)) is not None:
         frames, times = [], []
@@ -57,7 +57,7 @@ def reduced_film(film: Path) -> bytes:
 
 
 def play(script: Path, folder: Path, display: str) -> Path:
-    """Play a script in a window of its own, and return the folder of its pictures."""
+    """Play a script in a new window, and return the folder of its pictures."""
     work, made = folder / script.stem, folder / f"{script.stem} pictures"
     for each in (work, made / script.stem):
         each.mkdir(parents=True)
@@ -72,7 +72,7 @@ def play(script: Path, folder: Path, display: str) -> Path:
 
 
 def main() -> None:
-    """Make all pictures, or those of the scripts that are named."""
+    """Make the pictures of all scripts, or of the scripts in the arguments."""
     names = sys.argv[1:] or ["tour", "film"]
     with tempfile.TemporaryDirectory(prefix="ntc-viewer-") as name, virtual_display(1280, 720) as display:
         for script in names:

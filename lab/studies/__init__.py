@@ -1,1 +1,1 @@
-"""Studies: measurements over many settings, as tables and plots. One file for each question."""
+"""Studies: measurements over many settings as tables and plots."""

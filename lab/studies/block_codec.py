@@ -1,4 +1,4 @@
-"""Codec `block` on a set of textures at a number of bits: encoded, decoded again, measured."""
+"""Measurement of codec `block` on a set of textures at one bitrate."""
 
 import time
 from collections.abc import Sequence
@@ -22,10 +22,9 @@ from ntc.training.encode import encode_textures
 def measured_block_codec(
     textures: Sequence[SourceTexture], grouping: Grouping, bits: float, flip_every: int = 1, side: BlockSide = 8
 ) -> SetQuality:
-    """Quality of textures encoded in blocks of `side` texels, in the settings whose bits come nearest to `bits` a texel. FLIP is of
-    every `flip_every`-th texture.
+    """Encode and decode textures in blocks of `side` texels at about `bits` per texel, and return their quality.
 
-    Raises InputError for bits that cannot be had.
+    FLIP is measured on every `flip_every`-th texture. Raises InputError for a bitrate that the codec cannot reach.
     """
     config = config_for_bits(bits, texture_set(textures, grouping.stored_decoders), side)
     began = time.process_time()

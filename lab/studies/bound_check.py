@@ -1,4 +1,4 @@
-"""Certified bounds against errors of many random texels, in arithmetic that rounds as shaders do."""
+"""Check of certified bounds against the errors of random texels, in arithmetic that rounds like shaders."""
 
 from dataclasses import dataclass
 
@@ -20,7 +20,7 @@ Single = NDArray[np.float32]
 
 @dataclass(frozen=True)
 class BoundCheck:
-    """Results for one pack in one precision."""
+    """Result of the check of one pack in one precision."""
 
     pack: str
     precision: Precision
@@ -28,19 +28,22 @@ class BoundCheck:
     largest: float
     """Largest error."""
     largest_bound: float
-    """Largest bound of single texels."""
+    """Largest bound of a single texel."""
     whole_bound: float
     """Largest bound of a whole texture."""
     largest_share: float
-    """Largest quotient of a texel's error and its bound: at most 1."""
+    """Largest quotient of a texel's error and its bound; must be at most 1."""
     beyond: int
-    """Values whose error is beyond their texel's bound, or whose bound is beyond the whole's; there must be none."""
+    """Number of values whose error exceeds the texel's bound, or whose bound exceeds the texture's; must be 0."""
 
 
 def run_decoder_in_single(
     decoder: GridDecoder, inputs: Single, leaky_slope: float, adapter: Adapter | None, halves: bool
 ) -> Single:
-    """[N, outputs] float32, not clamped: fp32 in whatever order a matrix product sums; weights stored as `halves`."""
+    """Return [N, outputs] float32, not clamped, computed in fp32 with the order of sums of numpy's matrix product.
+
+    With `halves`, weights are rounded to halves first.
+    """
 
     def stored(part: Single) -> Single:
         return as_stored(part) if halves else part
@@ -59,9 +62,9 @@ def run_decoder_in_single(
 
 
 def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision: Precision) -> Single:
-    own = grid_parts(stored)
-    encoded, slope = own.textures[texture], own.config.leaky_slope
-    decoder, single = own.decoders[encoded.group], inputs.astype(np.float32)
+    grid_pack = grid_parts(stored)
+    encoded, slope = grid_pack.textures[texture], grid_pack.config.leaky_slope
+    decoder, single = grid_pack.decoders[encoded.group], inputs.astype(np.float32)
     with np.errstate(over="ignore", invalid="ignore", under="ignore"):
         if precision in ("fp16-arithmetic", "fp16-accumulate"):
             accumulate = precision == "fp16-accumulate"
@@ -72,13 +75,13 @@ def _decoded(stored: Pack, texture: int, inputs: NDArray[np.float64], precision:
 
 
 def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed: int = 0) -> BoundCheck:
-    """Compare at about `texels` random texels, shared by the textures of `pack`."""
+    """Compare bounds and errors at about `texels` random texels, divided among the textures of `pack`."""
     random = np.random.default_rng(seed)
-    stored, own = stored_pack(pack, precision), grid_parts(pack)
+    stored, grid_pack = stored_pack(pack, precision), grid_parts(pack)
     wholes = [bound.error for bound in texture_bounds(pack, precision)]
     done = beyond = 0
     largest = largest_bound = share = 0.0
-    for index, texture in enumerate(own.textures):
+    for index, texture in enumerate(grid_pack.textures):
         levels = len(texture_levels(texture, pack.config))
         left = max(1, texels // len(pack.textures))
         while left > 0:
@@ -86,7 +89,9 @@ def check_bounds(name: str, pack: Pack, precision: Precision, texels: int, seed:
             uv = random.uniform(-2.0, 2.0, (count, 2)).astype(np.float32).astype(np.float64)
             lod = random.uniform(-0.5, levels - 0.5, count).astype(np.float32).astype(np.float64)
             inputs = decoder_inputs(pack, texture, uv, lod, texture.wrap)
-            exact = run_decoder(own.decoders[texture.group], inputs, own.config.leaky_slope, texture.adapter)
+            exact = run_decoder(
+                grid_pack.decoders[texture.group], inputs, grid_pack.config.leaky_slope, texture.adapter
+            )
             error = np.abs(_decoded(stored, index, inputs, precision) - np.clip(exact[:, : texture.channels], 0.0, 1.0))
             bound = running_bounds(stored, index, uv, lod, precision)
             beyond += int((error > bound).sum()) + int((bound > wholes[index] * (1.0 + 1e-6)).sum())

@@ -1,5 +1,7 @@
-"""Textures as files that are small on disk: JPEG (Pillow), Basis Universal's XUASTC and ETC1S in KTX2 (alktx2), and JPEG XL
-(OpenImageIO, if its build has it), a bound without random access."""
+"""Measurement of file formats: JPEG (Pillow), Basis Universal's XUASTC and ETC1S in KTX2 (alktx2), and JPEG XL (OpenImageIO).
+
+JPEG XL is a bound without random access, and is measured if the build of OpenImageIO has it.
+"""
 
 import io
 import tempfile
@@ -27,24 +29,24 @@ except ImportError:
 
 TITLES: dict[DiskFormat, str] = {"jpeg": "JPEG 4:2:0", "xuastc": "XUASTC", "etc1s": "ETC1S"}
 EFFORT = 6
-"""Of alktx2, up to 10."""
+"""Effort of alktx2, 0 to 10."""
 DISTANCES = (0.1, 0.25, 0.5, 1.0, 2.0, 3.0, 5.0)
-"""Settings of JPEG XL, from nearly exact to coarse; 1 is what a viewer just does not see."""
+"""Distances of JPEG XL, from nearly exact to coarse; 1 is just invisible."""
 JPEG_XL_EFFORT = 7
-"""Of 9; the encoder's own default."""
+"""Effort of JPEG XL, 1 to 9; the encoder's default."""
 SUBSAMPLING_420 = 2
-"""Pillow's number of it."""
+"""Number of 4:2:0 in Pillow."""
 
 
 def _jpeg(pixels: NDArray[np.uint8], quality: int) -> tuple[int, NDArray[np.uint8]]:
-    """(bytes of the file, what is read from it) of `pixels` [H, W, 3]."""
+    """Return (bytes of the JPEG file, its decoded pixels) of `pixels` [H, W, 3]."""
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, "jpeg", quality=quality, subsampling=SUBSAMPLING_420, optimize=True)
     return len(file.getvalue()), np.asarray(Image.open(file))
 
 
 def _basis(pixels: NDArray[np.uint8], name: DiskFormat, quality: int) -> tuple[int, NDArray[np.uint8]]:
-    """(bytes of the file with all mips, mip 0 as read from it) of `pixels` [H, W, 3]."""
+    """Return (bytes of the KTX2 file with all mips, decoded mip 0) of `pixels` [H, W, 3]."""
     height, width = pixels.shape[:2]
     rgba = np.dstack([pixels, np.full((height, width), 255, np.uint8)]).tobytes()
     codec = {"codec": "xuastc_ldr", "xuastc_syntax": "arith"} if name == "xuastc" else {"codec": "etc1s"}
@@ -56,25 +58,24 @@ def _basis(pixels: NDArray[np.uint8], name: DiskFormat, quality: int) -> tuple[i
 
 
 def side_by_side(mips: Sequence[NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """[height, width, C] uint8: mip 0, and on its right all others, one below the other; the rest is a mean colour."""
+    """Return a picture [height, width, C] uint8 with mip 0 on the left and all others on the right; gaps have the mean colour."""
     first, others = mips[0], mips[1:]
     height = max(first.shape[0], sum(mip.shape[0] for mip in others))
     width = first.shape[1] + max((mip.shape[1] for mip in others), default=0)
-    found = np.empty((height, width, first.shape[2]), np.uint8)
-    found[:] = np.rint(first.mean((0, 1)))
-    found[: first.shape[0], : first.shape[1]] = first
+    sheet = np.empty((height, width, first.shape[2]), np.uint8)
+    sheet[:] = np.rint(first.mean((0, 1)))
+    sheet[: first.shape[0], : first.shape[1]] = first
     row = 0
     for mip in others:
-        found[row : row + mip.shape[0], first.shape[1] : first.shape[1] + mip.shape[1]] = mip
+        sheet[row : row + mip.shape[0], first.shape[1] : first.shape[1] + mip.shape[1]] = mip
         row += mip.shape[0]
-    return found
+    return sheet
 
 
 def disk_file(pixels: NDArray[np.uint8], name: DiskFormat, quality: int) -> tuple[int, NDArray[np.uint8]]:
-    """(bytes with all mips, what is read of mip 0) of the sRGB picture `pixels` [H, W, 3] in a format. JPEG takes one file with
-    all mips side by side.
+    """Return (bytes with all mips, decoded mip 0) of the sRGB picture `pixels` [H, W, 3] in a format.
 
-    Raises InputError where the encoder is not installed.
+    A JPEG file has all mips side by side. Raises InputError where the encoder is not installed.
     """
     if name == "jpeg":
         size, shown = _jpeg(side_by_side(mip_chain(pixels, "srgb")), quality)
@@ -85,12 +86,12 @@ def disk_file(pixels: NDArray[np.uint8], name: DiskFormat, quality: int) -> tupl
 
 
 def has_jpeg_xl() -> bool:
-    """Whether this build of OpenImageIO writes JPEG XL."""
+    """Return whether this build of OpenImageIO writes JPEG XL."""
     return "jpegxl" in str(OpenImageIO.get_string_attribute("format_list")).split(",")
 
 
 def jpeg_xl(pixels: NDArray[np.uint8], distance: float) -> tuple[int, NDArray[np.uint8]]:
-    """(bytes of the file, what is read from it) of `pixels` [H, W, C] uint8. Raises InputError where it cannot be written."""
+    """Return (bytes of the JPEG XL file, its decoded pixels) of `pixels` [H, W, C] uint8. Raises InputError."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "texture.jxl"
         image = OpenImageIO.ImageBuf(np.ascontiguousarray(pixels))
@@ -103,7 +104,7 @@ def jpeg_xl(pixels: NDArray[np.uint8], distance: float) -> tuple[int, NDArray[np
 
 
 def jpeg_xl_files(pixels: NDArray[np.uint8], distance: float) -> tuple[int, NDArray[np.uint8]]:
-    """(bytes of a file for each mip, mip 0 as read) of the sRGB picture `pixels` [H, W, 3]. Raises InputError."""
+    """Return (bytes of one JPEG XL file per mip, decoded mip 0) of the sRGB picture `pixels` [H, W, 3]. Raises InputError."""
     files = [jpeg_xl(mip, distance) for mip in mip_chain(pixels, "srgb")]
     return sum(size for size, _ in files), files[0][1]
 
@@ -114,7 +115,10 @@ def measured_files(
     flip_every: int,
     report: Callable[[int, int], None] = lambda _done, _of: None,
 ) -> SetQuality:
-    """The quality of textures as `encode` stores them: it returns the bytes of all mips, and mip 0 as read. Raises InputError."""
+    """Return the quality of textures in the format of `encode`, which returns (bytes of all mips, decoded mip 0).
+
+    Raises InputError.
+    """
     spent, stored, pictures = 0.0, 0, []
     for number, texture in enumerate(textures):
         began = time.process_time()

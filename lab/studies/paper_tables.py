@@ -1,4 +1,4 @@
-"""The paper's Tables 2 to 4 again: groupings under the paper's recipe and under `best`."""
+"""Runs and tables that reproduce the paper's Tables 2 to 4: groupings under the paper's recipe and under `best`."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from viewer.scene.text_table import Cell, Column, Table
 
 PAPER, EIGHT_BITS, BEST = "paper", "best, 4 channels of 8 bits", "best"
 VARIANTS = (PAPER, EIGHT_BITS, BEST)
-"""The second has the grid of the paper; the third has as many bits in 8 channels of 4."""
+"""Variants of the codec. EIGHT_BITS has the paper's grid; BEST has as many bits in 8 channels of 4."""
 
 
 def paper_runs(
@@ -22,7 +22,7 @@ def paper_runs(
     settings: StudySettings,
     variants: Sequence[str] = VARIANTS,
 ) -> tuple[Run, ...]:
-    """Every variant of every grouping, seed by seed; SSIM and FLIP for the first seed."""
+    """Return the runs of every variant, grouping and seed; the first seed also measures SSIM and FLIP."""
     runs = []
     for seed in settings.seeds:
         for variant in variants:
@@ -53,23 +53,23 @@ GAP_COLUMNS = (
 
 
 def gap_table(results: Sequence[RunResult]) -> Table:
-    """What sharing costs and what the recipe gains, in dB."""
-    found = by_key(results)
-    rows = {key: quality_row(key, same) for key, same in found.items() if key[1] != "-"}
+    """Return a table of the loss by sharing and of the gain by the recipe, in dB."""
+    results_of = by_key(results)
+    rows = {key: quality_row(key, same) for key, same in results_of.items() if key[1] != "-"}
     baselines = {key[0]: row for key, row in rows.items() if key[1] == "baseline"}
     table: list[Mapping[str, Cell]] = []
     for key, row in rows.items():
-        own, paper = baselines.get(key[0]), rows.get((PAPER, *key[1:]))
+        baseline, paper = baselines.get(key[0]), rows.get((PAPER, *key[1:]))
         entry = {name: row[name] for name in ("variant", "grouping", "groups", "mean_db", "of_mean_mse_db")}
         entry["bits_per_texel"] = row["bits_per_texel"]
-        entry["to_own_baseline_db"] = _difference(row, own, "mean_db")
-        entry["mse_to_own_baseline_db"] = _difference(row, own, "of_mean_mse_db")
+        entry["to_own_baseline_db"] = _difference(row, baseline, "mean_db")
+        entry["mse_to_own_baseline_db"] = _difference(row, baseline, "of_mean_mse_db")
         entry["to_paper_baseline_db"] = _difference(row, baselines.get(PAPER), "mean_db")
         if key[0] != PAPER:
             entry["to_paper_db"] = _difference(row, paper, "mean_db")
             entry["mse_to_paper_db"] = _difference(row, paper, "of_mean_mse_db")
         if key[0] != PAPER and paper is not None:
-            losses = textures_db(found[(PAPER, *key[1:])]) - textures_db(found[key])
+            losses = textures_db(results_of[(PAPER, *key[1:])]) - textures_db(results_of[key])
             entry["largest_loss_db"] = max(0.0, float(np.nanmax(losses)))
         table.append(entry)
     return Table(GAP_COLUMNS, table)

@@ -1,4 +1,4 @@
-"""Quality, size and speed of trainings in one table: means over seeds, and differences texture by texture."""
+"""Table of quality, size and speed of trainings, as means over seeds."""
 
 from collections.abc import Mapping, Sequence
 
@@ -11,7 +11,7 @@ from ntc.codec.quality import PsnrSummary
 from viewer.scene.text_table import Cell, Column, Table
 
 Key = tuple[str, str, int]
-"""(variant, grouping, groups)."""
+"""Key of a row: (variant, grouping, number of groups)."""
 
 COLUMNS = (
     Column("variant", "variant"),
@@ -34,17 +34,17 @@ COLUMNS = (
 
 
 def textures_db(results: Sequence[RunResult]) -> NDArray[np.float64]:
-    """[textures] dB, means over the seeds; NaN where a texture is exact."""
+    """Return [textures] PSNR in dB, means over the seeds; NaN where a texture is exact."""
     rows = [[np.nan if value is None else value for value in result.psnr_db] for result in results]
     return np.asarray(np.mean(rows, axis=0), np.float64)
 
 
 def by_key(results: Sequence[RunResult]) -> dict[Key, list[RunResult]]:
-    """Results of the same variant and grouping, whatever their seed, in order of appearance."""
-    found: dict[Key, list[RunResult]] = {}
+    """Return results grouped by variant and grouping, in order of appearance."""
+    groups: dict[Key, list[RunResult]] = {}
     for result in results:
-        found.setdefault((result.name, result.grouping, result.groups), []).append(result)
-    return found
+        groups.setdefault((result.name, result.grouping, result.groups), []).append(result)
+    return groups
 
 
 def _mean(values: Sequence[float]) -> float | None:
@@ -52,7 +52,7 @@ def _mean(values: Sequence[float]) -> float | None:
 
 
 def quality_row(key: Key, results: Sequence[RunResult]) -> dict[str, Cell]:
-    """One row of the table."""
+    """Return the row of the results of one key."""
     known = [[value for value in result.psnr_db if value is not None] for result in results]
     summaries = [summary for values in known if (summary := PsnrSummary.of(values)) is not None]
     speeds = [result.texels / max(result.seconds, 1e-3) / 1e3 for result in results if result.texels]
@@ -78,14 +78,14 @@ def quality_row(key: Key, results: Sequence[RunResult]) -> dict[str, Cell]:
 
 
 def quality_table(results: Sequence[RunResult]) -> Table:
-    """One row for each variant and grouping."""
-    rows: list[Mapping[str, Cell]] = [quality_row(key, found) for key, found in by_key(results).items()]
+    """Return the table, with a row for each variant and grouping."""
+    rows: list[Mapping[str, Cell]] = [quality_row(key, same) for key, same in by_key(results).items()]
     used = [c for c in COLUMNS if any(row.get(c.key) is not None for row in rows)]
     return Table(used, rows)
 
 
 def quality_figure(table: Table, title: str) -> Figure:
-    """Mean of dB and dB of the mean MSE, a pair of bars for each row."""
+    """Return a plot of the mean of dB and the dB of the mean MSE, with a pair of bars for each row."""
     figure = Figure(figsize=(10, 0.5 * len(table.rows) + 1.6), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = figure.subplots()

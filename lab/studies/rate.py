@@ -1,4 +1,4 @@
-"""Rate and distortion of a set of textures: every codec and setting as one step of the study."""
+"""Study of rate and distortion on a set of textures. Every codec and setting is one step."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -21,20 +21,20 @@ from ntc.metrics.block_compression import BlockFormat
 
 Step = Callable[[Report], RatePoint]
 GRID_SETTINGS = ((4, 4), (8, 4), (16, 4), (16, 8))
-"""(latent channels, bits of each) of codec `grid`: 1, 2, 4 and 8 bits a texel, decoders and adapters left out."""
+"""Settings (latent channels, bits of each) of codec `grid`: 1, 2, 4 and 8 bits per texel without decoders and adapters."""
 FARTHEST = 0.25
-"""Of the bits that were asked for: a point that is farther away is left out, as it stands for other bits."""
+"""Largest deviation from the requested bitrate, as a share of it. Points with a larger deviation are left out."""
 
 
 @dataclass(frozen=True, eq=False)
 class RateStudy:
-    """What is measured, and where finished trainings are kept."""
+    """Settings of the study, and the folders of its cached results."""
 
     textures: Sequence[SourceTexture]
     groupings: Sequence[Grouping]
-    """Of codec `block`; the first is that of codec `grid` too."""
+    """Groupings of codec `block`; the first is also that of codec `grid`."""
     sides: Sequence[BlockSide]
-    """Texels of its blocks along one side."""
+    """Sides of the blocks of codec `block`, in texels."""
     bits: Sequence[float]
     formats: Sequence[BlockFormat]
     grid_steps: int
@@ -43,10 +43,10 @@ class RateStudy:
     flip_every: int
     runs: Path
     cache: Path
-    """Folder that keeps the figures of formats."""
+    """Folder of the cached figures of block formats."""
 
     def steps(self) -> list[tuple[str, Step]]:
-        """(name, step) of every point. A step raises InputError where its point cannot be had."""
+        """Return (name, step) of every point. A step raises InputError where its point cannot be measured."""
         steps: list[tuple[str, Step]] = [(name, partial(self._format, name)) for name in self.formats]
         for disk_format in self.disk_formats:
             steps += [
@@ -85,7 +85,7 @@ class RateStudy:
     def _block(self, name: str, grouping: Grouping, side: BlockSide, bits: float, _report: Report) -> RatePoint:
         quality = measured_block_codec(self.textures, grouping, bits, self.flip_every, side)
         if abs(quality.bits_per_texel - bits) > FARTHEST * bits:
-            raise InputError(f"{quality.bits_per_texel:.2f} bits a texel are the nearest")
+            raise InputError(f"the nearest bitrate is {quality.bits_per_texel:.2f} bits per texel")
         return RatePoint(name, f"{bits:g} bits", quality)
 
     def _grid(self, channels: int, latent_bits: int, report: Report) -> RatePoint:

@@ -1,4 +1,4 @@
-"""Rate and distortion of several codecs: the table of their points, and the plot of their curves."""
+"""Table and plots of rate and distortion of several codecs."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -26,32 +26,32 @@ COLUMNS = (
 )
 PLOTTED = (("mean_db", "PSNR, mean of textures, dB"), ("of_mean_mse_db", "PSNR of the mean MSE, dB"))
 DASHED = ("BC", "ASTC", "JPEG", "AVIF", "XUASTC", "ETC1S")
-"""Curves that are not this program's are dashed."""
+"""Beginnings of the names of curves that are dashed: those of other programs' formats."""
 
 
 @dataclass(frozen=True)
 class RatePoint:
-    """One codec in one setting on the whole set."""
+    """Point of a rate curve: one codec in one setting on the whole set."""
 
     curve: str
-    """The codec, and of which kind: points of one curve are joined."""
+    """Name of the curve, such as codec and grouping. A line joins the points of a curve."""
     setting: str
-    """What distinguishes it from the other points of its curve."""
+    """Setting of the point, such as its bits or quality."""
     quality: SetQuality
 
     def row(self) -> dict[str, Cell]:
-        """The point as a row of the table."""
+        """Return the point as a row of the table."""
         return {"curve": self.curve, "setting": self.setting, **asdict(self.quality)}
 
 
 def rate_table(points: Sequence[RatePoint]) -> Table:
-    """One row for each point, in their order."""
+    """Return the table, with a row for each point in order."""
     rows: list[Mapping[str, Cell]] = [point.row() for point in points]
     return Table([c for c in COLUMNS if any(row.get(c.key) is not None for row in rows)], rows)
 
 
 def rate_figure(points: Sequence[RatePoint], title: str) -> Figure:
-    """PSNR over bits a texel: two plots."""
+    """Return two plots of PSNR over bits per texel."""
     figure = Figure(figsize=(12, 5.2), layout="constrained")
     figure.suptitle(title, fontsize=10)
     for axes, (key, label) in zip(figure.subplots(1, len(PLOTTED)), PLOTTED, strict=True):
@@ -63,7 +63,7 @@ def rate_figure(points: Sequence[RatePoint], title: str) -> Figure:
 
 
 def disk_figure(points: Sequence[RatePoint], title: str) -> Figure:
-    """Mean PSNR over the bits of whole files."""
+    """Return a plot of mean PSNR over the bits of whole files."""
     figure = Figure(figsize=(6.4, 5.2), layout="constrained")
     figure.suptitle(title, fontsize=10)
     axes = figure.subplots()
@@ -76,8 +76,8 @@ def disk_figure(points: Sequence[RatePoint], title: str) -> Figure:
 
 def _draw_curves(axes: Axes, points: Sequence[RatePoint], bits: str, key: str) -> None:
     for number, name in enumerate(dict.fromkeys(point.curve for point in points)):
-        own = [point.quality for point in points if point.curve == name]
-        line = sorted((getattr(quality, bits), getattr(quality, key)) for quality in own)
+        qualities = [point.quality for point in points if point.curve == name]
+        line = sorted((getattr(quality, bits), getattr(quality, key)) for quality in qualities)
         style = "--" if name.startswith(DASHED) else "-"
         axes.plot(*zip(*line, strict=True), style, marker="o", markersize=3, color=f"C{number % 10}", label=name)
     axes.grid(alpha=0.3)
@@ -92,7 +92,7 @@ def _is_file(point: RatePoint) -> bool:
 
 
 def disk_rows(points: Sequence[RatePoint], decibels: Sequence[float]) -> list[dict[str, Cell]]:
-    """For each of `decibels`, the bits a texel of files at which each curve reaches it, between its points; None beyond them."""
+    """Return a row for each PSNR of `decibels`: bits per texel of files at which each curve reaches it, None outside the curve."""
     rows = list[dict[str, Cell]]()
     for wanted in decibels:
         row: dict[str, Cell] = {"mean_db": wanted}
@@ -104,7 +104,7 @@ def disk_rows(points: Sequence[RatePoint], decibels: Sequence[float]) -> list[di
             )
             reached, bits = zip(*line, strict=True)
             inside = reached[0] <= wanted <= reached[-1]
-            # Bits grow by a factor for each dB.
+            # Bits grow about exponentially with dB, therefore their logarithm is interpolated.
             row[name] = float(2.0 ** np.interp(wanted, reached, np.log2(bits))) if inside else None
         rows.append(row)
     return rows

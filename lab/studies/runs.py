@@ -1,4 +1,4 @@
-"""Trainings of a study, each kept in a file of its own, so that a study that was stopped can resume."""
+"""Trainings of a study. The result of each is a file, so that a stopped study can resume."""
 
 import hashlib
 import json
@@ -27,12 +27,12 @@ from ntc.training.encode import encode_textures
 from ntc.training.messages import TrainingProgress
 
 LARGEST_FILE = 1 << 26
-"""Bytes of a run's file."""
+"""Largest file of a result in bytes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """One training of a study."""
+    """Training of a study."""
 
     name: str
     """Name of the variant."""
@@ -40,7 +40,7 @@ class Run:
     codec: GridConfig
     training: TrainingConfig
     pictures: bool = False
-    """Whether SSIM and FLIP are measured too, which takes longer than PSNR."""
+    """True where SSIM and FLIP are measured too. They take longer than PSNR."""
 
 
 @dataclass(frozen=True)
@@ -77,8 +77,8 @@ def _settings(run: Run, textures: Sequence[SourceTexture]) -> dict[str, Any]:
     }
 
 
-def _kept(path: Path, settings: dict[str, Any]) -> RunResult | None:
-    """The result in a file, if its settings are equal."""
+def _cached(path: Path, settings: dict[str, Any]) -> RunResult | None:
+    """Return the result in a file with equal settings; None without one."""
     try:
         if path.stat().st_size > LARGEST_FILE:
             return None
@@ -98,7 +98,7 @@ def _path(folder: Path, settings: dict[str, Any]) -> Path:
     return folder / f"{key}.json"
 
 
-def _keep(path: Path, settings: dict[str, Any], result: RunResult) -> None:
+def _write(path: Path, settings: dict[str, Any], result: RunResult) -> None:
     content = {"settings": settings, "result": asdict(result)}
     write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
 
@@ -114,15 +114,15 @@ def _measured(result: RunResult, run: Run, pack: Pack, textures: Sequence[Source
 def finished_run(
     run: Run, textures: Sequence[SourceTexture], folder: Path, report: Report, pack_file: Path | None = None
 ) -> RunResult:
-    """The result of a run: from `folder` if it was done before with the same settings, else trained now and kept there.
+    """Return the result of a run: from `folder` if a run with the same settings was finished, otherwise trained now.
 
-    With `pack_file` the pack is kept too. Raises InputError where a folder cannot be written.
+    New results are written to `folder`, and packs to `pack_file`. Raises InputError where a folder cannot be written.
     """
     settings = _settings(run, textures)
     path = _path(folder, settings)
-    kept = _kept(path, settings)
-    if kept is not None and (pack_file is None or pack_file.exists()):
-        return kept
+    cached = _cached(path, settings)
+    if cached is not None and (pack_file is None or pack_file.exists()):
+        return cached
 
     def listen(progress: TrainingProgress) -> None:
         report(progress.step, progress.steps)
@@ -146,16 +146,16 @@ def finished_run(
     if pack_file is not None:
         write_pack(pack_file, pack)
     measured = _measured(result, run, pack, textures)
-    _keep(path, settings, measured)
+    _write(path, settings, measured)
     return measured
 
 
 def block_compressed(
     block_format: BlockFormat, textures: Sequence[SourceTexture], folder: Path, report: Report
 ) -> RunResult:
-    """The textures in a block format of graphics hardware, for comparison; `folder` keeps what was measured.
+    """Return the result of the textures in a block format of graphics hardware, cached in `folder`.
 
-    Raises InputError where its encoder is not installed.
+    Raises InputError where the encoder is not installed.
     """
     pictures, quality = FormatStudy(folder, "medium").measured(textures, block_format, report)
     sizes = [texture.size for texture in textures]

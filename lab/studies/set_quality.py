@@ -1,4 +1,4 @@
-"""Quality of decoded textures, one by one and as a set."""
+"""Quality of single decoded textures and of sets."""
 
 import math
 import tempfile
@@ -22,20 +22,20 @@ Size = tuple[int, int]
 
 @dataclass(frozen=True)
 class PictureQuality:
-    """How near a decoded texture is to its original: mip 0 over 8-bit values."""
+    """Quality of a decoded texture against its original: mip 0 over 8-bit values."""
 
     psnr_db: float
-    """An exact one counts as if a single value were off by one step."""
+    """PSNR in dB. Equal textures count as if a single value differed by one step."""
     ssim: float
     flip: float | None
-    """None where it was not measured."""
+    """Mean FLIP; None where it was not measured."""
     ssimulacra2: float | None = None
     jod: float | None = None
-    """ColorVideoVDP. Both are measured with FLIP, where their packages are installed."""
+    """ColorVideoVDP. It and SSIMULACRA2 are measured with FLIP, where their packages are installed."""
 
 
 def picture_quality(truth: NDArray[np.uint8], decoded: NDArray[np.uint8], with_flip: bool = True) -> PictureQuality:
-    """The quality of `decoded`, of the shape of `truth`. Raises InputError where FLIP is not installed."""
+    """Return the quality of `decoded` against `truth` of equal shape. Raises InputError where FLIP is not installed."""
     return PictureQuality(
         min(psnr_db(decoded, truth), psnr_of_mse(1.0 / truth.size)),
         ssim(truth, decoded),
@@ -50,21 +50,21 @@ class SetQuality:
     """Quality and size of a set of textures."""
 
     bits_per_texel: float
-    """Everything that is stored, per texel of mip 0."""
+    """Bits of everything that is stored, per texel of mip 0."""
     mean_db: float
     of_mean_mse_db: float
     """PSNR of the mean over textures of their mean square errors."""
     worst_db: float
     ssim: float
     flip: float | None
-    """Mean of those that were measured; None for none."""
+    """Mean FLIP of the measured textures; None without any."""
     seconds: float
-    """That encoding took: processor time, but of codec `grid` by the clock."""
+    """Encoding time: CPU time, for codec `grid` wall time."""
     file_bits_per_texel: float | None = None
-    """Bits of whole files, names and all, per texel of mip 0; None for what is not a file."""
+    """Bits of whole files per texel of mip 0; None for formats that are not files."""
     ssimulacra2: float | None = None
     jod: float | None = None
-    """Means of those that were measured."""
+    """Mean of the measured textures."""
 
     @classmethod
     def of(
@@ -74,7 +74,7 @@ class SetQuality:
         seconds: float,
         file_bits_per_texel: float | None = None,
     ) -> "SetQuality":
-        """Means over `pictures`. Raises InputError for none."""
+        """Return the means over `pictures`. Raises InputError without any."""
         summary = PsnrSummary.of([picture.psnr_db for picture in pictures])
         if summary is None:
             raise InputError("no texture to compare; name a scene or folder of images that are not constant")
@@ -93,13 +93,13 @@ class SetQuality:
 
 
 def _mean(values: Sequence[float | None]) -> float | None:
-    """Return the mean of what was measured; None for nothing."""
+    """Return the mean of the values that are not None; None without any."""
     known = [value for value in values if value is not None]
     return float(np.mean(known)) if known else None
 
 
 def texel_count(sizes: Sequence[Size]) -> int:
-    """Return the texels of mip 0 of textures of these sizes, over which stored bits are counted."""
+    """Return the number of texels of mip 0 of textures of `sizes`, the denominator of bits per texel."""
     return sum(math.prod(size) for size in sizes)
 
 

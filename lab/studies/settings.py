@@ -1,4 +1,4 @@
-"""Settings that the trainings of a study share."""
+"""Shared settings of the trainings of a study."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -9,7 +9,7 @@ from ntc.codec.grid.training.config import TrainingConfig, recipe_codec, recipe_
 from ntc.errors import InputError
 
 BlockSide = Literal[4, 8]
-"""Texels of codec `block`'s blocks along one side."""
+"""Side of a block of codec `block` in texels."""
 ScaleName = Literal["small", "paper"]
 DiskFormat = Literal["jpeg", "xuastc", "etc1s"]
 DISK_FORMATS: tuple[DiskFormat, ...] = ("jpeg", "xuastc", "etc1s")
@@ -18,7 +18,7 @@ QUALITIES: dict[DiskFormat, tuple[int, ...]] = {
     "xuastc": (10, 90, 100),
     "etc1s": (10, 50, 100),
 }
-"""Settings of quality, each encoder's own from 1 to 100. Of XUASTC, alktx2 has blocks of 6x6 texels alone."""
+"""Quality settings by format, on each encoder's scale from 1 to 100. alktx2 has XUASTC only in blocks of 6x6 texels."""
 
 
 @dataclass(frozen=True)
@@ -26,14 +26,14 @@ class StudySettings:
     """Settings of every training of a study."""
 
     scale: ScaleName = "small"
-    """small: an equal number of steps and samples for all, minutes on two cores. paper: 350 epochs, for a GPU."""
+    """Length of trainings. small: equal steps and samples for all, minutes on two cores. paper: 350 epochs, for a GPU."""
     steps: int = 1000
-    """Steps of each training, at the small scale."""
+    """Steps of each training at scale small."""
     texels_per_texture: int = 512
-    """Samples of each texture in a step, at the small scale."""
+    """Samples of each texture per step at scale small."""
     seeds: tuple[int, ...] = (0,)
     levels: int | None = 1
-    """Latent levels; 1: mip 0 alone, as in the paper."""
+    """Latent levels; 1 is only mip 0, as in the paper."""
     device: Literal["auto", "cpu", "cuda"] = "auto"
 
     def __post_init__(self) -> None:
@@ -46,7 +46,7 @@ class StudySettings:
             raise InputError(f"--levels {self.levels}: must be 1 to 16")
 
     def training(self, recipe: RecipeName, seed: int) -> TrainingConfig:
-        """A training by `recipe` at this scale."""
+        """Return the training of `recipe` at this scale."""
         if self.scale == "paper":
             length = (
                 recipe_config(recipe)
@@ -60,5 +60,5 @@ class StudySettings:
         return recipe_for_length(recipe, same)
 
     def codec(self, recipe: RecipeName, output_channels: int) -> GridConfig:
-        """The codec of `recipe`."""
+        """Return the codec of `recipe`."""
         return recipe_codec(recipe, output_channels, self.levels)

@@ -1,1 +1,1 @@
-"""A trial of the real window on a virtual screen, for a long time."""
+"""Long trial of real windows on a virtual screen."""

@@ -1,15 +1,13 @@
-"""A long trial of real windows on a virtual screen: random input, and windows that nobody touches.
+"""Long trial of real windows on a virtual screen: windows under random input, and windows without input.
 
     python -m lab.window_trials [SCENE ...] --seconds 1800 --seed 1 --json trial.json
 
-Windows under random input are opened one after the other over the same files and settings, now and then two at once, and some of
-them are killed. Nothing may crash, no run be lost, no pack lie beside another scene. After each: its exit status, every pack beside
-a scene against that scene, and every run that ended against the packs on the disk (kept, or autosaved) and the
-runs that were discarded.
+Windows under random input open in turn over the same files and settings. Sometimes two are open, and some are killed. After each
+window the trial checks its exit status, that every pack beside a scene matches the scene, and that every finished run is a pack on
+disk or was discarded.
 
-Between them, untouched windows open the built-in scene or one of SCENE with the packs beside it, by a random path, while images and
-what is read back from the GPU come late. Each must come to rest on the picture that `render` draws, and draw nothing while it rests.
-Needs Xvfb.
+Windows without input open the built-in scene or one of SCENE, with the packs beside it and by a random path, while images and
+read-backs from the GPU are delayed. Each must come to rest on the picture of `render`, and draw no frame at rest. Needs Xvfb.
 """
 
 import random
@@ -39,36 +37,35 @@ from viewer.state.pack_files import match_scene, packs_beside
 from viewer.state.view_state import PathChoice
 
 LONGEST_WINDOW = 90.0
-"""Seconds of one window; the next one finds what it left."""
+"""Longest time of a window in seconds."""
 KILLED_SHARE, TWO_SHARE = 0.2, 0.2
 SECONDS_TO_END = 60.0
 REST_SHARE = 0.25
-"""Share of rounds with a window that nobody touches."""
+"""Share of rounds with a window without input."""
 SLOWEST = 2.0
-"""Seconds by which what such a window reads comes later at most."""
+"""Longest delay in seconds of images and read-backs in such a window."""
 IDLE_SECONDS, PATIENCE = 20.0, 180.0
-"""Seconds that it is watched at rest, and in which it must come to rest."""
+"""Times in seconds for which such a window is watched at rest, and within which it must come to rest."""
 SIZE = (1280, 720)
 
 
 @dataclass
 class Findings:
-    """What the trial came to."""
+    """Findings of the trial."""
 
     seconds: float = 0.0
     windows: int = 0
     killed: int = 0
     runs: int = 0
-    """That ended with a pack."""
+    """Number of runs that ended with a pack."""
     at_rest: int = 0
-    """Windows that nobody touched."""
+    """Number of windows without input."""
     frames: int = 0
-    """Of windows that were not killed."""
+    """Number of frames of windows that were not killed."""
     slow_frames: dict[str, int] = field(default_factory=dict)
-    """Frames over 250 ms: while the window said that something was under way, among its first pictures, by drawing alone (its passes
-    took as long), and others."""
+    """Numbers of frames over 250 ms by kind: with work shown in the window, first pictures, slow passes, and others."""
     slowest_ms: dict[str, int] = field(default_factory=dict)
-    """The longest of each kind."""
+    """Longest time of a frame of each kind."""
     problems: list[str] = field(default_factory=list)
 
 
@@ -81,7 +78,7 @@ def _kind_of_slow(entry: dict[str, Any]) -> str:
 
 
 class Trial:
-    """Scenes, settings and journals in one folder. `scenes` are those of windows at rest besides the built-in one."""
+    """Trial with its scenes, settings and journals in one folder. Windows at rest open `scenes` and the built-in scene."""
 
     def __init__(self, folder: Path, display: str, seed: int, scenes: list[Path], truth: Truth) -> None:
         self._folder, self._display, self._random = folder, display, random.Random(seed)
@@ -102,7 +99,7 @@ class Trial:
         return two_squares(seed).write(self._files / name / f"{name}.glb")
 
     def run(self, seconds: float) -> None:
-        """Open windows until the time is over."""
+        """Open windows for `seconds`."""
         began = time.monotonic()
         while (left := seconds - (time.monotonic() - began)) > 5.0:
             if self._random.random() < REST_SHARE:
@@ -142,7 +139,7 @@ class Trial:
             self._add_problem(f"at rest: {plan.arguments}, seed {plan.seed}: {problem}")
 
     def _problem_at_rest(self, played: Played) -> str:
-        """What is wrong with a window that nobody touched; empty for nothing."""
+        """Return the problem of a window without input; "" for none."""
         if played.problem or not played.rests:
             return played.problem or "it does not rest"
         if not self._truth.verdict(played.of("start")).is_right:

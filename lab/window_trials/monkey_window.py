@@ -1,4 +1,4 @@
-"""One window under random input: keys, clicks, drags, drops, sizes, commands and attempts to close it, all from a seed.
+"""Window under random input from a seed: keys, clicks, drags, drops, sizes, commands and attempts to close it.
 
     python -m lab.window_trials.monkey_window FOLDER --scene FILE --seed 1 --seconds 60 --journal FILE
 
@@ -31,9 +31,9 @@ from viewer.training.run_log import Run
 from viewer.ui.picture_input import imgui_key
 
 SLOW_MS = 250.0
-"""A frame that takes longer is written down, with what the window says that it does."""
+"""Time in ms beyond which a frame is recorded, with the work that the window shows."""
 FIRST_PICTURES = 3
-"""Of a window: they make buffers, compile programs and upload the scene."""
+"""Number of first pictures, which make buffers, compile programs and upload the scene."""
 SECONDS_BETWEEN_ACTIONS = 0.05
 SIZES = ((1280, 720), (1024, 640), (900, 600), (640, 480), (360, 260))
 ENCODE_SHARE = 0.7
@@ -42,16 +42,16 @@ CAMERA_KEYS = tuple(parse_chord(key) for key in "WASDQE123")
 
 
 class MonkeyWindow(WindowApp):
-    """A window that acts on itself between frames."""
+    """Window that makes random input between its frames."""
 
     def __init__(self, content: WindowContent, files: list[Path], seed: int, seconds: float, journal: Journal) -> None:
         super().__init__(content)
         self._random, self._files, self._journal = random.Random(seed), files, journal
         self._ends, self._next_action = time.monotonic() + seconds, 0.0
         self._held: list[tuple[float, Callable[[], None]]] = []
-        """What is to be let go, and when."""
+        """Keys and buttons that are held: (time to release, function that releases)."""
         self._known: dict[tuple[str, int], bool] = {}
-        """Whether each run that was written down had been discarded, by scene and number."""
+        """Recorded runs by scene and number: whether each had been discarded."""
         self._actions = {
             self._press_a_key: 30,
             self._click_a_widget: 30,
@@ -92,7 +92,7 @@ class MonkeyWindow(WindowApp):
         self._note_runs()
 
     def _doing(self) -> str:
-        """What the window says that it is doing; empty where it says nothing."""
+        """Return the work that the window shows; "" for none."""
         return ", ".join(work.title for work in self.frontend.facts().work)
 
     def _note_runs(self) -> None:
@@ -158,13 +158,13 @@ class MonkeyWindow(WindowApp):
         imgui.get_io().add_input_characters_utf8(self._random.choice(("a", "12", "zz.ntc", "0.5", "/tmp", "ä€", "-1")))
 
     def _train(self) -> None:
-        # Most commands about trainings need a run.
+        # Encoding is frequent, because most commands about trainings need a run.
         self._run_a_command("training.encode" if self._random.random() < ENCODE_SHARE else "training.")
 
     def _run_a_command(self, subject: str = "") -> None:
         command, texts = random_call(self.context, self._files, self._random, subject)
         self._journal.write("command", line=" ".join([command.id, *texts]))
-        # What cannot be parsed is typed nowhere but in a script.
+        # Only scripts can contain text that does not parse.
         with suppress(InputError):
             self.run(command.id, *command.parse(texts))
 
@@ -181,7 +181,7 @@ class MonkeyWindow(WindowApp):
 
 
 def main() -> None:
-    """Open the window on a scene until it closes itself."""
+    """Open the window on a scene and wait until it closes itself."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=Path)
     parser.add_argument("--scene", type=Path, required=True)
@@ -195,7 +195,7 @@ def main() -> None:
         scene, open_packs(packs_beside(options.scene)), InitialView(), pictures=options.folder / "pictures"
     )
     journal = Journal(options.journal)
-    # The trial looks for every run that ended.
+    # The trial checks every finished run, therefore none may be deleted.
     run_store.MOST_FILES = 1_000_000
     app = MonkeyWindow(content, files, options.seed, options.seconds, journal)
     try:

@@ -1,4 +1,4 @@
-"""Random calls of every command of the window, from the registry of commands: what is refused now is left out."""
+"""Random calls of the commands that can run now, from the registry of commands."""
 
 import random
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ from viewer.commands import COMMANDS
 from viewer.commands.command import Command, Context, Parameter
 
 LEFT_OUT = frozenset({"file.quit"})
-"""Commands that end the window: a trial ends it in its own way."""
+"""Commands that a trial does not call, because they end the window."""
 TEXTS = {
     "texture": ("0", "1", "worst"),
     "group": ("0", "1", "new"),
@@ -19,10 +19,10 @@ TEXTS = {
     "target": ("2bits", "30dB", "0.01MB"),
     "value": ("auto", "1", "16", "2bits", "1s", "best", "clustered"),
 }
-"""Texts of parameters that are neither numbers nor choices, by name; any other gets a word."""
+"""Texts of parameters that are neither numbers nor choices, by name. Other parameters get one of WORDS."""
 WORDS = ("a", "roof", "0", "")
 NUMBERS = (-10.0, 10.0)
-"""Range of numbers that have none."""
+"""Range of numbers whose parameter has no range."""
 GIVEN_SHARE = 0.6
 """Probability that an optional parameter is given."""
 
@@ -30,9 +30,9 @@ GIVEN_SHARE = 0.6
 def random_call(
     context: Context, files: Sequence[Path], source: random.Random, subject: str = ""
 ) -> tuple[Command, tuple[str, ...]]:
-    """Return a command that can run now, with texts of its parameters. `files` are those that are opened.
+    """Return a command that can run now, with texts of its parameters. Commands that open files get one of `files`.
 
-    `subject` is the beginning of the command's id, such as `training.`; any other is taken where none of these can run.
+    `subject` is the beginning of the command's id, such as `training.`. Where no such command can run, another one is returned.
     """
     possible = [command for command in COMMANDS if command.id not in LEFT_OUT and not command.why_not(context)]
     command = source.choice([command for command in possible if command.id.startswith(subject)] or possible)
@@ -48,7 +48,7 @@ def random_call(
 
 
 def _text(parameter: Parameter, context: Context, files: Sequence[Path], source: random.Random) -> str | None:
-    """Return a random value as it is typed; None for the default."""
+    """Return the text of a random value; None for the default."""
     if parameter.is_choice:
         options = [text for text in parameter.options(context.session) if not parameter.refusal(context.session, text)]
         return source.choice(options) if options else parameter.default_text or ""
@@ -57,6 +57,6 @@ def _text(parameter: Parameter, context: Context, files: Sequence[Path], source:
         number = source.uniform(*(NUMBERS if low is None or high is None else (low, high)))
         return str(round(number)) if parameter.type is int else f"{number:.3f}"
     if parameter.type is Path:
-        # A file that is written has its default name.
+        # Files that are written get their default name.
         return None if parameter.default_text else source.choice([*map(str, files), "sky", "studio"])
     return source.choice(TEXTS.get(parameter.name, WORDS))

@@ -1,4 +1,4 @@
-"""What a window under trial did, as lines of JSON: a window that is killed leaves what it wrote so far."""
+"""Journal of a window under trial, as lines of JSON. A killed window leaves its journal."""
 
 import hashlib
 import json
@@ -11,7 +11,7 @@ from ntc.codec.registry import codec_of
 
 
 def fingerprint(pack: Pack) -> str:
-    """Identifies what a pack decodes to, in memory and in a file."""
+    """Return a hash of the encoded textures of a pack, equal in memory and in a file."""
     digest = hashlib.sha256()
     for texture in pack.textures:
         digest.update(texture.pixel_hash.encode())
@@ -21,18 +21,18 @@ def fingerprint(pack: Pack) -> str:
 
 
 class Journal:
-    """Appends lines to a file, each as soon as it is known."""
+    """Journal that appends each line to a file at once."""
 
     def __init__(self, path: Path) -> None:
         self._file = path.open("a", buffering=1)
 
     def write(self, event: str, **facts: Any) -> None:
-        """One line."""
+        """Append a line."""
         self._file.write(json.dumps({"event": event, **facts}) + "\n")
 
 
 def read_journal(path: Path) -> Iterator[dict[str, Any]]:
-    """The lines of a journal; a last one that was cut off is left out."""
+    """Yield the lines of a journal, without a last one that was cut off."""
     if not path.is_file():
         return
     for line in path.read_text().splitlines():

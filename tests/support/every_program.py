@@ -231,4 +231,4 @@ def every_program(context: GraphicsContext, sparse: bool = False) -> tuple[Assem
                 cluster_programs(scene_programs(context), padded)
             pose_program(scene_programs(context))
             _assemble_drawing(context, recorder, scene, opened)
-    return tuple(recorder.found.values())
+    return tuple(recorder.programs.values())

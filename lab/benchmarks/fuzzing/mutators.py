@@ -1,4 +1,4 @@
-"""Structure-aware mutations: of JSON, of the containers around it, of checksums; libFuzzer's own do the rest."""
+"""Structure-aware mutations of JSON, of the containers around it, and of checksums. libFuzzer's mutations do the rest."""
 
 import copy
 import io
@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 Mutate = Callable[[bytes, int], bytes]
-"""libFuzzer's own mutation of at most so many bytes."""
+"""Function of libFuzzer: (data, largest size in bytes) -> mutated data."""
 
 GLB_HEADER = 12
 CHUNK_JSON, CHUNK_BINARY = 0x4E4F534A, 0x004E4942

@@ -77,7 +77,7 @@ def moving_scenes() -> Iterator[bytes]:
 
 
 def meshes() -> Iterator[bytes]:
-    """Meshes in other formats than glTF, behind a byte that says which; the OBJ is its own material library."""
+    """Yield meshes in other formats than glTF, after a byte that names the format. The OBJ is also its material library."""
     import trimesh
 
     library = b"newmtl m\nKd 1 0 0\nd 0.5\nmap_Kd -s 1 1 1 a.png\nmap_Bump -bm 2 b.png\n"

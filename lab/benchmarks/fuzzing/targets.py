@@ -1,4 +1,4 @@
-"""One reader in a process of its own under libFuzzer (through atheris): `python -m lab.benchmarks.fuzzing.targets READER ...`.
+"""Fuzz target of one reader under libFuzzer (through atheris): `python -m lab.benchmarks.fuzzing.targets READER ...`.
 
 Whatever is neither read nor refused with InputError ends the process, and libFuzzer writes the input to a file.
 """
@@ -88,14 +88,14 @@ class Readers:
         self._scripts: ScriptReader | None = None
 
     def scene(self, data: bytes) -> None:
-        """Read `data` as a scene, with a folder of its own in which nothing else lies."""
+        """Read `data` as a scene in an empty folder."""
         scene = build_scene(parse_gltf(data, "fuzz.glb", self._folder), "fuzz", None)
         report_json(scene)
         "\n".join(report_lines(scene)).encode()
         _read_pixels(scene)
 
     def moving_scene(self, data: bytes) -> None:
-        """Read `data` as a scene, once as it stands and once at a moment of its first animation."""
+        """Read `data` as a scene, in its rest pose and at a time of its first animation."""
         file = parse_gltf(data, "fuzz.glb", self._folder)
         build_scene(file, "fuzz", None)
         build_scene(file, "fuzz", None, pose=Pose("", zlib.crc32(data) % MOMENTS / MOMENTS_A_SECOND))
@@ -151,7 +151,7 @@ class Readers:
 
 
 def _read_pixels(scene: Scene) -> None:
-    """What is read when a texture is needed."""
+    """Read the textures of a scene, which are decoded when they are needed."""
     for texture in scene.textures:
         assert texture.pixels.shape[1::-1] == texture.size
         assert (texture.alpha is None) == (not texture.has_alpha)

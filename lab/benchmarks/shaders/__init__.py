@@ -1,1 +1,1 @@
-"""What the compilers of GPUs make of the decoding shaders, without a GPU."""
+"""Statistics of the decoding shaders as GPU compilers compile them, without a GPU."""

@@ -53,7 +53,7 @@ NOTHING: Final = -1
 
 
 class PackCodes:
-    """What decides about the work of decoding a pack: the size, mode and decoder of each block's code."""
+    """Codes of a pack: size, mode and decoder of each block's code, which decide the work of decoding."""
 
     def __init__(self, pack: Pack) -> None:
         if not isinstance(pack.config, BlockConfig):
@@ -65,8 +65,8 @@ class PackCodes:
     @cached_property
     def textures(self) -> tuple[BlockTexture, ...]:
         """Textures with a tile of mip 0 and more."""
-        found = cast("tuple[BlockTexture, ...]", self.pack.textures)
-        return tuple(own for own in found if min(own.width, own.height) >= TILE_SIDE)
+        all_textures = cast("tuple[BlockTexture, ...]", self.pack.textures)
+        return tuple(texture for texture in all_textures if min(texture.width, texture.height) >= TILE_SIDE)
 
     @cached_property
     def work(self) -> tuple[Array, Array]:
@@ -130,7 +130,7 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
     texture = codes.textures[random.integers(len(codes.textures))]
     levels = codes.levels(texture)
     turn, step = random.uniform(0.0, 2.0 * np.pi), 2.0**lod
-    x, y = (own.reshape(-1) for own in np.meshgrid(np.arange(GROUP_SIDE), np.arange(GROUP_SIDE)))
+    x, y = (array.reshape(-1) for array in np.meshgrid(np.arange(GROUP_SIDE), np.arange(GROUP_SIDE)))
     u = random.uniform(0.0, texture.width) + step * (np.cos(turn) * x - np.sin(turn) * y)
     v = random.uniform(0.0, texture.height) + step * (np.sin(turn) * x + np.cos(turn) * y)
     at = min(max(lod, 0.0), len(levels) - 1.0)
@@ -156,7 +156,7 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
                 taps[lane, 4 * place + tap] = number, block, square
                 if (number, block) not in lanes[lane]:
                     lanes[lane].append((number, block))
-    lists, fours = (own[texture.group, :, plane] for own in codes.work)
+    lists, fours = (array[texture.group, :, plane] for array in codes.work)
     most = max(map(len, lanes))
     steps = np.full((most, len(lanes)), NOTHING)
     for lane, read_codes in enumerate(lanes):
@@ -185,9 +185,9 @@ def _longest(values: Array, lanes: int) -> float:
 
 
 def alone_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
-    """How often each loop runs where a pixel decodes for itself: over parts of its footprint, and over the list of each."""
-    parts = sum(_longest((own >= 0).astype(np.int64), lanes) for own in group.lists)
-    lists = sum(_longest(np.maximum(own, 0), lanes) for own in group.lists)
+    """Return trip counts of the loops where each pixel decodes alone: over parts of its footprint, and over the list of each part."""
+    parts = sum(_longest((codes >= 0).astype(np.int64), lanes) for codes in group.lists)
+    lists = sum(_longest(np.maximum(codes, 0), lanes) for codes in group.lists)
     return [lists] if is_single else [parts, lists]
 
 
@@ -204,31 +204,31 @@ def _in_rounds(fours: Array, lanes: int) -> NDArray[np.float64]:
 
 
 def together_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float]:
-    """How often each loop runs where a work group decodes the codes of its pixels together."""
+    """Return trip counts of the loops where a work group decodes the codes of its pixels together."""
     return trips_of_rounds(group, lanes, is_single, group.work_rounds(PLANE_FOURS))
 
 
 def trips_of_rounds(group: PixelGroup, lanes: int, is_single: bool, again: int, is_found: bool = False) -> list[float]:
-    """As `together_trips`, in `again` rounds; `is_found`: the group has found its codes before."""
+    """Return the trip counts of `together_trips` in `again` rounds; `is_found` is true where the group knows its codes already."""
     mips, taps = (1, 1) if is_single else (2, 8)
     # A lane finds a code; half of the lanes do. Most places in the hash table are free at once.
     finding = group.most_fours * (1.0 if lanes == TOGETHER else 0.5)
     coefficients = -(-group.coefficients // (4 * TOGETHER))
     # Where a pixel reads one texel, it lists its square itself.
     listing = [] if is_single else [group.most_squares]
-    found = np.array([mips, taps, PROBES * taps]) * (again - is_found)
+    finding_trips = np.array([mips, taps, PROBES * taps]) * (again - is_found)
     listed = np.array(listing) * (again - is_found)
     decoding = [coefficients, *_in_rounds(group.fours, lanes), mips * again, taps * again]
-    return [again, *found.tolist(), finding * again, *listed.tolist(), *decoding]
+    return [again, *finding_trips.tolist(), finding * again, *listed.tolist(), *decoding]
 
 
 def joint_trips(groups: Sequence[PixelGroup], lanes: int, is_single: bool) -> list[float]:
-    """How often each loop runs where a work group decodes planes one after the other, each of `groups`, which read the same texels."""
+    """Return trip counts of the loops where a work group decodes planes in turn; `groups` has one group per plane, of equal texels."""
     total, is_found = np.zeros(0), False
     for group in groups:
         rounds = group.work_rounds(PLANES_FOURS)
-        own = np.array(trips_of_rounds(group, lanes, is_single, rounds, is_found))
-        total = total + own if len(total) else own
+        trips = np.array(trips_of_rounds(group, lanes, is_single, rounds, is_found))
+        total = total + trips if len(total) else trips
         # Where shared memory did not hold all, what it holds is not what the next plane needs.
         is_found = rounds == 1
     return [1.0, float(len(groups)), *total.tolist()]
@@ -263,7 +263,7 @@ def random_tile(codes: PackCodes, plane: int, random: np.random.Generator) -> Ti
     kinds = codes.kinds(texture, 0).reshape(level.height, level.width)
     rows, columns = (np.arange(across + 1) + corner[axis] for axis in (1, 0))
     page = kinds[np.ix_(rows % level.height, columns % level.width)]
-    lists, fours = (own[texture.group, :, plane] for own in codes.work)
+    lists, fours = (array[texture.group, :, plane] for array in codes.work)
     return Tile(page, lists, fours)
 
 
@@ -279,7 +279,7 @@ def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
     """Vector instructions a texel where invocations decode a square of texels each, and read all coefficients for it."""
     units = _units(tile.page, tile.squares, tile.strips)
     kinds, inside = tile.page.reshape(-1), units == tile.squares
-    squares = np.concatenate([np.repeat(kinds[own], units[own]) for own in (inside, ~inside)])
+    squares = np.concatenate([np.repeat(kinds[squares_of], units[squares_of]) for squares_of in (inside, ~inside)])
     longest = np.pad(tile.lists[squares], (0, -len(squares) % lanes)).reshape(-1, lanes).max(axis=1)
     each = [code.weighted([1.0, most, 4.0]) for most in longest]
     return float(np.sum(each)) * lanes / PAGE_TEXELS
@@ -303,10 +303,10 @@ def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
     share = 1.0 if lanes == TOGETHER else TILE_SLOTS / TOGETHER
     trips = np.zeros(9)
     for first in range(0, len(fours), TILE_SLOTS):
-        own = np.arange(first, min(first + TILE_SLOTS, len(fours)))
+        page = np.arange(first, min(first + TILE_SLOTS, len(fours)))
         trips[0] += 1
-        for fits in _code_rounds(lengths[own]):
-            held = own[fits]
+        for fits in _code_rounds(lengths[page]):
+            held = page[fits]
             # The longest first.
             held = held[np.argsort(-np.minimum(lengths[held], LENGTHS - 1), kind="stable")]
             finding, writing = share * lengths[held].max(), share * units[held].max()
@@ -321,10 +321,10 @@ def shader_number(file: str, name: str) -> int:
 
     Raises ValueError where the file gives none, or several."""
     text = (shaders_folder() / file).read_text(encoding="utf-8")
-    found = re.findall(rf"^(?:#define {name} |const int {name} = )(\d+);?$", text, re.MULTILINE)
-    if len(found) != 1:
-        raise ValueError(f"shaders/{file} defines {name} {len(found)} times as a number")
-    return int(found[0])
+    numbers = re.findall(rf"^(?:#define {name} |const int {name} = )(\d+);?$", text, re.MULTILINE)
+    if len(numbers) != 1:
+        raise ValueError(f"shaders/{file} defines {name} {len(numbers)} times as a number")
+    return int(numbers[0])
 
 
 PIXEL_SHADER: Final = "ntc/block_pixels.glsl"
@@ -359,7 +359,7 @@ def instructions(code: MachineCode, trips: Sequence[Sequence[float]]) -> float:
 
 @dataclass(frozen=True)
 class CountedProgram:
-    """A program, and what it is for."""
+    """Program to count, with its path, plane and level of detail."""
 
     path: str
     plane: Plane | None
@@ -382,57 +382,61 @@ def shown_planes(codes: PackCodes) -> list[Plane]:
 
 def counted_programs(context: GraphicsContext, codes: PackCodes, together: int) -> tuple[CountedProgram, ...]:
     """The programs of a GPU for each plane of a pack. Nothing is drawn."""
-    recorder, found = ProgramRecorder(), list[CountedProgram]()
+    recorder, programs_to_count = ProgramRecorder(), list[CountedProgram]()
     with recorder.recording():
         programs = codec_programs(scene_programs(gpu_of(context)), codes.pack, replace(GPU, together=together))
 
         def made(name: str, plane: Plane | None, stochastic: bool) -> AssembledProgram:
             reading = PlaneReading(plane or "base", has_several=plane is None)
             defines = {**reading.defines(), "FILTER_STOCHASTIC": int(stochastic)}
-            before = set(recorder.found)
+            before = set(recorder.programs)
             programs.compute(
                 f"passes/{name}.comp", {**defines, "WEIGHTS_IN_IMAGE": 0, "DECODER_PLACE": 1, "BY_SQUARES": 1}
             )
-            (key,) = set(recorder.found) - before
-            own = recorder.found[key]
-            return replace(own, texts=tuple(text.replace(*EDGE_PART).replace(*CODED) for text in own.texts))
+            (key,) = set(recorder.programs) - before
+            program = recorder.programs[key]
+            return replace(program, texts=tuple(text.replace(*EDGE_PART).replace(*CODED) for text in program.texts))
 
         for plane in pack_planes(codes):
             exact = made("decode_deferred/decode", plane, False)
-            found += [CountedProgram("deferred", plane, lod, together, exact) for lod in LODS]
+            programs_to_count += [CountedProgram("deferred", plane, lod, together, exact) for lod in LODS]
             stochastic = made("decode_deferred/decode", plane, True)
-            found.append(CountedProgram("deferred, stochastic", plane, STOCHASTIC_LOD, together, stochastic))
+            programs_to_count.append(
+                CountedProgram("deferred, stochastic", plane, STOCHASTIC_LOD, together, stochastic)
+            )
             tile = made(f"decode_cached/decode{'_together' if together else ''}", plane, False)
-            found.append(CountedProgram("cached, a texel of a tile", plane, 0.0, together, tile))
+            programs_to_count.append(CountedProgram("cached, a texel of a tile", plane, 0.0, together, tile))
         if together and len(shown_planes(codes)) > 1:
             exact = made("decode_deferred/decode_planes", None, False)
-            found += [CountedProgram("deferred", None, lod, together, exact) for lod in LODS]
+            programs_to_count += [CountedProgram("deferred", None, lod, together, exact) for lod in LODS]
             stochastic = made("decode_deferred/decode_planes", None, True)
-            found.append(CountedProgram("deferred, stochastic", None, STOCHASTIC_LOD, together, stochastic))
-    return tuple(found)
+            programs_to_count.append(CountedProgram("deferred, stochastic", None, STOCHASTIC_LOD, together, stochastic))
+    return tuple(programs_to_count)
 
 
-def counted(found: CountedProgram, told: dict[str, Any], codes: PackCodes, seed: int = 0) -> float:
+def counted(program: CountedProgram, machine: dict[str, Any], codes: PackCodes, seed: int = 0) -> float:
     """Vector instructions of a program for a pixel, or for a texel of a tile."""
-    code, lanes = MachineCode.parsed(told["assembly"]), min(int(told["subgroup"]), TOGETHER)
-    is_single = found.path.endswith("stochastic")
+    code, lanes = MachineCode.parsed(machine["assembly"]), min(int(machine["subgroup"]), TOGETHER)
+    is_single = program.path.endswith("stochastic")
 
     def groups(plane: Plane) -> list[PixelGroup]:
         random, number = np.random.default_rng(seed), pack_planes(codes).index(plane)
-        return [pixel_group(codes, number, found.lod, is_single, random) for _ in range(GROUPS)]
+        return [pixel_group(codes, number, program.lod, is_single, random) for _ in range(GROUPS)]
 
-    if found.plane is None:
+    if program.plane is None:
         of_planes = [groups(plane) for plane in shown_planes(codes)]
-        return instructions(code, [joint_trips(own, lanes, is_single) for own in zip(*of_planes, strict=True)])
-    if found.path.startswith("cached"):
+        return instructions(
+            code, [joint_trips(plane_groups, lanes, is_single) for plane_groups in zip(*of_planes, strict=True)]
+        )
+    if program.path.startswith("cached"):
 
         def of_tile(tile: Tile) -> float:
-            return tile_together(code, tile, lanes) if found.together else tile_alone(code, tile, lanes)
+            return tile_together(code, tile, lanes) if program.together else tile_alone(code, tile, lanes)
 
-        random, number = np.random.default_rng(seed), pack_planes(codes).index(found.plane)
+        random, number = np.random.default_rng(seed), pack_planes(codes).index(program.plane)
         return float(np.mean([of_tile(random_tile(codes, number, random)) for _ in range(GROUPS)]))
-    trips = together_trips if found.together else alone_trips
-    return instructions(code, [trips(group, lanes, is_single) for group in groups(found.plane)])
+    trips = together_trips if program.together else alone_trips
+    return instructions(code, [trips(group, lanes, is_single) for group in groups(program.plane)])
 
 
 def rows(
@@ -443,12 +447,17 @@ def rows(
     Raises InputError where a compiler is missing.
     """
     programs = counted_programs(context, codes, together)
-    distinct = list(dict.fromkeys(own.program.texts for own in programs))
-    first = [next(own.program for own in programs if own.program.texts == texts) for texts in distinct]
-    told = dict(zip(distinct, compiled(find_compiler(gpu), first), strict=True))
+    distinct = list(dict.fromkeys(counted_program.program.texts for counted_program in programs))
+    first = [
+        next(counted_program.program for counted_program in programs if counted_program.program.texts == texts)
+        for texts in distinct
+    ]
+    machine_of = dict(zip(distinct, compiled(find_compiler(gpu), first), strict=True))
     totals: dict[tuple[str, float], dict[Plane | None, float]] = {}
-    for own in programs:
-        totals.setdefault((own.path, own.lod), {})[own.plane] = counted(own, told[own.program.texts], codes)
+    for counted_program in programs:
+        totals.setdefault((counted_program.path, counted_program.lod), {})[counted_program.plane] = counted(
+            counted_program, machine_of[counted_program.program.texts], codes
+        )
     for (path, lod), planes in totals.items():
         total = planes[None] if None in planes else sum(planes.values())
         row: dict[str, Any] = {"gpu": gpu, "pack": name, "together": together, "path": path, "lod": lod}
@@ -467,7 +476,7 @@ def main() -> int:
     options = parser.parse_args()
     context = create_headless_context()
     try:
-        found = [
+        all_rows = [
             row
             for path in options.packs
             for gpu in options.gpu or GPUS
@@ -477,7 +486,7 @@ def main() -> int:
     except InputError as error:
         print(error, file=sys.stderr)
         return 1
-    report("vector instructions of codec block", found, {}, options.json)
+    report("vector instructions of codec block", all_rows, {}, options.json)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Compiles OpenGL programs with Mesa's Vulkan drivers, without their GPUs: glslang makes SPIR-V of them, a driver machine code."""
+"""Compilation of OpenGL programs with Mesa's Vulkan drivers, without a GPU: glslang makes SPIR-V, a driver makes machine code."""
 
 import json
 import os
@@ -15,13 +15,13 @@ from lab.benchmarks.shaders.recording import AssembledProgram
 from ntc.errors import InputError
 
 MESA_VARIABLE: Final = "NTC_VIEWER_TEST_MESA"
-"""Environment variable: folder with a Mesa of its own (tests/drivers/newer_mesa.py)."""
+"""Environment variable with the folder of another Mesa (tests/drivers/newer_mesa.py)."""
 DEFAULT_FOLDER: Final = Path(__file__).resolve().parents[3] / ".mesa"
 SYSTEM: Final = Path("/")
 HERE: Final = Path(__file__).parent
 GLSLANG: Final = "glslangValidator"
-# Vulkan's rules, relaxed: uniforms outside of blocks become a block. In OpenGL each kind of binding has numbers of its own, which
-# Vulkan has not: they are shifted apart (null_device.py).
+# Relaxed Vulkan rules turn uniforms outside blocks into a block. OpenGL numbers each kind of binding separately, Vulkan all together:
+# therefore the kinds are shifted apart (null_device.py).
 OPTIONS: Final = ["-V", "-R", "--aml", "--amb"]
 SHIFTS: Final = {"ssbo": 0, "image": 16, "texture": 32, "ubo": 64}
 INSTALL: Final = "apt-get install glslang-tools mesa-vulkan-drivers, or python3 -m tests.drivers.newer_mesa .mesa"
@@ -56,7 +56,7 @@ class Compiler:
     gpu: Gpu
 
     def _command(self) -> list[str]:
-        """How Python is started with the driver's own C library."""
+        """Command that starts Python with the driver's C library."""
         python = os.path.realpath(sys.executable)
         if self.root == SYSTEM:
             return [python]
@@ -71,13 +71,13 @@ class Compiler:
         with tempfile.TemporaryDirectory() as place:
             if self.gpu.stand_in:
                 environment["LD_PRELOAD"] = str(built_stand_in(Path(place)))
-            found = subprocess.run(
+            finished = subprocess.run(
                 command, input=json.dumps(programs), capture_output=True, text=True, env=environment, check=False
             )
-        if found.returncode != 0:
-            reason = (found.stderr.splitlines() or [f"it ended with {found.returncode}"])[-1]
+        if finished.returncode != 0:
+            reason = (finished.stderr.splitlines() or [f"it ended with {finished.returncode}"])[-1]
             raise InputError(f"{self.driver}: no {self.gpu.description}: {reason}; needs Mesa 23.2 or newer: {INSTALL}")
-        answers: list[dict[str, Any]] = json.loads(found.stdout)
+        answers: list[dict[str, Any]] = json.loads(finished.stdout)
         return answers
 
 
@@ -90,9 +90,9 @@ def built_stand_in(folder: Path) -> Path:
             "there is no C compiler, which the stand-in of Intel's kernel driver needs: apt-get install gcc libc6-dev"
         )
     command = [compiler, "-shared", "-fPIC", "-O1", "-o", str(library), str(source)]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
-    if found.returncode != 0:
-        raise InputError(f"{source.name}: {found.stderr.strip()}")
+    finished = subprocess.run(command, capture_output=True, text=True, check=False)
+    if finished.returncode != 0:
+        raise InputError(f"{source.name}: {finished.stderr.strip()}")
     return library
 
 
@@ -121,17 +121,17 @@ def spirv(program: AssembledProgram, folder: Path) -> dict[str, str]:
         path.write_text(text, encoding="utf-8")
     shifts = [part for kind, first in SHIFTS.items() for part in (f"--shift-{kind}-binding", str(first))]
     command = [GLSLANG, "-l", *OPTIONS, *shifts, *(path.name for path in sources)]
-    found = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    finished = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
     stages = [path.suffix[1:] for path in sources]
-    if found.returncode != 0:
-        raise InputError(f"{program.files[-1]}: {found.stdout.strip()}")
+    if finished.returncode != 0:
+        raise InputError(f"{program.files[-1]}: {finished.stdout.strip()}")
     return {stage: str(folder / f"{stage}.spv") for stage in stages}
 
 
 def compiled(compiler: Compiler, programs: Sequence[AssembledProgram]) -> list[dict[str, Any]]:
-    """What the driver tells of each program's last stage, or its error (null_device.py).
+    """Return the driver's statistics of the last stage of each program, or its error (null_device.py).
 
-    Raises InputError where glslang refuses one.
+    Raises InputError where glslang refuses a program.
     """
     with tempfile.TemporaryDirectory() as place:
         files = list[dict[str, str]]()

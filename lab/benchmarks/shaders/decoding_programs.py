@@ -1,4 +1,4 @@
-"""The programs that a GPU decodes with, by path, codec and precision."""
+"""Decoding programs of a GPU by path, codec and precision."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -29,7 +29,7 @@ SIZE: Final = (16, 16)
 
 @dataclass(frozen=True)
 class DecodingProgram:
-    """A program, and what it is for."""
+    """Decoding program with its path, codec and precision."""
 
     path: str
     """`deferred, shared`: with one decoder for all."""
@@ -70,7 +70,7 @@ def _slots(name: str) -> Iterator[tuple[str, Slot]]:
 
 
 def decoding_programs(context: GraphicsContext, codecs: tuple[str, ...] = tuple(CODECS)) -> tuple[DecodingProgram, ...]:
-    """Those of a GPU for `codecs`, with exact filters. `context` holds what is uploaded meanwhile; nothing is drawn."""
+    """Return the decoding programs of a GPU for `codecs`, with exact filters. `context` takes the uploads; nothing is drawn."""
     scene = load_scene(builtin_scene_path())
     hashes = [texture.pixel_hash for texture in scene.textures]
     several = tuple(number % 3 for number in range(len(hashes)))
@@ -79,18 +79,20 @@ def decoding_programs(context: GraphicsContext, codecs: tuple[str, ...] = tuple(
         packs[name] = _pack(CODECS[name], several, hashes)
         packs[f"{name}, shared"] = _pack(CODECS[name], (0,) * len(hashes), hashes)
     recorder = ProgramRecorder()
-    found: list[DecodingProgram] = []
+    programs: list[DecodingProgram] = []
     with recorder.recording():
         renderer = Renderer(gpu_of(context), scene)
         renderer.set_packs(packs)
         for name in codecs:
             for path, slot in _slots(name):
-                before = len(recorder.found)
+                before = len(recorder.programs)
                 renderer.render(ViewState(scene.cameras[0], SIZE, slot))
                 made = [
-                    own for own in list(recorder.found.values())[before:] if own.files[-1].startswith("passes/decode_")
+                    program
+                    for program in list(recorder.programs.values())[before:]
+                    if program.files[-1].startswith("passes/decode_")
                 ]
-                decoding = [own for own in made if own.files[-1].split("/")[-1].startswith("decode")]
-                found += [DecodingProgram(path, name, slot.precision, own) for own in decoding]
+                decoding = [program for program in made if program.files[-1].split("/")[-1].startswith("decode")]
+                programs += [DecodingProgram(path, name, slot.precision, program) for program in decoding]
         renderer.release()
-    return tuple(found)
+    return tuple(programs)

@@ -1,4 +1,4 @@
-"""Counts instructions of machine code, as Mesa's drivers for AMD and Intel disassemble it, along the way that one invocation takes."""
+"""Instruction counts of machine code in the disassembly of Mesa's drivers for AMD and Intel, along the path of one invocation."""
 
 import re
 from collections.abc import Sequence
@@ -77,7 +77,7 @@ class MachineCode:
             if match is None:
                 continue
             words = match[2].split()
-            # Each word of an unknown instruction has a line of its own.
+            # Each word of an unknown instruction has a separate line.
             name = match[1] or ("v_unknown" if words[0].startswith(_LONG_VECTOR) else "s_unknown")
             places[place] = len(names)
             if _BRANCH.match(name):
@@ -102,10 +102,11 @@ class MachineCode:
         pixels, as does what is outside of loops. Other loops run once for each pixel. Of branches all sides count.
         Raises ValueError where the loops of the network are not to be found.
         """
-        own = [self._innermost(number) for number in range(len(self.names))]
+        innermost = [self._innermost(number) for number in range(len(self.names))]
         products = {
             loop: sum(
-                place == loop and bool(_MULTIPLY_ADD.match(name)) for place, name in zip(own, self.names, strict=True)
+                place == loop and bool(_MULTIPLY_ADD.match(name))
+                for place, name in zip(innermost, self.names, strict=True)
             )
             for loop in self.loops
         }
@@ -117,17 +118,17 @@ class MachineCode:
         times: dict[Loop | None, float] = dict.fromkeys(self.loops, 1.0)
         times |= {None: 1.0 / pixels}
         times |= {loop: length / pixels for loop, length in zip(largest, lengths, strict=True)}
-        return sum(times[place] for place, name in zip(own, self.names, strict=True) if is_vector(name))
+        return sum(times[place] for place, name in zip(innermost, self.names, strict=True) if is_vector(name))
 
     def weighted(self, times: Sequence[float]) -> float:
         """Vector instructions where each of `loops` runs as often as `times` says. Raises ValueError for another number of loops."""
         if len(times) != len(self.loops):
             raise ValueError(f"the code has {len(self.loops)} loops, and {len(times)} are known")
         weights: dict[Loop | None, float] = {None: 1.0, **dict(zip(self.loops, times, strict=True))}
-        own = (self._innermost(number) for number in range(len(self.names)))
-        return sum(weights[loop] for loop, name in zip(own, self.names, strict=True) if is_vector(name))
+        innermost = (self._innermost(number) for number in range(len(self.names)))
+        return sum(weights[loop] for loop, name in zip(innermost, self.names, strict=True) if is_vector(name))
 
 
 def is_vector(name: str) -> bool:
-    """Whether an instruction is carried out for each invocation of a subgroup, with its own registers."""
+    """Return whether an instruction runs for each invocation of a subgroup, with separate registers."""
     return not name.startswith("s_")

@@ -1,4 +1,4 @@
-"""Compiles SPIR-V with a Vulkan driver, without its GPU, and writes what the driver says of the machine code.
+"""Compile SPIR-V with a Vulkan driver, without a GPU, and write the driver's statistics of the machine code.
 
     python null_device.py DRIVER.so < request.json > answer.json
 
@@ -35,7 +35,7 @@ def structure(name: str, fields: str) -> type[ctypes.Structure]:
     """A structure of C. `fields`: names with their kind, p pointer, u uint32, z size, f float, t text of 256 bytes."""
     kinds = {"p": Pointer, "u": UInt, "z": Size, "f": Float, "t": Text, "l": ctypes.c_uint64}
     pairs = [part.split(":") for part in fields.split()]
-    return type(name, (ctypes.Structure,), {"_fields_": [(own, kinds[kind]) for own, kind in pairs]})
+    return type(name, (ctypes.Structure,), {"_fields_": [(field_name, kinds[kind]) for field_name, kind in pairs]})
 
 
 HEAD = "sType:u pNext:p "
@@ -97,7 +97,7 @@ def address(part: Any) -> int:
 
 
 class NullDevice:
-    """A device of the driver whose pipelines tell their statistics."""
+    """Device of the driver whose pipelines have statistics."""
 
     def __init__(self, driver: str) -> None:
         """Raises OSError and VulkanError where the driver gives no device."""
@@ -106,7 +106,7 @@ class NullDevice:
         entry.vk_icdNegotiateLoaderICDInterfaceVersion(ctypes.byref(negotiated))
         self._find = entry.vk_icdGetInstanceProcAddr
         self._find.restype, self._find.argtypes = Pointer, [Pointer, ctypes.c_char_p]
-        self._kept: list[Any] = []
+        self._referenced: list[Any] = []
         self._instance: Any = None
         version = 1 << 22 | 3 << 12
         application = Application(0, None, None, 0, None, 0, version)
@@ -125,8 +125,8 @@ class NullDevice:
         # All features, but for checked accesses, which OpenGL does not ask for.
         kinds = (1000059000, 49, 51, 53, 1000269000)
         features = [Features(kind) for kind in kinds]
-        for own, following in pairwise(features):
-            own.pNext = address(following)
+        for part, following in pairwise(features):
+            part.pNext = address(following)
         self.call("vkGetPhysicalDeviceFeatures2", physical, ctypes.byref(features[0]), fails=False)
         features[0].values[0] = 0
         priority = Float(1.0)
@@ -204,36 +204,42 @@ class NullDevice:
     def _listed(self, name: str, given: ctypes.Structure, kind: type[ctypes.Structure], number: int) -> Any:
         count = UInt()
         self.call(name, self._device, ctypes.byref(given), ctypes.byref(count), None)
-        found = (kind * count.value)(*(kind(number) for _ in range(count.value)))
-        self.call(name, self._device, ctypes.byref(given), ctypes.byref(count), found)
-        return found
+        values = (kind * count.value)(*(kind(number) for _ in range(count.value)))
+        self.call(name, self._device, ctypes.byref(given), ctypes.byref(count), values)
+        return values
 
     def statistics(self, pipeline: Any) -> dict[str, Any]:
-        """What the driver tells of the pipeline's last stage; of several widths of its subgroups the last, which is the widest."""
+        """Return the driver's statistics of the pipeline's last stage, at the widest subgroup."""
         prefix = "vkGetPipelineExecutable"
         given = PipelineInfo(1000269001, None, pipeline.value)
         stages = self._listed(f"{prefix}PropertiesKHR", given, Executable, 1000269002)
         last = max(range(len(stages)), key=lambda number: (stages[number].stages, number))
-        own = ExecutableInfo(1000269003, None, pipeline.value, last)
-        found: dict[str, Any] = {"executable": stages[last].name.decode(), "subgroup": stages[last].subgroup}
-        for statistic in self._listed(f"{prefix}StatisticsKHR", own, Statistic, 1000269004):
-            found[statistic.name.decode()] = statistic.value
-        representations = self._listed(f"{prefix}InternalRepresentationsKHR", own, Representation, 1000269005)
+        executable_info = ExecutableInfo(1000269003, None, pipeline.value, last)
+        statistics_of: dict[str, Any] = {"executable": stages[last].name.decode(), "subgroup": stages[last].subgroup}
+        for statistic in self._listed(f"{prefix}StatisticsKHR", executable_info, Statistic, 1000269004):
+            statistics_of[statistic.name.decode()] = statistic.value
+        representations = self._listed(
+            f"{prefix}InternalRepresentationsKHR", executable_info, Representation, 1000269005
+        )
         texts = [ctypes.create_string_buffer(part.bytes) for part in representations]
         for part, text in zip(representations, texts, strict=True):
             part.data = address(text)
         count = UInt(len(texts))
         self.call(
-            f"{prefix}InternalRepresentationsKHR", self._device, ctypes.byref(own), ctypes.byref(count), representations
+            f"{prefix}InternalRepresentationsKHR",
+            self._device,
+            ctypes.byref(executable_info),
+            ctypes.byref(count),
+            representations,
         )
         for part, text in zip(representations, texts, strict=True):
             if part.isText and b"ssembly" in part.name:
-                found["assembly"] = text.value.decode(errors="replace")
-        return found
+                statistics_of["assembly"] = text.value.decode(errors="replace")
+        return statistics_of
 
 
-def told(device: NullDevice, program: dict[str, str]) -> dict[str, Any]:
-    """What the driver tells of a program of the request."""
+def program_statistics(device: NullDevice, program: dict[str, str]) -> dict[str, Any]:
+    """Return the driver's statistics of a program of the request, or its error."""
     try:
         pipeline = (
             device.compute(program["comp"]) if "comp" in program else device.graphics(program["vert"], program["frag"])
@@ -243,13 +249,13 @@ def told(device: NullDevice, program: dict[str, str]) -> dict[str, Any]:
         return {"error": str(error)}
 
 
-def told_apart(device: NullDevice, program: dict[str, str]) -> dict[str, Any]:
-    """As `told`, in a process of its own: compilers may end it."""
+def statistics_in_a_process(device: NullDevice, program: dict[str, str]) -> dict[str, Any]:
+    """Return the result of `program_statistics` in a separate process, because compilers may crash."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
         with os.fdopen(writing, "w") as file:
-            json.dump(told(device, program), file)
+            json.dump(program_statistics(device, program), file)
         os._exit(0)
     os.close(writing)
     with os.fdopen(reading) as file:
@@ -262,9 +268,9 @@ def told_apart(device: NullDevice, program: dict[str, str]) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Compile what the request names."""
+    """Compile the programs that the request names."""
     device = NullDevice(sys.argv[1])
-    json.dump([told_apart(device, program) for program in json.load(sys.stdin)], sys.stdout)
+    json.dump([statistics_in_a_process(device, program) for program in json.load(sys.stdin)], sys.stdout)
 
 
 if __name__ == "__main__":

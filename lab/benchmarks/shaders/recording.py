@@ -1,4 +1,4 @@
-"""Records the programs that a renderer would compile. None is compiled: for compilers other than the driver's, and for counts."""
+"""Recorder of the programs that a renderer would compile. They are not compiled, but handed to other compilers."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -82,9 +82,9 @@ class _NoVertexArray(moderngl.VertexArray):
 
 @dataclass
 class ProgramRecorder:
-    """Takes what a ProgramFactory would compile, and gives it programs that do nothing."""
+    """Recorder of the programs of a ProgramFactory, which gets programs without effect instead."""
 
-    found: dict[tuple[str, ...], AssembledProgram] = field(default_factory=dict[tuple[str, ...], AssembledProgram])
+    programs: dict[tuple[str, ...], AssembledProgram] = field(default_factory=dict[tuple[str, ...], AssembledProgram])
     uniforms: dict[tuple[str, ...], frozenset[str]] = field(default_factory=dict[tuple[str, ...], frozenset[str]])
     codec: str = ""
     """Name for what is drawn meanwhile."""
@@ -97,8 +97,8 @@ class ProgramRecorder:
         if key not in factory._programs:
             sources = [factory._library.assemble(name, defines) for name in names]
             texts = tuple(source.text for source in sources)
-            if texts not in self.found:
-                self.found[texts] = AssembledProgram(names, texts, dict(defines or {}), self.codec)
+            if texts not in self.programs:
+                self.programs[texts] = AssembledProgram(names, texts, dict(defines or {}), self.codec)
                 self.uniforms[texts] = frozenset[str]().union(*(source.uniforms for source in sources))
             kind = _NoComputeShader if len(names) == 1 else _NoProgram
             factory._programs[key] = kind(self.uniforms[texts])

@@ -25,50 +25,52 @@ SEVERAL: Final = ("deferred, shared", "binned", "cached")
 """Paths whose invocations decode as many pixels as `DecoderVariant` says."""
 
 
-def network_loops(found: DecodingProgram, variant: DecoderVariant) -> tuple[tuple[int, ...], int]:
-    """How often the loops over both hidden layers run, none for codec `block`, and the pixels of one invocation."""
-    config = found.config
+def network_loops(program: DecodingProgram, variant: DecoderVariant) -> tuple[tuple[int, ...], int]:
+    """Return (trip counts of the loops over both hidden layers, pixels of one invocation); codec `block` has no such loops."""
+    config = program.config
     if not isinstance(config, GridConfig):
         return (), 1
     blocks = config.hidden_width // 4
-    if found.path not in SEVERAL:
+    if program.path not in SEVERAL:
         return (blocks, blocks), 1
     return (blocks // gcd(blocks, variant.unrolled), blocks), variant.pixels
 
 
 FIGURES: Final = ("registers", "scratch bytes", "waves", "lanes", "instructions")
 AMD: Final = ("VGPRs", "Scratch size", "Subgroups per SIMD", "subgroup", "Instructions")
-"""FIGURES as RADV names them."""
+"""Names of FIGURES in RADV."""
 INTEL: Final = ("Max live registers", "Scratch Memory Size", "", "subgroup", "Instruction Count")
-"""FIGURES as ANV names them: a thread has all its registers, whatever it needs, so there are no waves to tell."""
+"""Names of FIGURES in ANV. It has no number of waves, because a thread always has all its registers."""
 
 SPILLS: Final = ("Spilled VGPRs", "Spilled SGPRs", "Spill Count")
-"""What both drivers tell of registers that are kept in memory."""
+"""Names of the numbers of spilled registers in both drivers."""
 
 
-def row(found: DecodingProgram, told: Mapping[str, Any], variant: DecoderVariant) -> dict[str, Any]:
-    """What a program costs; None where the compiler failed. Vector instructions a texel are None for codec `block`, whose loops
-    depend on the data."""
-    loops, pixels = network_loops(found, variant)
-    names = AMD if "VGPRs" in told else INTEL
-    figures = {figure: told.get(name) for figure, name in zip(FIGURES, names, strict=True)}
+def row(program: DecodingProgram, answer: Mapping[str, Any], variant: DecoderVariant) -> dict[str, Any]:
+    """Return the figures of a program; None where the compiler failed.
+
+    Vector instructions per texel are None for codec `block`, whose loops depend on the data.
+    """
+    loops, pixels = network_loops(program, variant)
+    names = AMD if "VGPRs" in answer else INTEL
+    figures = {figure: answer.get(name) for figure, name in zip(FIGURES, names, strict=True)}
     # ANV's code for arithmetic in halves has more loops than those of the layers, which are not told apart.
-    counted = bool(loops) and "assembly" in told and ("VGPRs" in told or found.precision in ("fp32", "fp16"))
-    code = MachineCode.parsed(told.get("assembly", ""))
+    counted = bool(loops) and "assembly" in answer and ("VGPRs" in answer or program.precision in ("fp32", "fp16"))
+    code = MachineCode.parsed(answer.get("assembly", ""))
     return {
-        "path": found.path,
-        "codec": found.codec,
-        "precision": found.precision,
-        "spills": sum(int(told[name]) for name in SPILLS if name in told) if told else None,
+        "path": program.path,
+        "codec": program.codec,
+        "precision": program.precision,
+        "spills": sum(int(answer[name]) for name in SPILLS if name in answer) if answer else None,
         **figures,
         "vector instructions a texel": round(code.vector_instructions(loops, pixels)) if counted else None,
     }
 
 
 def statistics(gpu: str, programs: Sequence[DecodingProgram], variant: DecoderVariant = GPU) -> list[dict[str, Any]]:
-    """A row for each program on a GPU of GPUS. Raises InputError where a compiler is missing."""
-    told = compiled(find_compiler(gpu), [found.program for found in programs])
-    return [{"gpu": gpu, **row(found, own, variant)} for found, own in zip(programs, told, strict=True)]
+    """Return a row for each program on a GPU of GPUS. Raises InputError where a compiler is missing."""
+    answers = compiled(find_compiler(gpu), [program.program for program in programs])
+    return [{"gpu": gpu, **row(program, answer, variant)} for program, answer in zip(programs, answers, strict=True)]
 
 
 def main() -> int:
@@ -80,7 +82,7 @@ def main() -> int:
     options = parser.parse_args()
     programs = decoding_programs(create_headless_context(), tuple(options.codec or CODECS))
     try:
-        rows = [own for gpu in options.gpu or GPUS for own in statistics(gpu, programs)]
+        rows = [row_of for gpu in options.gpu or GPUS for row_of in statistics(gpu, programs)]
     except InputError as error:
         print(error, file=sys.stderr)
         return 1
