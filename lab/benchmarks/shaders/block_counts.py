@@ -164,9 +164,9 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
     used = np.unique(taps[taps[..., 0] >= 0], axis=0)
     kinds = np.array([codes.kinds(texture, level)[block] for level, block, _ in used])
     # Mips of the same code are decoded together.
-    own_levels = [levels[level].first_cell for level, _, _ in used]
+    stored_levels = [levels[level].first_cell for level, _, _ in used]
     _, first, squares = np.unique(
-        np.stack([own_levels, used[:, 1]], axis=-1), axis=0, return_index=True, return_counts=True
+        np.stack([stored_levels, used[:, 1]], axis=-1), axis=0, return_index=True, return_counts=True
     )
     coefficients = 4 * int(fours[kinds[first]].sum())
     return PixelGroup(
@@ -208,29 +208,29 @@ def together_trips(group: PixelGroup, lanes: int, is_single: bool) -> list[float
     return trips_of_rounds(group, lanes, is_single, group.work_rounds(PLANE_FOURS))
 
 
-def trips_of_rounds(group: PixelGroup, lanes: int, is_single: bool, again: int, is_found: bool = False) -> list[float]:
-    """Return the trip counts of `together_trips` in `again` rounds; `is_found` is true where the group knows its codes already."""
+def trips_of_rounds(group: PixelGroup, lanes: int, is_single: bool, again: int, are_known: bool = False) -> list[float]:
+    """Return the trip counts of `together_trips` in `again` rounds; `are_known` is true where the group knows its codes already."""
     mips, taps = (1, 1) if is_single else (2, 8)
     # A lane finds a code; half of the lanes do. Most places in the hash table are free at once.
     finding = group.most_fours * (1.0 if lanes == TOGETHER else 0.5)
     coefficients = -(-group.coefficients // (4 * TOGETHER))
     # Where a pixel reads one texel, it lists its square itself.
     listing = [] if is_single else [group.most_squares]
-    finding_trips = np.array([mips, taps, PROBES * taps]) * (again - is_found)
-    listed = np.array(listing) * (again - is_found)
+    finding_trips = np.array([mips, taps, PROBES * taps]) * (again - are_known)
+    listed = np.array(listing) * (again - are_known)
     decoding = [coefficients, *_in_rounds(group.fours, lanes), mips * again, taps * again]
     return [again, *finding_trips.tolist(), finding * again, *listed.tolist(), *decoding]
 
 
 def joint_trips(groups: Sequence[PixelGroup], lanes: int, is_single: bool) -> list[float]:
     """Return trip counts of the loops where a work group decodes planes in turn; `groups` has one group per plane, of equal texels."""
-    total, is_found = np.zeros(0), False
+    total, are_known = np.zeros(0), False
     for group in groups:
         rounds = group.work_rounds(PLANES_FOURS)
-        trips = np.array(trips_of_rounds(group, lanes, is_single, rounds, is_found))
+        trips = np.array(trips_of_rounds(group, lanes, is_single, rounds, are_known))
         total = total + trips if len(total) else trips
         # Where shared memory did not hold all, what it holds is not what the next plane needs.
-        is_found = rounds == 1
+        are_known = rounds == 1
     return [1.0, float(len(groups)), *total.tolist()]
 
 
@@ -286,13 +286,13 @@ def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
 
 
 def _code_rounds(fours: Array) -> list[NDArray[np.bool_]]:
-    """Which of codes with `fours` [codes] a work group holds in each round, in order: [codes] bool."""
-    found, left = list[NDArray[np.bool_]](), np.full(len(fours), True)
+    """Return the masks [codes] of the codes, with `fours` [codes], that a work group holds in each round."""
+    rounds, left = list[NDArray[np.bool_]](), np.full(len(fours), True)
     while left.any():
         fits = left & (np.cumsum(np.where(left, fours, 0)) <= TILE_FOURS)
-        found.append(fits)
+        rounds.append(fits)
         left &= ~fits
-    return found
+    return rounds
 
 
 def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
@@ -342,7 +342,7 @@ TILE_SLOTS: Final = shader_number(TILE_SHADER, "SLOTS")
 TILE_FOURS: Final = shader_number(TILE_SHADER, "USUAL_FOURS")
 """Fours of their coefficients."""
 LENGTHS: Final = shader_number(TILE_SHADER, "LENGTHS")
-"""Numbers of fours that it tells apart to order codes."""
+"""Number of classes by fours into which it sorts codes."""
 PROBES: Final = 1.5
 """Places of the hash table that a subgroup looks at for a code, estimated."""
 PAGE_TEXELS: Final = PAGE_SIDE * PAGE_SIDE

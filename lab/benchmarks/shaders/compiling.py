@@ -65,7 +65,7 @@ class Compiler:
         return [str(linker), "--library-path", libraries, python]
 
     def run(self, programs: Sequence[Mapping[str, str]]) -> list[dict[str, Any]]:
-        """What null_device.py answers for SPIR-V files. Raises InputError where the driver cannot be used."""
+        """Return the answer of null_device.py for SPIR-V files. Raises InputError where the driver cannot be used."""
         command = [*self._command(), str(HERE / "null_device.py"), str(self.driver)]
         environment = {**os.environ, **self.gpu.environment, "MESA_SHADER_CACHE_DISABLE": "true"}
         with tempfile.TemporaryDirectory() as place:

@@ -42,7 +42,7 @@ class MachineCode:
 
     @classmethod
     def parsed(cls, assembly: str) -> "MachineCode":
-        """From the disassembly of either driver."""
+        """Return the code in the disassembly of either driver."""
         return cls._of_intel(assembly) if "align1" in assembly else cls._of_amd(assembly)
 
     @classmethod
@@ -100,7 +100,7 @@ class MachineCode:
 
         The loops with the most multiply-adds are those over the network's layers: they run as often as `lengths` says, once for all
         pixels, as does what is outside of loops. Other loops run once for each pixel. Of branches all sides count.
-        Raises ValueError where the loops of the network are not to be found.
+        Raises ValueError where the code has no loops of the network.
         """
         innermost = [self._innermost(number) for number in range(len(self.names))]
         products = {

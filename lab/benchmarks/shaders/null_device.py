@@ -23,7 +23,7 @@ CAPTURE = 0x40 | 0x80
 RGBA32F = 109
 ATTRIBUTES = 16
 STORAGE_BUFFERS, STORAGE_IMAGES, SAMPLED, UNIFORM_BUFFERS = range(0, 16), range(16, 32), range(32, 64), range(64, 80)
-"""Bindings of each kind, as glslang is told to number them (`lab.benchmarks.shaders.compiling`)."""
+"""First binding of each kind, which glslang gets as an option (`lab.benchmarks.shaders.compiling`)."""
 OLDEST_MESA = (23, 2)
 """Of Intel's driver before it some programs take minutes, or have no end."""
 PROPERTY_BYTES = 824
@@ -92,7 +92,7 @@ class VulkanError(Exception):
 
 
 def address(part: Any) -> int:
-    """Where a structure or an array lies; 0 for an empty one."""
+    """Return the address of a structure or an array; 0 for an empty one."""
     return ctypes.addressof(part)
 
 
@@ -112,11 +112,11 @@ class NullDevice:
         application = Application(0, None, None, 0, None, 0, version)
         information = InstanceInfo(1, None, 0, address(application), 0, None, 0, None)
         self._instance = self._made("vkCreateInstance", information)
-        count, found = UInt(1), (Pointer * 1)()
-        self.call("vkEnumeratePhysicalDevices", self._instance, ctypes.byref(count), found)
+        count, devices = UInt(1), (Pointer * 1)()
+        self.call("vkEnumeratePhysicalDevices", self._instance, ctypes.byref(count), devices)
         if not count.value:
             raise VulkanError("the driver has no device")
-        physical = Pointer(found[0])
+        physical = Pointer(devices[0])
         properties = (UInt * (PROPERTY_BYTES // 4))()
         self.call("vkGetPhysicalDeviceProperties", physical, ctypes.byref(properties), fails=False)
         mesa = properties[1] >> 22, properties[1] >> 12 & 0x3FF
@@ -261,10 +261,10 @@ def statistics_in_a_process(device: NullDevice, program: dict[str, str]) -> dict
     with os.fdopen(reading) as file:
         text = file.read()
     _, status = os.waitpid(child, 0)
-    found: dict[str, Any] = (
+    answer: dict[str, Any] = (
         json.loads(text) if status == 0 else {"error": f"the compiler ends with signal {status & 127}"}
     )
-    return found
+    return answer
 
 
 def main() -> None:

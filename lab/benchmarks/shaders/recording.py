@@ -16,7 +16,7 @@ HALF_EXTENSION: Final = "GL_EXT_shader_explicit_arithmetic_types_float16"
 
 @dataclass(frozen=True)
 class AssembledProgram:
-    """One program as the driver would get it."""
+    """Program in the form that the driver would get."""
 
     files: tuple[str, ...]
     """Files of its stages, below shaders/: one of a compute shader, else those of the vertex and the fragment shader."""
@@ -92,7 +92,7 @@ class ProgramRecorder:
     def find(
         self, factory: ProgramFactory, names: tuple[str, ...], defines: Defines | None
     ) -> moderngl.Program | moderngl.ComputeShader:
-        """In place of `ProgramFactory._find`."""
+        """Record a program and return one without effect, in place of `ProgramFactory._find`."""
         key = (names, tuple(sorted((defines or {}).items())))
         if key not in factory._programs:
             sources = [factory._library.assemble(name, defines) for name in names]
@@ -108,7 +108,7 @@ class ProgramRecorder:
     def vertex_array(
         _gl: moderngl.Context, program: moderngl.Program, *_: object, **__: object
     ) -> moderngl.VertexArray:
-        """In place of `moderngl.Context.vertex_array`."""
+        """Return a vertex array without effect, in place of `moderngl.Context.vertex_array`."""
         return _NoVertexArray(program)
 
     @contextmanager

@@ -54,7 +54,7 @@ def row(program: DecodingProgram, answer: Mapping[str, Any], variant: DecoderVar
     loops, pixels = network_loops(program, variant)
     names = AMD if "VGPRs" in answer else INTEL
     figures = {figure: answer.get(name) for figure, name in zip(FIGURES, names, strict=True)}
-    # ANV's code for arithmetic in halves has more loops than those of the layers, which are not told apart.
+    # ANV's code for arithmetic in halves has more loops than the layers, and they cannot be distinguished.
     counted = bool(loops) and "assembly" in answer and ("VGPRs" in answer or program.precision in ("fp32", "fp16"))
     code = MachineCode.parsed(answer.get("assembly", ""))
     return {

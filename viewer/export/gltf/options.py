@@ -171,9 +171,9 @@ def _uses(
 
     uses: dict[_Options, list[tuple[int, MapName]]] = {}
     options = [pack.get(number, []) for pack in packs]
-    for reference in dict.fromkeys(chain.from_iterable(own.references for own in chain.from_iterable(options))):
+    for reference in dict.fromkeys(chain.from_iterable(one.references for one in chain.from_iterable(options))):
         here = place(reference)
-        key = tuple(next((own for own in each if here in map(place, own.references)), None) for each in options)
+        key = tuple(next((one for one in each if here in map(place, one.references)), None) for each in options)
         uses.setdefault(key, []).append(reference)
     return uses
 
