@@ -36,7 +36,7 @@ from viewer.state.view_state import (
 )
 
 NUDGE = 1e-4
-"""Movement of the camera between frames, as a share of its distance to the target. It prevents that a pass is skipped."""
+"""Movement of the camera between frames, as a share of its distance to the target. A still camera would skip passes."""
 PLACES = 7
 """Number of positions between which a moved camera alternates."""
 PICTURE_BYTES = 16 + 4 + 4 + 4 + 8 + 2 * 16 + 4

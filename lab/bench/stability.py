@@ -35,7 +35,7 @@ FIXTURE_SIDE = 64
 LOGARITHM_ERROR = 2.0**-14
 """Error bound of log2 in shaders, for footprints that occur."""
 ULP_FLOOR = 1.0 / 255.0
-"""Smallest value whose unit in the last place measures errors. The units of values near 0 are arbitrarily small."""
+"""Lower limit of the values whose units in the last place measure errors, because units near 0 are arbitrarily small."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,7 @@ class StabilityRow:
 class _Expected:
     exact: Array
     bound: Array | None
-    """None for codec `block`, which has no certified bounds."""
+    """Certified bounds of `exact`; None for codec `block`, which has none."""
 
 
 def _row(case: str, path: str, precision: Precision, values: NDArray[np.float32], expected: _Expected) -> StabilityRow:

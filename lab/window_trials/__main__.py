@@ -7,7 +7,7 @@ window the trial checks its exit status, that every pack beside a scene matches 
 disk or was discarded.
 
 Windows without input open the built-in scene or one of SCENE, with the packs beside it and by a random path, while images and
-read-backs from the GPU are delayed. Each must come to rest on the picture of `render`, and draw no frame at rest. Needs Xvfb.
+read-backs from the GPU are delayed. Each must stop at the picture that `render` draws, and then draw no further frame. Needs Xvfb.
 """
 
 import random

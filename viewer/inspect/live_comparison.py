@@ -51,7 +51,7 @@ class LiveComparison:
         self._rest_key: object = None
         self._rested_since = 0.0
         self._done: object = None
-        """Rest key of the picture whose work is all done."""
+        """`_rest_key`, and whether figures were wanted, of the picture for which all work is done."""
         self._renderer: Renderer | None = None
         self._packs: Mapping[str, Pack] | None = None
         self._slots: tuple[Slot, Slot] | None = None

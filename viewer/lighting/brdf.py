@@ -168,7 +168,7 @@ def _scattering(f0: Array, f90: Array, table: tuple[Array, Array]) -> tuple[Arra
 
 
 def environment_response(surface: Reflection, table: tuple[Array, Array], specular: Array, irradiance: Array) -> Array:
-    """Return [N, 3] radiance that a surface reflects of an environment.
+    """Return the [N, 3] radiance of an environment that a surface reflects towards the viewer.
 
     `specular`: [N, 3] prefiltered radiance around the mirrored view; `irradiance`: [N, 3] irradiance over pi around the normal.
     """

@@ -69,9 +69,9 @@ def irradiance_map(panorama: NDArray[np.float32], side: int) -> Array:
 
     `panorama`: [H, 2 H, 3] linear radiance, equirectangular.
 
-    Irradiance over pi is the integral of radiance times max(cosine, 0) / pi, here a sum over all light of the panorama: the cosine
-    lobe is wide, and a few samples would miss a sun. To make the sum short, the light of a block of texels (radiance times solid
-    angle) is added up and shines from its mean direction, weighted by brightness.
+    Irradiance over pi is the integral of radiance times max(cosine, 0) / pi. It is computed as a sum over the whole panorama, because
+    random samples could miss a small sun. Blocks of texels keep the sum short: the light of a block (radiance times solid angle) is
+    added up, and comes from the mean direction of its texels, weighted by brightness.
     """
     height = panorama.shape[0]
     rows = min(IRRADIANCE_ROWS, -(-height // 4))
@@ -148,10 +148,11 @@ def _sample_chain(chain: list[Array], directions: Array, lod: Array) -> Array:
 
 
 def lobe_samples(roughness: float, samples: int, source_side: int) -> Array:
-    """Return [n, 4]: directions around (0, 0, 1), whose z are their weights, and the level of the octahedral source that each reads.
+    """Return [n, 4]: samples of a GGX lobe, each a direction around (0, 0, 1) and a mip level of the octahedral source.
 
-    Drawn from GGX for a surface seen along its normal; those below it are left out. Each reads about the solid angle that it stands
-    for. Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance Sampling".
+    Filtered importance sampling (Krivanek and Colbert 2008, "Real-time Shading with Filtered Importance Sampling"): directions are
+    drawn from GGX for a surface seen along its normal, and those below the surface are left out. The weight of a sample is its z. Few
+    samples would show as noise. Therefore each reads a mip, one level coarser than that whose texels cover 1 / (samples * density).
     """
     if roughness == 0.0:
         return np.array([[0.0, 0.0, 1.0, 0.0]])

@@ -29,7 +29,7 @@ GROUND: Final = (0.20, 0.18, 0.155)
 HORIZON_BLEND: Final = 0.02
 """Sine of the elevation, above and below the horizon, up to which ground and sky are blended."""
 TWILIGHT_DEGREES: Final = 1.0
-"""Angle in degrees: each time the sun sinks by it below the horizon, the sky's light halves."""
+"""Angle in degrees below the horizon over which the sky's light halves."""
 
 _LUMINANCE = ((0.1787, -1.4630), (-0.3554, 0.4275), (-0.0227, 5.3251), (0.1206, -2.5771), (-0.0670, 0.3703))
 _CHROMA_X = ((-0.0193, -0.2592), (-0.0665, 0.0008), (-0.0004, 0.2125), (-0.0641, -0.8989), (-0.0033, 0.0452))
@@ -67,7 +67,10 @@ def twilight(elevation: float) -> float:
 
 
 def _upper_half(directions: Array, elevation: float) -> Array:
-    """Return the radiance [..., 3] of the sky in `directions` [..., 3], with the sun in the north; below the horizon, that at it."""
+    """Return the radiance [..., 3] of the sky in `directions` [..., 3], with the sun in the north.
+
+    Directions below the horizon have the radiance at the horizon.
+    """
     angle = math.radians(90.0 - max(elevation, 0.0))
     sun = np.array(direction_towards(0.0, max(elevation, 0.0)))
     # The model has a pole at the horizon.

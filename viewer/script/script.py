@@ -1,4 +1,4 @@
-"""Scripts: parsing and playing. All lines are parsed before the first is played. Playing is a generator, which never blocks frames."""
+"""Scripts: parsing and playing. All lines are parsed before the first is played. A generator plays them, and yields to each frame."""
 
 import difflib
 from collections.abc import Iterator, Sequence

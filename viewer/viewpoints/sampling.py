@@ -64,13 +64,13 @@ DUPLICATE_COSINE = math.cos(math.radians(30.0))
 FLOOR_TOLERANCE = 0.5
 """Largest height in metres of a floor or of ground outdoors above the median floor. Higher ground is a table or a roof."""
 LEAST_INDOORS = 0.5
-"""Smallest share of the low ground that lies in rooms, in an interior."""
+"""Share of the low ground that must lie in rooms for a scene to be an interior."""
 LEAST_OF_ALL = 0.25
-"""Smallest share of all ground, tables and roofs included, that lies in rooms, in an interior."""
+"""Share of all ground, tables and roofs included, that must lie in rooms for a scene to be an interior."""
 INDOOR_POINTS = 64
 """Number of sampled points on the ground that decide whether a scene is an interior."""
 LEAST_WALLED = 0.75
-"""Smallest share of the level directions in which a room has a wall."""
+"""Share of the level directions in which a room must have a wall."""
 ROOM_HEIGHTS = (2.0, 8.0)
 """Range of the heights of rooms in metres."""
 UNITS = (1.0, 100.0)

@@ -21,9 +21,9 @@ def value_range(values: Array) -> tuple[Array, Array]:
 def crossings(corners: Array, axis: int) -> tuple[Array, NDArray[np.bool_]]:
     """Return (positions [M], whether the triangle faces along the axis [M]) of the crossings of triangles [T, 3, 3] with an axis.
 
-    The triangles are projected along the axis, which becomes the origin of a plane. The cross products of successive corners are twice
-    the areas that the origin makes with each side. The origin is inside where all have one sign. Divided by their sum they are its
-    barycentric coordinates; the sign of the sum is the side that the triangle faces.
+    The axis crosses a triangle whose projection along it contains the origin. The cross products of successive corners are twice the
+    areas that the origin makes with each side. The origin is inside where all three have one sign. Divided by their sum, they are the
+    barycentric coordinates of the crossing. The sign of the sum is the side that the triangle faces.
     """
     p, q = corners[:, :, (axis + 1) % 3], corners[:, :, (axis + 2) % 3]
     areas = p * np.roll(q, -1, axis=1) - q * np.roll(p, -1, axis=1)

@@ -111,7 +111,7 @@ class _Conditions(pcpp.Preprocessor):  # type: ignore[misc]
 
 
 def _place(section: str) -> str:
-    """Return the constant with the number of the header's word where the beginning of a section is stored."""
+    """Return the name of the GLSL constant for the header word that stores where `section` begins."""
     return f"HEADER_{section.upper()}"
 
 
@@ -168,9 +168,9 @@ def _readers(pack: Pack) -> str:
 def decoding_source(pack: Pack, plane: Plane) -> str:
     """Return the GLSL of constants, structs and functions that decode `plane` of a texture of `pack`; ENTRY is the last.
 
-    The preprocessor must evaluate conditions but leave constants as names, which read better in the exported source. Therefore uses
-    of constants are marked, so that it does not know them, and each constant becomes a `const` afterwards. Buffers are replaced by
-    functions that read words: their layout is the same in every language.
+    The preprocessor evaluates conditions but must not replace constants, whose names make the exported source readable. A prefix hides
+    their uses from it, and is removed afterwards; each constant becomes a `const`. Functions that read words replace buffers, because
+    languages lay out structs differently.
     """
     tables = codec_of(pack.config).gpu_tables(pack.config)
     library = ShaderLibrary(shaders_folder(), tables.includes(SOFTWARE))
