@@ -198,7 +198,7 @@ def show_source(session: Session, side: Side, source: str) -> None:
 
 
 leave_formats = gesture("slot.leave-format")(setter("awaited_formats", {}))
-"""Gesture that cancels the encoding of block formats; slots keep what they show."""
+"""Gesture that cancels the encoding of block formats. Slots stay unchanged."""
 
 
 @command(

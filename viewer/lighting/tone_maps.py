@@ -36,7 +36,7 @@ def _none(radiance: Array) -> Array:
 
 
 def _neutral(radiance: Array) -> Array:
-    """Apply Khronos PBR Neutral (KhronosGroup/ToneMapping): a toe, then compression and desaturation of what is bright.
+    """Apply Khronos PBR Neutral (KhronosGroup/ToneMapping): a toe, then compression and desaturation of bright colours.
 
     The toe subtracts the Fresnel reflection of 4 % that a dielectric adds to its base colour, less of it for dark colours. A largest
     component p above 0.76 becomes 1 - d^2 / (p - 0.76 + d), with d = 0.24: value and slope are continuous, and the limit is 1. The

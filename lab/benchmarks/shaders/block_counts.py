@@ -180,7 +180,7 @@ def pixel_group(codes: PackCodes, plane: int, lod: float, is_single: bool, rando
 
 
 def _longest(values: Array, lanes: int) -> float:
-    """The most of each subgroup of `lanes` lanes, as a mean over subgroups."""
+    """Return the maximum of each subgroup of `lanes` lanes, as a mean over subgroups."""
     return float(values.reshape(-1, lanes).max(axis=1).mean())
 
 
@@ -229,7 +229,7 @@ def joint_trips(groups: Sequence[PixelGroup], lanes: int, is_single: bool) -> li
         rounds = group.work_rounds(PLANES_FOURS)
         trips = np.array(trips_of_rounds(group, lanes, is_single, rounds, are_known))
         total = total + trips if len(total) else trips
-        # Where shared memory did not hold all, what it holds is not what the next plane needs.
+        # After several rounds, shared memory has only the codes of the last round: the next plane needs all of them.
         are_known = rounds == 1
     return [1.0, float(len(groups)), *total.tolist()]
 
@@ -276,7 +276,7 @@ def _units(page: Array, inside: int, border: int) -> Array:
 
 
 def tile_alone(code: MachineCode, tile: Tile, lanes: int) -> float:
-    """Vector instructions a texel where invocations decode a square of texels each, and read all coefficients for it."""
+    """Return vector instructions per texel where each invocation decodes a square of texels and reads all its coefficients."""
     units = _units(tile.page, tile.squares, tile.strips)
     kinds, inside = tile.page.reshape(-1), units == tile.squares
     squares = np.concatenate([np.repeat(kinds[squares_of], units[squares_of]) for squares_of in (inside, ~inside)])
@@ -296,7 +296,7 @@ def _code_rounds(fours: Array) -> list[NDArray[np.bool_]]:
 
 
 def tile_together(code: MachineCode, tile: Tile, lanes: int) -> float:
-    """Vector instructions a texel where a work group decodes a tile, TILE_SLOTS codes at once."""
+    """Return vector instructions per texel where a work group decodes a tile, TILE_SLOTS codes at once."""
     fours = tile.fours[tile.page.reshape(-1)]
     lengths, units = fours.sum(axis=1), _units(tile.page, tile.squares // 2, 1)
     # Subgroups that find codes, of those of the work group.
@@ -353,7 +353,7 @@ CODED: Final = ("if (textures[tile.texture_id].srgb == 0)", "if (false)")
 
 
 def instructions(code: MachineCode, trips: Sequence[Sequence[float]]) -> float:
-    """Vector instructions of a lane: a mean over `trips`, each with the times that every loop runs."""
+    """Return vector instructions of a lane, a mean over `trips`: trip counts of every loop."""
     return code.weighted(np.mean(np.array(trips, np.float64), axis=0).tolist())
 
 
@@ -381,7 +381,7 @@ def shown_planes(codes: PackCodes) -> list[Plane]:
 
 
 def counted_programs(context: GraphicsContext, codes: PackCodes, together: int) -> tuple[CountedProgram, ...]:
-    """The programs of a GPU for each plane of a pack. Nothing is drawn."""
+    """Return the programs of a GPU for each plane of a pack. Nothing is drawn."""
     recorder, programs_to_count = ProgramRecorder(), list[CountedProgram]()
     with recorder.recording():
         programs = codec_programs(scene_programs(gpu_of(context)), codes.pack, replace(GPU, together=together))
@@ -415,7 +415,7 @@ def counted_programs(context: GraphicsContext, codes: PackCodes, together: int) 
 
 
 def counted(program: CountedProgram, machine: dict[str, Any], codes: PackCodes, seed: int = 0) -> float:
-    """Vector instructions of a program for a pixel, or for a texel of a tile."""
+    """Return vector instructions of a program per pixel, or per texel of a tile."""
     code, lanes = MachineCode.parsed(machine["assembly"]), min(int(machine["subgroup"]), TOGETHER)
     is_single = program.path.endswith("stochastic")
 
@@ -442,7 +442,7 @@ def counted(program: CountedProgram, machine: dict[str, Any], codes: PackCodes, 
 def rows(
     gpu: str, name: str, codes: PackCodes, context: GraphicsContext, together: int = 1
 ) -> Iterator[dict[str, Any]]:
-    """Rows of the table: each path and lod. All planes in one pass where there is one, else added up.
+    """Yield the rows of the table, by path and lod. All planes are counted in one pass where there is one, else added up.
 
     Raises InputError where a compiler is missing.
     """

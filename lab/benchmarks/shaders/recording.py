@@ -87,7 +87,7 @@ class ProgramRecorder:
     programs: dict[tuple[str, ...], AssembledProgram] = field(default_factory=dict[tuple[str, ...], AssembledProgram])
     uniforms: dict[tuple[str, ...], frozenset[str]] = field(default_factory=dict[tuple[str, ...], frozenset[str]])
     codec: str = ""
-    """Name for what is drawn meanwhile."""
+    """Name that recorded programs get as their codec."""
 
     def find(
         self, factory: ProgramFactory, names: tuple[str, ...], defines: Defines | None
