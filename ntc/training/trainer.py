@@ -9,7 +9,7 @@ import math
 import threading
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -45,6 +45,8 @@ from ntc.training.messages import (
     unchanged_groups,
 )
 
+MEASURING = "measuring texture"
+"""Phase in which results are measured; `step` then counts textures."""
 SECONDS_BETWEEN_REPORTS = 0.25
 SECONDS_BETWEEN_SAVES = 60.0
 SNAPSHOT_SHARE = 0.1
@@ -158,6 +160,16 @@ class Trainer:
     def run(self) -> Ended:
         """Train to the end; the host gets a final snapshot of each group. Raises what the host's `interruption` raises, and what
         the codec's work raises."""
+        pieces = self.pieces()
+        while True:
+            try:
+                next(pieces)
+            except StopIteration as end:
+                ended: Ended = end.value
+                return ended
+
+    def pieces(self) -> Generator[None, None, Ended]:
+        """Train as `run` does, piece by piece: trainings that take turns are asked for a few pieces each."""
         self._began = self._last_save = self._last_report = self._host.seconds()
         self._next_snapshot = self._began + self._request.seconds_between_snapshots
         with closing(self._encoder.pieces()) as pieces:
@@ -171,6 +183,7 @@ class Trainer:
                 self._take_snapshots(piece)
                 for found in self._encoder.encoded(piece.ended):
                     self._end_group(found)
+                yield
         self._report("", is_last=True)
         outcomes = tuple(self._outcomes[group] for group in self._groups)
         return Ended(self._reason(outcomes), outcomes, self._record())
@@ -197,7 +210,7 @@ class Trainer:
             figures = replace(figures, share=done / (figures.passes + sum(texels)))
         if self._is_measuring:
             count = len(self._to_measure)
-            figures = replace(figures, work="measuring texture", step=self._measured + 1, steps=count)
+            figures = replace(figures, work=MEASURING, step=self._measured + 1, steps=count)
         # What is planned may grow.
         self._share = max(self._share, min(figures.share, 1.0))
         elapsed = max(now - self._began, 1e-6)

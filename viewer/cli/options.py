@@ -8,13 +8,14 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from ntc.codec.config import FeatureName, GroupingConfig, GroupingName, PrecisionChoice
-from ntc.codec.encoding import PresetName, RecipeName
+from ntc.codec.encoding import DeviceName, PresetName, RecipeName
 from ntc.codec.gpu import VariantName
 from ntc.codec.maps import MapWeightsName
 from ntc.codec.registry import CodecName
 from viewer.export import Fallback, ImageFormat, ShaderLanguage
 from viewer.scene.cameras_file import CAMERAS_TEXT
 from viewer.scene.source_textures import MapChoice
+from viewer.sharing.settings import SharingSettings
 from viewer.state.setting import field_args, field_text
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import (
@@ -476,6 +477,49 @@ class CheckOptions:
 
 
 @dataclass(frozen=True)
+class ShareOptions:
+    """Compare groupings: which decoders a scene may share, what that costs in dB and saves in divergence, bytes and milliseconds.
+
+    All are trained in turns, at equal steps, samples and bits. Writes share.json, share.csv, share.png and the packs.
+    """
+
+    scene: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
+    """Scene, or folder of images, whose textures are encoded."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder for the results. After Ctrl-C it keeps the state of all trainings, and the same command goes on."""
+    codec: Annotated[CodecName, _shown(TrainingSettings, "codec")] = SharingSettings.codec
+    groupings: tuple[GroupingName, ...] = SharingSettings.groupings
+    """Groupings to compare. baseline: a decoder per texture; single: one for all."""
+    clusters: Annotated[tuple[int, ...], in_words("K ...")] = SharingSettings.clusters
+    """Numbers of groups of clustered, covisible and random. Default: one for four textures. Example: --clusters 2 4 8."""
+    steps: int = SharingSettings.steps
+    """Training steps of each grouping, for codec grid."""
+    bits: Annotated[float | None, in_words("B")] = None
+    """Bits per texel of the codes of codec block. Default: 4 for whole materials, else 2."""
+    texture_size: Annotated[int | None, _shown(TrainingSettings, "texture_size", "Default: full size.", "N")] = None
+    seed: tuple[int, ...] = SharingSettings.seeds
+    """Seeds of the trainings: with several, the spread of each grouping is shown."""
+    views: Annotated[Path | None, _cameras("Default: the scene's cameras, else sampled viewpoints.")] = None
+    size: Size = (640, 360)
+    """Size in pixels of the picture that decode paths are timed on."""
+    device: DeviceName = SharingSettings.device
+    """Device that trains. auto takes CUDA if torch has it."""
+    gpu: Gpu = None
+
+    def settings(self) -> SharingSettings:
+        """Return what is compared. Raises InputError."""
+        return SharingSettings(
+            codec=self.codec,
+            groupings=self.groupings,
+            clusters=self.clusters,
+            steps=self.steps,
+            bits=self.bits,
+            seeds=self.seed,
+            device=self.device,
+        )
+
+
+@dataclass(frozen=True)
 class DoctorOptions:
     """Check this machine: OpenGL, display, packages. Exit status 0 if pictures can be drawn."""
 
@@ -493,5 +537,6 @@ SUBCOMMANDS = (
     Subcommand("library", LibraryOptions, "viewer.cli.library", "library"),
     Subcommand("info", InfoOptions, "viewer.cli.info", "info"),
     Subcommand("check", CheckOptions, "viewer.cli.check", "check"),
+    Subcommand("share", ShareOptions, "viewer.cli.share", "share"),
     Subcommand("doctor", DoctorOptions, "viewer.cli.doctor", "doctor"),
 )

@@ -29,6 +29,26 @@ LOSS_MEMORY = 0.95
 
 
 @dataclass(frozen=True, eq=False)
+class RandomStreams:
+    """Random numbers of a training, all from its seed.
+
+    Latents and samples do not depend on how many decoders there are: trainings of one seed that differ in their grouping alone start
+    from the same latents and see the same samples in the same order.
+    """
+
+    samples: torch.Generator
+    """Start of the latents, samples and quantisation noise."""
+    decoders: torch.Generator
+    """Start of the decoders."""
+
+    @classmethod
+    def of_seed(cls, seed: int) -> "RandomStreams":
+        """Return the streams of a seed."""
+        (other,) = np.random.SeedSequence(seed).generate_state(1)
+        return cls(torch.Generator().manual_seed(int(other)), torch.Generator().manual_seed(seed))
+
+
+@dataclass(frozen=True, eq=False)
 class StepReport:
     """The result of a training step."""
 
@@ -56,16 +76,16 @@ class TrainingBatch:
         config: GridConfig,
         training: TrainingConfig,
         device: torch.device,
-        generator: torch.Generator,
+        random: RandomStreams,
         interruption: Interruption = no_interruption,
     ) -> None:
-        self._config, self._training, self._generator = config, training, generator
+        self._config, self._training, self._generator = config, training, random.samples
         self._interruption = interruption
         self._data = TrainingData(textures, config, device, interruption)
         self._first_cells = [0, *accumulate(self._data.cell_counts)][:-1]
         self.decoder_numbers = sorted(set(groups))
         self._decoder_of = torch.tensor([self.decoder_numbers.index(group) for group in groups], device=device)
-        self.decoders = DecoderStack(config, len(self.decoder_numbers), generator).to(device)
+        self.decoders = DecoderStack(config, len(self.decoder_numbers), random.decoders).to(device)
         self._adapters = AdapterStack(config, len(textures)).to(device) if config.adapters else None
         self._table = LatentTable(self._start(textures).to(device))
         self._parts = optimizer_parts(self._table.values, self.decoders, self._adapters, training)
@@ -320,7 +340,8 @@ class TrainingBatch:
         known = _side_by_side([part.known for part in parts], len(chosen))
         targets = _side_by_side([part.targets for part in parts], len(chosen))
         if noise_step is not None:
-            noise = torch.empty(latents.shape).uniform_(-0.5, 0.5, generator=self._generator).to(latents.device)
+            every = (self._data.count, *latents.shape[1:])
+            noise = torch.empty(every).uniform_(-0.5, 0.5, generator=self._generator).to(latents.device)[chosen]
             latents = latents + noise * (noise_step[chosen] * NOISE).unsqueeze(1)
         some = chosen if len(chosen) < self._data.count else None
         layers = self.decoders.layers(self._decoder_of[chosen], self._adapters, some)

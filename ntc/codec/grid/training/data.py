@@ -277,7 +277,8 @@ class TrainingData:
         return torch.minimum(level, (self._cells.levels[chosen] - 1)[:, None])
 
     def _random(self, count: int, numbers: int, generator: torch.Generator, chosen: Tensor) -> Tensor:
-        return torch.rand(numbers, len(chosen), count, generator=generator).to(self._device)
+        # Numbers for all textures: what the others get does not depend on which have converged.
+        return torch.rand(numbers, self.count, count, generator=generator).to(self._device)[:, chosen]
 
     def _at_centres(self, count: int, generator: torch.Generator, chosen: Tensor) -> Samples:
         texture = chosen[:, None].expand(len(chosen), count).reshape(-1)

@@ -28,7 +28,7 @@ from ntc.codec.encoding import (
 from ntc.codec.grid.model import GridConfig, GridParts, GridTexture, grid_parts
 from ntc.codec.grid.tensors import grid_texture
 from ntc.codec.grid.torch_twin import TorchGrid
-from ntc.codec.grid.training.batch import StepReport, TrainingBatch
+from ntc.codec.grid.training.batch import RandomStreams, StepReport, TrainingBatch
 from ntc.codec.grid.training.config import FALL_FROM, TrainingConfig
 from ntc.codec.model import Decoder, EncodedTexture, Grouping, Pack
 from ntc.codec.quality import measured_texture
@@ -128,7 +128,7 @@ class GridEncoder(Encoder):
         self._device = choose_device(training.device)
         grouping, textures = task.grouping, task.textures
         self._members = _batch_members(grouping, training, task.groups)
-        self._generator = torch.Generator().manual_seed(training.seed)
+        self._random = RandomStreams.of_seed(training.seed)
         self._batches = [
             TrainingBatch(
                 [textures[i] for i in members],
@@ -136,7 +136,7 @@ class GridEncoder(Encoder):
                 self._config,
                 training,
                 self._device,
-                self._generator,
+                self._random,
                 task.interruption,
             )
             for members in self._members
@@ -254,7 +254,7 @@ class GridEncoder(Encoder):
             for number, batch in enumerate(self._batches)
             for name, value in batch.state().items()
         }
-        tensors["generator"] = self._generator.get_state()
+        tensors["generator"] = self._random.samples.get_state()
         tensors["rates"] = torch.tensor(self._rates, dtype=torch.float64)
         tensors["dropped"] = torch.tensor(self._dropped)
         return tensors
@@ -263,7 +263,7 @@ class GridEncoder(Encoder):
         for number, batch in enumerate(self._batches):
             prefix = f"{number}/"
             batch.load({name[len(prefix) :]: value for name, value in state.items() if name.startswith(prefix)})
-        self._generator.set_state(state["generator"])
+        self._random.samples.set_state(state["generator"])
         rates, dropped = state["rates"].tolist(), state["dropped"].tolist()
         if len(rates) != len(self._batches) or len(dropped) != len(self._batches):
             raise ValueError(f"it has {len(rates)} batches, not {len(self._batches)}")

@@ -1,0 +1,154 @@
+"""What a grouping costs and saves: quality, bytes, divergence in views that it was and was not chosen for, milliseconds by path."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ntc.codec.model import Grouping, Pack
+from ntc.codec.quality import finite_or_none
+from ntc.metrics.divergence import DivergenceStatistics, divergence_map
+from ntc.metrics.metrics import psnr_table
+from ntc.training.turns import CurvePoint
+from viewer.gl.context import GraphicsContext
+from viewer.render.path_choice import drawable_paths
+from viewer.render.renderer import Renderer
+from viewer.scene.model import Camera, Scene
+from viewer.state.view_state import EXACT_PATHS, DecodePath, Slot, ViewState
+
+
+@dataclass(frozen=True, eq=False)
+class SplitViews:
+    """Views of a scene in two halves: a grouping is chosen for one, and its divergence is counted in the other too."""
+
+    optimised: tuple[NDArray[np.int32], ...]
+    """Texture ids [H, W] of the views that `covisible` reduces divergence in; -1 for none."""
+    held_out: tuple[NDArray[np.int32], ...]
+    """Texture ids of the views that no grouping was chosen for."""
+
+    @classmethod
+    def of(cls, views: Sequence[NDArray[np.int32]]) -> "SplitViews":
+        """Return `views`, every second one held out; a single view is in both halves."""
+        return cls(tuple(views[::2]), tuple(views[1::2] or views))
+
+
+@dataclass(frozen=True)
+class DivergenceFigures:
+    """Divergence of a grouping over several views."""
+
+    views: int
+    blocks: int
+    """Blocks of 8x8 pixels in which something is decoded."""
+    divergent_blocks: int
+    """Blocks with more than one decoder."""
+    excess: int
+    """Sum of max(D - 1, 0) over all blocks, D the number of decoders in a block (paper, Sec. 2)."""
+    score: float
+    """Mean of max(D - 1, 0) over all blocks, covered or not (paper, Eq. 1)."""
+
+    @classmethod
+    def of(cls, views: Sequence[NDArray[np.int32]], grouping: Grouping) -> "DivergenceFigures":
+        """Return the figures of `grouping` over `views` [H, W] int32 of texture ids, -1 for none."""
+        decoders = np.array([*grouping.groups, -1], np.int32)
+        found = [DivergenceStatistics.of(divergence_map(decoders[view])) for view in views]
+        blocks, excess = sum(each.blocks for each in found), sum(each.excess for each in found)
+        return cls(
+            views=len(found),
+            blocks=sum(each.covered_blocks for each in found),
+            divergent_blocks=sum(each.divergent_blocks for each in found),
+            excess=excess,
+            score=excess / blocks if blocks else 0.0,
+        )
+
+
+@dataclass(frozen=True)
+class SharingRow:
+    """Results of one grouping and seed."""
+
+    name: str
+    grouping: str
+    codec: str
+    decoders: int
+    seed: int
+    steps: int
+    """Training steps; of a codec that is encoded in closed form, textures encoded."""
+    samples: int
+    """Texels that were sampled or encoded."""
+    seconds: float
+    """Time of this training alone, in seconds."""
+    psnr_db: float | None
+    """Mean over textures of the PSNR in dB of mip 0, over 8-bit values; None where all are exact."""
+    worst_db: float | None
+    """Smallest PSNR of a texture in dB."""
+    worst_texture: str
+    bytes: int
+    """Codes, decoders and constants of textures together."""
+    decoder_bytes: int
+    latent_bytes: int
+    held_out: DivergenceFigures | None
+    """Divergence in the views that no grouping was chosen for; None without a scene."""
+    optimised: DivergenceFigures | None
+    """Divergence in the views that `covisible` was chosen for."""
+    ms: Mapping[DecodePath, float]
+    """Time in ms of one picture by decode path; empty where nothing was drawn."""
+    curve: tuple[CurvePoint, ...]
+    """PSNR on a fixed sample of texels over the steps."""
+
+
+def measured_row(
+    name: str, seed: int, pack: Pack, samples: int, curve: Sequence[CurvePoint], views: SplitViews | None
+) -> SharingRow:
+    """Return the results of a trained `pack`, without times of drawing."""
+    table = psnr_table(pack)
+    summary = table.summary
+    worst = min(pack.textures, key=lambda texture: np.inf if texture.psnr_db is None else texture.psnr_db)
+    last = curve[-1]
+    return SharingRow(
+        name=name,
+        grouping=pack.grouping.name,
+        codec=pack.config.kind,
+        decoders=pack.grouping.group_count,
+        seed=seed,
+        steps=last.step,
+        samples=samples,
+        seconds=last.seconds,
+        psnr_db=None if summary is None else finite_or_none(summary.mean_db),
+        worst_db=finite_or_none(worst.psnr_db),
+        worst_texture=worst.name,
+        bytes=table.latent_bytes + table.decoder_bytes + table.adapter_bytes,
+        decoder_bytes=table.decoder_bytes,
+        latent_bytes=table.latent_bytes,
+        held_out=None if views is None else DivergenceFigures.of(views.held_out, pack.grouping),
+        optimised=None if views is None else DivergenceFigures.of(views.optimised, pack.grouping),
+        ms={},
+        curve=tuple(curve),
+    )
+
+
+class PathTimer:
+    """Times one picture of packs by every decode path."""
+
+    def __init__(self, context: GraphicsContext, scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
+        """Draw `scene` from `camera` at `size` (width, height) in pixels."""
+        self._renderer = Renderer(context, scene)
+        self._camera, self._size = camera, size
+        self.paths = tuple(path for path in EXACT_PATHS if path in drawable_paths(context))
+
+    def ms(self, pack: Pack) -> dict[DecodePath, float]:
+        """Return the time in ms of one picture by path: the median of several drawings, compiling not counted.
+
+        Raises GpuMemoryError.
+        """
+        name = pack.grouping.name
+        self._renderer.set_packs({name: pack})
+        times: dict[DecodePath, float] = {}
+        for path in self.paths:
+            slot = Slot(name, path)
+            self._renderer.render(ViewState(self._camera, self._size, slot_a=slot), whole=True)
+            times[path] = self._renderer.drawing_ms(slot)
+        return times
+
+    def release(self) -> None:
+        """Free everything on the GPU."""
+        self._renderer.release()
