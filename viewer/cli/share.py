@@ -20,11 +20,11 @@ from ntc.training.turns import SampledTexels
 from viewer.cli.encode import Source, deferred_interrupt, read_source
 from viewer.cli.options import ShareOptions
 from viewer.cli.progress import TerminalProgress
-from viewer.cli.table import Cell, Column, Table
 from viewer.gl.context import create_headless_context
-from viewer.locations import features_cache
+from viewer.locations import cache_folder
 from viewer.scene.model import Camera
 from viewer.scene.scene_files import PACK_SUFFIX
+from viewer.scene.text_table import Cell, Column, Table
 from viewer.sharing.candidates import (
     Candidate,
     CandidateTraining,
@@ -69,7 +69,7 @@ def share(options: ShareOptions) -> int:
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
     inputs = _inputs(options, settings)
-    features = FeatureOptions(cache=features_cache())
+    features = FeatureOptions(cache=cache_folder("features"))
     seen = GroupingInputs(() if inputs.views is None else inputs.views.optimised, {}, features)
     textures = inputs.source.textures
     compared = candidates(settings, textures, compared_groupings(settings, textures, seen))
