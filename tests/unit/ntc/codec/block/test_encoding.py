@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from safetensors import safe_open
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
 from ntc.codec.block.config import LARGEST_WORDS, BlockConfig, BlockOptions
 from ntc.codec.block.encoding.frozen import encode_with_decoders
