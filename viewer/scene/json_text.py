@@ -13,7 +13,15 @@ Vector = tuple[Finite, Finite, Finite]
 Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 _Schema = TypeVar("_Schema")
-_TYPE_WORDS = {"float": "number", "int": "whole number", "str": "text", "bool": "true or false", "array": "list"}
+_TYPE_WORDS = {
+    "float": "number",
+    "int": "whole number",
+    "int | float": "whole number",
+    "str": "text",
+    "bool": "true or false",
+    "array": "list",
+}
+_NOT_FINITE = re.compile(r"Expected `float` [<>] -?1e\+3[08]\b")
 
 
 def printable(text: str) -> str:
@@ -90,15 +98,24 @@ def convert(content: Any, schema: type[_Schema], where: str, remedy: str) -> _Sc
     try:
         return msgspec.convert(content, schema)
     except ValueError as error:
-        problem, _, place = str(error).partition(" - at `$")
-        field = place.rstrip("`").lstrip(".")
-        problem = re.sub(r"`(\w+)`", lambda match: _TYPE_WORDS.get(match[1], match[1]), printable(problem))
-        choices = _choices(schema, field) if problem.startswith("Invalid enum value") else ""
-        raise InputError(f"{where}: {field + ': ' if field else ''}{problem}{choices}; {remedy}") from error
+        field, problem = schema_problem(error, schema)
+        raise InputError(f"{where}: {field + ': ' if field else ''}{problem}; {remedy}") from error
+
+
+def schema_problem(error: ValueError, schema: Any) -> tuple[str, str]:
+    """Return (field such as "slots[0].path", empty for the whole content; what is wrong with it) of what msgspec raised."""
+    problem, _, place = str(error).partition(" - at `$")
+    field = place.rstrip("`").lstrip(".")
+    problem = _NOT_FINITE.sub("Expected a finite number", printable(problem))
+    problem = re.sub(r"`([\w| ]+)`", lambda match: _TYPE_WORDS.get(match[1], match[1]), problem)
+    return field, problem + (_choices(schema, field) if problem.startswith("Invalid enum value") else "")
 
 
 def _choices(schema: Any, field: str) -> str:
     """Return the values that a field like "slots.a.path" may take; empty inside of lists."""
     for name in field.split("."):
-        schema = get_type_hints(schema).get(name)
+        stored = dict(
+            zip(getattr(schema, "__struct_encode_fields__", ()), getattr(schema, "__struct_fields__", ()), strict=True)
+        )
+        schema = get_type_hints(schema).get(stored.get(name, name))
     return f", must be one of {', '.join(map(str, get_args(schema)))}" if get_origin(schema) is Literal else ""

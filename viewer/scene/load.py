@@ -9,7 +9,14 @@ from ntc.errors import InputError
 from viewer.scene.bounds import world_bounds
 from viewer.scene.gltf.buffers import Accessors, Buffers
 from viewer.scene.gltf.cameras import read_cameras, read_lights
-from viewer.scene.gltf.container import GltfFile, check_required, ignored_extensions, names_of, parse_gltf, read_gltf
+from viewer.scene.gltf.container import (
+    GltfFile,
+    check_required,
+    ignored_extensions,
+    parse_gltf,
+    read_gltf,
+    used_extensions,
+)
 from viewer.scene.gltf.geometry import GeometryReader
 from viewer.scene.gltf.maps.material_sets import read_textures
 from viewer.scene.gltf.materials import chosen_variant, read_materials, variant_names
@@ -201,7 +208,7 @@ def _note_whole_file(file: GltfFile, instances: Instances, notes: ReportNotes) -
         ):
             for line in lines:
                 add(line)
-    notes.honoured("KHR_mesh_quantization", int("KHR_mesh_quantization" in names_of(file, "extensionsUsed")))
+    notes.honoured("KHR_mesh_quantization", int("KHR_mesh_quantization" in used_extensions(file)))
     with np.errstate(over="ignore", invalid="ignore"):
         determinants = np.linalg.det(instances.transform[:, :3, :3].astype(np.float64))
     notes.honoured("mirrored placements (negative determinant)", int((determinants < 0).sum()))

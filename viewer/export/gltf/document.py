@@ -167,7 +167,9 @@ def read_document(file: GltfFile, buffers: Buffers) -> GltfDocument:
     for index, entry in enumerate(file.entries("images")):
         if "uri" not in entry or entry.get("mimeType") == PACK_MIME_TYPE:
             continue
-        uri = file.text(entry, "uri", f"images[{index}]")
+        uri = entry["uri"]
+        if not isinstance(uri, str):
+            raise file.fail(f"images[{index}].uri", "must be a text")
         try:
             data = read_uri(file, uri, f"images[{index}].uri")
         except InputError as error:

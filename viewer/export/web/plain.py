@@ -117,7 +117,7 @@ def _plain_images(opened: OpenedExport) -> None:
     notes = ReportNotes()
     readable: dict[int, bool] = {}
     for number, texture in enumerate(document.entries("textures")):
-        source = texture_image(file, file.entries("textures")[number], f"textures[{number}]", notes)
+        source = texture_image(file, number, notes)
         for owner in (texture, *(texture.get("extensions", {}).pop(name, {}) for name in IMAGE_EXTENSIONS)):
             owner.pop("source", None)
         # Images that only a pack has are not entries of the document.

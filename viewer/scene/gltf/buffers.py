@@ -6,12 +6,14 @@ from typing import Any
 from urllib.parse import unquote, unquote_to_bytes, urlsplit
 
 import numpy as np
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from ntc.io import read_file
 from viewer.locations import SCENE_ROOTS_VARIABLE
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.meshopt import decode_meshopt, meshopt_extension
+from viewer.scene.gltf.schema import ABSENT, Accessor, Buffer, BufferView, Sparse
 
 FREE_DECODED_BYTES = 1 << 28
 DECODED_PER_BYTE = 64
@@ -109,11 +111,11 @@ class Buffers:
     def _load(self, index: int) -> NDArray[np.uint8]:
         file = self._file
         where = f"buffers[{index}]"
-        entry = file.entry("buffers", index, where)
-        length = file.integer(entry, "byteLength", where)
+        entry = file.entry("buffers", index, Buffer)
+        length = int(entry.byte_length)
         data: bytes | memoryview
-        if "uri" in entry:
-            data = self._source(file.text(entry, "uri", where), f"{where}.uri")
+        if not isinstance(entry.uri, UnsetType):
+            data = self._source(entry.uri, f"{where}.uri")
         elif index == 0 and file.binary is not None:
             data = file.binary
         else:
@@ -132,17 +134,14 @@ class Buffers:
     def view(self, index: object, where: str) -> tuple[NDArray[np.uint8], int]:
         """Return (bytes, byte stride or 0) of the buffer view `index`, named by the field `where`. Raises InputError."""
         file = self._file
-        views = file.entries("bufferViews")
-        number = file.index(index, len(views), where)
-        view = views[number]
-        name = f"bufferViews[{number}]"
-        stride = file.integer(view, "byteStride", name, 0, high=252)
-        length = file.integer(view, "byteLength", name)
+        number = file.index(index, len(file.entries("bufferViews")), where)
+        view, name = file.entry("bufferViews", number, BufferView), f"bufferViews[{number}]"
+        stride, length = int(view.byte_stride), int(view.byte_length)
         if number not in self._decoded:
             compression = meshopt_extension(file, view, name)
             if compression is None:
-                buffer_index = file.index(view.get("buffer"), len(file.entries("buffers")), f"{name}.buffer")
-                return self._bytes(buffer_index, file.integer(view, "byteOffset", name, 0), length, name), stride
+                buffer_index = file.index(view.buffer, len(file.entries("buffers")), f"{name}.buffer")
+                return self._bytes(buffer_index, int(view.byte_offset), length, name), stride
             self._decoded_bytes += compression.count * compression.stride
             if self._decoded_bytes > FREE_DECODED_BYTES + DECODED_PER_BYTE * self._byte_count:
                 problem = f"the scene's compressed views hold more than {FREE_DECODED_BYTES >> 20} MiB"
@@ -204,36 +203,29 @@ class Accessors:
         values, normalized = self._values(index, where, kinds)
         return normalize(values) if normalized else values.astype(np.float32, copy=False)
 
-    def _entry(self, index: object, where: str) -> tuple[dict[str, Any], str]:
-        accessors = self._file.entries("accessors")
-        number = self._file.index(index, len(accessors), where)
-        return accessors[number], f"accessors[{number}]"
-
     def _values(self, index: object, where: str, kinds: tuple[str, ...]) -> tuple[NDArray[Any], bool]:
         file = self._file
-        entry, name = self._entry(index, where)
-        kind = file.text(entry, "type", name)
+        number = file.index(index, len(file.entries("accessors")), where)
+        entry, name = file.entry("accessors", number, Accessor), f"accessors[{number}]"
+        kind, count = entry.type, int(entry.count)
         if kind not in kinds:
             raise file.fail(f"{name}.type", f"{kind!r:.20} where {' or '.join(kinds)} is needed (by {where})")
-        dtype = self._component_type(entry, name)
-        count = file.integer(entry, "count", name)
-        if "bufferView" in entry:
-            offset = file.integer(entry, "byteOffset", name, 0)
-            values = self._elements(entry["bufferView"], f"{name}.bufferView", offset, count, kind, dtype)
+        dtype = self._component_type(entry.component_type, name)
+        if entry.buffer_view != ABSENT:
+            values = self._elements(entry.buffer_view, f"{name}.bufferView", int(entry.byte_offset), count, kind, dtype)
         else:
             self._implied += count * COMPONENTS[kind]
             if self._implied > MAX_IMPLIED_VALUES:
                 raise file.fail(f"{name}.count", f"{count} elements without a buffer view are more than is read")
             values = np.zeros((count, COMPONENTS[kind]), dtype)
-        if "sparse" in entry:
-            values = self._with_sparse(values, file.object(entry, "sparse", name), f"{name}.sparse", kind, dtype)
-        return values, entry.get("normalized") is True
+        if not isinstance(entry.sparse, UnsetType):
+            values = self._with_sparse(values, entry.sparse, f"{name}.sparse", kind, dtype)
+        return values, entry.normalized is True
 
-    def _component_type(self, owner: dict[str, Any], name: str) -> np.dtype[Any]:
-        code = self._file.integer(owner, "componentType", name)
+    def _component_type(self, code: float, name: str) -> np.dtype[Any]:
         if code not in COMPONENT_TYPES:
             raise self._file.fail(f"{name}.componentType", f"{code} is not a component type of glTF 2.0")
-        return COMPONENT_TYPES[code]
+        return COMPONENT_TYPES[int(code)]
 
     def _elements(
         self, view_index: object, where: str, offset: int, count: int, kind: str, dtype: np.dtype[Any]
@@ -262,20 +254,18 @@ class Accessors:
         return elements.reshape(count, COMPONENTS[kind])
 
     def _with_sparse(
-        self, values: NDArray[Any], sparse: dict[str, Any], name: str, kind: str, dtype: np.dtype[Any]
+        self, values: NDArray[Any], sparse: Sparse, name: str, kind: str, dtype: np.dtype[Any]
     ) -> NDArray[Any]:
-        file = self._file
-        count = file.integer(sparse, "count", name)
-        places, replaced = file.object(sparse, "indices", name), file.object(sparse, "values", name)
-        index_type = self._component_type(places, f"{name}.indices")
+        file, count = self._file, int(sparse.count)
+        places, replaced = sparse.indices, sparse.values
+        index_type = self._component_type(places.component_type, f"{name}.indices")
         if index_type.kind != "u":
             raise file.fail(f"{name}.indices.componentType", "must be an unsigned integer")
-        index_offset = file.integer(places, "byteOffset", f"{name}.indices", 0)
-        value_offset = file.integer(replaced, "byteOffset", f"{name}.values", 0)
         where = f"{name}.indices.bufferView"
-        indices = self._elements(places.get("bufferView"), where, index_offset, count, "SCALAR", index_type)[:, 0]
+        offset = int(places.byte_offset)
+        indices = self._elements(places.buffer_view, where, offset, count, "SCALAR", index_type)[:, 0]
         where = f"{name}.values.bufferView"
-        elements = self._elements(replaced.get("bufferView"), where, value_offset, count, kind, dtype)
+        elements = self._elements(replaced.buffer_view, where, int(replaced.byte_offset), count, kind, dtype)
         if count and int(indices.max()) >= len(values):
             raise file.fail(f"{name}.indices", f"{int(indices.max())} in an accessor of {len(values)} elements")
         changed = values.copy()

@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
+from viewer.scene.gltf import schema
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.nodes import NodePlacements
 from viewer.scene.model import Camera, Light
@@ -22,17 +23,11 @@ def _vector(values: NDArray[np.float64]) -> tuple[float, float, float]:
     return float(values[0]), float(values[1]), float(values[2])
 
 
-def _positive(file: GltfFile, owner: dict[str, object], key: str, where: str) -> float | None:
-    value = file.number(owner, key, where, 0.0)
-    return value if value > 0.0 else None
-
-
 def _camera(
     file: GltfFile, placement: NodePlacements, index: int, name: str, center: NDArray[np.float64]
 ) -> Camera | None:
     """Return the camera on the node `placement`; None when the node's transform leaves it no direction."""
-    entry = file.entries("cameras")[index]
-    where = f"cameras[{index}]"
+    entry = file.entry("cameras", index, schema.Camera)
     eye = placement.world[:3, 3]
     forward, up = _unit(-placement.world[:3, 2]), _unit(placement.world[:3, 1])
     if forward is None or up is None or np.linalg.norm(np.cross(forward, up)) < 1e-6:
@@ -40,20 +35,14 @@ def _camera(
     # The target only fixes the direction; at the scene's depth it is also a good point to orbit around.
     depth = float(np.dot(center - eye, forward))
     target = eye + forward * (depth if depth > 1e-3 else 1.0)
-    kind = file.text(entry, "type", where)
-    if kind not in ("perspective", "orthographic"):
-        raise file.fail(f"{where}.type", f"{kind!r:.20} is neither perspective nor orthographic")
-    lens = file.object(entry, kind, where)
-    where = f"{where}.{kind}"
     fov, height = 60.0, None
-    if kind == "perspective":
-        fov = math.degrees(file.number(lens, "yfov", where, math.radians(60.0)))
-        if not 0.0 < fov < 180.0:
-            raise file.fail(f"{where}.yfov", f"{fov:g} degrees; must lie between 0 and 180")
+    lens: schema.Perspective | schema.Orthographic
+    if entry.type == "perspective":
+        lens, fov = entry.perspective, math.degrees(entry.perspective.yfov)
     else:
-        height = 2.0 * abs(file.number(lens, "ymag", where, 1.0))
+        lens, height = entry.orthographic, 2.0 * abs(entry.orthographic.ymag)
         if height == 0.0:
-            raise file.fail(f"{where}.ymag", "must not be 0")
+            raise file.fail(f"cameras[{index}].orthographic.ymag", "must not be 0")
     return Camera(
         name=name,
         eye=_vector(eye),
@@ -61,8 +50,8 @@ def _camera(
         up=_vector(up),
         fov_degrees=fov,
         orthographic_height=height,
-        near=_positive(file, lens, "znear", where),
-        far=_positive(file, lens, "zfar", where),
+        near=lens.znear if lens.znear > 0.0 else None,
+        far=lens.zfar if lens.zfar > 0.0 else None,
     )
 
 
@@ -87,7 +76,7 @@ def read_cameras(
         if camera is None:
             notes.ignored(f"camera {name!r}: its node has no direction to look in")
             continue
-        if "aspectRatio" in entries[placement.camera].get("perspective", {}):
+        if file.entry("cameras", placement.camera, schema.Camera).perspective.aspect_ratio is not UNSET:
             notes.ignored("aspect ratios of cameras (the picture's is used)")
         cameras.append(camera)
     return tuple(cameras)
@@ -99,40 +88,26 @@ BRIGHTEST = 1e30
 WIDEST = math.pi / 2
 
 
-def _entries(file: GltfFile) -> list[Any]:
-    extension = file.extension(file.json, EXTENSION, "file")
-    return [] if extension is None else file.array(extension, "lights", f"extensions.{EXTENSION}")
-
-
-def _light(
-    file: GltfFile, entry: dict[str, Any], where: str, placement: NodePlacements, notes: ReportNotes
-) -> Light | None:
-    """Return the light `entry` at its node; None where it shines nowhere. Raises InputError."""
-    kind = file.text(entry, "type", where)
-    if kind not in ("directional", "point", "spot"):
-        raise file.fail(f"{where}.type", f"{kind!r:.20} is none of directional, point and spot")
-    intensity = max(0.0, file.number(entry, "intensity", where, 1.0))
-    color = file.numbers(entry, "color", where, (1.0, 1.0, 1.0))
-    red, green, blue = (min(max(0.0, share) * intensity, BRIGHTEST) for share in color)
+def _light(entry: schema.Light, placement: NodePlacements, notes: ReportNotes) -> Light | None:
+    """Return the light `entry` at its node; None where it shines nowhere."""
+    intensity = max(0.0, entry.intensity)
+    red, green, blue = (min(max(0.0, share) * intensity, BRIGHTEST) for share in entry.color)
     axis = -placement.world[:3, 2]
     length = float(np.linalg.norm(axis))
-    if kind != "point" and length < 1e-20:
+    if entry.type != "point" and length < 1e-20:
         notes.ignored("lights whose node has no direction to shine in")
         return None
     down = axis / length if length >= 1e-20 else np.array([0.0, 0.0, -1.0])
     inner, outer = 0.0, math.pi / 4
-    if kind == "spot":
-        spot = file.object(entry, "spot", where)
-        outer = min(max(1e-3, file.number(spot, "outerConeAngle", f"{where}.spot", math.pi / 4)), WIDEST)
-        inner = min(max(0.0, file.number(spot, "innerConeAngle", f"{where}.spot", 0.0)), outer)
-    x, y, z = placement.world[:3, 3].tolist()
-    across, up, along = down.tolist()
+    if entry.type == "spot":
+        outer = min(max(1e-3, entry.spot.outer_cone_angle), WIDEST)
+        inner = min(max(0.0, entry.spot.inner_cone_angle), outer)
     return Light(
-        kind="directional" if kind == "directional" else "point" if kind == "point" else "spot",
+        kind=entry.type,
         color=(red, green, blue),
-        position=(x, y, z),
-        direction=(across, up, along),
-        reach=max(0.0, file.number(entry, "range", where, 0.0)),
+        position=_vector(placement.world[:3, 3]),
+        direction=_vector(down),
+        reach=max(0.0, entry.range),
         inner_cone=inner,
         outer_cone=outer,
     )
@@ -143,19 +118,17 @@ def read_lights(file: GltfFile, placements: Sequence[NodePlacements], notes: Rep
 
     Scale does not change their range.
     """
-    entries = _entries(file)
-    nodes = file.entries("nodes")
+    found = file.extension(file.document, EXTENSION, schema.Lights, "")
+    entries = () if found is None else found.lights
     lights: list[Light] = []
     for placement in placements if entries else ():
-        node, field = nodes[placement.node], f"nodes[{placement.node}]"
-        extension = file.extension(node, EXTENSION, field) if "extensions" in node and placement.visible else None
+        node, field = file.entry("nodes", placement.node, schema.Node), f"nodes[{placement.node}]"
+        extension = file.extension(node, EXTENSION, schema.LightOfNode, field) if placement.visible else None
         if extension is None:
             continue
-        number = file.index(extension.get("light"), len(entries), f"{field}.{EXTENSION}.light")
-        where = f"extensions.{EXTENSION}.lights[{number}]"
-        if not isinstance(entries[number], dict):
-            raise file.fail(where, "must be an object")
-        light = _light(file, entries[number], where, placement, notes)
+        number = file.index(extension.light, len(entries), f"{field}.extensions.{EXTENSION}.light")
+        entry = file.read(entries[number], schema.Light, f"extensions.{EXTENSION}.lights[{number}]")
+        light = _light(entry, placement, notes)
         if light is not None:
             lights.append(light)
             notes.honoured(f"{EXTENSION}: {light.kind} lights")

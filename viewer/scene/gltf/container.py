@@ -2,20 +2,40 @@
 
 import codecs
 import struct
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
+
+import msgspec
 
 from ntc.errors import InputError
 from ntc.io import read_file
 from viewer.locations import scene_roots
-from viewer.scene.json_text import describe, parse_json, printable
+from viewer.scene.gltf.schema import Asset, Document, Extensible
+from viewer.scene.json_text import describe, parse_json, printable, schema_problem
 from viewer.scene.mesh_files import ConvertedMesh
 
 GLB_MAGIC = b"glTF"
 CHUNK_JSON = 0x4E4F534A
 CHUNK_BINARY = 0x004E4942
+ARRAYS = (
+    "nodes",
+    "meshes",
+    "materials",
+    "accessors",
+    "bufferViews",
+    "buffers",
+    "scenes",
+    "images",
+    "textures",
+    "samplers",
+    "cameras",
+    "animations",
+    "skins",
+)
+"""Top-level arrays of objects that are read."""
 MAX_ENTRIES = 1 << 20
 """Most entries of one top-level array."""
 MAX_JSON_BYTES = 1 << 28
@@ -82,6 +102,8 @@ WITHOUT_EFFECT = frozenset(
 MOST_NAMED = 4
 """Extensions that one message names."""
 
+_Schema = TypeVar("_Schema")
+
 
 @dataclass(frozen=True, eq=False)
 class GltfFile:
@@ -101,21 +123,18 @@ class GltfFile:
     """Format that the file was converted from, where that was not glTF."""
     keeps: object = None
     """Object that keeps `folder` on disk while images may still be read from it: an unpacked archive."""
+    _checked: dict[tuple[str, int, type], Any] = field(default_factory=dict, init=False)
+    """Entries that were read before, by array, index and schema."""
 
     def fail(self, where: str, problem: str) -> InputError:
         """Return the error to raise for the field `where`."""
         return InputError(f"{self.name}: {where}: {problem}")
 
-    def array(self, owner: Mapping[str, Any], key: str, where: str) -> list[Any]:
-        """Return the list `owner[key]`, empty when absent."""
-        value = owner.get(key, [])
-        if not isinstance(value, list):
-            raise self.fail(f"{where}.{key}", "must be an array")
-        return value
-
     def check_entries(self, key: str) -> None:
         """Refuse the top-level array `key` unless it is an array of objects, of a number that is read."""
-        value = self.array(self.json, key, "file")
+        value = self.json.get(key, [])
+        if not isinstance(value, list):
+            raise self.fail(key, "must be an array")
         if len(value) > MAX_ENTRIES:
             raise self.fail(key, f"has {len(value)} entries; at most {MAX_ENTRIES} are read")
         for index, entry in enumerate(value):
@@ -127,10 +146,21 @@ class GltfFile:
         value: list[dict[str, Any]] = self.json.get(key, [])
         return value
 
-    def entry(self, key: str, index: Any, where: str) -> dict[str, Any]:
-        """Entry `index` of the top-level array `key`, named by the field `where`."""
-        entries = self.entries(key)
-        return entries[self.index(index, len(entries), where)]
+    def entry(self, key: str, index: int, schema: type[_Schema]) -> _Schema:
+        """Return entry `index` of the top-level array `key`, checked against `schema`."""
+        known = key, index, schema
+        if known not in self._checked:
+            self._checked[known] = self.read(self.entries(key)[index], schema, f"{key}[{index}]")
+        return cast(_Schema, self._checked[known])
+
+    def read(self, content: Any, schema: type[_Schema], where: str) -> _Schema:
+        """Return the JSON value `content` of the field `where`, checked against `schema`."""
+        try:
+            return msgspec.convert(content, schema)
+        except ValueError as error:
+            inner, problem = schema_problem(error, schema)
+            place = f"{where}.{inner}".replace(".[", "[").strip(".")
+            raise self.fail(place or "file", f"{problem}; export the scene again") from error
 
     def index(self, value: Any, count: int, where: str) -> int:
         """Return `value` as an index below `count`."""
@@ -138,62 +168,21 @@ class GltfFile:
             raise self.fail(where, f"{describe(value)} is not an index below {count}")
         return value
 
-    def integer(
-        self, owner: Mapping[str, Any], key: str, where: str, default: int | None = None, *, high: int = 2**53
-    ) -> int:
-        """Return the integer `owner[key]`, from 0 to `high`; without a default it is required."""
-        value = owner.get(key, default)
-        if isinstance(value, float) and value.is_integer():
-            value = int(value)
-        if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value <= high:
-            raise self.fail(f"{where}.{key}", f"{describe(value)} is not an integer from 0 to {high}")
-        return value
-
-    def number(self, owner: Mapping[str, Any], key: str, where: str, default: float) -> float:
-        """Return the finite number `owner[key]`."""
-        return self.finite(owner.get(key, default), f"{where}.{key}")
-
-    def numbers(self, owner: Mapping[str, Any], key: str, where: str, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Return the list `owner[key]` of as many finite numbers as `default` has."""
-        value = owner.get(key, default)
-        if not isinstance(value, list | tuple) or len(value) != len(default):
-            raise self.fail(f"{where}.{key}", f"must be {len(default)} numbers")
-        return tuple(self.finite(component, f"{where}.{key}") for component in value)
-
-    def finite(self, value: Any, where: str) -> float:
-        """Return `value` as a finite number."""
-        if isinstance(value, bool) or not isinstance(value, int | float) or not abs(value) < 1e38:
-            raise self.fail(where, f"{describe(value)} is not a finite number")
-        return float(value)
-
-    def text(self, owner: Mapping[str, Any], key: str, where: str, default: str = "") -> str:
-        """Return the string `owner[key]`."""
-        value = owner.get(key, default)
-        if not isinstance(value, str):
-            raise self.fail(f"{where}.{key}", f"{describe(value)} is not a text")
-        # JSON may hold half a surrogate pair, which neither a file name nor a terminal takes.
-        return value.encode("utf-8", "replace").decode()
-
     def label(self, owner: Mapping[str, Any], default: str) -> str:
         """Return the name of `owner` in one printable line of at most 200 characters, `default` without one."""
         value = owner.get("name")
-        if not isinstance(value, str):
-            return default
-        return printable(value) or default
+        return (printable(value) if isinstance(value, str) else "") or default
 
-    def object(self, owner: Mapping[str, Any], key: str, where: str) -> dict[str, Any]:
-        """Return the object `owner[key]`, empty when absent."""
-        value = owner.get(key, {})
-        if not isinstance(value, dict):
-            raise self.fail(f"{where}.{key}", "must be an object")
-        return value
-
-    def extension(self, owner: Mapping[str, Any], name: str, where: str) -> dict[str, Any] | None:
-        """Return the extension object `name` of `owner`, None when absent."""
-        extensions = self.object(owner, "extensions", where)
-        if name not in extensions:
+    def extension(self, owner: Extensible, name: str, schema: type[_Schema], where: str) -> _Schema | None:
+        """Return the extension `name` of `owner`, which is the field `where`; None when absent."""
+        if name not in owner.extensions:
             return None
-        return self.object(extensions, name, f"{where}.extensions")
+        return self.read(owner.extensions[name], schema, f"{where}.extensions.{name}".lstrip("."))
+
+    @cached_property
+    def document(self) -> Document:
+        """The extensions of the whole file."""
+        return self.read(self.json, Document, "")
 
 
 def _parse_json(data: bytes, name: str) -> dict[str, Any]:
@@ -237,17 +226,15 @@ def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, .
     json_chunk, binary = _glb_chunks(data, name) if data[:4] == GLB_MAGIC else (data, None)
     content = _parse_json(json_chunk, name)
     file = GltfFile(name, folder, content, binary, roots)
-    asset = file.object(content, "asset", "file")
-    version = file.text(asset, "version", "asset")
-    if not version.startswith("2."):
-        raise file.fail(
-            "asset.version", f"{describe(version)} is not supported; only glTF 2.0 is read, export it as 2.0"
-        )
-    if file.text(asset, "minVersion", "asset", "2.0") != "2.0":
-        raise file.fail("asset.minVersion", f"{describe(asset['minVersion'])} is not supported; only glTF 2.0 is read")
-    for key in ("nodes", "meshes", "materials", "accessors", "bufferViews", "buffers"):
-        file.check_entries(key)
-    for key in ("scenes", "images", "textures", "samplers", "cameras"):
+    asset = file.read(content.get("asset", {}), Asset, "asset")
+    for key, version, is_read in (
+        ("version", asset.version, asset.version.startswith("2.")),
+        ("minVersion", asset.min_version, asset.min_version == "2.0"),
+    ):
+        if not is_read:
+            problem = f"{describe(version)} is not supported; only glTF 2.0 is read, export it as 2.0"
+            raise file.fail(f"asset.{key}", problem)
+    for key in ARRAYS:
         file.check_entries(key)
     return file
 
@@ -264,18 +251,18 @@ def read_gltf(path: Path, name: str | None = None) -> GltfFile:
     return parse_gltf(data, name, Path(path).parent, scene_roots())
 
 
-def names_of(file: GltfFile, key: str) -> tuple[str, ...]:
-    """Return the distinct names in "extensionsUsed" or "extensionsRequired", sorted. Raises InputError."""
-    names = file.array(file.json, key, "file")
-    for name in names:
-        if not isinstance(name, str):
-            raise file.fail(key, "must hold names")
-    return tuple(sorted({printable(name) for name in names}))
+def _names(texts: Iterable[str]) -> set[str]:
+    return {printable(text) for text in texts}
+
+
+def used_extensions(file: GltfFile) -> set[str]:
+    """Return the names in "extensionsUsed". Raises InputError."""
+    return _names(file.document.extensions_used)
 
 
 def check_required(file: GltfFile) -> None:
     """Refuse a file that requires an extension which is not read. Raises InputError naming the extension."""
-    missing = [n for n in names_of(file, "extensionsRequired") if n not in SUPPORTED and n not in WITHOUT_EFFECT]
+    missing = sorted(_names(file.document.extensions_required) - SUPPORTED - WITHOUT_EFFECT)
     if missing:
         named = ", ".join(missing[:MOST_NAMED]) + (
             f" and {len(missing) - MOST_NAMED} more" * (len(missing) > MOST_NAMED)
@@ -285,5 +272,5 @@ def check_required(file: GltfFile) -> None:
 
 def ignored_extensions(file: GltfFile) -> tuple[str, ...]:
     """Extensions in use that have no effect here, sorted. Raises InputError."""
-    used = {*names_of(file, "extensionsUsed"), *names_of(file, "extensionsRequired")}
+    used = used_extensions(file) | _names(file.document.extensions_required)
     return tuple(sorted(used - SUPPORTED))

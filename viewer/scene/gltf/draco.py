@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from viewer.scene.gltf.buffers import Buffers
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.schema import Draco
 from viewer.scene.json_text import describe, printable
 
 EXTENSION = "KHR_draco_mesh_compression"
@@ -65,12 +66,13 @@ def check_draco_header(data: bytes) -> str:
     return ""
 
 
-def decode_draco(file: GltfFile, buffers: Buffers, extension: dict[str, Any], where: str) -> DracoMesh:
-    """Decode the primitive at `where`. Raises InputError where the data is broken."""
+def decode_draco(file: GltfFile, buffers: Buffers, content: Any, where: str) -> DracoMesh:
+    """Decode the primitive at `where`, whose extension is `content`. Raises InputError where the data is broken."""
     import DracoPy
 
-    where = f"{where}.{EXTENSION}"
-    data, _ = buffers.view(extension.get("bufferView"), f"{where}.bufferView")
+    where = f"{where}.extensions.{EXTENSION}"
+    extension = file.read(content, Draco, where)
+    data, _ = buffers.view(extension.buffer_view, f"{where}.bufferView")
     refusal = check_draco_header(data.tobytes())
     if refusal:
         raise file.fail(where, f"the Draco data does not decode ({refusal}); export the scene again")
@@ -83,8 +85,8 @@ def decode_draco(file: GltfFile, buffers: Buffers, extension: dict[str, Any], wh
     if faces.ndim != 2 or faces.shape[1] != 3:
         raise file.fail(where, "the Draco data holds no triangles")
     attributes: dict[str, NDArray[Any]] = {}
-    for name, number in file.object(extension, "attributes", where).items():
-        if not isinstance(number, int) or number not in stored:
+    for name, number in extension.attributes.items():
+        if number not in stored:
             raise file.fail(f"{where}.attributes.{printable(name)}", f"{describe(number)} is not in the Draco data")
         values = stored[number]
         attributes[name] = values.reshape(len(values), -1)

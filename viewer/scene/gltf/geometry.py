@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.errors import InputError
+from viewer.scene.gltf import schema
 from viewer.scene.gltf.buffers import Accessors, Buffers, normalize
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.draco import EXTENSION as DRACO
@@ -177,14 +178,10 @@ class GeometryReader:
 
     def read_mesh(self, index: int, deformation: Deformation | None = None) -> tuple[Primitive, ...]:
         """Return the triangle primitives of mesh `index`, moved as a node's `deformation` says. Raises InputError."""
-        mesh = self._file.entries("meshes")[index]
-        where = f"meshes[{index}]"
-        name = self._file.label(mesh, f"mesh {index}")
+        name = self._file.label(self._file.entries("meshes")[index], f"mesh {index}")
         primitives: list[Primitive] = []
-        for number, entry in enumerate(self._file.array(mesh, "primitives", where)):
-            field = f"{where}.primitives[{number}]"
-            if not isinstance(entry, dict):
-                raise self._file.fail(field, "must be an object")
+        for number, entry in enumerate(self._file.entry("meshes", index, schema.Mesh).primitives):
+            field = f"meshes[{index}].primitives[{number}]"
             primitive = self._primitive(entry, field, f"{name}.{number}" if number else name, deformation)
             if primitive is not None:
                 primitives.append(primitive)
@@ -208,27 +205,28 @@ class GeometryReader:
         )
 
     def _primitive(
-        self, entry: dict[str, Any], where: str, name: str, deformation: Deformation | None
+        self, entry: schema.Primitive, where: str, name: str, deformation: Deformation | None
     ) -> Primitive | None:
-        file = self._file
-        mode = file.integer(entry, "mode", where, TRIANGLES, high=6)
+        file, mode, attributes = self._file, int(entry.mode), entry.attributes
         if mode in MODE_NAMES:
             self._notes.ignored(f"primitives of {MODE_NAMES[mode]}")
             return None
-        attributes = file.object(entry, "attributes", where)
         if "POSITION" not in attributes:
             self._notes.ignored("primitives without positions")
             return None
-        self._note_unused(entry, attributes)
+        self._note_unused(entry)
         material = len(self._materials) - 1
-        if "material" in entry:
-            material = file.index(entry["material"], len(self._materials) - 1, f"{where}.material")
+        if entry.material != schema.ABSENT:
+            material = file.index(entry.material, len(self._materials) - 1, f"{where}.material")
         by_variant = variant_materials(file, entry, self._variants, where)
         every = {material, *by_variant.values()}
         if self._variant is not None:
             material = by_variant.get(self._variant, material)
-        draco = self._draco(entry, where)
-        moved = None if deformation is None else (deformation, self._file.array(entry, "targets", where))
+        draco = None
+        if DRACO in entry.extensions:
+            draco = decode_draco(file, self._buffers, entry.extensions[DRACO], where)
+            self._notes.honoured(f"{DRACO}: primitives")
+        moved = None if deformation is None else (deformation, entry.targets)
         base, vertex_count = self._vertices(attributes, draco, self._materials[material], where, moved)
         first, index_count = self._triangles(entry, draco, mode, vertex_count, where)
         if index_count == 0:
@@ -237,28 +235,20 @@ class GeometryReader:
         self.all_materials |= every
         return Primitive(name, first, index_count, base, vertex_count, material)
 
-    def _note_unused(self, entry: dict[str, Any], attributes: dict[str, Any]) -> None:
-        notes = self._notes
-        notes.honoured("morph targets: primitives", int(bool(entry.get("targets"))))
+    def _note_unused(self, entry: schema.Primitive) -> None:
+        notes, attributes = self._notes, entry.attributes
+        notes.honoured("morph targets: primitives", int(bool(entry.targets)))
         notes.honoured("skin weights: primitives", int("JOINTS_0" in attributes))
         notes.ignored("second vertex colours: primitives", int("COLOR_1" in attributes))
         notes.honoured("vertex colours: primitives", int("COLOR_0" in attributes))
 
-    def _draco(self, entry: dict[str, Any], where: str) -> DracoMesh | None:
-        extension = self._file.extension(entry, DRACO, where)
-        if extension is None:
-            return None
-        mesh = decode_draco(self._file, self._buffers, extension, where)
-        self._notes.honoured(f"{DRACO}: primitives")
-        return mesh
-
     def _vertices(
         self,
-        attributes: dict[str, Any],
+        attributes: schema.Attributes,
         draco: DracoMesh | None,
         source: MaterialSource,
         where: str,
-        moved: tuple[Deformation, list[Any]] | None,
+        moved: tuple[Deformation, tuple[schema.Attributes, ...]] | None,
     ) -> tuple[int, int]:
         """Return (base vertex, count) of the primitive's vertices, read once for equal attributes; `moved`: how, and its morph
         targets."""
@@ -317,7 +307,7 @@ class GeometryReader:
     def _uv(
         self,
         name: str,
-        attributes: dict[str, Any],
+        attributes: schema.Attributes,
         draco: DracoMesh | None,
         transform: UvTransform | None,
         source: MaterialSource,
@@ -336,7 +326,7 @@ class GeometryReader:
         return self._finite(uvs, "UVs")
 
     def _stored(
-        self, attributes: dict[str, Any], draco: DracoMesh | None, where: str, name: str
+        self, attributes: schema.Attributes, draco: DracoMesh | None, where: str, name: str
     ) -> NDArray[Any] | None:
         """Return [count, 4] of an attribute as it is stored; None when the primitive has no such attribute."""
         if name not in attributes:
@@ -366,7 +356,7 @@ class GeometryReader:
         return unit
 
     def _optional(
-        self, name: str, attributes: dict[str, Any], draco: DracoMesh | None, count: int, where: str, instead: str
+        self, name: str, attributes: schema.Attributes, draco: DracoMesh | None, count: int, where: str, instead: str
     ) -> NDArray[np.float32] | None:
         """Return `_attribute` of normals or tangents: a picture can do without, so what is wrong with them is only reported."""
         kind, components = ("VEC3", 3) if name == "NORMAL" else ("VEC4", 4)
@@ -382,7 +372,7 @@ class GeometryReader:
     def _attribute(
         self,
         name: str,
-        attributes: dict[str, Any],
+        attributes: schema.Attributes,
         draco: DracoMesh | None,
         where: str,
         kinds: tuple[str, ...],
@@ -402,24 +392,25 @@ class GeometryReader:
         values = draco.attributes[name]
         if (components is not None and values.shape[1] != components) or (is_color and values.shape[1] not in (3, 4)):
             raise self._file.fail(field, f"the Draco data has {values.shape[1]} components")
-        entry = self._file.entry("accessors", accessor, field)
-        if is_color or entry.get("normalized") is True:
+        number = self._file.index(accessor, len(self._file.entries("accessors")), field)
+        if is_color or self._file.entry("accessors", number, schema.Accessor).normalized is True:
             return normalize(values)
         return values.astype(np.float32)
 
     def _triangles(
-        self, entry: dict[str, Any], draco: DracoMesh | None, mode: int, vertex_count: int, where: str
+        self, entry: schema.Primitive, draco: DracoMesh | None, mode: int, vertex_count: int, where: str
     ) -> tuple[int, int]:
         """Return (first index, count) of the primitive's triangles, read once for equal index accessors."""
         file = self._file
-        key = (_index_or_none(entry.get("indices")), mode, None if "indices" in entry else vertex_count)
+        has_indices = entry.indices != schema.ABSENT
+        key = (entry.indices, mode, None if has_indices else vertex_count)
         if draco is None and key in self._index_ranges:
             first, count, highest = self._index_ranges[key]
         else:
             if draco is not None:
                 indices, mode = draco.indices, TRIANGLES
-            elif "indices" in entry:
-                raw = self._accessors.raw(entry["indices"], f"{where}.indices", ("SCALAR",))
+            elif has_indices:
+                raw = self._accessors.raw(entry.indices, f"{where}.indices", ("SCALAR",))
                 if raw.dtype.kind != "u":
                     raise file.fail(f"{where}.indices", "must be unsigned integers")
                 indices = raw[:, 0]

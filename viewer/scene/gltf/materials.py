@@ -1,16 +1,21 @@
 """Materials as the file states them: factors, and where the texture of each map comes from and how it is sampled."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import TypeVar
+
+from msgspec import UNSET, UnsetType
 
 from ntc.codec.maps import MAPS, MapName
 from ntc.errors import InputError
+from viewer.scene.gltf import schema
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.textures import Affine, TextureReference, UvTransform, after_inverse, category_of, read_reference
-from viewer.scene.model import DEFAULT_FACTORS, AlphaMode, Material, SurfaceFactors
+from viewer.scene.model import DEFAULT_FACTORS, AlphaMode, Material, Sampler, SurfaceFactors
 from viewer.scene.report import ReportNotes
 
+_Schema = TypeVar("_Schema")
+GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 NORMAL_REFLECTANCE = 0.04
 """Reflectance at normal incidence of a dielectric of index 1.5, which KHR_materials_pbrSpecularGlossiness has none of its own for."""
 LARGEST = 1e6
@@ -27,88 +32,81 @@ _LEFT_OUT = {
 class _Factors:
     """Numbers of one material, held within what the specification allows them."""
 
-    def __init__(self, file: GltfFile, entry: dict[str, Any], where: str, notes: ReportNotes) -> None:
-        self._file = file
-        self._entry = entry
-        self._where = where
-        self._notes = notes
+    def __init__(self, file: GltfFile, entry: schema.LitMaterial, where: str, notes: ReportNotes) -> None:
+        self._file, self._entry, self._where, self._notes = file, entry, where, notes
 
-    def extension(self, name: str) -> tuple[dict[str, Any], str]:
-        """Return (the extension `name`, or an empty object; the field it stands in)."""
-        found = self._file.extension(self._entry, name, self._where)
-        if found is not None:
-            self._notes.honoured(f"{name}: materials")
-            for key in _LEFT_OUT.get(name, ()):
-                self._notes.ignored(f"{name}: {key}", int(key in found))
-        return found or {}, f"{self._where}.{name}"
+    def extension(self, name: str, kind: type[_Schema]) -> _Schema:
+        """Return the extension `name` of the material, or an empty one."""
+        found = self._file.extension(self._entry, name, kind, self._where)
+        if found is None:
+            return kind()
+        self._notes.honoured(f"{name}: materials")
+        for key in _LEFT_OUT.get(name, ()):
+            self._notes.ignored(f"{name}: {key}", int(key in self._entry.extensions[name]))
+        return found
 
-    def number(
-        self, owner: dict[str, Any], key: str, where: str, default: float, low: float = 0.0, high: float = 1.0
-    ) -> float:
-        """Return `owner[key]`, at least `low` and at most `high`."""
-        return self._within(self._file.number(owner, key, where, default), low, high)
-
-    def color(
-        self, owner: dict[str, Any], key: str, where: str, default: float, high: float
-    ) -> tuple[float, float, float]:
-        """Linear RGB `owner[key]`, each from 0 to `high`."""
-        red, green, blue = self._file.numbers(owner, key, where, (default, default, default))
-        return self._within(red, 0.0, high), self._within(green, 0.0, high), self._within(blue, 0.0, high)
-
-    def _within(self, value: float, low: float, high: float) -> float:
+    def number(self, value: float, low: float = 0.0, high: float = 1.0) -> float:
+        """Return `value`, at least `low` and at most `high`."""
         held = min(max(value, low), high)
         self._notes.note("factors out of range, brought into it", int(held != value))
         return held
 
+    def color(self, values: schema.Triple, high: float) -> schema.Triple:
+        """Return linear RGB `values`, each from 0 to `high`."""
+        red, green, blue = (self.number(value, high=high) for value in values)
+        return red, green, blue
 
-def read_factors(file: GltfFile, entry: dict[str, Any], where: str, notes: ReportNotes) -> SurfaceFactors:
+
+def read_factors(
+    file: GltfFile,
+    entry: schema.LitMaterial,
+    glossy: schema.SpecularGlossiness | None,
+    where: str,
+    notes: ReportNotes,
+) -> SurfaceFactors:
     """Return those of the material `entry` (glTF 2.0, Sec. 3.9, and the KHR_materials extensions). Raises InputError.
 
     Of specular-glossiness materials metalness is 0, the specular colour that of the reflection at normal incidence, and
     roughness 1 - glossiness; where a texture gives both, it is not read, and roughness is 1.
     """
     factors = _Factors(file, entry, where, notes)
-    pbr, pbr_name = file.object(entry, "pbrMetallicRoughness", where), f"{where}.pbrMetallicRoughness"
-    normal, occlusion = file.object(entry, "normalTexture", where), file.object(entry, "occlusionTexture", where)
-    strength, name = factors.extension("KHR_materials_emissive_strength")
-    glow = factors.number(strength, "emissiveStrength", name, 1.0, high=LARGEST)
-    red, green, blue = factors.color(entry, "emissiveFactor", where, 0.0, 1.0)
-    ior, name = factors.extension("KHR_materials_ior")
-    index = factors.number(ior, "ior", name, 1.5, high=LARGEST)
-    specular, name = factors.extension("KHR_materials_specular")
-    reflection = factors.number(specular, "specularFactor", name, 1.0)
-    reflection_color = factors.color(specular, "specularColorFactor", name, 1.0, LARGEST)
-    clearcoat, clearcoat_name = factors.extension("KHR_materials_clearcoat")
-    transmission, transmission_name = factors.extension("KHR_materials_transmission")
-    roughness = factors.number(pbr, "roughnessFactor", pbr_name, 1.0)
-    metalness = factors.number(pbr, "metallicFactor", pbr_name, 1.0)
-    if "KHR_materials_pbrSpecularGlossiness" in file.object(entry, "extensions", where):
-        name = f"{where}.KHR_materials_pbrSpecularGlossiness"
-        glossy = file.extension(entry, "KHR_materials_pbrSpecularGlossiness", where) or {}
+    strength = factors.extension("KHR_materials_emissive_strength", schema.EmissiveStrength)
+    glow = factors.number(strength.emissive_strength, high=LARGEST)
+    red, green, blue = factors.color(entry.emissive_factor, 1.0)
+    index = factors.number(factors.extension("KHR_materials_ior", schema.Ior).ior, high=LARGEST)
+    specular = factors.extension("KHR_materials_specular", schema.Specular)
+    reflection = factors.number(specular.specular_factor)
+    reflection_color = factors.color(specular.specular_color_factor, LARGEST)
+    clearcoat = factors.extension("KHR_materials_clearcoat", schema.Clearcoat)
+    transmission = factors.extension("KHR_materials_transmission", schema.Transmission)
+    roughness = factors.number(entry.pbr_metallic_roughness.roughness_factor)
+    metalness = factors.number(entry.pbr_metallic_roughness.metallic_factor)
+    if glossy is not None:
         roughness, metalness = 1.0, 0.0
-        if "specularGlossinessTexture" in glossy:
+        if glossy.specular_glossiness_texture is not UNSET:
             notes.ignored("specular-glossiness textures")
         else:
-            roughness = 1.0 - factors.number(glossy, "glossinessFactor", name, 1.0)
-            at_normal = factors.color(glossy, "specularFactor", name, 1.0, 1.0)
+            roughness = 1.0 - factors.number(glossy.glossiness_factor)
+            at_normal = factors.color(glossy.specular_factor, 1.0)
             red_share, green_share, blue_share = (value / NORMAL_REFLECTANCE for value in at_normal)
             reflection_color = (red_share, green_share, blue_share)
     notes.note(
         "what is seen through transmissive materials is not drawn: materials",
-        int(transmission.get("transmissionFactor", 0) != 0),
+        int(transmission.transmission_factor != 0),
     )
+    normal, occlusion = entry.normal_texture, entry.occlusion_texture
     return SurfaceFactors(
         roughness=roughness,
         metalness=metalness,
-        normal_scale=factors.number(normal, "scale", f"{where}.normalTexture", 1.0, -LARGEST, LARGEST),
-        occlusion_strength=factors.number(occlusion, "strength", f"{where}.occlusionTexture", 1.0),
+        normal_scale=1.0 if isinstance(normal, UnsetType) else factors.number(normal.scale, -LARGEST, LARGEST),
+        occlusion_strength=1.0 if isinstance(occlusion, UnsetType) else factors.number(occlusion.strength),
         emissive=(red * glow, green * glow, blue * glow),
         ior=index if index == 0.0 else max(1.0, index),
         specular=reflection,
         specular_color=reflection_color,
-        clearcoat=factors.number(clearcoat, "clearcoatFactor", clearcoat_name, 0.0),
-        clearcoat_roughness=factors.number(clearcoat, "clearcoatRoughnessFactor", clearcoat_name, 0.0),
-        transmission=factors.number(transmission, "transmissionFactor", transmission_name, 0.0),
+        clearcoat=factors.number(clearcoat.clearcoat_factor),
+        clearcoat_roughness=factors.number(clearcoat.clearcoat_roughness_factor),
+        transmission=factors.number(transmission.transmission_factor),
     )
 
 
@@ -175,83 +173,77 @@ DEFAULT_MATERIAL = MaterialSource(Material("default", -1, (1.0, 1.0, 1.0, 1.0)))
 
 
 def _references(
-    file: GltfFile, entry: dict[str, Any], material: Material, where: str, notes: ReportNotes
+    file: GltfFile,
+    entry: schema.Material,
+    glossy: schema.SpecularGlossiness | None,
+    factors: SurfaceFactors,
+    where: str,
+    notes: ReportNotes,
 ) -> dict[MapName, TextureReference]:
     """Textures of the maps that the material's factors leave an effect. Raises InputError."""
-    pbr = file.object(entry, "pbrMetallicRoughness", where)
-    glossiness = file.extension(entry, "KHR_materials_pbrSpecularGlossiness", where)
-    factors = material.factors
-    found: dict[MapName, TextureReference | None] = {}
-    if glossiness is not None:
-        name = f"{where}.KHR_materials_pbrSpecularGlossiness"
-        found["base"] = read_reference(file, glossiness, "diffuseTexture", name, notes)
+    pbr, pbr_name = entry.pbr_metallic_roughness, f"{where}.pbrMetallicRoughness"
+    if glossy is not None:
+        base = read_reference(file, glossy.diffuse_texture, f"{where}.extensions.{GLOSSINESS}.diffuseTexture", notes)
     else:
-        name = f"{where}.pbrMetallicRoughness"
-        found["base"] = read_reference(file, pbr, "baseColorTexture", name, notes)
-    if material.unlit:
-        return {"base": found["base"]} if found["base"] is not None else {}
-    found["normal"] = read_reference(file, entry, "normalTexture", where, notes)
-    if glossiness is None:
-        both = read_reference(file, pbr, "metallicRoughnessTexture", name, notes)
-        found["roughness"] = found["metalness"] = both
-    found["emissive"] = read_reference(file, entry, "emissiveTexture", where, notes)
-    found["occlusion"] = read_reference(file, entry, "occlusionTexture", where, notes)
-    without_effect = {
-        "normal": factors.normal_scale == 0.0,
-        "roughness": factors.roughness == 0.0,
-        "metalness": factors.metalness == 0.0,
-        "emissive": factors.emissive == (0.0, 0.0, 0.0),
-        "occlusion": factors.occlusion_strength == 0.0,
+        base = read_reference(file, pbr.base_color_texture, f"{pbr_name}.baseColorTexture", notes)
+    if not isinstance(entry, schema.LitMaterial):
+        return {"base": base} if base is not None else {}
+    normal = read_reference(file, entry.normal_texture, f"{where}.normalTexture", notes)
+    both = None
+    if glossy is None:
+        both_info = entry.pbr_metallic_roughness.metallic_roughness_texture
+        both = read_reference(file, both_info, f"{pbr_name}.metallicRoughnessTexture", notes)
+    emissive = read_reference(file, entry.emissive_texture, f"{where}.emissiveTexture", notes)
+    occlusion = read_reference(file, entry.occlusion_texture, f"{where}.occlusionTexture", notes)
+    found: dict[MapName, tuple[TextureReference | None, bool]] = {
+        "base": (base, True),
+        "normal": (normal, factors.normal_scale != 0.0),
+        "roughness": (both, factors.roughness != 0.0),
+        "metalness": (both, factors.metalness != 0.0),
+        "emissive": (emissive, factors.emissive != (0.0, 0.0, 0.0)),
+        "occlusion": (occlusion, factors.occlusion_strength != 0.0),
     }
-    kept: dict[MapName, TextureReference] = {}
-    for key in MAPS:
-        reference = found.get(key)
-        if reference is None:
-            continue
-        if without_effect.get(key, False):
-            notes.note(f"{key} maps whose factor is 0 are left out: materials")
-            continue
-        kept[key] = reference
-    return kept
+    references: dict[MapName, TextureReference] = {}
+    for name in MAPS:
+        reference, has_effect = found[name]
+        if reference is not None and has_effect:
+            references[name] = reference
+        elif reference is not None:
+            notes.note(f"{name} maps whose factor is 0 are left out: materials")
+    return references
 
 
 def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
-    entry = file.entries("materials")[index]
-    where = f"materials[{index}]"
-    pbr = file.object(entry, "pbrMetallicRoughness", where)
-    glossiness = file.extension(entry, "KHR_materials_pbrSpecularGlossiness", where)
-    if glossiness is not None:
-        notes.honoured("KHR_materials_pbrSpecularGlossiness: diffuse as base colour")
-        owner, factor_key, owner_name = glossiness, "diffuseFactor", f"{where}.KHR_materials_pbrSpecularGlossiness"
-    else:
-        owner, factor_key, owner_name = pbr, "baseColorFactor", f"{where}.pbrMetallicRoughness"
-    unlit = file.extension(entry, "KHR_materials_unlit", where) is not None
+    stored, where = file.entries("materials")[index], f"materials[{index}]"
+    entry = file.entry("materials", index, schema.Material)
+    glossy = file.extension(entry, GLOSSINESS, schema.SpecularGlossiness, where)
+    notes.honoured(f"{GLOSSINESS}: diffuse as base colour", int(glossy is not None))
+    unlit = file.extension(entry, "KHR_materials_unlit", schema.Unlit, where) is not None
     notes.honoured("KHR_materials_unlit: materials", int(unlit))
-    mode = file.text(entry, "alphaMode", where, "OPAQUE")
-    if mode not in ALPHA_MODES:
-        raise file.fail(f"{where}.alphaMode", f"{mode!r:.20} is none of OPAQUE, MASK and BLEND")
-    if mode != "OPAQUE":
-        notes.honoured(f"alphaMode {mode}: materials")
-    if mode == "BLEND":
+    if entry.alpha_mode != "OPAQUE":
+        notes.honoured(f"alphaMode {entry.alpha_mode}: materials")
+    if entry.alpha_mode == "BLEND":
         notes.note("BLEND is drawn alpha-hashed, at rest as the mean of 16 samples: materials")
-    double_sided = entry.get("doubleSided") is True
+    double_sided = entry.double_sided is True
     notes.honoured("doubleSided: materials", int(double_sided))
-    red, green, blue, alpha = file.numbers(owner, factor_key, owner_name, (1.0, 1.0, 1.0, 1.0))
+    factors = DEFAULT_FACTORS
+    # Light has no effect on unlit materials: what else the file says of their surface is not read.
+    if not unlit:
+        entry = file.entry("materials", index, schema.LitMaterial)
+        factors = read_factors(file, entry, glossy, where, notes)
+    references = _references(file, entry, glossy, factors, where, notes)
     material = Material(
-        name=file.label(entry, f"material {index}"),
+        name=file.label(stored, f"material {index}"),
         texture_id=-1,
-        factor=(red, green, blue, alpha),
-        alpha_mode=ALPHA_MODES[mode],
-        alpha_cutoff=file.number(entry, "alphaCutoff", where, 0.5),
+        factor=entry.pbr_metallic_roughness.base_color_factor if glossy is None else glossy.diffuse_factor,
+        sampler=references["base"].sampler if "base" in references else Sampler(),
+        alpha_mode=ALPHA_MODES[entry.alpha_mode],
+        alpha_cutoff=entry.alpha_cutoff,
         double_sided=double_sided,
         unlit=unlit,
-        # Light has no effect on it: what else the file says of its surface is not read.
-        factors=DEFAULT_FACTORS if unlit else read_factors(file, entry, where, notes),
+        factors=factors,
     )
-    maps = _references(file, entry, material, where, notes)
-    if "base" in maps:
-        material = replace(material, sampler=maps["base"].sampler)
-    return MaterialSource(material, maps, category_of(file, entry))
+    return MaterialSource(material, references, category_of(file, stored))
 
 
 def read_materials(file: GltfFile, notes: ReportNotes) -> tuple[MaterialSource, ...]:
@@ -268,12 +260,9 @@ MOST_NAMED = 6
 def variant_names(file: GltfFile) -> tuple[str, ...]:
     """Return the names of the file's variants, in its order; a number stands for a variant without a name of its own.
     Raises InputError."""
-    extension = file.extension(file.json, EXTENSION, "file") or {}
-    where = f"extensions.{EXTENSION}"
+    extension = file.extension(file.document, EXTENSION, schema.Variants, "")
     names: list[str] = []
-    for number, entry in enumerate(file.array(extension, "variants", where)):
-        if not isinstance(entry, dict):
-            raise file.fail(f"{where}.variants[{number}]", "must be an object")
+    for number, entry in enumerate(() if extension is None else extension.variants):
         name = file.label(entry, f"variant {number}")
         names.append(name if name not in names else f"variant {number}")
     return tuple(names)
@@ -291,18 +280,13 @@ def chosen_variant(names: tuple[str, ...], wanted: str, scene: str) -> int | Non
     return names.index(wanted)
 
 
-def variant_materials(file: GltfFile, primitive: Mapping[str, Any], variants: int, where: str) -> dict[int, int]:
+def variant_materials(file: GltfFile, primitive: schema.Primitive, variants: int, where: str) -> dict[int, int]:
     """Material by number of variant, for those of the `variants` of the file that a primitive names. Raises InputError."""
-    extension = file.extension(primitive, EXTENSION, where)
-    if extension is None:
-        return {}
-    where = f"{where}.{EXTENSION}.mappings"
+    extension = file.extension(primitive, EXTENSION, schema.VariantMappings, where)
     materials: dict[int, int] = {}
-    for number, mapping in enumerate(file.array(extension, "mappings", where)):
-        field = f"{where}[{number}]"
-        if not isinstance(mapping, dict):
-            raise file.fail(field, "must be an object")
-        material = file.index(mapping.get("material"), len(file.entries("materials")), f"{field}.material")
-        for variant in file.array(mapping, "variants", field):
+    for number, mapping in enumerate(() if extension is None else extension.mappings):
+        field = f"{where}.extensions.{EXTENSION}.mappings[{number}]"
+        material = file.index(mapping.material, len(file.entries("materials")), f"{field}.material")
+        for variant in mapping.variants:
             materials.setdefault(file.index(variant, variants, f"{field}.variants"), material)
     return materials

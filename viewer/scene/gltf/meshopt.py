@@ -1,13 +1,12 @@
 """EXT_meshopt_compression and KHR_meshopt_compression: buffer views that meshoptimizer's codecs have compressed."""
 
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.json_text import describe
+from viewer.scene.gltf.schema import BufferView, Meshopt, MeshoptFilter, MeshoptMode
 
 EXTENSIONS = ("KHR_meshopt_compression", "EXT_meshopt_compression")
 """Names of the extension: the second is the older one, with the same content."""
@@ -18,8 +17,6 @@ INDICES_PER_BYTE = {"TRIANGLES": 3, "INDICES": 1}
 FREE_BYTES = 1 << 12
 """Bytes that any view may decode to, however small it is."""
 
-Mode = Literal["ATTRIBUTES", "TRIANGLES", "INDICES"]
-Filter = Literal["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLOR"]
 FILTER_STRIDES: dict[str, tuple[int, ...]] = {"OCTAHEDRAL": (4, 8), "QUATERNION": (8,), "COLOR": (4, 8)}
 """Bytes of an element that a filter works on; the other filters take any multiple of four."""
 
@@ -36,56 +33,38 @@ class MeshoptView:
     stride: int
     """Bytes of an element."""
     count: int
-    mode: Mode
-    filter: Filter
+    mode: MeshoptMode
+    filter: MeshoptFilter
 
 
-def meshopt_extension(file: GltfFile, view: dict[str, Any], where: str) -> MeshoptView | None:
+def meshopt_extension(file: GltfFile, view: BufferView, where: str) -> MeshoptView | None:
     """Return what the buffer view `view`, named by the field `where`, says of its compression; None where it is not compressed.
 
     Raises InputError for values that the extension does not allow, and for more elements than its bytes can stand for.
     """
     for name in EXTENSIONS:
-        extension = file.extension(view, name, where)
+        extension = file.extension(view, name, Meshopt, where)
         if extension is not None:
-            return _checked(file, extension, f"{where}.{name}")
+            return _checked(file, extension, f"{where}.extensions.{name}")
     return None
 
 
-def _checked(file: GltfFile, extension: dict[str, Any], field: str) -> MeshoptView:
-    mode = _one_of(file, extension, "mode", field, get_args(Mode), None)
-    applied = _one_of(file, extension, "filter", field, get_args(Filter), "NONE")
-    found = MeshoptView(
-        field,
-        file.index(extension.get("buffer"), len(file.entries("buffers")), f"{field}.buffer"),
-        file.integer(extension, "byteOffset", field, 0),
-        file.integer(extension, "byteLength", field),
-        file.integer(extension, "byteStride", field, high=256),
-        file.integer(extension, "count", field),
-        mode,
-        applied,
-    )
+def _checked(file: GltfFile, extension: Meshopt, field: str) -> MeshoptView:
+    mode, applied = extension.mode, extension.filter
+    count, stride, length = int(extension.count), int(extension.byte_stride), int(extension.byte_length)
+    buffer = file.index(extension.buffer, len(file.entries("buffers")), f"{field}.buffer")
     allowed = FILTER_STRIDES.get(applied, range(4, 257, 4)) if mode == "ATTRIBUTES" else (2, 4)
-    if found.stride not in allowed:
-        raise file.fail(f"{field}.byteStride", f"{found.stride} is not allowed with {mode} and filter {applied}")
-    if mode == "TRIANGLES" and found.count % 3:
-        raise file.fail(f"{field}.count", f"{found.count} indices are no triangles")
+    if stride not in allowed:
+        raise file.fail(f"{field}.byteStride", f"{stride} is not allowed with {mode} and filter {applied}")
+    if mode == "TRIANGLES" and count % 3:
+        raise file.fail(f"{field}.count", f"{count} indices are no triangles")
     if mode != "ATTRIBUTES" and applied != "NONE":
         raise file.fail(f"{field}.filter", f"{applied} is not allowed with {mode}")
-    per_byte = BYTES_PER_BYTE if mode == "ATTRIBUTES" else INDICES_PER_BYTE[mode] * found.stride
-    if found.count * found.stride > FREE_BYTES + per_byte * found.length:
-        problem = f"{found.count} elements of {found.stride} bytes are more than {found.length} bytes can stand for"
+    per_byte = BYTES_PER_BYTE if mode == "ATTRIBUTES" else INDICES_PER_BYTE[mode] * stride
+    if count * stride > FREE_BYTES + per_byte * length:
+        problem = f"{count} elements of {stride} bytes are more than {length} bytes can stand for"
         raise file.fail(f"{field}.count", f"{problem}; export the scene again")
-    return found
-
-
-def _one_of(
-    file: GltfFile, owner: dict[str, Any], key: str, where: str, allowed: tuple[str, ...], default: str | None
-) -> Any:
-    value = owner.get(key, default)
-    if value not in allowed:
-        raise file.fail(f"{where}.{key}", f"{describe(value)} is none of {', '.join(allowed)}")
-    return value
+    return MeshoptView(field, buffer, int(extension.byte_offset), length, stride, count, mode, applied)
 
 
 def decode_meshopt(file: GltfFile, view: MeshoptView, compressed: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -2,22 +2,23 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from viewer.scene.gltf.buffers import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.motion.animations import AnimatedPath, NodeValues
+from viewer.scene.gltf.schema import ABSENT, Attributes, Instancing, Mesh, Node, Scene, Visibility
 from viewer.scene.report import ReportNotes
 
 VISIBILITY = "KHR_node_visibility"
+INSTANCING = "EXT_mesh_gpu_instancing"
 TRANSFORM_PATHS: tuple[AnimatedPath, ...] = ("translation", "rotation", "scale")
 NOTHING: NodeValues = {}
 MAX_DEPTH = 1 << 14
 """Deepest nesting of nodes; rigs have a few hundred."""
-IDENTITY = (1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,60 +67,35 @@ def compose(
 def local_matrices(file: GltfFile, indices: Sequence[int], animated: NodeValues = NOTHING) -> NDArray[np.float64]:
     """Return [N, 4, 4] node-to-parent matrices of the nodes `indices`; `animated` values stand for the nodes' own.
     Raises InputError."""
-    nodes = file.entries("nodes")
-    count = len(indices)
-    translations, scales = np.zeros((count, 3)), np.ones((count, 3))
-    rotations = np.tile((0.0, 0.0, 0.0, 1.0), (count, 1))
-    given: list[int] = []
-    matrices: list[tuple[float, ...]] = []
-    for row, index in enumerate(indices):
-        node = nodes[index]
-        if "matrix" in node and not any((index, path) in animated for path in TRANSFORM_PATHS):
-            given.append(row)
-            matrices.append(file.numbers(node, "matrix", f"nodes[{index}]", IDENTITY))
-            continue
-        # Most nodes of most scenes have none or one of these, and there may be a million nodes.
-        if "translation" in node:
-            translations[row] = file.numbers(node, "translation", f"nodes[{index}]", (0.0, 0.0, 0.0))
-        if "rotation" in node:
-            rotations[row] = file.numbers(node, "rotation", f"nodes[{index}]", (0.0, 0.0, 0.0, 1.0))
-        if "scale" in node:
-            scales[row] = file.numbers(node, "scale", f"nodes[{index}]", (1.0, 1.0, 1.0))
-        if animated:
-            translations[row] = animated.get((index, "translation"), translations[row])
-            rotations[row] = animated.get((index, "rotation"), rotations[row])
-            scales[row] = animated.get((index, "scale"), scales[row])
-    composed = compose(translations, rotations, scales)
-    if given:
-        # glTF stores columns one after another.
-        composed[given] = np.array(matrices).reshape(-1, 4, 4).transpose(0, 2, 1)
+    nodes = [file.entry("nodes", index, Node) for index in indices]
+
+    def values(path: AnimatedPath, components: int) -> NDArray[np.float64]:
+        rows = [animated.get((index, path), getattr(node, path)) for index, node in zip(indices, nodes, strict=True)]
+        return np.array(rows, np.float64).reshape(len(rows), components)
+
+    composed = compose(values("translation", 3), values("rotation", 4), values("scale", 3))
+    for row, (index, node) in enumerate(zip(indices, nodes, strict=True)):
+        if not isinstance(node.matrix, UnsetType) and not any((index, path) in animated for path in TRANSFORM_PATHS):
+            # glTF stores columns one after another.
+            composed[row] = np.array(node.matrix).reshape(4, 4).T
     return composed
 
 
 def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
     """Return the root nodes of the default scene; without scenes, all nodes that are nobody's child. Raises InputError."""
-    nodes = file.entries("nodes")
-    scenes = file.entries("scenes")
+    count, scenes = len(file.entries("nodes")), file.entries("scenes")
     if not scenes:
-        children = {
-            child
-            for index, node in enumerate(nodes)
-            if "children" in node
-            for child in file.array(node, "children", f"nodes[{index}]")
-            if isinstance(child, int)
-        }
-        return [index for index in range(len(nodes)) if index not in children]
+        children = {child for index in range(count) for child in file.entry("nodes", index, Node).children}
+        return [index for index in range(count) if index not in children]
     chosen = file.index(file.json.get("scene", 0), len(scenes), "scene")
     if len(scenes) > 1:
         notes.ignored("scenes other than the default one", len(scenes) - 1)
-    where = f"scenes[{chosen}]"
-    return [file.index(root, len(nodes), f"{where}.nodes") for root in file.array(scenes[chosen], "nodes", where)]
+    return [file.index(root, count, f"scenes[{chosen}].nodes") for root in file.entry("scenes", chosen, Scene).nodes]
 
 
 def _instance_matrices(
-    file: GltfFile, accessors: Accessors, extension: dict[str, Any], where: str, notes: ReportNotes
+    file: GltfFile, accessors: Accessors, attributes: Attributes, where: str, notes: ReportNotes
 ) -> NDArray[np.float64]:
-    attributes = file.object(extension, "attributes", where)
     kinds = {"TRANSLATION": ("VEC3",), "ROTATION": ("VEC4",), "SCALE": ("VEC3",)}
     values: dict[str, NDArray[np.float64]] = {}
     for name, kind in kinds.items():
@@ -144,12 +120,10 @@ def _instance_matrices(
 
 def _visible(file: GltfFile, order: Sequence[int], parents: Sequence[int], notes: ReportNotes) -> list[bool]:
     """Return whether each node is visible: neither it nor a node above it is hidden (KHR_node_visibility). In depth-first order."""
-    nodes = file.entries("nodes")
     visible: list[bool] = []
     for index, parent in zip(order, parents, strict=True):
-        node, where = nodes[index], f"nodes[{index}]"
-        extension = file.extension(node, VISIBILITY, where) if "extensions" in node else None
-        hidden = extension is not None and extension.get("visible") is False
+        extension = file.extension(file.entry("nodes", index, Node), VISIBILITY, Visibility, f"nodes[{index}]")
+        hidden = extension is not None and extension.visible is False
         notes.honoured(f"{VISIBILITY}: hidden nodes", int(hidden))
         visible.append(not hidden and (parent < 0 or visible[parent]))
     return visible
@@ -160,8 +134,8 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
 
     Raises InputError where a node has two parents or is its own ancestor (that would never end).
     """
-    nodes = file.entries("nodes")
-    seen = bytearray(len(nodes))
+    count = len(file.entries("nodes"))
+    seen = bytearray(count)
     order: list[int] = []
     parents: list[int] = []
     depths: list[int] = []
@@ -178,14 +152,11 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
         order.append(index)
         parents.append(parent)
         depths.append(depth)
-        if "children" not in nodes[index]:
-            continue
-        where = f"nodes[{index}]"
-        children = file.array(nodes[index], "children", where)
+        where, children = f"nodes[{index}].children", file.entry("nodes", index, Node).children
         # As many children again as there are nodes left would be reached twice: no need to stack them all.
-        if len(children) > len(nodes):
-            raise file.fail(f"{where}.children", f"has {len(children)} entries for {len(nodes)} nodes")
-        stack.extend((file.index(child, len(nodes), f"{where}.children"), place) for child in reversed(children))
+        if len(children) > count:
+            raise file.fail(where, f"has {len(children)} entries for {count} nodes")
+        stack.extend((file.index(child, count, where), place) for child in reversed(children))
     return order, parents, depths
 
 
@@ -215,13 +186,8 @@ def _weights(file: GltfFile, index: int, mesh: int | None, animated: NodeValues)
         return ()
     if (index, "weights") in animated:
         return tuple(animated[index, "weights"].tolist())
-    for owner, where in (
-        (file.entries("nodes")[index], f"nodes[{index}]"),
-        (file.entries("meshes")[mesh], f"meshes[{mesh}]"),
-    ):
-        if "weights" in owner:
-            return tuple(file.finite(weight, f"{where}.weights") for weight in file.array(owner, "weights", where))
-    return ()
+    weights = file.entry("nodes", index, Node).weights
+    return file.entry("meshes", mesh, Mesh).weights if isinstance(weights, UnsetType) else weights
 
 
 def walk_nodes(
@@ -231,26 +197,27 @@ def walk_nodes(
 
     Raises InputError where a node has two parents or is its own ancestor, and where a transform overflows.
     """
-    nodes = file.entries("nodes")
     mesh_count, camera_count = len(file.entries("meshes")), len(file.entries("cameras"))
     order, parents, depths = _tree(file, notes)
     worlds = _world_matrices(file, order, parents, depths, animated)
     visible = _visible(file, order, parents, notes)
     placements: list[NodePlacements] = []
     for place, index in enumerate(order):
-        node, where = nodes[index], f"nodes[{index}]"
+        node, where = file.entry("nodes", index, Node), f"nodes[{index}]"
         world = worlds[place]
-        mesh = file.index(node["mesh"], mesh_count, f"{where}.mesh") if "mesh" in node and visible[place] else None
-        camera = file.index(node["camera"], camera_count, f"{where}.camera") if "camera" in node else None
+        has_mesh = node.mesh != ABSENT and visible[place]
+        mesh = file.index(node.mesh, mesh_count, f"{where}.mesh") if has_mesh else None
+        camera = file.index(node.camera, camera_count, f"{where}.camera") if node.camera != ABSENT else None
         mesh_worlds = worlds[place : place + 1]
-        instancing = file.extension(node, "EXT_mesh_gpu_instancing", where) if "extensions" in node else None
+        instancing = file.extension(node, INSTANCING, Instancing, where)
         if instancing is not None and mesh is not None:
-            matrices = _instance_matrices(file, accessors, instancing, f"{where}.EXT_mesh_gpu_instancing", notes)
+            field = f"{where}.extensions.{INSTANCING}"
+            matrices = _instance_matrices(file, accessors, instancing.attributes, field, notes)
             with np.errstate(over="ignore", invalid="ignore"):
                 mesh_worlds = world @ matrices
             if not (np.abs(mesh_worlds) < 1e38).all():
                 raise file.fail(where, "has instance transforms that overflow; check their scales")
-            notes.honoured("EXT_mesh_gpu_instancing: instances", len(matrices))
+            notes.honoured(f"{INSTANCING}: instances", len(matrices))
         weights = _weights(file, index, mesh, animated)
         placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera, visible[place], weights))
     return tuple(placements)

@@ -8,12 +8,13 @@
 `pixelHash`, which is ours, is its identity there, so that the pack may be encoded again in another order.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+
+from msgspec import UnsetType
 
 from ntc.errors import InputError
+from viewer.scene.gltf import schema
 from viewer.scene.gltf.buffers import is_data_uri, resolve_uri
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.json_text import describe
@@ -45,50 +46,31 @@ class PackOption:
     """Identity of the texture in the pack; "" where the file does not tell."""
 
 
-def _channels(file: GltfFile, option: Mapping[str, Any], where: str) -> tuple[int, int, int, int]:
-    value = option.get("channels", [0, 1, 2, 3])
-    whole = isinstance(value, list) and len(value) == 4
-    if not whole or any(isinstance(each, bool) or not isinstance(each, int) or not -1 <= each <= 255 for each in value):
-        raise file.fail(f"{where}.channels", f"{describe(value)} is not four channels from -1 to 255")
-    red, green, blue, alpha = value
-    return red, green, blue, alpha
-
-
-def pack_option(file: GltfFile, texture: Mapping[str, Any], where: str, notes: ReportNotes) -> PackOption | None:
-    """Return the first option of the glTF texture `texture` that names a pack of ours; others are reported. Raises InputError."""
-    extension = file.extension(texture, SWIZZLE, where)
-    if extension is None:
-        return None
-    where = f"{where}.extensions.{SWIZZLE}"
-    for number, option in enumerate(file.array(extension, "options", where)[:MOST_OPTIONS]):
-        name = f"{where}.options[{number}]"
-        if not isinstance(option, dict):
-            raise file.fail(name, "must be an object")
+def pack_option(file: GltfFile, number: int, notes: ReportNotes) -> PackOption | None:
+    """Return the first option of texture `number` that names a pack of ours; others are reported. Raises InputError."""
+    where = f"textures[{number}]"
+    extension = file.extension(file.entry("textures", number, schema.Texture), SWIZZLE, schema.Swizzle, where)
+    for place, content in enumerate(() if extension is None else extension.options[:MOST_OPTIONS]):
+        name = f"{where}.extensions.{SWIZZLE}.options[{place}]"
         images = file.entries("images")
-        index = file.index(option.get("source"), len(images), f"{name}.source")
+        index = file.index(content.get("source"), len(images), f"{name}.source")
         mime_type = images[index].get("mimeType")
         if mime_type != PACK_MIME_TYPE:
             kind = "NVIDIA's NTC" if mime_type in NVIDIA_MIME_TYPES else describe(mime_type)
             notes.ignored(f"{SWIZZLE}: options in images of type {kind}: texture references")
             continue
         notes.honoured(f"{SWIZZLE}: texture references")
-        extras = option.get("extras")
-        pixel_hash = extras.get(PIXEL_HASH) if isinstance(extras, dict) else None
-        return PackOption(
-            index,
-            file.integer(option, "arrayLayer", name, 0, high=65535),
-            _channels(file, option, name),
-            pixel_hash[:200] if isinstance(pixel_hash, str) else "",
-        )
+        option = file.read(content, schema.SwizzleOption, name)
+        pixel_hash = option.extras.get(PIXEL_HASH) if isinstance(option.extras, dict) else None
+        known_hash = pixel_hash[:200] if isinstance(pixel_hash, str) else ""
+        return PackOption(index, int(option.array_layer), option.channels, known_hash)
     return None
 
 
 def pack_path(file: GltfFile, image: int) -> Path:
     """Return the file of the pack that the image entry `image` names. Raises InputError for one inside the glTF file."""
-    entry = file.entries("images")[image]
-    where = f"images[{image}]"
-    uri = file.text(entry, "uri", where)
-    if not uri or is_data_uri(uri):
+    uri, where = file.entry("images", image, schema.Image).uri, f"images[{image}]"
+    if isinstance(uri, UnsetType) or not uri or is_data_uri(uri):
         raise file.fail(where, "packs are read from files beside the scene, not from inside it; write its uri")
     path = resolve_uri(file, uri, f"{where}.uri")
     if path is None:
@@ -119,7 +101,7 @@ def with_packed_images(file: GltfFile) -> GltfFile:
     quiet = ReportNotes()
     for number, texture in enumerate(textures):
         others = set(texture.get("extensions", {})) - {SWIZZLE} if isinstance(texture.get("extensions"), dict) else ()
-        option = pack_option(file, texture, f"textures[{number}]", quiet) if "source" not in texture else None
+        option = pack_option(file, number, quiet) if "source" not in texture else None
         if option is None or others:
             continue
         label = file.label(texture, f"texture {number}")

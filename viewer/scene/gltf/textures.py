@@ -1,13 +1,16 @@
 """References to textures as materials state them: which image, how it is sampled, and by which UVs."""
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from ntc.codec.config import WrapMode
+from viewer.scene.gltf import schema
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.packed_textures import pack_option
 from viewer.scene.json_text import describe
@@ -33,6 +36,7 @@ IMAGE_EXTENSIONS = (
 """Extensions that name another image of a texture, in order of preference."""
 COPIES = frozenset({"KHR_texture_basisu", "EXT_texture_astc", "EXT_texture_avif"})
 """Extensions among IMAGE_EXTENSIONS that are used where there is no plain image."""
+TRANSFORM = "KHR_texture_transform"
 LEAST_DETERMINANT = 1e-12
 """A transform that shrinks areas more than this is taken to be without an inverse."""
 LARGEST_TERM = 1e30
@@ -109,82 +113,72 @@ def category_of(file: GltfFile, owner: dict[str, Any]) -> str | None:
     return file.label({"name": value}, "") or None if isinstance(value, str) else None
 
 
-def _sampler(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> Sampler:
-    if "sampler" not in texture:
+def _sampler(file: GltfFile, texture: schema.Texture, where: str, notes: ReportNotes) -> Sampler:
+    if texture.sampler == schema.ABSENT:
         return Sampler()
-    entry = file.entry("samplers", texture["sampler"], f"{where}.sampler")
+    number = file.index(texture.sampler, len(file.entries("samplers")), f"{where}.sampler")
+    entry = file.entry("samplers", number, schema.Sampler)
 
-    def known(key: str, default: int, allowed: dict[int, Any]) -> int:
-        value = entry.get(key, default)
+    def known(key: str, value: Any, default: int, allowed: Collection[int]) -> int:
         if isinstance(value, int) and value in allowed:
             return value
         notes.note(f"sampler {key} {describe(value)} is unknown; the default was used")
         return default
 
-    minify_linear, mipmap = MINIFY[known("minFilter", 9987, MINIFY)]
+    minify_linear, mipmap = MINIFY[known("minFilter", entry.min_filter, 9987, MINIFY)]
+    wrap_u, wrap_v = known("wrapS", entry.wrap_s, 10497, WRAP_MODES), known("wrapT", entry.wrap_t, 10497, WRAP_MODES)
     return Sampler(
-        wrap=(WRAP_MODES[known("wrapS", 10497, WRAP_MODES)], WRAP_MODES[known("wrapT", 10497, WRAP_MODES)]),
-        magnify_linear=known("magFilter", 9729, {9728: 0, 9729: 0}) == 9729,
+        wrap=(WRAP_MODES[wrap_u], WRAP_MODES[wrap_v]),
+        magnify_linear=known("magFilter", entry.mag_filter, 9729, (9728, 9729)) == 9729,
         minify_linear=minify_linear,
         mipmap=mipmap,
     )
 
 
-def texture_image(file: GltfFile, texture: dict[str, Any], where: str, notes: ReportNotes) -> int | None:
-    """Image of a texture: a WebP or DDS extension's, else the plain one, else one that is read nevertheless."""
-    count = len(file.entries("images"))
+def texture_image(file: GltfFile, number: int, notes: ReportNotes) -> int | None:
+    """Image of texture `number`: a WebP or DDS extension's, else the plain one, else one that is read nevertheless."""
+    texture, where, count = (
+        file.entry("textures", number, schema.Texture),
+        f"textures[{number}]",
+        len(file.entries("images")),
+    )
     for name in IMAGE_EXTENSIONS:
-        extension = file.extension(texture, name, where)
-        if extension is None or "source" not in extension:
+        extension = file.extension(texture, name, schema.OtherImage, where)
+        if extension is None or extension.source == schema.ABSENT:
             continue
-        if name in COPIES and "source" in texture:
+        if name in COPIES and texture.source != schema.ABSENT:
             # What Basis Universal, ASTC or AVIF holds was compressed from the plain image, which is nearer to what was made.
             notes.note(f"{name}: textures whose plain image is read instead")
             continue
         notes.honoured(f"{name}: textures")
-        return file.index(extension["source"], count, f"{where}.{name}.source")
-    if "source" in texture:
-        return file.index(texture["source"], count, f"{where}.source")
+        return file.index(extension.source, count, f"{where}.extensions.{name}.source")
+    if texture.source != schema.ABSENT:
+        return file.index(texture.source, count, f"{where}.source")
     notes.missing(f"{where}: no image; its factor is used")
     return None
 
 
-def _uv_transform(
-    file: GltfFile, info: dict[str, Any], where: str, notes: ReportNotes
-) -> tuple[int | None, UvTransform | None]:
-    """Return (texCoord that overrides, transform) of a textureInfo."""
-    extension = file.extension(info, "KHR_texture_transform", where)
-    if extension is None:
-        return None, None
-    where = f"{where}.KHR_texture_transform"
-    notes.honoured("KHR_texture_transform: texture references")
-    offset = file.numbers(extension, "offset", where, (0.0, 0.0))
-    scale = file.numbers(extension, "scale", where, (1.0, 1.0))
-    rotation = file.number(extension, "rotation", where, 0.0)
-    uv_set = file.integer(extension, "texCoord", where, high=255) if "texCoord" in extension else None
-    return uv_set, UvTransform((offset[0], offset[1]), rotation, (scale[0], scale[1]))
-
-
 def read_reference(
-    file: GltfFile, owner: dict[str, Any], key: str, where: str, notes: ReportNotes
+    file: GltfFile, info: schema.TextureInfo | UnsetType, where: str, notes: ReportNotes
 ) -> TextureReference | None:
-    """Return the textureInfo `owner[key]`; None when there is none, or none with an image that is read. Raises InputError."""
-    if key not in owner:
+    """Return the reference of the textureInfo `info` in the field `where`; None when there is none, or none with an image that is
+    read. Raises InputError."""
+    if isinstance(info, UnsetType):
         return None
-    info = file.object(owner, key, where)
-    where = f"{where}.{key}"
-    textures = file.entries("textures")
-    number = file.index(info.get("index"), len(textures), f"{where}.index")
-    texture = textures[number]
-    image = texture_image(file, texture, f"textures[{number}]", notes)
+    number = file.index(info.index, len(file.entries("textures")), f"{where}.index")
+    texture, entry = file.entry("textures", number, schema.Texture), file.entries("textures")[number]
+    image = texture_image(file, number, notes)
     sampler = _sampler(file, texture, f"textures[{number}]", notes)
-    uv_set = file.integer(info, "texCoord", where, 0, high=255)
-    overriding, transform = _uv_transform(file, info, where, notes)
-    uv_set = uv_set if overriding is None else overriding
+    uv_set, transform = int(info.tex_coord), None
+    placed = file.extension(info, TRANSFORM, schema.TextureTransform, where)
+    if placed is not None:
+        notes.honoured(f"{TRANSFORM}: texture references")
+        transform = UvTransform(placed.offset, placed.rotation, placed.scale)
+        uv_set = uv_set if isinstance(placed.tex_coord, UnsetType) else int(placed.tex_coord)
     notes.honoured("second and further UV sets: texture references", int(uv_set > 0))
     if image is None:
         return None
-    category = category_of(file, file.entries("images")[image]) or category_of(file, texture)
-    packed = pack_option(file, texture, f"textures[{number}]", notes)
+    category = category_of(file, file.entries("images")[image]) or category_of(file, entry)
+    packed = pack_option(file, number, notes)
     packed_hash = packed.pixel_hash if packed is not None else ""
     return TextureReference(image, sampler, uv_set, transform, category, number, packed_hash)

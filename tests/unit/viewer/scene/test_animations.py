@@ -13,7 +13,8 @@ from ntc.errors import InputError
 from tests.support.gltf_builder import TRIANGLE, GltfBuilder
 from tests.support.scenes import world_triangles
 from viewer.scene.gltf.container import parse_gltf
-from viewer.scene.gltf.motion.animations import AnimatedPath, Channel, Interpolation
+from viewer.scene.gltf.motion.animations import AnimatedPath, Channel
+from viewer.scene.gltf.schema import Interpolation
 from viewer.scene.load import build_scene, load_scene
 from viewer.scene.model import Pose, Scene
 
@@ -201,7 +202,7 @@ def refusal(builder: GltfBuilder, words: str, seconds: float | None = 1.0) -> No
 def test_broken_animations_name_the_field() -> None:
     for change, words in (
         ({"input": 99}, r"animations\[0\]\.samplers\[0\]\.input"),
-        ({"interpolation": "BOUNCE"}, "none of LINEAR, STEP and CUBICSPLINE"),
+        ({"interpolation": "BOUNCE"}, "must be one of LINEAR, STEP, CUBICSPLINE"),
         ({"interpolation": "CUBICSPLINE"}, "has 3 elements for 3 key frames"),
     ):
         builder = moving_node()

@@ -415,9 +415,9 @@ def test_lights_that_are_wrong_are_refused_or_brought_into_range() -> None:
     assert flat.lights == ()
     assert any("no direction to shine in" in line for line in flat.report.ignored)
     for lights, number, message in (
-        ([{"type": "area"}], 0, "none of directional"),
+        ([{"type": "area"}], 0, "must be one of directional"),
         (LIGHTS, 3, "not an index below 3"),
-        (["sun"], 0, "must be an object"),
+        (["sun"], 0, r"lights\[0\]: Expected object, got text"),
     ):
         with pytest.raises(InputError, match=message):
             lit(lights, {"light": number})

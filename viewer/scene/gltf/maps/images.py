@@ -9,6 +9,7 @@ from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
+from msgspec import UnsetType
 from numpy.typing import NDArray
 
 from ntc.codec.maps import MapName
@@ -21,6 +22,7 @@ from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.maps.packed_pixels import PackedTextures
 from viewer.scene.gltf.materials import MaterialSource
 from viewer.scene.gltf.packed_textures import PACK_MIME_TYPE, PackOption, packed_image
+from viewer.scene.gltf.schema import ABSENT, Image
 from viewer.scene.images import (
     LARGE_EXPANSION,
     ProgressReport,
@@ -211,16 +213,14 @@ class _ImageFile:
 
 def _found(file: GltfFile, buffers: Buffers, index: int) -> tuple[_ImageFile, bytes]:
     """Return (where image `index` lies, its bytes). Raises InputError."""
-    entry = file.entries("images")[index]
-    where = f"images[{index}]"
-    if "uri" in entry:
-        uri = file.text(entry, "uri", where)
-        data = read_uri(file, uri, f"{where}.uri")
-        path = None if is_data_uri(uri) else resolve_uri(file, uri, f"{where}.uri")
+    entry, where = file.entry("images", index, Image), f"images[{index}]"
+    if not isinstance(entry.uri, UnsetType):
+        data = read_uri(file, entry.uri, f"{where}.uri")
+        path = None if is_data_uri(entry.uri) else resolve_uri(file, entry.uri, f"{where}.uri")
         return (_ImageFile(data) if path is None else _ImageFile(path=path, keeps=file.keeps)), data
-    if "bufferView" in entry:
+    if entry.buffer_view != ABSENT:
         # No copy: views of one buffer may overlap, and then many copies would take more than the file.
-        view = buffers.view(entry["bufferView"], f"{where}.bufferView")[0]
+        view = buffers.view(entry.buffer_view, f"{where}.bufferView")[0]
         return _ImageFile(view.data), view.tobytes()
     raise file.fail(where, "has neither a uri nor a bufferView")
 
@@ -420,7 +420,7 @@ def note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
     if not isinstance(uri, str) or uri[:5].lower() == "data:" or entry.get("mimeType") == PACK_MIME_TYPE:
         return
     try:
-        path = resolve_uri(file, file.text(entry, "uri", f"images[{index}]"), f"images[{index}].uri")
+        path = resolve_uri(file, uri, f"images[{index}].uri")
         absent = path is not None and not path.is_file()
     except (InputError, OSError, ValueError):
         absent = True

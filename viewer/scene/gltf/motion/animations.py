@@ -2,19 +2,19 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
+from msgspec import UNSET
 from numpy.typing import NDArray
 
+from viewer.scene.gltf import schema
 from viewer.scene.gltf.buffers import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.json_text import describe
 from viewer.scene.model import AnimationFacts
 from viewer.scene.report import ReportNotes
 
 AnimatedPath = Literal["translation", "rotation", "scale", "weights"]
-Interpolation = Literal["LINEAR", "STEP", "CUBICSPLINE"]
 NodeValues = Mapping[tuple[int, AnimatedPath], NDArray[np.float64]]
 """Values that animations give, by node and property: translations [3], rotations [4] as xyzw, scales [3], weights [targets]."""
 COMPONENTS: dict[AnimatedPath, tuple[str, int]] = {
@@ -33,7 +33,7 @@ class Channel:
 
     node: int
     path: AnimatedPath
-    interpolation: Interpolation
+    interpolation: schema.Interpolation
     times: NDArray[np.float64]
     """[K] seconds, ascending."""
     values: NDArray[np.float64]
@@ -102,19 +102,16 @@ def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) ->
     """
     found: list[Animation] = []
     taken: set[str] = set()
-    for number, entry in enumerate(file.array(file.json, "animations", "file")):
-        where = f"animations[{number}]"
-        if not isinstance(entry, dict):
-            raise file.fail(where, "must be an object")
-        samplers = file.array(entry, "samplers", where)
+    for number, named in enumerate(file.entries("animations")):
+        where, entry = f"animations[{number}]", file.entry("animations", number, schema.Animation)
         channels: list[Channel] = []
-        for place, channel in enumerate(file.array(entry, "channels", where)):
-            read = _channel(file, accessors, channel, samplers, f"{where}.channels[{place}]", where)
+        for place, channel in enumerate(entry.channels):
+            read = _channel(file, accessors, channel, entry.samplers, f"{where}.channels[{place}]", where)
             if read is None:
                 notes.ignored("animated properties that are none of a node's: channels")
             else:
                 channels.append(read)
-        name = file.label(entry, f"animation {number}")
+        name = file.label(named, f"animation {number}")
         name = name if name not in taken else f"{name} ({number})"
         taken.add(name)
         found.append(Animation(name, tuple(channels)))
@@ -123,25 +120,24 @@ def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) ->
 
 
 def _channel(
-    file: GltfFile, accessors: Accessors, channel: Any, samplers: Sequence[Any], where: str, owner: str
+    file: GltfFile,
+    accessors: Accessors,
+    channel: schema.AnimationChannel,
+    samplers: Sequence[Any],
+    where: str,
+    owner: str,
 ) -> Channel | None:
-    if not isinstance(channel, dict):
-        raise file.fail(where, "must be an object")
-    target = file.object(channel, "target", where)
-    path: Any = target.get("path")
-    if "node" not in target or not isinstance(path, str) or path not in COMPONENTS:
+    path = channel.target.path
+    if channel.target.node is UNSET or not isinstance(path, str) or path not in COMPONENTS:
         return None
-    node = file.index(target["node"], len(file.entries("nodes")), f"{where}.target.node")
-    number = file.index(channel.get("sampler"), len(samplers), f"{where}.sampler")
-    field, sampler = f"{owner}.samplers[{number}]", samplers[number]
-    if not isinstance(sampler, dict):
-        raise file.fail(field, "must be an object")
-    interpolation: Any = sampler.get("interpolation", "LINEAR")
-    if interpolation not in get_args(Interpolation):
-        raise file.fail(f"{field}.interpolation", f"{describe(interpolation)} is none of LINEAR, STEP and CUBICSPLINE")
-    times = accessors.floats(sampler.get("input"), f"{field}.input", ("SCALAR",))[:, 0].astype(np.float64)
+    node = file.index(channel.target.node, len(file.entries("nodes")), f"{where}.target.node")
+    number = file.index(channel.sampler, len(samplers), f"{where}.sampler")
+    field = f"{owner}.samplers[{number}]"
+    sampler = file.read(samplers[number], schema.AnimationSampler, field)
+    interpolation = sampler.interpolation
+    times = accessors.floats(sampler.input, f"{field}.input", ("SCALAR",))[:, 0].astype(np.float64)
     kind, components = COMPONENTS[path]
-    raw = accessors.raw(sampler.get("output"), f"{field}.output", (kind,))
+    raw = accessors.raw(sampler.output, f"{field}.output", (kind,))
     # Integers stand for fractions, whatever the accessor says.
     values = normalize(raw).astype(np.float64)
     if len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():

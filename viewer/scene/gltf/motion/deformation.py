@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from viewer.scene.gltf.buffers import Accessors, normalize
 from viewer.scene.gltf.container import GltfFile
+from viewer.scene.gltf.schema import ABSENT, Attributes, Node, Skin
 from viewer.scene.moving import Deformation, Influences, MorphTarget, MovingVertices, VertexFrames
 
 LARGEST_TERM = 1e30
@@ -29,8 +30,8 @@ def read_deformation(
 
     Raises InputError for a skin whose joints are not in the scene, or whose matrices are not as many, or overflow.
     """
-    entry, where = file.entries("nodes")[node], f"nodes[{node}]"
-    joints = _joint_matrices(file, accessors, entry, where, worlds) if "skin" in entry else None
+    skin, where = file.entry("nodes", node, Node).skin, f"nodes[{node}]"
+    joints = _joint_matrices(file, accessors, skin, where, worlds) if skin != ABSENT else None
     if joints is None and not any(weights) and node not in animated:
         return None
     if joints is not None and not (np.abs(joints) < LARGEST_TERM).all():
@@ -39,25 +40,20 @@ def read_deformation(
 
 
 def _joint_matrices(
-    file: GltfFile, accessors: Accessors, node: Mapping[str, Any], where: str, worlds: Mapping[int, NDArray[np.float64]]
+    file: GltfFile, accessors: Accessors, number: int, where: str, worlds: Mapping[int, NDArray[np.float64]]
 ) -> NDArray[np.float64]:
-    skins = file.array(file.json, "skins", "file")
-    number = file.index(node["skin"], len(skins), f"{where}.skin")
-    field, skin = f"skins[{number}]", skins[number]
-    if not isinstance(skin, dict):
-        raise file.fail(field, "must be an object")
-    joints = [
-        file.index(joint, len(file.entries("nodes")), f"{field}.joints") for joint in file.array(skin, "joints", field)
-    ]
+    file.index(number, len(file.entries("skins")), f"{where}.skin")
+    field, skin = f"skins[{number}]", file.entry("skins", number, Skin)
+    joints = [file.index(joint, len(file.entries("nodes")), f"{field}.joints") for joint in skin.joints]
     if not joints:
         raise file.fail(f"{field}.joints", "must name a node at least")
     missing = next((joint for joint in joints if joint not in worlds), None)
     if missing is not None:
         raise file.fail(f"{field}.joints", f"node {missing} is not in the scene that is drawn")
     matrices = np.stack([worlds[joint] for joint in joints])
-    if "inverseBindMatrices" not in skin:
+    if skin.inverse_bind_matrices == ABSENT:
         return matrices
-    inverse = accessors.floats(skin["inverseBindMatrices"], f"{field}.inverseBindMatrices", ("MAT4",))
+    inverse = accessors.floats(skin.inverse_bind_matrices, f"{field}.inverseBindMatrices", ("MAT4",))
     if len(inverse) < len(joints):
         raise file.fail(f"{field}.inverseBindMatrices", f"has {len(inverse)} matrices for {len(joints)} joints")
     # Accessors store columns one after another.
@@ -98,7 +94,7 @@ _Target = NDArray[np.float32] | None
 def read_moving(
     file: GltfFile,
     accessors: Accessors,
-    targets: Sequence[Any],
+    targets: Sequence[Attributes],
     read: ReadAttribute,
     deformation: Deformation,
     where: str,
@@ -109,7 +105,7 @@ def read_moving(
     Raises InputError."""
     count = len(frames.positions)
 
-    def values(entry: Any, number: int, name: str) -> _Target:
+    def values(entry: Attributes, number: int, name: str) -> _Target:
         return _target(file, accessors, entry, name, count, f"{where}.targets[{number}]")
 
     found = tuple(
@@ -128,10 +124,8 @@ def read_moving(
     return MovingVertices(deformation.node, base_vertex, frames, found, influences)
 
 
-def _target(file: GltfFile, accessors: Accessors, target: Any, name: str, count: int, where: str) -> _Target:
+def _target(file: GltfFile, accessors: Accessors, target: Attributes, name: str, count: int, where: str) -> _Target:
     """Return [V, 3] what one morph target adds; None where it leaves the attribute alone."""
-    if not isinstance(target, dict):
-        raise file.fail(where, "must be an object")
     if name not in target:
         return None
     values = accessors.floats(target[name], f"{where}.{name}", ("VEC3",))
