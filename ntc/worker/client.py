@@ -223,8 +223,6 @@ class _Training:
 
     request: TrainingRequest
     snapshots: SharedBlock
-    pack: Pack
-    """The starting pack with the final snapshots so far applied."""
 
 
 class TrainingWorker:
@@ -239,6 +237,8 @@ class TrainingWorker:
         self._warming = False
         """True if the process is still importing what trains."""
         self._training: _Training | None = None
+        self.pack: Pack | None = None
+        """The pack that the latest training started from, with the snapshots that have been reported."""
         self._cancelled_at: float | None = None
         self._ended: list[Report] = []
 
@@ -286,7 +286,7 @@ class TrainingWorker:
             raise InputError(
                 f"training: cannot start a process ({error.strerror or error}); close other programs"
             ) from error
-        self._training, self._cancelled_at = _Training(request, snapshots, pack), None
+        self._training, self.pack, self._cancelled_at = _Training(request, snapshots), pack, None
         return request
 
     def poll(self) -> list[Report]:
@@ -361,12 +361,13 @@ class TrainingWorker:
             case Part():
                 part: TrainingProgress | GroupSnapshot = training.snapshots.read(report.value)
                 self._send(Taken(report.key))
-                if isinstance(part, GroupSnapshot) and part.final:
-                    training.pack = apply_snapshot(training.pack, part)
+                if isinstance(part, GroupSnapshot):
+                    assert self.pack is not None
+                    self.pack = apply_snapshot(self.pack, part)
                 return [part]
             case Answer():
                 ended: Ended = received(report.value)
-                return self._finish(Finished(ended.reason, ended.outcomes, _pack_of(ended, training)))
+                return self._finish(Finished(ended.reason, ended.outcomes, self._ended_pack(ended, training.request)))
             case Failed():
                 return self._finish(report)
             case Paused() | Resumed():
@@ -388,9 +389,7 @@ class TrainingWorker:
             return self._finish(Finished("cancelled"))
         return self._finish(Failed(f"training: its process {how}; open packs are unchanged; start the training again"))
 
-
-def _pack_of(ended: Ended, training: _Training) -> Pack | None:
-    if ended.reason == "cancelled":
-        return None
-    pack = ended_pack(training.pack, training.request.grouping)
-    return replace(pack, training=ended.record, path=None)
+    def _ended_pack(self, ended: Ended, request: TrainingRequest) -> Pack | None:
+        if ended.reason == "cancelled" or self.pack is None:
+            return None
+        return replace(ended_pack(self.pack, request.grouping), training=ended.record, path=None)

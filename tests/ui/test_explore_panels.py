@@ -226,7 +226,7 @@ def test_the_label_of_a_slot_counts_the_tiles_that_are_pending(app: DrivenApp) -
     app.run("slot.path", "a", "cached")
     app.settle()
     view, facts = app.session.view, app.frontend.facts()
-    there = facts.tiles[view.slot_a]
+    there = facts.frame.tiles[view.slot_a]
     assert slot_note(view.slot_a, view, facts) == ""
     for waiting, note in ((1, "decoding 1 tile"), (1234, "decoding 1,234 tiles")):
         coming = replace(facts, tiles={view.slot_a: replace(there, waiting=waiting)})
@@ -238,12 +238,12 @@ def test_a_slot_of_path_on_load_tells_what_is_compressed(app: DrivenApp) -> None
     app.run("slot.path", "a", "on-load")
     app.settle()
     view, facts = app.session.view, app.frontend.facts()
-    there = facts.loads[view.slot_a]
+    there = facts.frame.loads[view.slot_a]
     assert slot_note(view.slot_a, view, facts) == ""
     coming = replace(facts, loads={view.slot_a: replace(there, waiting=1_234_567)})
     assert slot_note(view.slot_a, view, coming) == "compressing 1.2 Mtexel"
     assert "compressed, 0 waiting" in counts(facts)[f"texels of {view.slot_a.label}"]
-    assert "compressed textures" in facts.gpu_parts[view.slot_a]
+    assert "compressed textures" in facts.memory[view.slot_a].parts
     app.click("Measure")
     app.settle()
     figures = app.session.inspection.measurements["a"]

@@ -17,13 +17,13 @@ from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.measurement import MeasuredPicture, error_of_each_map, measure
 from viewer.inspect.memory_table import scene_memory
 from viewer.inspect.place_content import BlockContent, PixelContent, PlaceReader, read_block, read_pixel
-from viewer.render.frames import FrameTimes
+from viewer.render.frames import FrameFigures, FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.viewport import Viewport
 from viewer.state.pack_files import pack_figures
 from viewer.state.session import Session, SlotMeasurement
 from viewer.state.view_state import REFERENCE, Side, Slot
-from viewer.ui.facts import FrameFacts
+from viewer.ui.facts import UiData
 
 
 class FactsReader:
@@ -42,39 +42,27 @@ class FactsReader:
         """True while something for a panel is on its way from the GPU."""
         return self.pixels.is_pending or self._blocks.is_pending
 
-    def read(self, live: LiveFigures, is_training: bool, encoding: Mapping[BlockFormat, float]) -> FrameFacts:
+    def read(self, live: LiveFigures, is_training: bool, encoding: Mapping[BlockFormat, float]) -> UiData:
         """Return the facts of the last frame; `live` is the result of comparing A with B, `encoding` the progress of block formats."""
         last, renderer, thumbnails = self._picture.last, self._picture.renderer, self._picture.thumbnails
         slots = (self._session.view.slot_a, self._session.view.slot_b)
-        memory = {slot: found for slot in slots if renderer and (found := renderer.memory(slot)) is not None}
-        made = len(thumbnails) if thumbnails is not None else 0
-        return FrameFacts(
+        return UiData(
             renderer=self._renderer_name,
-            timer=last.timer if last else "",
+            frame=last or FrameFigures(),
             timings_ms=self._times.medians_ms(),
-            skipped=last.skipped if last else {},
-            drawn=last.drawn if last else {},
             divergence=self._divergence(),
             block=self._block(),
             thumbnail=self.thumbnail if thumbnails is not None else None,
             frames_drawn=self._picture.frames_drawn,
-            blocking_calls=last.blocking_calls if last else 0,
             is_preview=self._is_preview,
             live=live,
             is_training=is_training,
             encoding=encoding,
             pixel=self._pixel(),
-            paths=last.paths if last else {},
-            tiles=last.tiles if last else {},
-            loads=last.loads if last else {},
             history=self._times.history,
-            gpu_parts={slot: of_slot.parts for slot, of_slot in memory.items()},
-            gpu_idle={slot: of_slot.idle for slot, of_slot in memory.items()},
-            latent_bytes=memory[slots[0]].latents if slots[0] in memory else None,
+            memory={slot: found for slot in slots if renderer and (found := renderer.memory(slot)) is not None},
             matches=renderer.matches if renderer is not None else {},
             image=self._image,
-            thumbnails_made=made,
-            thumbnails_skipped=len(self._session.scene.textures) - made,
         )
 
     @property

@@ -40,7 +40,7 @@ from viewer.state.event_handlers import (
 )
 from viewer.state.session import SlotMeasurement
 from viewer.state.view_state import Side
-from viewer.ui.facts import FIRST_PICTURE, FrameFacts, UiFrame, Work
+from viewer.ui.facts import FIRST_PICTURE, UiData, UiFrame, Work
 from viewer.ui.user_interface import SETTLING_FRAMES, UserInterface
 from viewer.viewpoints.first_view import FirstView
 
@@ -94,7 +94,7 @@ class Frontend:
         self._because: tuple[str, ...] = ()
         """Reasons of the last frame."""
 
-    def facts(self) -> FrameFacts:
+    def facts(self) -> UiData:
         """Return the facts of the last frame for the panels."""
         encoding, pending = self._formats.progress, self.picture.pending
         first = (Work(FIRST_PICTURE),) if self.picture.last is None else ()

@@ -32,30 +32,45 @@ class UploadCounts:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameResult:
-    """Picture of one frame, with its times and counts."""
+class PackMemory:
+    """GPU memory of one pack in one precision, as one decode path uses it, in bytes."""
 
-    image: moderngl.Texture
-    """RGBA8, sRGB-coded, row 0 at the bottom."""
-    timings_ms: Mapping[str, float]
+    parts: Mapping[str, int]
+    """Numbers of bytes by their use: latents, decoders (with adapters), tables, tile cache."""
+    idle: int
+    """Number of bytes of other decode paths, which are kept for switching to them at once; not among the parts."""
+    latents: NDArray[np.int64]
+    """[textures of the scene] int64 number of bytes of each texture's latents."""
+
+    @property
+    def total(self) -> int:
+        """Number of bytes of all parts: what the path uses."""
+        return sum(self.parts.values())
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrameFigures:
+    """Times and counts of one frame; before the first one all are empty."""
+
+    timings_ms: Mapping[str, float] = field(default_factory=dict)
     """Time of each step that ran, in ms; `cull` is the CPU's, the others are passes. Two slots of one path are added up.
 
     Of a renderer that does not wait: those of a frame before."""
-    slot_ms: Mapping[Slot, float]
+    slot_ms: Mapping[Slot, float] = field(default_factory=dict)
     """Time in ms that each shown slot took when it was last drawn at this size."""
-    timer: str
+    timer: str = ""
     """Method by which the times were taken."""
-    skipped: Mapping[str, int]
+    skipped: Mapping[str, int] = field(default_factory=dict)
     """Numbers of passes, images, triangles and other parts that were left out, by name."""
-    divergence: Mapping[str, DivergenceStatistics]
+    divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
     """Statistics of the shown packs' divergence maps, by the pack's name; empty without the overlay."""
-    drawn: Mapping[str, int]
+    drawn: Mapping[str, int] = field(default_factory=dict)
     """Triangles and draw commands of the visibility buffer."""
-    tiles: Mapping[Slot, TileCounts]
+    tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
     """The tile caches of the shown slots that have one."""
-    paths: Mapping[Slot, PathChoice]
+    paths: Mapping[Slot, PathChoice] = field(default_factory=dict)
     """Path by which each slot of the view is drawn: the choice of `auto`, else the slot's own."""
-    samples: Mapping[Slot, int]
+    samples: Mapping[Slot, int] = field(default_factory=dict)
     """Number of samples in the picture of each slot that the stochastic filter draws."""
     blend_samples: Mapping[Slot, int] = field(default_factory=dict)
     """Number of samples in the picture of each shown slot, BLEND surfaces in another pattern in each; empty without such surfaces."""
@@ -81,6 +96,14 @@ class FrameResult:
         return bool(self.short_latents) or any(
             counts.out_of_memory and counts.starved > 0 for counts in self.tiles.values()
         )
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class FrameResult(FrameFigures):
+    """Picture of one frame, with its times and counts."""
+
+    image: moderngl.Texture
+    """RGBA8, sRGB-coded, row 0 at the bottom."""
 
 
 @dataclass(frozen=True)

@@ -6,17 +6,14 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial, reduce
 
-import numpy as np
-from numpy.typing import NDArray
-
 from ntc.codec.maps import Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
-from ntc.pack.match import PackMatch, changed_groups, same_shape
+from ntc.pack.match import PackMatch, changed_groups, changed_textures, same_shape
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
-from viewer.render.frames import UploadCounts
+from viewer.render.frames import PackMemory, UploadCounts
 from viewer.render.passes.decode import (
     DecodeBinnedPass,
     DecodeDeferredPass,
@@ -46,23 +43,6 @@ from viewer.state.view_state import PathChoice, Precision, Slot, TexelFilter, is
 
 
 @dataclass(frozen=True, eq=False)
-class PackMemory:
-    """GPU memory of one pack in one precision, as one decode path uses it, in bytes."""
-
-    parts: Mapping[str, int]
-    """Numbers of bytes by their use: latents, decoders (with adapters), tables, tile cache."""
-    idle: int
-    """Number of bytes of other decode paths, which are kept for switching to them at once; not among the parts."""
-    latents: NDArray[np.int64]
-    """[textures of the scene] int64 number of bytes of each texture's latents."""
-
-    @property
-    def total(self) -> int:
-        """Number of bytes of all parts: what the path uses."""
-        return sum(self.parts.values())
-
-
-@dataclass(frozen=True, eq=False)
 class OpenPack:
     """A pack that slots may name, in one of its versions."""
 
@@ -70,6 +50,8 @@ class OpenPack:
     match: PackMatch
     version: int
     """Number that differs from that of every other pack of the renderer."""
+    coverage: Mapping[int, PackedCoverage]
+    """What textures cover, by their number in the scene; those without the map `alpha` are left out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -387,7 +369,6 @@ class GpuPacks:
         self._last_version = 0
         self._grouping_versions: dict[tuple[int, ...], int] = {}
         self._on_gpu: dict[tuple[str, Precision], GpuPack] = {}
-        self._coverage: dict[int, PackedCoverage] = {}
 
     def __contains__(self, name: str) -> bool:
         return name in self._open
@@ -427,20 +408,25 @@ class GpuPacks:
         if before is not None and before.pack is pack:
             return
         self._last_version += 1
-        opened = self._open[name] = OpenPack(pack, match_scene(pack, self._context.scene), self._last_version)
+        match = match_scene(pack, self._context.scene)
+        coverage = packed_coverage(pack, match)
+        is_newer = before is not None and same_shape(before.pack, pack) and before.match == match
+        if before is not None and is_newer and coverage:
+            changed = changed_textures(before.pack, pack)
+            coverage |= {number: own for number, own in before.coverage.items() if own.index not in changed}
+        opened = self._open[name] = OpenPack(pack, match, self._last_version, coverage)
         self._take_coverage()
-        if before is None:
-            return
-        if not same_shape(before.pack, pack) or before.match != opened.match:
+        if not is_newer:
             self._release(name)
-            return
         for on_gpu in [on_gpu for (source, _), on_gpu in self._on_gpu.items() if source == name]:
             on_gpu.update(opened)
 
     def _take_coverage(self) -> None:
-        opened = {name: (own.pack, own.match) for name, own in self._open.items()}
-        self._coverage = packed_coverage(opened, self._coverage)
-        self._context.scene_buffers.take_coverage(self._coverage)
+        """Draw what textures cover in the first open pack that holds their map `alpha`."""
+        covered = dict[int, PackedCoverage]()
+        for opened in self._open.values():
+            covered = {**opened.coverage, **covered}
+        self._context.scene_buffers.take_coverage(covered)
 
     def advance_updates(self, budget_bytes: int | None) -> UploadCounts:
         """Upload up to `budget_bytes` (None: all) of packs that replace others; each is drawn once all of it is there."""

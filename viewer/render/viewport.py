@@ -222,9 +222,8 @@ class Viewport:
             self._times.clear()
             self._background.forget()
         if self._packs is not session.packs:
-            drawn = self._packs or {}
             for name, pack in session.packs.items():
-                if name in drawn and drawn[name] is not pack:
+                if name in (self._packs or {}):
                     self.renderer.update_pack(name, pack)
             # A pack may have been read anew under its old name: an equal view then shows something else.
             self.renderer.set_packs(session.packs)

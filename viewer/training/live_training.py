@@ -12,7 +12,7 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from ntc.pack.match import require_match
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest
-from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
+from ntc.worker.client import Finished, Report, TrainingWorker
 from ntc.worker.process import Failed, Paused, Resumed
 from viewer.jobs.job import Job, JobReport
 from viewer.scene.json_text import counted
@@ -262,7 +262,7 @@ class LiveTraining:
         self._preparation = None
         try:
             run.request = preparation.result()
-            run.pack = starting_pack(run.request)
+            run.pack = self._worker.pack
         except CancelledError:
             pass
         except InputError as error:
@@ -283,7 +283,7 @@ class LiveTraining:
             case TrainingProgress():
                 run.add_progress(report)
             case GroupSnapshot():
-                run.add_snapshot(report)
+                run.add_snapshot(report.group, self._worker.pack)
                 self._publish_snapshots(run)
             case Paused():
                 run.state = "paused" if run.state == "pausing" else run.state

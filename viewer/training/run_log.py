@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ntc.codec.model import Pack
 from ntc.codec.quality import psnr_of_mse
 from ntc.errors import InputError
-from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, ended_pack
+from ntc.training.messages import TrainingProgress, TrainingRequest, ended_pack
 from viewer.scene.json_text import time_left
 from viewer.scene.model import Scene
 from viewer.training.preparation import TrainingJob, job_title, settings_text
@@ -250,11 +250,10 @@ class ActiveRun:
         if progress.note:
             self.notes = (*self.notes, progress.note)[-MOST_NOTES:]
 
-    def add_snapshot(self, snapshot: GroupSnapshot) -> None:
-        """Take in a trained group."""
-        assert self.pack is not None
-        self.pack = apply_snapshot(self.pack, snapshot)
-        self.groups_seen |= {snapshot.group}
+    def add_snapshot(self, group: int, pack: Pack | None) -> None:
+        """Take in a trained group, and the pack that has it."""
+        self.pack = pack
+        self.groups_seen |= {group}
 
     @property
     def seconds_left(self) -> float | None:

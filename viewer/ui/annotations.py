@@ -12,7 +12,7 @@ from viewer.render.compositor import largest_error
 from viewer.state.compare_layout import WIPES, image_to_window, layout_of, shown_sides
 from viewer.state.session import Session, Toast
 from viewer.state.view_state import BLOCKS, PaletteName, Slot, ViewState, is_image_source
-from viewer.ui.facts import FrameFacts, UiFrame
+from viewer.ui.facts import UiData, UiFrame
 from viewer.ui.theme import ERROR_ICON, WARNING_ICON, with_icon
 from viewer.ui.widgets import SHADE, WHITE, Area, counted, draw_plate, draw_tooltip, em, grid, heat, packed
 
@@ -210,14 +210,14 @@ ERROR_FIELDS = 16
 """Number of fields in the bar of an error map, which has no steps of its own."""
 
 
-def slot_note(slot: Slot, view: ViewState, facts: FrameFacts) -> str:
+def slot_note(slot: Slot, view: ViewState, facts: UiData) -> str:
     """Return a note about the part of the picture that shows a slot; "" for none."""
     if view.overlay.kind == "divergence" and is_image_source(slot.source):
         return "images have no decoders: no map here"
-    tiles = facts.tiles.get(replace(slot, path=facts.paths.get(slot, slot.path)))
+    tiles = facts.frame.tiles.get(replace(slot, path=facts.frame.paths.get(slot, slot.path)))
     if tiles is not None and tiles.waiting:
         return f"decoding {counted(tiles.waiting, 'tile')}"
-    loads = facts.loads.get(slot)
+    loads = facts.frame.loads.get(slot)
     if loads is not None and loads.waiting:
         return f"compressing {loads.waiting / 1e6:,.1f} Mtexel"
     return ""

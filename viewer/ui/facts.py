@@ -13,11 +13,9 @@ from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.place_content import BlockContent, PixelContent
-from viewer.render.frames import FrameHistory
-from viewer.render.passes.load_textures import LoadCounts
-from viewer.render.resources.tile_cache.budget import TileCounts
+from viewer.render.frames import FrameFigures, FrameHistory, PackMemory
 from viewer.state.session import Session
-from viewer.state.view_state import PathChoice, Slot
+from viewer.state.view_state import Slot
 from viewer.training.live_training import LiveTraining
 from viewer.ui.widgets import WidgetRects
 
@@ -47,16 +45,15 @@ class Work:
 
 
 @dataclass(frozen=True)
-class FrameFacts:
-    """Figures of recent frames."""
+class UiData:
+    """What panels show of the renderer and of background work."""
 
     renderer: str
-    timer: str
-    """Kind of the timer."""
+    """Driver's name of the GPU."""
+    frame: FrameFigures = field(default_factory=FrameFigures)
+    """Figures of the last frame that drew something."""
     timings_ms: Mapping[str, float] = field(default_factory=dict)
     """Median time of each pass in ms, over the recent frames in which it ran."""
-    skipped: Mapping[str, int] = field(default_factory=dict)
-    drawn: Mapping[str, int] = field(default_factory=dict)
     divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
     """Divergence of the shown packs by name, while the map is shown."""
     block: BlockContent | None = None
@@ -76,31 +73,16 @@ class FrameFacts:
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
     """Function that returns the thumbnail of a texture by its id."""
     frames_drawn: int = 0
-    blocking_calls: int = 0
-    """Calls in the last frame in which the CPU waited for the GPU."""
     is_preview: bool = False
     """True while the picture has fewer pixels because the camera moves. `divergence` is then that of the last whole picture."""
-    paths: Mapping[Slot, PathChoice] = field(default_factory=dict)
-    """Decode path of each slot: the choice of `auto`, else its own."""
-    tiles: Mapping[Slot, TileCounts] = field(default_factory=dict)
-    """Tile caches of slots that have one."""
-    loads: Mapping[Slot, LoadCounts] = field(default_factory=dict)
-    """Compressed textures of slots of path `on-load`."""
     history: FrameHistory | None = None
     """Times of the recent frames."""
-    gpu_parts: Mapping[Slot, Mapping[str, int]] = field(default_factory=dict)
-    """Bytes on the GPU of the shown slots, by purpose."""
-    gpu_idle: Mapping[Slot, int] = field(default_factory=dict)
-    """Bytes on the GPU of their packs for other decode paths."""
-    latent_bytes: NDArray[np.int64] | None = None
-    """Bytes of slot A's latents on the GPU by texture id: [textures] int64."""
+    memory: Mapping[Slot, PackMemory] = field(default_factory=dict)
+    """GPU memory of the shown slots' packs."""
     matches: Mapping[str, PackMatch] = field(default_factory=dict)
     """Match of each open pack with the scene, by the pack's name."""
     image: Callable[[str, NDArray[np.uint8]], imgui.ImTextureRef] | None = None
     """Function that uploads an image [h, w, 3] uint8 sRGB under a name, where the array is a new one."""
-    thumbnails_made: int = 0
-    thumbnails_skipped: int = 0
-    """Textures of the scene without a thumbnail so far."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +91,7 @@ class UiFrame:
 
     session: Session
     training: LiveTraining
-    facts: FrameFacts
+    facts: UiData
     emit: Emit
     rects: WidgetRects
     why_not: Callable[[str], str] = lambda _command_id: ""

@@ -27,7 +27,7 @@ from viewer import cli
 from viewer.app.window_app import WindowApp
 from viewer.commands import run_line
 from viewer.render.frames import read_picture
-from viewer.ui.facts import FrameFacts
+from viewer.ui.facts import UiData
 
 FRAME_SECONDS = 0.04
 """Time between two frames at least, as on a screen: what works beside them has the processors."""
@@ -54,7 +54,7 @@ class RestingWindow:
         """Monotonic seconds, and seconds of the processor, from which on a window at rest is watched."""
         self._frames_at_rest = 0
         self._figures: list[Figures] = []
-        self._facts: FrameFacts | None = None
+        self._facts: UiData | None = None
         """Of the last frame."""
         self._show: Callable[[Any], None] = glfw.swap_buffers
         self._wait: Callable[[float], None] = glfw.wait_events_timeout
@@ -65,7 +65,7 @@ class RestingWindow:
         glfw.wait_events_timeout = self._waited  # type: ignore[assignment]
         read = self._app.frontend.facts
 
-        def kept() -> FrameFacts:
+        def kept() -> UiData:
             self._facts = read()
             return self._facts
 

@@ -74,7 +74,7 @@ def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]]) -> None:
     assert calls == []
     assert counts == [0] * FRAMES
     facts = app.frontend.facts()
-    assert facts.blocking_calls == 0
+    assert facts.frame.blocking_calls == 0
     # Times arrive some frames later.
     assert timed > 0
     assert facts.pixel is not None

@@ -38,8 +38,8 @@ class MemoryPanel:
     def _update(self, ui: UiFrame) -> None:
         slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
         packs = [ui.session.packs.get(slot.source) for slot in slots.values()]
-        gpu_parts = {slot: dict(parts) for slot, parts in ui.facts.gpu_parts.items()}
-        key = (ui.session.scene, slots, packs, ui.session.compressed, gpu_parts, dict(ui.facts.gpu_idle))
+        on_gpu = {slot: (own.parts, own.idle) for slot, own in ui.facts.memory.items()}
+        key = (ui.session.scene, slots, packs, ui.session.compressed, on_gpu)
         if key == self._key:
             return
         self._key = key
@@ -117,8 +117,9 @@ def _slot_rows(ui: UiFrame, slot: Slot) -> tuple[MemoryRow, ...]:
     pack, match = ui.session.packs.get(slot.source), ui.facts.matches.get(slot.source)
     if pack is None or match is None:
         return ()
-    idle = ui.facts.gpu_idle.get(slot, 0)
-    return pack_memory(ui.session.scene, pack, match, ui.facts.gpu_parts.get(slot), idle)
+    on_gpu = ui.facts.memory.get(slot)
+    parts, idle = (None, 0) if on_gpu is None else (on_gpu.parts, on_gpu.idle)
+    return pack_memory(ui.session.scene, pack, match, parts, idle)
 
 
 def _size_note(ui: UiFrame, slot: Slot) -> str:

@@ -124,13 +124,14 @@ class TexturesPanel:
         """Update the rows where something about them has changed."""
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         # The key holds the objects: an id could be reused for another object.
-        latents = ui.facts.latent_bytes.tobytes() if ui.facts.latent_bytes is not None else b""
+        on_gpu = ui.facts.memory.get(ui.session.view.slot_a)
+        latents = on_gpu.latents.tobytes() if on_gpu is not None else b""
         blocks = ui.session.compressed_as(source)
         compared = ui.facts.live.comparison
         key = (ui.session.scene, pack, match, latents, blocks, compared)
         fresh = self._key != key
         if fresh:
-            sizes = ui.facts.latent_bytes.tolist() if ui.facts.latent_bytes is not None else None
+            sizes = on_gpu.latents.tolist() if on_gpu is not None else None
             scene = ui.session.scene
             self._all = compressed_rows(scene, blocks) if blocks else texture_rows(scene, pack, match, sizes)
             if compared is not None:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from viewer.inspect.frame_times import axis_top, beyond_text, frame_ticks
 from viewer.render.frames import FrameHistory
 from viewer.ui.controls import copy_button
-from viewer.ui.facts import FrameFacts, UiFrame
+from viewer.ui.facts import UiData, UiFrame
 
 PLOT_LINES = 9
 """Height of the plot in lines of text."""
@@ -72,29 +72,32 @@ class TimingsPlot:
             imgui.text_disabled(self._beyond)
 
 
-def timings_text(facts: FrameFacts) -> str:
+def timings_text(facts: UiData) -> str:
     """Return all figures of the panel as text for the clipboard."""
     rows = [f"{name}: {figure}" for name, figure in (times(facts) | counts(facts)).items()]
-    return "\n".join([facts.renderer, f"medians by {facts.timer}", *rows])
+    return "\n".join([facts.renderer, f"medians by {facts.frame.timer}", *rows])
 
 
-def times(facts: FrameFacts) -> dict[str, str]:
+def times(facts: UiData) -> dict[str, str]:
     """Return the times of the passes by name."""
     return {name.replace("_", " "): f"{milliseconds:.2f} ms" for name, milliseconds in facts.timings_ms.items()}
 
 
-def counts(facts: FrameFacts) -> dict[str, str]:
+def counts(facts: UiData) -> dict[str, str]:
     """Return counts of the last frame by name, and why it was drawn."""
-    rows = {name: f"{count:,}" for name, count in facts.drawn.items()}
-    rows |= {f"{name.replace('_', ' ')} (skipped)": f"{count:,}" for name, count in facts.skipped.items()}
-    for slot, tiles in facts.tiles.items():
+    rows = {name: f"{count:,}" for name, count in facts.frame.drawn.items()}
+    rows |= {f"{name.replace('_', ' ')} (skipped)": f"{count:,}" for name, count in facts.frame.skipped.items()}
+    for slot, tiles in facts.frame.tiles.items():
         rows[f"tiles of {slot.label}"] = f"{tiles.resident:,} cached, {tiles.waiting:,} waiting"
         if tiles.starved:
             rows["tiles that do not fit"] = f"{tiles.starved:,}: raise tile_cache_megabytes in settings.json"
-    for slot, loads in facts.loads.items():
+    for slot, loads in facts.frame.loads.items():
         rate = f"{loads.texels_per_second / 1e6:,.1f} Mtexel/s, {loads.bytes / 1e6:,.1f} MB"
         rows[f"texels of {slot.label}"] = f"{loads.texels:,} compressed, {loads.waiting:,} waiting: {rate}"
-    rows |= {"calls that waited for the GPU": f"{facts.blocking_calls:,}", "frames drawn": f"{facts.frames_drawn:,}"}
+    rows |= {
+        "calls that waited for the GPU": f"{facts.frame.blocking_calls:,}",
+        "frames drawn": f"{facts.frames_drawn:,}",
+    }
     return rows | {"reason of the last frame": ", ".join(facts.drawn_because) or INPUT}
 
 
@@ -108,7 +111,7 @@ def _mark(color: imgui.ImVec4, side: float) -> None:
 def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     """Draw the content of the panel."""
     imgui.text_wrapped(ui.facts.renderer)
-    imgui.text_disabled(f"medians by {ui.facts.timer}")
+    imgui.text_disabled(f"medians by {ui.facts.frame.timer}")
     imgui.same_line()
     copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts))
     if ui.facts.history is not None:
