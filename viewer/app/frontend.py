@@ -303,9 +303,8 @@ class Frontend:
 
     def _look_for_first_view(self, size: tuple[int, int]) -> None:
         """Continue the search for a first view in a scene without cameras, as soon as all of the scene is on screen."""
-        renderer, session = self.picture.renderer, self.session
-        if renderer is not None and self.picture.is_open and not self.picture.is_undrawable(size):
-            self._first_view.step(session, renderer.texture_ids_from)
+        if self.picture.is_open and not self.picture.is_undrawable(size):
+            self._first_view.step(self.session)
 
     def _prepare_ahead(self) -> None:
         """Prepare encoding as soon as a scene without a pack is drawn."""
