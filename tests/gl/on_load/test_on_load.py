@@ -11,7 +11,6 @@ from ntc.codec.maps import MAPS
 from ntc.codec.model import Pack
 from ntc.errors import InputError
 from tests.gl.small_scenes import FRONT, objects
-from tests.support.blocking_watch import watched_calls
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult
 from viewer.render.path_choice import unsupported_paths
@@ -19,7 +18,6 @@ from viewer.render.renderer import Renderer
 from viewer.render.resources.load_plan import PIECE_TILES, LoadPlan, StoredPart, stored_parts
 from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Camera
-from viewer.state.navigation import turned
 from viewer.state.view_state import Anisotropy, Slot, ViewState
 
 pytestmark = pytest.mark.gl
@@ -131,18 +129,6 @@ def test_a_frame_compresses_a_share_and_the_coarse_mips_of_all_textures_first(
     assert whole.is_complete
     np.testing.assert_array_equal(coarse.picture(SLOT), renderer.picture(SLOT))
     coarse.release()
-
-
-@pytest.mark.computes
-def test_nothing_waits_while_textures_are_compressed_and_the_camera_moves(graphics: GraphicsContext) -> None:
-    with watched_calls() as calls:
-        moving = renderer_of(graphics, waits=False, tiles=LEAST)
-        moving.render(VIEW)
-        calls.clear()
-        frames = [moving.render(replace(VIEW, camera=turned(FRONT, 2.0 * number))) for number in range(1, 5)]
-        assert calls == []
-        assert [frame.blocking_calls for frame in frames] == [0] * 4
-        moving.release()
 
 
 @pytest.mark.computes

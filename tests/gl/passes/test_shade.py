@@ -9,12 +9,11 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.codec.maps import MAPS, PLANE_COMPONENTS, PLANE_OF_MAP, MapName
-from ntc.codec.mips import linear_to_srgb, srgb_to_linear
+from ntc.codec.mips import linear_to_srgb
 from tests.support.lit_studio import LitStudio, Planes, sphere_grid
 from viewer.gl.context import GraphicsContext
 from viewer.lighting.prefilter import SKY_SIZE, PrefilteredEnvironment, prefilter
 from viewer.lighting.sky import sky_radiance
-from viewer.render.passes.shade import ShadePass
 from viewer.render.resources.scene_buffers import COMPONENTS_OF_MAP
 from viewer.scene.model import Light, Scene, SurfaceFactors
 from viewer.state.view_state import Lighting, ToneMap
@@ -192,14 +191,3 @@ def test_nothing_is_lit_anew_at_rest(studio: LitStudio) -> None:
     studio.draw(planes, light=studio.light_drawer.prepare(replace(LIGHTING, sun_azimuth=20.0)))
     # Skies turn with their sun: only the shadow is drawn anew.
     assert {"prefilter", "shadow"} & set(studio.scheduler.timer.take()) == {"shadow"}
-
-
-def test_a_lit_view_needs_light_and_base_colours(studio: LitStudio) -> None:
-    shade_pass: ShadePass = studio.shade_pass
-    planes = studio.planes({"base": studio.factor_base()})
-    with pytest.raises(ValueError, match="needs light"):
-        studio.draw(planes)
-    with pytest.raises(ValueError, match="base colours"):
-        studio.draw({}, light=studio.light_drawer.prepare(LIGHTING))
-    assert shade_pass.name == "shade"
-    assert srgb_to_linear(np.array([1.0]))[0] == 1.0

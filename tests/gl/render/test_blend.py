@@ -18,7 +18,6 @@ from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
 from viewer.render.renderer import Renderer
 from viewer.render.resources.accumulator import SAMPLES
-from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.render.slot_drawer import BlendSamplesPass, dithered_materials
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
@@ -231,20 +230,6 @@ def test_other_views_take_one_sample(graphics: GraphicsContext) -> None:
         renderer.release()
     assert dithered_materials(flat_scene(0.0)) == dithered_materials(clear) == frozenset()
     assert dithered_materials(textured_scene()) == {1}
-
-
-def test_a_tile_cache_that_is_too_small_stays_with_the_first(graphics: GraphicsContext) -> None:
-    # One page of 32 x 32 texels for two textures.
-    renderer = Renderer(graphics, textured_scene(), tile_cache=TileCacheConfig(budget_bytes=1))
-    renderer.set_packs({"p": pack()})
-    slot = SLOTS["cached"]
-    for whole in (False, True):
-        view = ViewState(turned(PERSPECTIVE, float(whole)), SIZE, slot, compare="a")
-        rest(renderer, view) if not whole else renderer.render(view, whole)
-        before = shown(renderer, slot)
-        assert renderer.render(view).timings_ms.keys() <= {"composite"}
-        np.testing.assert_array_equal(shown(renderer, slot), before)
-    renderer.release()
 
 
 def test_without_memory_for_samples_the_first_stays(textured: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:

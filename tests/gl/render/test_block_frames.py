@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import Literal
 
 import numpy as np
 import pytest
@@ -19,7 +18,7 @@ from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
-from viewer.render.resources.latent_store import LatentBudget, LatentStore
+from viewer.render.resources.latent_store import LatentBudget
 from viewer.scene.model import Material, Sampler
 from viewer.state.view_state import DecodePath, Slot, ViewState
 
@@ -75,20 +74,6 @@ def with_little_contrast(pack: Pack) -> Pack:
 def latent_rows(pack: Pack, texture: int = 0) -> tuple[StoredRows, ...]:
     """Where each level of a texture lies."""
     return codec_of(pack.config).gpu_tables(pack.config).level_rows(pack.textures[texture])
-
-
-@pytest.mark.parametrize("mips", [1, 2, 4])
-def test_a_short_budget_leaves_out_fine_mips_of_all_textures(graphics: GraphicsContext, mips: Literal[1, 2, 4]) -> None:
-    pack = random_block_pack(((128, 128), (128, 128), (64, 64)), (0, 0, 0), replace(CONFIG, mips=mips))
-    rows = latent_rows(pack)
-    first = next(level for level, row in enumerate(rows) if row.rows) + 1
-    # Room for two textures without their finest codes, and for the third whole.
-    cells = sum(row.rows for index in (0, 1) for row in latent_rows(pack, index)[first:])
-    budget = LatentBudget((cells + sum(row.rows for row in latent_rows(pack, 2))) * CONFIG.cell_bytes)
-    store = LatentStore(graphics, codec_of(pack.config).gpu_tables(pack.config), pack.textures, budget)
-    assert store.need({0: 0, 1: 0, 2: 0})
-    assert store.finest.tolist() == [first, first, 0]
-    store.release()
 
 
 @pytest.mark.parametrize("path", ["deferred", "forward", "binned", "cached"])

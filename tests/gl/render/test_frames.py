@@ -120,14 +120,6 @@ def test_the_reference_is_one_picture_whatever_the_path(renderer: Renderer) -> N
 
 
 @pytest.mark.computes
-def test_each_slot_has_a_time_of_its_own(renderer: Renderer) -> None:
-    half = Slot("p", "deferred", "fp16")
-    frame = renderer.render(replace(VIEW, slot_a=DEFERRED, slot_b=half))
-    assert set(frame.slot_ms) >= {DEFERRED, half}
-    assert frame.slot_ms[DEFERRED] + frame.slot_ms[half] == pytest.approx(frame.timings_ms["decode_deferred"], rel=1e-6)
-
-
-@pytest.mark.computes
 def test_the_time_of_a_slot_is_that_of_drawing_it_again_and_no_frame_draws_more_for_it(
     renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,15 +167,3 @@ def test_what_was_prepared_compiles_nothing_and_changes_no_picture(
     for mode in modes:
         renderer.render(replace(VIEW, slot_b=mode, compare="wipe"))
     assert compiled == []
-
-
-def test_memory_counts_the_tile_cache_only_for_the_path_that_reads_it(renderer: Renderer) -> None:
-    cached = Slot("p", "cached")
-    renderer.render(replace(VIEW, slot_b=cached, compare="wipe"))
-    using, idle = renderer.memory(cached), renderer.memory(DEFERRED)
-    assert using is not None
-    assert idle is not None
-    assert using.parts["tile cache"] > 0
-    assert "tile cache" not in idle.parts
-    assert idle.idle >= using.parts["tile cache"]
-    assert idle.total < using.total

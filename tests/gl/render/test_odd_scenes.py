@@ -5,11 +5,9 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from tests.support.picture_scenes import (
-    QUAD_UVS,
     WHITE,
     Part,
     PixelMap,
-    cube,
     scene_of,
     straight_camera,
     texture,
@@ -18,7 +16,6 @@ from tests.support.picture_scenes import (
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
 from viewer.scene.model import Material, Scene
-from viewer.state.framing import frame_all
 from viewer.state.view_state import EXACT_PATHS, Slot, ViewState
 
 PATHS = EXACT_PATHS
@@ -100,14 +97,4 @@ def test_large_material_and_texture_numbers_are_kept_apart(graphics: GraphicsCon
     renderer.render(ViewState(straight_camera(), (4, 4)))
     assert (renderer.texture_ids() == 99).all()
     assert np.allclose(renderer.picture(Slot()), (((99 / 255 + 0.055) / 1.055) ** 2.4), atol=2e-3)
-    renderer.release()
-
-
-def test_degenerate_transforms_and_triangles_draw_nothing_and_break_nothing(graphics: GraphicsContext) -> None:
-    flat = np.diag([1.0, 0.0, 1.0, 1.0])
-    broken = Part(0, np.zeros((4, 3), np.float32), QUAD_UVS)
-    scene = scene_of([cube(0, flat, np.eye(4) * 0.0), broken, cube(0)], [Material("m", -1, WHITE)])
-    renderer = Renderer(graphics, scene)
-    renderer.render(ViewState(frame_all(scene), (32, 32)))
-    assert 0.1 < renderer.covered().mean() < 1.0
     renderer.release()

@@ -153,20 +153,6 @@ def test_a_view_at_rest_gathers_samples_and_then_draws_nothing(graphics: Graphic
     renderer.release()
 
 
-@pytest.mark.parametrize("codec", ["grid", "block"])
-def test_all_paths_take_the_same_samples(graphics: GraphicsContext, codec: str) -> None:
-    renderer = opened(graphics, codec)
-    pictures = []
-    for path in ("deferred", "forward", "binned"):
-        slot = Slot("p", path, filter="stochastic")
-        renderer.render(ViewState(FRONT, (120, 72), slot), whole=True)
-        pictures.append(renderer.picture(slot))
-    for other in pictures[1:]:
-        # Where two surfaces meet, coordinates are rounded elsewhere, and another texel may be taken.
-        assert (np.abs(other - pictures[0]).max(-1) <= 2e-4).mean() > 0.99
-    renderer.release()
-
-
 def test_tiles_and_the_reference_are_filtered_as_ever(graphics: GraphicsContext) -> None:
     renderer = opened(graphics)
     for slot in (Slot("p", "cached"), Slot()):

@@ -116,13 +116,6 @@ def test_a_quarter_turn_keeps_the_spectrum_and_turns_the_directions() -> None:
     np.testing.assert_allclose(edge_directions(np.rot90(stripes, 2)), directions, atol=1e-9)
 
 
-@pytest.mark.parametrize(("per_texel", "octave"), [(0.375, 1), (0.18, 2), (0.09, 3), (0.045, 4), (0.0225, 5)])
-def test_waves_fall_into_their_octave(per_texel: float, octave: int) -> None:
-    spectrum = 10 ** radial_spectrum(waves(256, 256, per_texel))
-    assert spectrum.argmax() == octave
-    assert spectrum.sum() == pytest.approx(0.25**2 / 2, rel=0.05)
-
-
 def test_what_is_no_features_or_not_installed_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     name: Any = "colour"
     with pytest.raises(ValueError, match="features 'colour'"):

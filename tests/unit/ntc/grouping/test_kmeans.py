@@ -24,9 +24,7 @@ def groups_of(labels: list[int]) -> tuple[int, ...]:
     return Grouping.of_labels("any", labels, {}).groups
 
 
-@pytest.mark.parametrize(
-    ("rows", "columns", "clusters"), [(2, 3, 1), (9, 2, 9), (30, 1, 5), (55, 17, 10), (40, 31, 20), (120, 40, 12)]
-)
+@pytest.mark.parametrize(("rows", "columns", "clusters"), [(2, 3, 1), (9, 2, 9), (30, 1, 5), (120, 40, 12)])
 @pytest.mark.parametrize("seed", [0, 7])
 def test_a_seed_gives_the_groups_of_scikit_learn(rows: int, columns: int, clusters: int, seed: int) -> None:
     cluster = pytest.importorskip("sklearn.cluster")

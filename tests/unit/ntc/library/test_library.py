@@ -14,7 +14,7 @@ from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image
 from ntc.codec.registry import codec_of
 from ntc.errors import InputError
-from ntc.library.index import INDEX_FILE, ImageFile, Library, is_library, library_packs
+from ntc.library.index import INDEX_FILE, Library, is_library, library_packs
 from ntc.library.joining import joined_pack
 from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
 
@@ -115,7 +115,7 @@ def test_an_index_that_is_missing_cut_or_damaged_is_made_again(library: Path) ->
     whole, random = (library / INDEX_FILE).read_bytes(), np.random.default_rng(3)
     packs = Library(library).packs
     spoilt = [whole[: len(whole) * part // 8] for part in range(8)]
-    for place in random.choice(len(whole), 40, replace=False):
+    for place in random.choice(len(whole), 15, replace=False):
         flipped = bytearray(whole)
         flipped[place] ^= 1 << random.integers(0, 8)
         spoilt.append(bytes(flipped))
@@ -126,11 +126,6 @@ def test_an_index_that_is_missing_cut_or_damaged_is_made_again(library: Path) ->
     (library / INDEX_FILE).unlink()
     assert is_library(library)
     assert_holds(library, [small_pack(seed) for seed in range(3)])
-
-
-def test_headers_are_read_once(library: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Library, "_read", lambda *_: pytest.fail("a header was read"))
-    assert len(Library(library).packs) == 3
 
 
 def test_a_process_that_ends_at_any_step_loses_no_pack(library: Path) -> None:
@@ -151,13 +146,6 @@ def test_two_processes_may_add_at_the_same_time(library: Path) -> None:
     first.save()
     assert_holds(library, [small_pack(seed) for seed in range(5)])
     assert len(Library(library).packs) == 5
-
-
-def test_facts_about_images_are_kept(library: Path) -> None:
-    found = Library(library)
-    found.remember({"/a.png": ImageFile((10, 20), "ab", 4, 8, 3)})
-    found.save()
-    assert Library(library).images == {"/a.png": ImageFile((10, 20), "ab", 4, 8, 3)}
 
 
 def test_a_folder_of_other_things_is_refused(tmp_path: Path) -> None:
@@ -185,7 +173,7 @@ def test_every_flipped_bit_is_found_and_what_is_no_pack_is_left_out(library: Pat
     random = np.random.default_rng(3)
     for path in library.glob("*.ntc"):
         data = path.read_bytes()
-        for place in random.choice(len(data), 40, replace=False):
+        for place in random.choice(len(data), 15, replace=False):
             spoilt = bytearray(data)
             spoilt[place] ^= 1 << random.integers(0, 8)
             path.write_bytes(bytes(spoilt))

@@ -33,11 +33,6 @@ def test_a_pack_of_another_scene_is_bad_input() -> None:
         require_match(replace(PACK, path=Path("some/other.ntc")), match, "a.glb")
 
 
-def test_a_partial_match_and_a_scene_without_textures_are_fine() -> None:
-    require_match(PACK, match_pack(PACK, [["aa"], ["cc"]], ["a", "c"]), "a.glb")
-    require_match(PACK, match_pack(PACK, [], []), "a.glb")
-
-
 def test_a_set_is_found_whole_or_by_its_base_colour() -> None:
     found = match_pack(PACK, [["bb", "aa"], ["xx", "aa"], ["xx", "yy"]], ["whole", "base alone", "unknown"])
     assert found.texture_index == (1, 0, -1)

@@ -122,12 +122,6 @@ def test_a_pack_without_textures(tmp_path: Path) -> None:
     assert_equal(read_pack(tmp_path / "empty.ntc"), pack)
 
 
-def test_an_infinite_psnr_is_stored_as_unknown(tmp_path: Path) -> None:
-    pack = random_pack(sizes=((4, 4),), groups=(0,))
-    write_pack(tmp_path / "a.ntc", replace(pack, textures=(replace(pack.textures[0], psnr_db=math.inf),)))
-    assert read_pack(tmp_path / "a.ntc").textures[0].psnr_db is None
-
-
 def test_files_hold_what_the_format_says(tmp_path: Path, pieces: Pieces) -> None:
     path = tmp_path / "good.ntc"
     for own in pieces.values():
@@ -454,8 +448,3 @@ def test_a_damaged_pack_is_not_overwritten_by_a_failed_write(tmp_path: Path) -> 
         write_pack(path, replace(random_pack(), training={"loss": math.nan}))
     assert path.read_bytes() == b"old"
     assert [entry.name for entry in tmp_path.iterdir()] == ["a.ntc"]
-
-
-def test_a_folder_cannot_be_written_over(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot be written"):
-        write_pack(tmp_path, random_pack())

@@ -12,7 +12,7 @@ from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.training.encode import encode_textures
-from ntc.training.messages import GroupSnapshot, apply_snapshot, ended_pack, moved_texture, unchanged_groups
+from ntc.training.messages import GroupSnapshot, apply_snapshot, ended_pack, moved_texture
 from tests.support.textures import texture
 
 CODECS = [
@@ -54,16 +54,6 @@ def test_grey_is_grey_and_makes_room_for_every_group(codec: GridConfig) -> None:
     assert all(own is other for own, other in zip(ended.decoders, made.decoders, strict=True))
 
 
-def test_only_the_group_changes() -> None:
-    before, other = trained((0, 1, 0, 1)), trained((0, 1, 0, 1), seed=1)
-    after = apply_snapshot(before, snapshot_of(other, 1))
-    assert after.grouping is before.grouping
-    assert after.decoders[0] is before.decoders[0]
-    assert after.decoders[1] is other.decoders[1]
-    assert [after.textures[i] is before.textures[i] for i in range(4)] == [True, False, True, False]
-    assert after.textures[1] is other.textures[1]
-
-
 def test_groups_made_anew_come_one_by_one_and_every_picture_on_the_way_is_whole() -> None:
     old, new = trained((0, 0, 1, 1)), trained((0, 1, 1, 0), seed=1)
     pack = apply_snapshot(old, snapshot_of(new, 1))
@@ -83,12 +73,6 @@ def test_a_snapshot_of_other_textures_is_refused() -> None:
     for members in ((0, 4), (0, -1), (0, 2)):
         with pytest.raises(ValueError, match="is not the one of the pack"):
             apply_snapshot(pack, replace(snapshot, members=members))
-
-
-def test_which_groups_are_as_they_were() -> None:
-    old = Grouping("random", (0, 0, 1, 2))
-    assert unchanged_groups(old, Grouping("clustered", (2, 2, 0, 1))) == {2: 0, 0: 1, 1: 2}
-    assert unchanged_groups(old, Grouping("clustered", (0, 1, 1, 2))) == {2: 2}
 
 
 def test_moving_a_texture() -> None:

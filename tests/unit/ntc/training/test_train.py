@@ -118,16 +118,6 @@ def test_a_pack_holds_what_its_settings_say(trained: tuple[str, list[SourceTextu
     assert not outputs or (outputs[0].shape == (3, 16) and not np.array_equal(outputs[0], outputs[1]))
 
 
-def test_group_by_group_the_seed_decides_every_bit_and_numbers_do_not_matter() -> None:
-    textures = [texture(16, 16), texture(12, 8, seed=1), texture(7, 5, seed=2)]
-    training, grouping = replace(SHORT, texels_per_group=64, freezing=FreezingConfig()), Grouping("random", (1, 0, 1))
-    first = encode_textures(textures, grouping, SMALL, training)
-    assert same(first, encode_textures(textures, grouping, SMALL, training))
-    assert not same(first, encode_textures(textures, grouping, SMALL, replace(training, seed=6)))
-    assert [encoded.group for encoded in first.textures] == [1, 0, 1]
-    assert len(first.decoders) == 2
-
-
 @pytest.mark.parametrize("levels", [None, 1])
 def test_odd_textures_of_different_channels_share_a_decoder(levels: int | None) -> None:
     random = np.random.default_rng(0)

@@ -100,7 +100,7 @@ def test_a_damaged_state_is_refused_or_read_never_a_crash(tmp_path: Path) -> Non
     path = saved(tmp_path / "a.state")
     whole = path.read_bytes()
     random = np.random.default_rng(0)
-    for _ in range(60):
+    for _ in range(25):
         damaged = bytearray(whole[: random.integers(1, len(whole))] if random.random() < 0.3 else whole)
         place = random.integers(0, min(len(damaged), 6000))
         damaged[place] ^= 1 << random.integers(0, 8)

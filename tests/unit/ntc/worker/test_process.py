@@ -197,12 +197,6 @@ def test_what_is_sent_arrives_and_the_memory_has_no_name_once_it_is_open() -> No
     assert not found.bytes.flags.writeable
 
 
-def test_small_values_take_no_shared_memory() -> None:
-    parcel, block = sent((1, np.zeros(3)))
-    assert (block, parcel.block) == (None, "")
-    assert received(parcel)[0] == received(inside(1)) == 1
-
-
 def test_values_lie_side_by_side_in_a_block() -> None:
     first, second = (Pickled(np.full(LARGEST_INSIDE + 1, number, np.uint8)) for number in (1, 2))
     block = SharedBlock.create(first.size + second.size)

@@ -2,9 +2,9 @@
 
 import ast
 from collections.abc import Iterator
-from dataclasses import is_dataclass, replace
+from dataclasses import is_dataclass
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import get_type_hints
 
 import pytest
 
@@ -88,30 +88,6 @@ def test_what_does_not_fit_is_one_line(context: Context, line: str, part: str) -
         run_line(context, line)
     assert "\n" not in str(caught.value)
     assert context.session.view == before
-
-
-@pytest.mark.parametrize(
-    ("line", "command_id", "values"),
-    [
-        ("overlay.opacity 2", "overlay.opacity", (2.0,)),
-        ("compare.gain 0", "compare.gain", (0.0,)),
-        ("compare.mode c", "compare.mode", ("c",)),
-        ("slot.source a missing", "slot.source", ("a", "missing")),
-        ("compare.divider nan", "compare.divider", (float("nan"),)),
-        ("filter.anisotropy 3", "filter.anisotropy", (3,)),
-        ("slot.filter a box", "slot.filter", ("a", "box")),
-        ("filter.texels box", "filter.texels", ("box",)),
-        ("window.ui-scale 9", "window.ui-scale", (9.0,)),
-    ],
-)
-def test_values_of_widgets_are_checked_as_texts_are(
-    context: Context, line: str, command_id: str, values: tuple[Any, ...]
-) -> None:
-    with pytest.raises(InputError) as typed:
-        run_line(context, line)
-    with pytest.raises(InputError) as given:
-        run(context, command_id, *values)
-    assert str(typed.value).replace("'", "") == str(given.value).replace("'", "")
 
 
 def test_a_filter_is_of_one_slot_or_both_and_is_remembered(context: Context) -> None:
@@ -215,13 +191,6 @@ def test_what_is_refused_keeps_its_own_key(keys: dict[str, str], parts: tuple[st
     assert bound.text("compare.measure") == "M"
 
 
-def test_a_refusal_that_leads_to_another_one() -> None:
-    # The second is refused for the first, which then is in the way of a third.
-    bound = bindings({"camera.frame-all": "M", "camera.next": "F"})
-    assert len(bound.problems) == 2
-    assert (bound.text("camera.frame-all"), bound.text("camera.next")) == ("F", "C")
-
-
 @pytest.fixture
 def written(tmp_path: Path) -> Context:
     return open_context(write_scene(tmp_path))
@@ -265,15 +234,6 @@ def test_a_drag_is_one_change(written: Context, monkeypatch: pytest.MonkeyPatch)
     assert session.view.wipe_position == pytest.approx(0.6)
     run_line(written, "edit.undo")
     assert session.view.wipe_position == begin
-
-
-def test_what_other_hands_changed_since_stays(written: Context) -> None:
-    session = written.session
-    run_line(written, "compare.mode b")
-    session.view = replace(session.view, anisotropy=16)
-    run_line(written, "edit.undo")
-    assert (session.view.compare, session.view.anisotropy) != ("b", 1)
-    assert session.view.anisotropy == 16
 
 
 def test_undo_leaves_runs_alone(written: Context) -> None:

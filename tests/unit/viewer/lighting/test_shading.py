@@ -114,16 +114,6 @@ def test_unlit_materials_show_their_base_colour() -> None:
     np.testing.assert_array_equal(shade(samples, LightSources(constant(3.0))), 1.0)
 
 
-def test_a_clear_coat_reflects_on_top_and_keeps_energy() -> None:
-    rough = SurfaceFactors(metalness=0.0)
-    coated = replace(rough, clearcoat=1.0, clearcoat_roughness=0.1)
-    # Seen in a furnace it changes nothing but by what the coat itself scatters; under a light it shines.
-    np.testing.assert_allclose(shade(flat(50, coated), LightSources(constant(1.0))), 1.0, atol=0.05)
-    above = LightSources(constant(0.0), sun_direction=(0.0, 1.0, 0.0), sun_irradiance=(1.0, 1.0, 1.0))
-    samples = replace(flat(1, coated), views=np.array([[0.0, 1.0, 0.0]]))
-    assert (shade(samples, above) > 3.0 * shade(replace(samples, factors=[rough]), above)).all()
-
-
 def test_shade_is_finite_for_hostile_surfaces() -> None:
     normals, tangents, stored, scale = hostile_normals()
     random = np.random.default_rng(7)

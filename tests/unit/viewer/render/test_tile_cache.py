@@ -97,11 +97,6 @@ def test_where_the_rest_is_long_tiles_get_a_share_of_it() -> None:
     assert min(paced(rest) or 0.0 for rest in range(60)) >= LEAST_MILLISECONDS
 
 
-def test_what_has_no_limit_keeps_none_and_a_small_one_stays() -> None:
-    assert paced(1000.0, limit=None) is None
-    assert paced(1000.0, limit=1.0) == 1.0
-
-
 SIZES = ((256, 128), (16, 16), (32, 512), (70, 70))
 
 

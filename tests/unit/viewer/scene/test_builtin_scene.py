@@ -1,6 +1,5 @@
 """What the built-in scenes promise, and what the scripts that build them make."""
 
-import json
 from collections import Counter
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from assets.build.gltf_materials import encode_images
 from assets.build.materials import recipes
 from ntc.pack.file import read_pack
 from viewer.locations import builtin_scene_path, named_scene
-from viewer.scene.cameras_file import read_cameras
 from viewer.scene.images import decode_image
 from viewer.scene.load import load_scene
 from viewer.scene.model import Scene
@@ -55,20 +53,6 @@ def test_it_uses_what_the_renderer_has_to_show(scene: Scene) -> None:
     assert max(Counter(scene.instances.primitive.tolist()).values()) > 1
     assert any("KHR_texture_transform" in line for line in scene.report.honoured)
     assert not scene.report.missing
-
-
-def test_named_cameras_are_in_both_files(scene: Scene) -> None:
-    path = builtin_scene_path().with_name("courtyard.cameras.json")
-    assert set(json.loads(path.read_text())[0]) == {"name", "eye", "target", "fov"}
-    listed = read_cameras(path)
-    assert [camera.name for camera in scene.cameras] == [camera.name for camera in listed]
-    assert len(listed) >= 6
-    for own, other in zip(scene.cameras, listed, strict=True):
-        np.testing.assert_allclose(own.eye, other.eye, atol=1e-5)
-        assert own.fov_degrees == pytest.approx(other.fov_degrees)
-        ways = [np.subtract(camera.target, camera.eye) for camera in (own, other)]
-        ways = [way / np.linalg.norm(way) for way in ways]
-        np.testing.assert_allclose(ways[0], ways[1], atol=1e-5)
 
 
 @pytest.mark.parametrize("grouping", ["baseline", "clustered"])

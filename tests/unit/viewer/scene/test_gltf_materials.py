@@ -18,7 +18,6 @@ from viewer.commands.command import Context
 from viewer.scene.images import decode_image
 from viewer.scene.load import load_scene
 from viewer.scene.model import Sampler, Scene, SurfaceFactors
-from viewer.scene.report import report_json, report_lines
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import ViewerSettings
 
@@ -205,22 +204,6 @@ def test_materials_are_not_read_without_need_and_the_default_one_is_added() -> N
     assert scene.textures == ()
     assert [material.name for material in scene.materials] == [f"material {unused}", "default"]
     assert scene.primitives[0].material == 1
-
-
-def test_report_of_a_scene() -> None:
-    builder = GltfBuilder()
-    builder.json["extensionsUsed"] = ["KHR_materials_sheen"]
-    scene = with_material(builder, builder.material(builder.image(png(noise()), name="oak\n"), alphaMode="BLEND"))
-    lines = "\n".join(report_lines(scene))
-    for part in (
-        "1 triangle",
-        "alphaMode BLEND",
-        "alpha-hashed, at rest as the mean of 16 samples",
-        "extension KHR_materials_sheen",
-        "6 x 4  oak",
-    ):
-        assert part in lines
-    assert report_json(scene)["textures"][0]["pixel_hash"] == scene.textures[0].pixel_hash
 
 
 def shoe(**mapping: Any) -> GltfBuilder:

@@ -24,7 +24,6 @@ from viewer.scene.map_pictures import (
     plane_mips,
 )
 from viewer.scene.model import Material, Sampler, Scene, SceneTexture, SurfaceFactors
-from viewer.scene.report import report_json, report_lines
 from viewer.scene.source_textures import source_textures, without_alpha
 
 
@@ -349,18 +348,6 @@ def test_alpha_is_part_of_the_hash_of_a_set() -> None:
         assert without_alpha(source).maps == ("base", "normal")
         hashes.append(texture.set_hash)
     assert hashes[0] != hashes[1]
-
-
-def test_reports_name_the_maps() -> None:
-    maps = Maps()
-    maps.material(baseColorTexture=maps.info(noise()), normalTexture=maps.info(normals()))
-    _, (texture,), scene = one(maps)
-    assert any("base + normal" in line for line in report_lines(scene))
-    report = report_json(scene)
-    assert report["textures"][0]["maps"] == ["base", "normal"]
-    assert report["textures"][0]["set_hash"] == texture.set_hash
-    assert report["materials"][0]["planes"]["surface"]["maps"] == ("normal",)
-    assert "normal maps: materials" in report["honoured"]
 
 
 def test_small_files_cannot_ask_for_much_memory_by_resampling(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,16 +45,6 @@ def test_a_huge_ground_and_a_dome_do_not_count() -> None:
     assert max(filled(frame_all(scene), scene, 1.0)) == pytest.approx(SHARE, abs=2e-3)
 
 
-def test_the_camera_stays_outside_of_what_is_left_out() -> None:
-    # A bar from the cube through the place that the camera would take.
-    first = np.array(frame_all(CUBE).eye)
-    x, y, z = first.tolist()
-    bar = placed(x, y, z, (1.0, 1.0, 30.0))
-    scene = scene_of([cube(0), cube(0, bar)], PLAIN)
-    eye = np.array(frame_all(scene).eye)
-    assert np.sign(eye[0]) != np.sign(first[0])
-
-
 class Moved:
     """A motion that shifts the vertices of the first primitive by its morph target."""
 

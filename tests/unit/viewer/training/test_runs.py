@@ -393,24 +393,6 @@ def test_a_run_under_way_is_autosaved_and_stays_when_the_window_closes(path: Pat
     assert unsaved(window(path, folder)) == [1]
 
 
-@pytest.mark.process
-def test_a_run_that_ends_is_autosaved_as_it_is_kept(path: Path, folder: Path) -> None:
-    context = window(path, folder)
-    training, scene = context.training, context.session.scene
-    training.start(EncodeScene(TrainingSettings("baseline", texture_size=16)), scene, None)
-    began = time.monotonic()
-    while not (training.log.runs and not training._store.busy):
-        training.tick(scene, frozenset(), context.session.packs)
-        assert time.monotonic() - began < 100.0
-        time.sleep(0.01)
-    (file,) = folder.glob("*.ntc")
-    written = file.read_bytes()
-    keep(context)
-    assert path.with_name("scene.baseline.ntc").read_bytes() == written
-    assert list(folder.iterdir()) == []
-    training.close()
-
-
 @pytest.fixture
 def installed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """The folder of an installation's assets, of which the scene is the only one."""

@@ -9,7 +9,6 @@ from typing import Literal
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from safetensors import safe_open
 from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
 from ntc.codec.block.config import LARGEST_WORDS, BlockConfig, BlockOptions
@@ -147,18 +146,6 @@ def test_what_cannot_be_encoded_is_named() -> None:
         encode_textures([waves(8, 8)], Grouping("single", (1,)), SMALL, BlockOptions())
     with pytest.raises(InputError, match="has 4 channels"):
         encode_textures([waves(8, 8, 4)], Grouping("single", (0,)), BlockConfig(), BlockOptions())
-
-
-def test_sizes_in_the_table_are_those_of_the_files_tensors(tmp_path: Path) -> None:
-    pack = encode_textures([waves(40, 24), waves(16, 16, seed=1)], Grouping("any", (0, 1)), SMALL, BlockOptions())
-    write_pack(tmp_path / "a.ntc", pack)
-    sizes = {"latents": 0, "decoder": 0}
-    with safe_open(tmp_path / "a.ntc", "np") as file:
-        for name in file.keys():  # noqa: SIM118  Not a mapping.
-            sizes[name.split(".")[0]] += file.get_tensor(name).nbytes
-    table = psnr_table(pack)
-    assert (table.latent_bytes, table.decoder_bytes, table.adapter_bytes) == (sizes["latents"], sizes["decoder"], 0)
-    assert table.bits_per_texel == pytest.approx(8 * sum(sizes.values()) / (40 * 24 + 16 * 16))
 
 
 @pytest.mark.parametrize("groups", [1, 8])

@@ -91,15 +91,6 @@ def test_materials_of_few_blocks_are_encoded(size: tuple[int, int], grouping: Gr
             assert decode(pack, 0, level).shape[2] == source.channels
 
 
-def test_cutouts_of_few_blocks_share_a_decoder() -> None:
-    sources = [small_material(128, 128 >> place, kind) for place, kind in enumerate(("disc", "nothing", "a dot"))]
-    pack = encode(sources, grouping=GroupingConfig("single"))
-    for index, source in enumerate(sources):
-        np.testing.assert_array_equal(
-            decode(pack, index)[..., 3] >= 255 * CUTOFF, source.pixels[..., 3] >= 255 * CUTOFF, source.name
-        )
-
-
 @pytest.mark.parametrize("modes", [1, 2, 3])
 def test_a_block_takes_the_better_one_of_the_modes_there_are(modes: int) -> None:
     values = np.random.default_rng(3).normal(0.0, 1.0, (50, 6)).astype(np.float32)

@@ -20,18 +20,17 @@ from ntc.codec.block.universal import (
     set_tables,
 )
 from ntc.codec.config import GroupingConfig
-from ntc.codec.encoding import EncodingChoices, QualityTarget, SizeTarget, texture_set
+from ntc.codec.encoding import texture_set
 from ntc.codec.maps import BASE_ALONE, MapName, joint_maps
 from ntc.codec.model import Pack
 from ntc.codec.reference import decode_image
-from ntc.codec.registry import codec_named
 from ntc.codec.textures import SourceTexture
 from ntc.errors import InputError
 from ntc.grouping import make_grouping
 from ntc.library.joining import joined_pack
 from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import pack_bytes, read_pack, read_textures, write_pack
-from ntc.training.encode import encode_chosen, encode_textures
+from ntc.training.encode import encode_textures
 from tests.support.pack_bytes import PackBytes
 from tests.unit.ntc.codec.block.test_material_sets import KINDS, WHOLE, material
 
@@ -104,15 +103,6 @@ def test_a_pack_is_the_same_each_time_and_counts_its_bits() -> None:
         pack = encoded(sources, bits)
         assert bits_with_mips(pack) == pytest.approx(bits, rel=0.02)
     assert pack_bytes(encoded(sources, 4.0)) == pack_bytes(pack)
-
-
-def test_sizes_and_qualities_are_kept() -> None:
-    sources, codec = [material(WHOLE, (128, 128), seed=seed) for seed in range(2)], codec_named("block")
-    grouping = make_grouping(GroupingConfig("universal"), sources)
-    small = encode_chosen(sources, grouping, codec, EncodingChoices(target=SizeTarget(0.02)))
-    assert len(pack_bytes(small)) <= 20_000
-    good = encode_chosen(sources, grouping, codec, EncodingChoices(target=QualityTarget(33.0)))
-    assert min(texture.psnr_db or 0.0 for texture in good.textures) >= 33.0
 
 
 def test_many_materials_share_gains_with_those_that_are_alike() -> None:
