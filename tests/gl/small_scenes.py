@@ -5,6 +5,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lab.bench.random_pack import random_pack
+from ntc.codec.model import Pack
 from tests.support.picture_scenes import (
     WHITE,
     Part,
@@ -99,6 +101,13 @@ def masks() -> Scene:
 def textures() -> list[SceneTexture]:
     """Four textures of different sizes."""
     return [texture(64, 64, 10), texture(64, 32, 11), texture(40, 24, 12), texture(17, 33, 13)]
+
+
+def pack_of(scene: Scene, side: int | None = None, groups: tuple[int, ...] | None = None, seed: int = 0) -> Pack:
+    """A pack of codec `grid`: textures of the scene's sizes or of `side` texels a side, by turns in two groups."""
+    sizes = [(side or image.pixels.shape[1], side or image.pixels.shape[0]) for image in scene.textures]
+    groups = groups or tuple(number % 2 for number in range(len(sizes)))
+    return random_pack(sizes, groups, hashes=[image.pixel_hash for image in scene.textures], seed=seed)
 
 
 SCENES = {"objects": objects, "mirrored": mirrored, "masks": masks}

@@ -186,7 +186,7 @@ def searched(app: DrivenApp) -> None:
 
 
 def test_a_small_scene_is_seen_whole(app: DrivenApp, tmp_path: Path) -> None:
-    app.drop(write_scene(tmp_path, seed=21))
+    app.drop(half_a_scene(tmp_path))
     searched(app)
     width, height = app.session.window.picture_size
     assert app.session.view.camera == frame_all(app.session.scene, app.session.settings.fov_degrees, width / height)

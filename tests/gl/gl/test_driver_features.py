@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
 from ntc.errors import InputError
 from tests.drivers.messages import error_line
-from tests.gl.small_scenes import FRONT, objects
+from tests.gl.small_scenes import FRONT, objects, pack_of
 from viewer.gl.context import GraphicsContext
 from viewer.gl.features import NAMES, WITHOUT_VARIABLE, features_without, find_features
 from viewer.gl.timer import PassTimer
@@ -25,12 +24,11 @@ SIZE = (60, 36)
 def pictures(context: GraphicsContext) -> dict[str, Any]:
     """Linear albedo of every path, and of the reference with anisotropy."""
     scene = objects()
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
     renderer = Renderer(context, scene)
     # One decoder, so that the shared variant of deferred is drawn too.
     packs = {
-        "two": random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures]),
-        "one": random_pack(sizes, (0, 0, 0, 0), hashes=[t.pixel_hash for t in scene.textures]),
+        "two": pack_of(scene),
+        "one": pack_of(scene, groups=(0, 0, 0, 0)),
     }
     renderer.set_packs(packs)
     found = {}

@@ -13,16 +13,15 @@ from ntc.codec.maps import MAPS
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.model import Pack
 from ntc.codec.textures import SourceTexture, hash_pixels
-from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE, expected, shown
+from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE, expected, renderer_of_cases, shown
 from tests.gl.tile_cache.test_decode_cached import HARDWARE, STEP
 from tests.support.packs.parity import largest_difference
-from tests.support.picture_scenes import WHITE, scene_of, texture
+from tests.support.picture_scenes import texture
 from tests.support.sampling import sample_chain
 from tests.support.two_colors import encoded, registered
 from viewer.gl.context import GraphicsContext
 from viewer.render.passes.decode_texels import GlTexelDecoder
 from viewer.render.renderer import Renderer
-from viewer.scene.model import Material
 from viewer.state.view_state import DecodePath
 
 
@@ -43,10 +42,7 @@ def pack() -> Iterator[Pack]:
 
 @pytest.fixture(scope="module")
 def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
-    materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
-    parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
-    made = Renderer(graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]))
-    made.set_packs({"p": pack})
+    made = renderer_of_cases(graphics, {"p": pack})
     yield made
     made.release()
 

@@ -14,7 +14,7 @@ from ntc.codec.gpu import StoredRows, VariantName
 from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
-from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
+from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE, renderer_of_cases
 from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
@@ -37,15 +37,7 @@ def packs() -> dict[str, Pack]:
 
 @pytest.fixture(scope="module", params=VARIANTS)
 def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, packs: dict[str, Pack]) -> Iterator[Renderer]:
-    """All cases, one quad behind the other."""
-    materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
-    parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
-    made = Renderer(
-        graphics,
-        scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]),
-        variant=VARIANTS[request.param],
-    )
-    made.set_packs(packs)
+    made = renderer_of_cases(graphics, packs, VARIANTS[request.param])
     yield made
     made.release()
 

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.random_pack import random_pack
 from ntc.codec.mips import linear_to_srgb
-from tests.gl.small_scenes import FRONT, objects
+from tests.gl.small_scenes import FRONT, objects, pack_of
 from viewer.gl.context import GraphicsContext
 from viewer.render.compositor import ComparisonErrors
 from viewer.render.frames import read_picture
@@ -35,10 +34,8 @@ Values = NDArray[np.float64]
 @pytest.fixture(scope="module")
 def renderer(graphics: GraphicsContext) -> Iterator[Renderer]:
     scene = objects()
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
-    groups = tuple(index % 2 for index in range(len(sizes)))
     made = Renderer(graphics, scene)
-    made.set_packs({"p": random_pack(sizes, groups, hashes=[t.pixel_hash for t in scene.textures])})
+    made.set_packs({"p": pack_of(scene)})
     yield made
     made.release()
 
@@ -172,9 +169,8 @@ def test_changing_the_comparison_composes_and_does_nothing_else(renderer: Render
 
 def test_what_rests_is_prepared(graphics: GraphicsContext) -> None:
     scene = objects()
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
     made = Renderer(graphics, scene)
-    made.set_packs({"p": random_pack(sizes, (0,) * len(sizes), hashes=[t.pixel_hash for t in scene.textures])})
+    made.set_packs({"p": pack_of(scene, groups=(0,) * len(scene.textures))})
     before = shown(made, replace(VIEW, compare="a"))
     assert made.drawn_pair() is None
     assert not made.prepare_comparison()

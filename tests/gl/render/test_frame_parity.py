@@ -1,6 +1,6 @@
 """Whole frames of both decode paths against the float64 codec at each pixel's own texture coordinate and lod."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from lab.bench.filtering import decode_filtered
 from lab.bench.random_pack import random_pack
 from ntc.codec.config import WrapMode
+from ntc.codec.gpu import VariantName
 from ntc.codec.mips import linear_to_srgb
 from ntc.codec.model import Pack
 from tests.support.picture_scenes import WHITE, PixelMap, scene_of, straight_camera, texture
@@ -64,13 +65,21 @@ def pack() -> Pack:
     return random_pack(SIZES, (0, 1, 0), hashes=[texture(2 * w, 2 * h, w).pixel_hash for w, h in SIZES])
 
 
-@pytest.fixture(scope="module")
-def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
+def renderer_of_cases(
+    graphics: GraphicsContext, packs: Mapping[str, Pack], variant: VariantName | None = None
+) -> Renderer:
     """All cases, one quad behind the other."""
     materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
     parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
-    made = Renderer(graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]))
-    made.set_packs({"p": pack})
+    images = [texture(2 * w, 2 * h, w) for w, h in SIZES]
+    made = Renderer(graphics, scene_of(parts, materials, images), variant=variant)
+    made.set_packs(packs)
+    return made
+
+
+@pytest.fixture(scope="module")
+def renderer(graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
+    made = renderer_of_cases(graphics, {"p": pack})
     yield made
     made.release()
 

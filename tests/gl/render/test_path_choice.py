@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from lab.bench.random_pack import random_block_pack, random_pack
-from tests.gl.small_scenes import FRONT, objects
+from lab.bench.random_pack import random_block_pack
+from tests.gl.small_scenes import FRONT, objects, pack_of
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.render.path_choice import COMPUTING, PathTimes, time_paths
@@ -61,8 +61,7 @@ def test_pixels_are_not_sorted_where_they_share_no_weights(graphics: GraphicsCon
 def test_a_frame_is_drawn_by_the_path_that_was_chosen(graphics: GraphicsContext) -> None:
     scene = objects()
     renderer = Renderer(graphics, scene)
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
-    renderer.set_packs({"p": random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures])})
+    renderer.set_packs({"p": pack_of(scene)})
     frame = renderer.render(VIEW)
     times = renderer.paths.times(SLOT)
     assert times is not None

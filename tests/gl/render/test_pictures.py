@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.random_pack import random_pack
-from tests.gl.small_scenes import CAMERAS, FLAT, INSIDE, SCENES
+from tests.gl.small_scenes import CAMERAS, FLAT, INSIDE, SCENES, pack_of
 from tests.support.ray_caster import cast_scene
 from viewer.gl.context import GraphicsContext
 from viewer.render.renderer import Renderer
@@ -26,9 +25,7 @@ def drawn(request: pytest.FixtureRequest, graphics: GraphicsContext) -> Iterator
         # Small clusters, so that small scenes have many.
         patched.setattr(culling, "CPU_CLUSTER_TRIANGLES", 12)
         renderer = Renderer(graphics, scene)
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
-    groups = tuple(index % 2 for index in range(len(sizes)))
-    renderer.set_packs({"p": random_pack(sizes, groups, hashes=[t.pixel_hash for t in scene.textures])})
+    renderer.set_packs({"p": pack_of(scene)})
     yield scene, renderer
     renderer.release()
 

@@ -9,9 +9,7 @@ import moderngl
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
-from ntc.codec.model import Pack
-from tests.gl.small_scenes import FRONT, objects
+from tests.gl.small_scenes import FRONT, objects, pack_of
 from tests.support.picture_scenes import WHITE, Part, cube, placed, scene_of, texture
 from viewer.gl.context import GraphicsContext
 from viewer.locations import shaders_folder
@@ -60,13 +58,6 @@ def work(graphics: GraphicsContext, tmp_path: Path, monkeypatch: pytest.MonkeyPa
     made = Work(graphics.gl.buffer(bytes(4)))
     yield made
     made.buffer.release()
-
-
-def pack_of(scene: Scene, side: int | None = None) -> Pack:
-    """A pack of two groups; with `side` its textures have other sizes than the scene's images."""
-    sizes = [(side or t.pixels.shape[1], side or t.pixels.shape[0]) for t in scene.textures]
-    groups = tuple(index % 2 for index in range(len(sizes)))
-    return random_pack(sizes, groups, hashes=[t.pixel_hash for t in scene.textures])
 
 
 def opened(

@@ -14,16 +14,15 @@ from ntc.codec.block.config import BlockConfig
 from ntc.codec.latents import latent_levels
 from ntc.codec.mips import linear_to_srgb, srgb_to_linear
 from ntc.codec.model import Pack
-from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE
+from tests.gl.render.test_frame_parity import CASES, SIZE, SIZES, TOLERANCE, renderer_of_cases
 from tests.gl.small_scenes import FRONT, objects
 from tests.support import noise
 from tests.support.noise import words
-from tests.support.picture_scenes import WHITE, scene_of, straight_camera, texture
+from tests.support.picture_scenes import straight_camera, texture
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult
 from viewer.render.renderer import Renderer
 from viewer.render.resources.accumulator import SAMPLES
-from viewer.scene.model import Material
 from viewer.state.navigation import turned
 from viewer.state.view_state import Slot, ViewState
 
@@ -48,15 +47,10 @@ def pack(request: pytest.FixtureRequest) -> Pack:
 
 @pytest.fixture(scope="module", params=["software", "gpu"], ids=["alone", "together"])
 def renderer(request: pytest.FixtureRequest, graphics: GraphicsContext, pack: Pack) -> Iterator[Renderer]:
-    """All cases, one quad behind the other; codes are decoded by each pixel, or by work groups."""
+    """Codes are decoded by each pixel, or by work groups."""
     if request.param == "gpu" and not isinstance(pack.config, BlockConfig):
         pytest.skip("decoded alone")
-    materials = [Material("m", case.texture, WHITE, replace(case.sampler, wrap=case.wrap)) for case in CASES.values()]
-    parts = [case.map.quad(SIZE, layer, layer) for layer, case in enumerate(CASES.values())]
-    made = Renderer(
-        graphics, scene_of(parts, materials, [texture(2 * w, 2 * h, w) for w, h in SIZES]), variant=request.param
-    )
-    made.set_packs({"p": pack})
+    made = renderer_of_cases(graphics, {"p": pack}, request.param)
     yield made
     made.release()
 

@@ -8,8 +8,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
-from tests.gl.small_scenes import FRONT, objects
+from tests.gl.small_scenes import FRONT, objects, pack_of
 from tests.support.blocking_watch import watched_calls
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
@@ -26,8 +25,7 @@ MOVES = 12
 def renderer_of(graphics: GraphicsContext, waits: bool) -> Renderer:
     scene = objects()
     made = Renderer(replace(graphics, waits=waits), scene)
-    sizes, hashes = [(SIDE, SIDE)] * len(scene.textures), [texture.pixel_hash for texture in scene.textures]
-    made.set_packs({"p": random_pack(sizes, tuple(index % 2 for index in range(len(sizes))), hashes=hashes)})
+    made.set_packs({"p": pack_of(scene, SIDE)})
     return made
 
 

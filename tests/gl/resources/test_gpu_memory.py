@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lab.bench.random_pack import random_pack
 from ntc.codec.model import Pack
-from tests.gl.small_scenes import FRONT, INSIDE, masks
+from tests.gl.small_scenes import FRONT, INSIDE, masks, pack_of
 from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, existing
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
@@ -36,15 +35,10 @@ def scene() -> Scene:
     return masks()
 
 
-def pack_of(scene: Scene, seed: int = 0) -> Pack:
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
-    return random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures], seed=seed)
-
-
 @pytest.fixture(scope="module")
 def packs(scene: Scene) -> tuple[Pack, Pack]:
     """One, and what a training makes of it."""
-    return pack_of(scene), pack_of(scene, 1)
+    return pack_of(scene), pack_of(scene, seed=1)
 
 
 FORWARD, DEFERRED, BINNED, CACHED = (Slot("p", path) for path in ("forward", "deferred", "binned", "cached"))

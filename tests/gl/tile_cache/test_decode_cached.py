@@ -18,7 +18,7 @@ from ntc.codec.model import Pack
 from ntc.errors import InputError
 from tests.gl.render import test_frame_parity
 from tests.gl.render.test_frame_parity import Case
-from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects
+from tests.gl.small_scenes import ABOVE, FRONT, INSIDE, objects, pack_of
 from tests.support.picture_scenes import PixelMap, scene_of, straight_camera, texture
 from tests.support.sampling import sample_chain
 from viewer.gl.allocation import GpuMemory
@@ -30,7 +30,7 @@ from viewer.render.resources import layout
 from viewer.render.resources.tile_cache import cache as tile_cache
 from viewer.render.resources.tile_cache.budget import TileCacheConfig, TileCounts
 from viewer.render.resources.tile_cache.cache import PAGE_BYTES
-from viewer.scene.model import Camera, Material, Scene
+from viewer.scene.model import Camera, Material
 from viewer.state.navigation import turned
 from viewer.state.view_state import Anisotropy, DecodePath, Slot, ViewState
 
@@ -112,12 +112,6 @@ def test_frames_are_the_filtered_decode(renderer: Renderer, pack: Pack, name: st
     # A decoded number near the middle between two 8-bit steps may be rounded to either.
     assert error.max() <= 2 * STEP + HARDWARE
     assert error.mean() <= 1e-3
-
-
-def pack_of(scene: Scene, seed: int = 0) -> Pack:
-    """A pack of two groups."""
-    sizes = [(t.pixels.shape[1], t.pixels.shape[0]) for t in scene.textures]
-    return random_pack(sizes, (0, 1, 0, 1), hashes=[t.pixel_hash for t in scene.textures], seed=seed)
 
 
 def render(renderer: Renderer, camera: Camera = FRONT, whole: bool = False) -> FrameResult:

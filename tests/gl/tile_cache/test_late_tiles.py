@@ -5,9 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from lab.bench.random_pack import random_pack
-from ntc.codec.model import Pack
-from tests.gl.small_scenes import FRONT, objects
+from tests.gl.small_scenes import FRONT, objects, pack_of
 from viewer.gl.context import GraphicsContext
 from viewer.gl.read_back import Fence
 from viewer.render.frames import FrameResult, read_picture
@@ -24,15 +22,9 @@ VIEW = ViewState(FRONT, SIZE, SLOT)
 ASIDE = replace(VIEW, camera=turned(FRONT, 25.0))
 
 
-def pack(seed: int = 0) -> Pack:
-    textures = objects().textures
-    groups = tuple(index % 2 for index in range(len(textures)))
-    return random_pack([(256, 256)] * len(textures), groups, hashes=[t.pixel_hash for t in textures], seed=seed)
-
-
 def renderer(graphics: GraphicsContext, tiles: TileCacheConfig | None = None, waits: bool = False) -> Renderer:
     made = Renderer(replace(graphics, waits=waits), objects(), tile_cache=tiles)
-    made.set_packs({"p": pack()})
+    made.set_packs({"p": pack_of(objects(), 256)})
     return made
 
 

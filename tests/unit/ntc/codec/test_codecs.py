@@ -1,6 +1,5 @@
 """Every codec keeps to the interface, also one that only tests add, and what is of no codec asks the registry."""
 
-import ast
 import json
 import tomllib
 from collections.abc import Iterator
@@ -8,6 +7,7 @@ from dataclasses import MISSING, fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, cast, get_args
 
+import grimp
 import numpy as np
 import pytest
 
@@ -39,8 +39,7 @@ from tests.support.packs.parity import assert_torch_agrees
 from tests.support.two_colors import NAME, encoded, registered
 
 ROOT = Path(__file__).resolve().parents[4]
-FOLDERS = tuple(f"ntc.codec.{name}" for name in MODULES)
-CHOICES_OF_THE_USER = ("ntc.__init__", "ntc.api")
+CHOICES_OF_THE_USER = {"ntc", "ntc.api"}
 """They name `TrainingConfig`, which callers of the library fill in."""
 
 
@@ -121,29 +120,14 @@ def test_every_module_that_codecs_share_has_a_layer() -> None:
     assert named == {path.stem for path in (ROOT / "ntc" / "codec").glob("*.py")} - {"__init__"}
 
 
-def imported(path: Path) -> Iterator[str]:
-    """Modules that a file names in its imports, at its top or within, for types alone too."""
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{path}: imports are absolute"
-            yield from (f"{node.module}.{alias.name}" for alias in node.names)
-
-
-def is_below(module: str, packages: tuple[str, ...]) -> bool:
-    return any(module == package or module.startswith(f"{package}.") for package in packages)
-
-
 def test_nothing_outside_of_a_codec_imports_it() -> None:
+    graph = grimp.build_graph("ntc", cache_dir=None)
     found = {}
-    for path in sorted((ROOT / "ntc").rglob("*.py")):
-        module = ".".join(path.relative_to(ROOT).with_suffix("").parts)
-        own = tuple(folder for folder in FOLDERS if is_below(module, (folder,)))
-        others = tuple(folder for folder in FOLDERS if folder not in own)
-        names = sorted(name for name in imported(path) if is_below(name, others))
-        if names and not is_below(module, CHOICES_OF_THE_USER):
-            found[module] = names
+    for folder in (f"ntc.codec.{name}" for name in MODULES):
+        inside = {folder, *graph.find_descendants(folder)}
+        importers = {each for module in inside for each in graph.find_modules_that_directly_import(module)} - inside
+        if others := sorted(importers - CHOICES_OF_THE_USER):
+            found[folder] = others
     assert found == {}
 
 

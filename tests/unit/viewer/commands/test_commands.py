@@ -1,7 +1,6 @@
 """The registry: text becomes calls or one clear line, keys, undo, and that nothing else changes the session."""
 
-import ast
-from collections.abc import Iterator
+import re
 from dataclasses import is_dataclass
 from pathlib import Path
 from typing import get_type_hints
@@ -266,57 +265,16 @@ GROUPS = {name for name, kind in get_type_hints(Session).items() if is_dataclass
 FILES = [path for path in sorted(ROOT.rglob("*.py")) if path.relative_to(ROOT).parts[0] not in WRITERS]
 
 
-def is_session(node: ast.expr) -> bool:
-    """`session`, `_session`, `self.session`, `app.session` and so on."""
-    name = node.id if isinstance(node, ast.Name) else node.attr if isinstance(node, ast.Attribute) else ""
-    return name.lstrip("_") == "session"
+SESSION = r"(?:\w+\.)*_?session"
+CHANGE = r"\w+(?:\[[^\]]*\])?\s*[-+|&]?=(?!=)"
 
 
-def is_state(node: ast.expr, aliases: set[str]) -> bool:
-    """A session, one of its groups, or a name for one of them."""
-    if isinstance(node, ast.Name) and node.id in aliases:
-        return True
-    return is_session(node) or (isinstance(node, ast.Attribute) and node.attr in GROUPS and is_session(node.value))
-
-
-def assigned(statement: ast.stmt) -> Iterator[ast.expr]:
-    """What a statement assigns to."""
-    targets: list[ast.expr] = []
-    if isinstance(statement, ast.Assign | ast.Delete):
-        targets = list(statement.targets)
-    elif isinstance(statement, ast.AugAssign | ast.AnnAssign | ast.For):
-        targets = [statement.target]
-    for target in targets:
-        yield from target.elts if isinstance(target, ast.Tuple | ast.List) else (target,)
-
-
-def writes(source: str) -> list[int]:
-    """Lines that assign to an attribute of a session or of one of its groups, or call setattr on it."""
-    nodes = list(ast.walk(ast.parse(source)))
-    aliases = {
-        target.id
-        for node in nodes
-        if isinstance(node, ast.Assign) and is_state(node.value, set())
-        for target in node.targets
-        if isinstance(target, ast.Name)
-    }
-    lines = [
-        node.lineno
-        for node in nodes
-        if isinstance(node, ast.stmt)
-        for target in assigned(node)
-        for place in [target.value if isinstance(target, ast.Subscript) else target]
-        if isinstance(place, ast.Attribute) and is_state(place.value, aliases)
-    ]
-    lines += [
-        node.lineno
-        for node in nodes
-        if isinstance(node, ast.Call)
-        and isinstance(node.func, ast.Name)
-        and node.func.id in ("setattr", "delattr")
-        and is_state(node.args[0], aliases)
-    ]
-    return sorted(lines)
+def writes(source: str) -> list[str]:
+    """What assigns to an attribute of a session, of one of its groups or of a name for one, or calls setattr on it."""
+    state = [rf"{SESSION}(?:\.(?:{'|'.join(GROUPS)}))?"]
+    state += re.findall(rf"^\s*(\w+) = {SESSION}\.(?:{'|'.join(GROUPS)})$", source, re.MULTILINE)
+    found = re.findall(rf"(?<![\w.])(?:{'|'.join(state)})\.{CHANGE}", source)
+    return found + re.findall(rf"(?:set|del)attr\({SESSION}\b", source)
 
 
 def test_only_commands_and_event_handlers_change_the_session() -> None:
