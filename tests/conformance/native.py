@@ -19,7 +19,6 @@ from ntc.codec.maps import CODED_MAPS
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE = ROOT / "ntc" / "c"
-TABLES = ROOT / "ntc" / "codec" / "block"
 WARNINGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic")
 BC4, BC5, BC7, BC4_QUICK, BC5_QUICK, BC7_QUICK = range(6)
 

@@ -126,18 +126,6 @@ def test_a_scene(tmp_path: Path, scene_path: Path, capsys: pytest.CaptureFixture
     assert {path.name for path in tmp_path.iterdir()} == {"r.json", "r.md", "r.png"}
 
 
-def test_filters_of_a_scene(tmp_path: Path, scene_path: Path) -> None:
-    out = tmp_path / "r.json"
-    arguments = ["bench", str(scene_path), "--json", str(out), *TINY, "--what", "scene", "--size", "48x32"]
-    paths = ["--paths", "deferred", "cached", "--precisions", "fp32", "--filters", "exact", "stochastic"]
-    assert cli.main([*arguments, *paths]) == 0
-    decoded = [row for row in recorded(out, "scene")["scene"]["rows"] if row["source"] != "reference"]
-    found = {(row["path"], row["filter"]) for row in decoded}
-    assert found == {("deferred", "exact"), ("deferred", "stochastic"), ("cached", "exact")}
-    assert {row["filter"] for row in decoded if row["float64_pixels"]} == {"exact"}
-    assert all(row["psnr_db"] > 3.0 for row in decoded)
-
-
 def test_what_was_done_is_kept_when_it_is_stopped(
     tmp_path: Path, scene_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

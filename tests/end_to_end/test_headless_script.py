@@ -1,14 +1,11 @@
 """`ntc-viewer view --headless` as a program."""
 
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from ntc.codec.gpu import GPU, DecoderVariant
 from tests.ui.conftest import write_scene
 from viewer.cli import main
-from viewer.render.resources.pack_buffers import PackBuffers
 from viewer.scene.images import read_image
 
 
@@ -29,18 +26,3 @@ def test_a_script_and_lines_after_it(scene_file: Path, tmp_path: Path, capsys: p
     shapes = {file.name: read_image(file).shape for file in (tmp_path / "out").iterdir()}
     assert shapes == {"window.png": (120, 160, 3), "one.png": (120, 160, 3), "two.png": (100, 200, 3)}
     assert capsys.readouterr().err == ""
-
-
-def test_the_command_line_says_how_packs_are_decoded(
-    scene_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    taken, variant = list[DecoderVariant](), PackBuffers.__init__
-
-    def made(buffers: PackBuffers, *arguments: Any, **named: Any) -> None:
-        variant(buffers, *arguments, **named)
-        taken.append(buffers.variant)
-
-    monkeypatch.setattr(PackBuffers, "__init__", made)
-    assert run(scene_file, tmp_path / "out", "--path", "cached", "--decoder-variant", "gpu") == 0
-    assert set(taken) == {GPU}
-    assert read_image(tmp_path / "out" / "window.png").std() > 5.0

@@ -69,24 +69,6 @@ def test_all_maps_are_encoded_shown_and_decoded(
     assert read_image(tmp_path / "png" / f"{first}.normal.png").shape == (32, 32, 3)
 
 
-def test_tables_that_ship_take_whole_materials(
-    scene_path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out, base = tmp_path / "universal.ntc", tmp_path / "base.ntc"
-    assert encode(scene_path, out, "--grouping", "universal", "--bits", "8") == 0
-    assert "tables that ship with the program" in capsys.readouterr().out
-    pack = read_pack(out)
-    assert pack.config.maps == WHOLE
-    assert [texture.maps for texture in pack.textures] == [WHOLE, BASE_ALONE]
-    assert match_scene(pack, load_scene(scene_path)).matched == 2
-    assert cli.main(["info", str(out)]) == 0
-    assert "tables that ship with the program" in capsys.readouterr().out
-    assert cli.main(["decode", str(out), "--out", str(tmp_path / "png")]) == 0
-    assert len(list((tmp_path / "png").iterdir())) == len(WHOLE) + 1
-    assert encode(scene_path, base, "--grouping", "universal", "--maps", "base") == 0
-    assert read_pack(base).config.maps == BASE_ALONE
-
-
 def test_the_window_encodes_whole_materials_and_goes_on_from_either_kind(scene_path: Path, tmp_path: Path) -> None:
     scene, settings = load_scene(scene_path), TrainingSettings("baseline")
     request = prepare(EncodeScene(settings), scene, None, JobReport())

@@ -56,29 +56,6 @@ def test_files_and_statistics(encoded_scene: Path, tmp_path: Path, path: str, gr
     assert "clusters_culled" in stats["skipped"]
 
 
-def test_the_stochastic_filter_gathers_samples(encoded_scene: Path, tmp_path: Path) -> None:
-    exact = rendered(encoded_scene, tmp_path / "exact", "--grouping", "single")
-    assert (exact["filter"], exact["samples"]) == ("exact", 1)
-    stats = rendered(encoded_scene, tmp_path / "a", "--grouping", "single", "--filter", "stochastic")
-    assert (stats["filter"], stats["samples"]) == ("stochastic", 16)
-    assert abs(stats["psnr_db"] - exact["psnr_db"]) < 3.0
-    rendered(encoded_scene, tmp_path / "b", "--grouping", "single", "--filter", "stochastic")
-    assert (tmp_path / "a" / "color.png").read_bytes() == (tmp_path / "b" / "color.png").read_bytes()
-    # Tiles are filtered by the hardware, whatever is asked for.
-    tiles = rendered(
-        encoded_scene, tmp_path / "c", "--grouping", "single", "--filter", "stochastic", "--path", "cached"
-    )
-    assert (tiles["filter"], tiles["samples"]) == ("exact", 1)
-
-
-def test_the_reference_decodes_nothing(encoded_scene: Path, tmp_path: Path) -> None:
-    stats = rendered(encoded_scene, tmp_path, "--grouping", "reference")
-    assert stats["psnr_db"] is None
-    assert stats["pixels"]["decoded"] == 0
-    assert (np.load(tmp_path / "decoder_id.npy") == -1).all()
-    assert not np.load(tmp_path / "divergence.npy").any()
-
-
 @pytest.mark.parametrize(("block_format", "bits"), [("bc1", 4.0), ("bc7", 8.0), ("astc-8x8", 2.0)])
 def test_formats_of_graphics_hardware(encoded_scene: Path, tmp_path: Path, block_format: str, bits: float) -> None:
     pytest.importorskip("quicktex")

@@ -35,7 +35,7 @@ def channels_of(path: Path) -> dict[str, np.ndarray]:
     return {name: pixels[..., place] for place, name in enumerate(image.spec().channelnames)}
 
 
-@pytest.mark.parametrize("view", ["lit", "base", "normal", "orm", "emissive"])
+@pytest.mark.parametrize("view", ["lit", "orm", "emissive"])
 def test_every_view_has_its_picture_and_its_quality(gallery_pack: Path, tmp_path: Path, view: str) -> None:
     stats = rendered(tmp_path, "--pack", str(gallery_pack), "--grouping", "single", "--view", view)
     assert stats["view"] == view
@@ -48,36 +48,7 @@ def test_every_view_has_its_picture_and_its_quality(gallery_pack: Path, tmp_path
     if view != "emissive":
         assert picture[covered].std() > 5.0
         assert 20.0 < stats["psnr_db"] < 80.0
-    assert stats["skipped"]["planes_not_drawn"] == {"lit": 0, "base": 2, "normal": 2, "orm": 1, "emissive": 2}[view]
-
-
-def test_light_changes_the_lit_view_alone(tmp_path: Path) -> None:
-    def picture(name: str, *arguments: str) -> np.ndarray:
-        rendered(tmp_path / name, "--grouping", "reference", *arguments)
-        return read_image(tmp_path / name / "color.png").astype(int)
-
-    lit = picture("lit", "--view", "lit")
-    for name, arguments in {
-        "sun": ("--sun", "300", "10"),
-        "exposure": ("--exposure", "1"),
-        "tone": ("--tone-map", "agx"),
-        "night": ("--sun-strength", "0"),
-    }.items():
-        assert np.abs(picture(name, "--view", "lit", *arguments) - lit).mean() > 1.0, name
-    assert picture("bright", "--view", "lit", "--exposure", "1").mean() > lit.mean()
-    np.testing.assert_array_equal(picture("a"), picture("b", "--sun", "300", "10", "--exposure", "2"))
-
-
-def test_a_panorama_lights_the_scene(tmp_path: Path) -> None:
-    pixels = np.zeros((16, 32, 3), np.float32)
-    pixels[:8, :, 0] = 2.0
-    file = tmp_path / "red.exr"
-    assert OpenImageIO.ImageBuf(pixels).write(str(file))
-    stats = rendered(tmp_path / "a", "--grouping", "reference", "--view", "lit", "--environment", str(file))
-    assert stats["lighting"]["environment"] == str(file)
-    assert stats["lighting"]["sun_strength"] == 0.0, "a panorama has lights of its own"
-    picture = read_image(tmp_path / "a" / "color.png").astype(float)
-    assert picture[..., 0].mean() > 2.0 * picture[..., 2].mean()
+    assert stats["skipped"]["planes_not_drawn"] == {"lit": 0, "orm": 1, "emissive": 2}[view]
 
 
 def test_aovs_hold_the_maps(tmp_path: Path) -> None:

@@ -43,15 +43,6 @@ def kept(scene: Path, encoded: Path) -> Path:
     return scene
 
 
-def view(scene: Path, expected: str) -> int:
-    out = ("--headless", "--out", str(scene.parent / "pictures"), "--size", "160x120")
-    return cli.main(["view", str(scene), *out, "--exec", f"expect source {expected}"])
-
-
-def test_view_shows_the_reference_where_none_was_kept(scene: Path) -> None:
-    assert view(scene, "reference") == 0
-
-
 def test_render_draws_the_kept_pack(kept: Path, encoded: Path) -> None:
     pictures = []
     for name, options in (("beside", ()), ("named", ("--pack", str(encoded / "single.ntc")))):
@@ -59,16 +50,6 @@ def test_render_draws_the_kept_pack(kept: Path, encoded: Path) -> None:
         assert cli.main(["render", str(kept), "--out", str(out), "--size", "96x64", *options]) == 0
         pictures.append((out / "color.png").read_bytes())
     assert pictures[0] == pictures[1]
-
-
-def test_check_measures_the_kept_pack(kept: Path, encoded: Path) -> None:
-    report = kept.parent / "report"
-    command = ["check", str(kept), "--size", "96x64", "--views", "1"]
-    assert cli.main([*command, "--out", str(report), "--pack", str(encoded / "single.ntc")]) == 0
-    # The autosaved run is worse.
-    against = ("--against", str(report / "report.json"))
-    assert cli.main([*command, *against, "--pack", str(encoded / "baseline.ntc")]) == 1
-    assert cli.main([*command, *against]) == 0
 
 
 def test_export_writes_the_kept_pack(kept: Path) -> None:

@@ -65,30 +65,6 @@ def die(app: WindowApp) -> None:
     glfw.make_context_current(None)  # type: ignore[arg-type]
 
 
-def often(app: WindowApp, losses: int) -> dict[str, Any]:
-    """Losses long after another, each in a dead context, at different moments of the frame."""
-    session, used, handles = app.session, [], []
-    app.show(FRAMES)
-    checks = app._losses
-    next_is_lost = checks.next_is_lost
-
-    def dying() -> bool:
-        struck = next_is_lost()
-        if struck:
-            glfw.make_context_current(None)  # type: ignore[arg-type]
-        return struck
-
-    checks.next_is_lost = dying  # type: ignore[method-assign]
-    for number in range(losses):
-        checks._at = frozenset({checks._checks + 1 + 2 * number})
-        session.view = replace(session.view, wipe_position=0.3 + 0.01 * number)
-        app.show(FRAMES)
-        used.append(objects_alive())
-        handles.append(len(list(Path("/proc/self/fd").iterdir())))
-    told = sum(entry.repeats for entry in session.window.log if "uploaded again" in entry.text)
-    return {"objects": used, "handles": handles, "told": told}
-
-
 def take_pictures(app: WindowApp, name: str) -> str:
     """Write the picture, and the window with its panels, when they rest. The view as text."""
     session = app.session
@@ -136,27 +112,6 @@ def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
     }
 
 
-def while_training(app: WindowApp, losses: int) -> dict[str, Any]:
-    """Losses while the worker trains: it goes on to its end."""
-    app.show(FRAMES)
-    app.run("training.encode", "single", "auto", 32, "40steps")
-    workers: set[int | None] = set()
-    states: list[str] = []
-    began = time.monotonic()
-    while app.training.active is not None and time.monotonic() - began < PATIENCE:
-        app.show(3)
-        # What works beside the frames needs the processors.
-        time.sleep(0.1)
-        if app.training.state == "training" and len(states) < losses:
-            states.append(app.training.state)
-            workers.add(app.training.process_id)
-            die(app)
-            app.show(3)
-            workers.add(app.training.process_id)
-    run = app.training.log[1]
-    return {"states": states, "workers": len(workers), "outcome": run.outcome, "has_pack": run.pack is not None}
-
-
 def in_a_panel(app: WindowApp, _losses: int) -> dict[str, Any]:
     """One loss in the midst of a table, which ends the frame with an error of moderngl's."""
     session, errors = app.session, [moderngl.Error("cannot make the texture")]
@@ -184,15 +139,7 @@ def fail_in_a_panel(scene_path: Path, pictures: Path) -> None:
     run_window(WindowContent(load_scene(scene_path), packs, InitialView(), script, size=(900, 500), pictures=pictures))
 
 
-def before_any_frame(app: WindowApp, losses: int) -> dict[str, Any]:
-    """Losses while nothing has been drawn yet, and then at each of the first checks."""
-    checks = app._losses
-    checks._at = frozenset(range(1, losses + 1))
-    app.show(FRAMES)
-    return {"told": sum(entry.repeats for entry in app.session.window.log)}
-
-
-DEEDS = {deed.__name__: deed for deed in (same_picture, while_training, often, in_a_panel, before_any_frame)}
+DEEDS = {deed.__name__: deed for deed in (same_picture, in_a_panel)}
 
 
 def main() -> None:

@@ -18,15 +18,10 @@ from viewer.commands.compare import source_refusal
 from viewer.inspect import slot_jobs
 from viewer.inspect.memory_table import compressed_memory
 from viewer.inspect.texture_table import compressed_rows
-from viewer.state.event_handlers import apply_event
-from viewer.state.events import Reverted, TexturesCompressed
 from viewer.state.view_state import Slot
-from viewer.ui.facts import Work
-from viewer.ui.status_bar import work_text
 
 pytest.importorskip("quicktex")
 pytest.importorskip("astc_encoder")
-PATIENCE_SECONDS = 60.0
 
 
 class HeldHelpers:
@@ -110,31 +105,6 @@ def test_the_picture_is_that_of_the_decoded_blocks(driven: DrivenApp) -> None:
     assert set(driven.frontend.picture.renderer.images._passes) == {("astc-12x12", "base")}
 
 
-def test_another_choice_cancels_the_encoding(driven: DrivenApp, helpers: HeldHelpers) -> None:
-    helpers.may_go = False
-    driven.run("slot.source", "a", "bc7")
-    driven.frame(2)
-    driven.run("slot.source", "a", "single")
-    driven.frame(2)
-    assert driven.session.awaited_formats == {}
-    assert driven.session.view.slot_a.source == "single"
-    helpers.may_go = True
-    driven.until(lambda: driven.is_settled)
-    assert driven.session.view.slot_a.source == "single"
-
-
-def test_what_was_encoded_before_needs_no_process(driven: DrivenApp, helpers: HeldHelpers) -> None:
-    driven.run("slot.source", "a", "bc1")
-    driven.until(lambda: driven.is_settled)
-    calls = helpers.calls
-    driven.session.compressed = {}
-    driven.frontend._formats._background.forget()
-    driven.run("slot.source", "b", "bc1")
-    driven.until(lambda: driven.is_settled)
-    assert driven.session.view.slot_b.source == "bc1"
-    assert helpers.calls == calls
-
-
 def test_a_missing_encoder_is_one_message_and_changes_nothing(driven: DrivenApp, helpers: HeldHelpers) -> None:
     def missing(_request: CompressionRequest) -> CompressedTexture:
         raise InputError("block compression: the packages are not installed (x); pip install 'ntc-viewer[lab]'")
@@ -168,33 +138,6 @@ def test_measure_tables_and_flat_window_have_its_figures(driven: DrivenApp) -> N
     assert "flat picture" in driven.widgets.labels()
 
 
-def test_a_saved_view_asks_for_its_formats_again(driven: DrivenApp, tmp_path: Path) -> None:
-    driven.run("slot.source", "b", "bc1")
-    driven.until(lambda: driven.is_settled)
-    driven.run("view.save", tmp_path / "view.json")
-    driven.run("slot.source", "b", "reference")
-    driven.session.compressed = {}
-    driven.run("view.load", tmp_path / "view.json")
-    assert driven.session.awaited_formats == {"b": "bc1"}
-    assert "not open" not in toasts(driven)
-    driven.until(lambda: driven.is_settled)
-    assert driven.session.view.slot_b.source == "bc1"
-
-
-def test_textures_of_another_scene_are_not_shown(driven: DrivenApp, scene_path: Path) -> None:
-    driven.run("slot.source", "a", "bc1")
-    driven.until(lambda: driven.is_settled)
-    old, view, found = driven.session.scene, driven.session.view, driven.session.compressed["bc1"]
-    driven.run("file.open", scene_path)
-    driven.frame(2)
-    assert driven.session.compressed == {}
-    apply_event(driven.session, TexturesCompressed(old, "bc1", found))
-    assert driven.session.compressed == {}
-    apply_event(driven.session, Reverted(old, driven.session.packs, view))
-    assert driven.session.view.slot_a.source == "reference"
-    driven.frame(2)
-
-
 def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, helpers: HeldHelpers) -> None:
     before, helpers.may_go = driven.session.view.slot_a, False
     assert "work" not in driven.widgets.labels()
@@ -205,18 +148,6 @@ def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, helpers
     assert driven.session.awaited_formats == {}
     assert "work" not in driven.widgets.labels()
     assert driven.session.view.slot_a == before
-
-
-@pytest.mark.parametrize(
-    ("work", "text"),
-    [
-        (Work("comparing A with B"), "comparing A with B"),
-        (Work("encoding bc7", 0.34, 12.4), "encoding bc7: 34 %, 12 s left"),
-        (Work("run 1: encode clustered", 0.5, 300.0), "run 1: encode clustered: 50 %, 5 min left"),
-    ],
-)
-def test_work_is_told_with_its_share_and_the_time_it_takes(work: Work, text: str) -> None:
-    assert work_text(work) == text
 
 
 def test_formats_whose_encoders_are_missing_are_grey_with_the_line_that_installs_them(

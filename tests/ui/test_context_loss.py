@@ -63,24 +63,10 @@ def test_a_new_window_shows_the_same(display: str, scene_path: Path, tmp_path: P
     assert (windows[0] != windows[1]).any(axis=-1).mean() < 0.02
 
 
-def test_training_goes_on(display: str, scene_path: Path, tmp_path: Path) -> None:
-    found = lose(display, tmp_path, "while_training", scene_path)
-    assert found["states"] == ["training"]
-    assert found["workers"] == 1
-    assert (found["outcome"], found["has_pack"]) == ("done", True)
-
-
 def test_a_loss_in_the_midst_of_a_panel(display: str, scene_path: Path, tmp_path: Path) -> None:
     found = lose(display, tmp_path, "in_a_panel", scene_path)
     assert found["raised"]
     assert found["told"] == [RECOVERED]
-
-
-def test_a_script_plays_on(display: str, scene_path: Path, tmp_path: Path) -> None:
-    lines = "wait frames 60; expect toast uploaded again; size 320x240; wait frames 5; screenshot a.png; file.quit"
-    ran = play(display, tmp_path, "50", str(scene_path), "--exec", lines, "--size", "400x300", "--out", "out")
-    assert (ran.returncode, ran.stderr) == (0, "")
-    assert read_image(tmp_path / "out" / "a.png").shape == (240, 320, 3)
 
 
 def test_lost_again_and_again_is_one_line_and_a_view_to_go_on_with(
@@ -147,46 +133,3 @@ def test_a_view_that_cannot_be_kept_is_told_too(scene: Scene, tmp_path: Path) ->
     line = str(context_lost_error(session, ContextLostError("unknown"), "no window could be opened"))
     assert "could not be saved" in line
     assert list(tmp_path.iterdir()) == [session.pictures_folder]
-
-
-ROBUST_UNDER_EGL = """
-from imgui_bundle import imgui
-import glfw
-from viewer.app import imgui_window
-# Drivers have it under EGL more often than under GLX; moderngl knows only GLX here.
-glfw.NATIVE_CONTEXT_API = glfw.EGL_CONTEXT_API
-imgui_window.Window.init_mgl_context = imgui_window.Window.set_default_viewport = lambda self: None
-for robust in (True, False):
-    window = imgui_window._open((64, 64), 430, robust)
-    print(glfw.get_window_attrib(window._window, glfw.CONTEXT_ROBUSTNESS) == glfw.LOSE_CONTEXT_ON_RESET)
-    window.destroy()
-"""
-REFUSED = """
-from imgui_bundle import imgui
-import glfw
-from viewer.app import imgui_window
-create, hint, asked = glfw.create_window, glfw.window_hint, []
-def note(name, value):
-    asked.append(name)
-    hint(name, value)
-def refuse(*arguments):
-    wanted, asked[:] = glfw.CONTEXT_ROBUSTNESS in asked, []
-    print("robust" if wanted else "plain")
-    return None if wanted else create(*arguments)
-glfw.window_hint, glfw.create_window = note, refuse
-window = imgui_window._open_best((64, 64))
-print(glfw.get_window_size(window._window))
-"""
-
-
-@pytest.mark.parametrize(
-    ("code", "expected"), [(ROBUST_UNDER_EGL, ["True", "False"]), (REFUSED, ["robust", "plain", "(64, 64)"])]
-)
-def test_a_robust_context_is_asked_for_and_can_be_refused(
-    display: str, tmp_path: Path, code: str, expected: list[str]
-) -> None:
-    ran = run_window(display, tmp_path, "-c", code, cwd=ROOT, variables={LOSE_VARIABLE: ""})
-    if code == ROBUST_UNDER_EGL and (ran.returncode != 0 or ran.stdout.split() == ["False", "False"]):
-        pytest.skip("EGL on this screen has no robust contexts")
-    assert ran.stdout.splitlines() == expected, ran.stderr
-    assert ran.stderr == ""

@@ -10,7 +10,6 @@ from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.app import frontend
 from viewer.render.viewport import Viewport
-from viewer.scene.cameras_file import read_cameras
 from viewer.state.view_state import WHOLE, Overlay, Slot
 from viewer.ui.annotations import slot_note
 
@@ -108,25 +107,6 @@ def test_while_moving_blocks_are_as_large_as_at_rest_and_figures_stay(
     assert not mapped.frontend.facts().is_preview
 
 
-def test_pointing_at_a_block_says_what_is_in_it(mapped: DrivenApp) -> None:
-    mapped.session.window.show_panels = False
-    mapped.move(MEETING[0], MEETING[1])
-    mapped.settle()
-    assert mapped.frontend.facts().block is not None
-    row = int(MEETING[1]) // 8
-    found = []
-    for x in range(0, SIZE[0], 8):
-        mapped.move(x + 4, MEETING[1])
-        mapped.settle()
-        block = mapped.frontend.facts().block
-        assert block is not None
-        assert (block.place.column, block.place.row) == (x // 8, row)
-        found.append(block.decoder_count("clustered"))
-    assert max(found) == 2
-    seen = mapped.frontend.facts().divergence["clustered"]
-    assert seen.maximum == 2
-
-
 def test_a_click_keeps_the_block_and_lets_it_go(mapped: DrivenApp) -> None:
     mapped.session.window.show_panels = False
     mapped.click_at(MEETING[0] - 20, MEETING[1] + 60)
@@ -162,18 +142,3 @@ def test_the_magnifying_glass_shows_pixels_and_a_grid(mapped: DrivenApp) -> None
     assert np.median(gaps) == pytest.approx(8 * 1.25**10, rel=0.05)
     mapped.press(imgui.Key.z)
     assert mapped.session.view.zoom == WHOLE
-
-
-def test_a_path_is_recorded_as_a_cameras_file(app: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(frontend, "RECORDING_SECONDS", 0.0)
-    app.press(imgui.Key.r)
-    for x in (0.1, 0.2, 0.3):
-        app.session.view = replace(app.session.view, camera=replace(app.session.view.camera, eye=(x, 0.0, 2.0)))
-        app.frame(2)
-    last = app.session.view.camera
-    app.press(imgui.Key.r)
-    (file,) = app.session.pictures_folder.glob("*-path-*.json")
-    cameras = read_cameras(file)
-    assert len(cameras) == 4
-    assert cameras[-1].eye == last.eye
-    assert app.session.navigation.recording is None

@@ -16,7 +16,6 @@ from viewer.commands.menus import MENUS
 from viewer.scene.model import Scene
 from viewer.state.pack_files import open_packs, packs_beside
 from viewer.state.settings import ViewerSettings
-from viewer.ui.help.texts import TERMS
 from viewer.ui.widgets import TOOLTIP_SECONDS, WidgetRects
 
 MAKE_WIDGETS = (
@@ -158,15 +157,3 @@ def test_a_tooltip_appears_where_the_mouse_rests_and_says_when_it_is_due(app: Dr
     assert (app.screenshot() != before).any()
     app.move(SIZE[0] / 2, SIZE[1] / 2)
     assert tooltips.seconds_until_due is None
-
-
-def test_the_glossary_explains_the_words_of_the_figures(app: DrivenApp) -> None:
-    words = list(TERMS)
-    assert words == sorted(words, key=str.lower)
-    wanted = ("PSNR", "FLIP", "SSIM", "divergence", "excess", "score", "group", "decoder", "latents", "wave efficiency")
-    assert set(wanted) <= set(words)
-    app.run("help.glossary")
-    app.settle()
-    assert "glossary" in app.widgets.labels()
-    app.press(imgui.Key.escape)
-    assert not app.session.window.show_glossary

@@ -66,24 +66,6 @@ def many_textures(count: int) -> Scene:
     return scene_of(parts, [Material(f"m{number}", number, (1.0, 1.0, 1.0, 1.0)) for number in range(count)], textures)
 
 
-def test_textures_are_filtered_sorted_and_selected(app: DrivenApp) -> None:
-    app.show_panel("Textures")
-    assert shown_textures(app) == ["texture 0", "texture 1"]
-    app.click("texture 1")
-    assert app.session.inspection.selected_texture == 1
-    app.click("texture filter")
-    app.type("group:0")
-    assert shown_textures(app) == ["texture 0"]
-    for _ in "group:0":
-        app.press(imgui.Key.backspace)
-    assert shown_textures(app) == ["texture 0", "texture 1"]
-    # A click on the heading of the names turns their order round.
-    y = app.widgets.centre("texture 0")[1]
-    left = app.widgets.centre("texture filter")[0] - 115
-    app.click_at(left, y - 26)
-    assert shown_textures(app) == ["texture 1", "texture 0"]
-
-
 def test_thumbnails_are_made_for_rows_in_sight_only(opener: Opener) -> None:
     app = opener(shown=many_textures(2000))
     # Before they are docked, in the first frame, panels are windows of their own.
@@ -122,23 +104,6 @@ def test_a_double_click_shows_a_texture_flat(app: DrivenApp) -> None:
     assert app.session.view.camera == camera
     run(app, "texture.close-flat")
     assert "flat picture" not in labels(app)
-
-
-def test_the_flat_view_shows_the_original_pixels(opener: Opener) -> None:
-    app = opener((1000, 700))
-    run(app, "texture.flat", "0")
-    wait_for_background(app)
-    app.click("flat A")
-    app.click("flat A: reference")
-    places = app.frontend.interface.rects
-    x, y = places.centre("flat picture")
-    original = app.session.scene.textures[0].pixels
-    shot = app.screenshot()
-    row = shot[int(y)]
-    known = original[original.shape[0] // 2 - 1 : original.shape[0] // 2 + 1].reshape(-1, 3)
-    found = row[int(x) - 150 : int(x) - 20]
-    distance = np.abs(found[:, None].astype(int) - known[None].astype(int)).max(axis=2).min(axis=1)
-    assert np.median(distance) <= 1
 
 
 def test_messages_stay_in_the_log_with_details(app: DrivenApp) -> None:
@@ -220,18 +185,6 @@ def test_a_group_of_the_list_is_pointed_out_in_the_picture(app: DrivenApp) -> No
     app.move(*app.widgets.centre("tab Retrain"))
     app.settle()
     assert app.session.shown_view.highlight == ()
-
-
-def test_the_label_of_a_slot_counts_the_tiles_that_are_pending(app: DrivenApp) -> None:
-    app.run("slot.path", "a", "cached")
-    app.settle()
-    view, facts = app.session.view, app.frontend.facts()
-    there = facts.frame.tiles[view.slot_a]
-    assert slot_note(view.slot_a, view, facts) == ""
-    for waiting, note in ((1, "decoding 1 tile"), (1234, "decoding 1,234 tiles")):
-        coming = replace(facts, tiles={view.slot_a: replace(there, waiting=waiting)})
-        assert slot_note(view.slot_a, view, coming) == note
-    assert slot_note(view.slot_b, view, facts) == ""
 
 
 def test_a_slot_of_path_on_load_tells_what_is_compressed(app: DrivenApp) -> None:

@@ -41,17 +41,6 @@ def picture(app: DrivenApp) -> np.ndarray:
     return app.screenshot()
 
 
-def test_all_files_are_gone(window: DrivenApp, own: Path) -> None:
-    before = picture(window)
-    names = [own, *own.parent.glob("*.ntc")]
-    shutil.rmtree(own.parent)
-    for name in names:
-        window.drop(name)
-    assert len(errors(window)) == len(names)
-    assert all(str(name) in line for name, line in zip(names, errors(window), strict=True))
-    np.testing.assert_array_equal(picture(window), before)
-
-
 def test_a_pack_is_replaced_by_half_of_itself(window: DrivenApp, own: Path) -> None:
     before, pack = picture(window), own.with_name("scene.clustered.ntc")
     pack.write_bytes(pack.read_bytes()[:2000])

@@ -113,16 +113,6 @@ def test_without_its_reference_a_scene_shows_its_pack(bare: DrivenApp, refuse: R
     np.testing.assert_array_equal(picture(bare), shown)
 
 
-def test_panels_show_grey_where_there_is_no_memory(app: DrivenApp, tmp_path: Path, refuse: Refuse) -> None:
-    other = two_squares(9).write(tmp_path / "other.glb")
-    refuse(app, "thumbnail")
-    app.run("file.open", other)
-    app.show_panel("Textures")
-    app.settle()
-    assert errors(app)
-    assert all(line.startswith("thumbnail ") for line in errors(app))
-
-
 def test_what_cannot_begin_ends_with_one_line(bare: DrivenApp, refuse: Refuse) -> None:
     refuse(bare, "vertices")
     with pytest.raises(GpuMemoryError, match=r"vertices of .*: the GPU has no memory for"):

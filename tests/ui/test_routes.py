@@ -203,13 +203,3 @@ def test_the_palette_says_what_does_not_fit(shared: DrivenApp, seen: Seen) -> No
     shared.press(imgui.Key.enter)
     assert shared.session.window.palette == ""
     assert seen == []
-
-
-def test_the_key_sheet_is_searched_and_closed(shared: DrivenApp, seen: Seen) -> None:
-    shared.session.window.show_help = True
-    shared.settle()
-    shared.type("divergence")
-    assert shared.widgets.rectangle("keys")[3] <= shared.widgets.rectangle("search keys")[1], "no tooltip over the rows"
-    shared.press(imgui.Key.escape)
-    assert not shared.session.window.show_help
-    assert seen == []

@@ -16,7 +16,6 @@ from viewer.commands import COMMANDS
 from viewer.scene.images import read_image
 from viewer.script.script import parse_script
 from viewer.state.session import Toast
-from viewer.ui.user_interface import SETTLING_FRAMES
 
 
 def play(app: DrivenApp, *lines: str) -> None:
@@ -38,27 +37,6 @@ def test_a_film_shows_what_changed(app: DrivenApp, tmp_path: Path) -> None:
         assert isinstance(film, WebPImageFile)
         assert film.size == app.size
         assert film.n_frames >= 2
-
-
-def test_a_script_that_waits_draws_what_changes_alone(app: DrivenApp) -> None:
-    frames = 0
-    draw = app.frontend.build
-
-    def counted(size: tuple[int, int]) -> object:
-        nonlocal frames
-        frames += 1
-        return draw(size)
-
-    app.frontend.build = counted  # type: ignore[assignment, method-assign]
-    play(app, "wait settled")
-    frames = 0
-    play(app, "wait seconds 0.4")
-    assert frames <= SETTLING_FRAMES
-    play(app, "wait frames 20")
-    assert frames >= 20
-    frames = 0
-    play(app, "camera.turntable", "wait seconds 0.4", "camera.stop")
-    assert frames > SETTLING_FRAMES
 
 
 def test_keys_and_clicks_that_come_at_once_are_all_taken(app: DrivenApp) -> None:

@@ -18,7 +18,6 @@ from ntc.codec.registry import codec_of
 from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from ntc.pack.match import changed_groups
-from ntc.training.messages import TrainingProgress
 from tests.end_to_end.conftest import two_squares
 from tests.support.driven_app import DrivenApp
 from tests.support.training_workers import array_bytes, blocks
@@ -27,7 +26,6 @@ from viewer.scene.load import load_scene
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import REFERENCE
 from viewer.training.live_training import LiveTraining
-from viewer.training.run_figures import figures_of_run, figures_under_way
 
 pytestmark = pytest.mark.process
 
@@ -357,36 +355,3 @@ def test_the_status_bar_shows_a_run_and_cancels_it(app: DrivenApp) -> None:
     wait(app, lambda t: t.active is None)
     app.settle()
     assert "work" not in app.widgets.labels()
-
-
-def test_buttons_stay_where_they_are(app: DrivenApp) -> None:
-    """A click on Cancel that comes as the run ends must not keep or discard anything."""
-    labels = ("Cancel", "Keep", "Discard")
-    run_line(app.context, "training.encode category auto 32 2s")
-    app.settle()
-    places = {label: app.widgets.centre(label) for label in labels}
-    assert len(set(places.values())) == len(labels)
-    training = wait(app, lambda t: t.active is None or t.active.progress)
-    app.settle()
-    assert {label: app.widgets.centre(label) for label in labels} == places
-    wait(app, lambda t: t.active is None)
-    app.settle()
-    assert {label: app.widgets.centre(label) for label in labels} == places
-    app.click("Cancel")
-    assert training.log.chosen == 1
-    assert any(line.startswith("PSNR of mip 0, 2 textures: ") for line in figures_of_run(training.log.runs[-1]))
-    run_line(app.context, "training.keep")
-    wait(app, lambda t: not t.saving)
-    run_line(app.context, "training.anew 0 2")
-    run = training.active
-    assert run is not None
-    wait(app, lambda t: t.active is None)
-    run.add_progress(
-        TrainingProgress(
-            share=1.0, passes=1.0, step=1, steps=1, texels=1000, losses={}, psnr_db={0: 30.0}, elapsed_seconds=1.0
-        )
-    )
-    change = figures_under_way(run)[0]
-    assert change.startswith("PSNR of mip 0, 1 texture: ")
-    assert " -> " in change
-    assert " dB before, " in " ".join(figures_of_run(training.log.runs[-1]))

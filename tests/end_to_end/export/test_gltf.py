@@ -4,7 +4,6 @@ import contextlib
 import csv
 import json
 import math
-import struct
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
 
 from lab.bench.random_pack import random_pack
 from ntc.codec.grid.model import GridConfig
@@ -21,9 +19,8 @@ from ntc.codec.mips import to_8bit, to_linear
 from ntc.codec.quality import psnr_db
 from ntc.codec.reference import decode_image
 from ntc.errors import InputError
-from ntc.metrics.block_compression import decompress
 from ntc.pack.file import read_pack
-from tests.end_to_end.export.material_scene import materials_scene, waves
+from tests.end_to_end.export.material_scene import materials_scene
 from tests.support.meshopt_twins import meshopt_twin
 from viewer import cli
 from viewer.export.gltf import export as gltf_writing
@@ -108,17 +105,6 @@ def test_layers_and_channels_are_where_the_extension_says(scene: Path, tmp_path:
         assert texture.pixel_hash == option["extras"]["pixelHash"]
         if texture.maps == ("base", "normal", "roughness", "metalness", "occlusion"):
             assert option["channels"] == expected
-
-
-def test_other_programs_show_the_images(scene: Path, tmp_path: Path) -> None:
-    for fallback, largest in (("original", 0), ("jpeg", 40)):
-        out = tmp_path / f"{fallback}.glb"
-        assert export(scene, out, "--fallback", fallback) == 0
-        shown = [mesh.visual.material.baseColorTexture for mesh in trimesh.load_scene(out).geometry.values()]
-        assert len(shown) == 3
-        for number, image in enumerate(shown[:2]):
-            difference = np.asarray(image.convert("RGB")).astype(int) - waves(number).astype(int)
-            assert np.abs(difference).max() <= largest
 
 
 def test_a_scene_without_images_is_not_opened_where_the_extension_is_unknown(scene: Path, tmp_path: Path) -> None:
@@ -284,31 +270,6 @@ def test_decoded_images_are_stored_with_their_losses(
     assert [row["name"] for row in rows] == ["base 0", "bumps", "orm", "base 1", "base 2"]
     assert all(float(row["both_db"]) <= float(row["decoded_db"]) + 1.5 for row in rows)
     assert all(float(row["stored_db"]) >= least_db for row in rows), "the format's own loss is that of decoded texels"
-
-
-def test_astc_is_stored_as_its_extension_demands(scene: Path, tmp_path: Path) -> None:
-    out = tmp_path / "other.gltf"
-    assert export(scene, out, "--as", "astc") == 0
-    content = json.loads(out.read_text())
-    assert all(image["mimeType"] == "image/ktx2" for image in content["images"])
-    assert "EXT_texture_astc" in content["extensionsRequired"]
-    assert "EXT_texture_astc" in content["extensionsUsed"]
-    assert all(set(texture["extensions"]) == {"EXT_texture_astc"} for texture in content["textures"])
-    assert not any("source" in texture for texture in content["textures"])
-    data = (tmp_path / "other.files" / "base 0.ktx2").read_bytes()
-    number, _, width, height = struct.unpack_from("<4I", data, 12)
-    levels = struct.unpack_from("<I", data, 40)[0]
-    assert (number, width, height) == (166, 32, 32)
-    assert levels == 6, "a full pyramid"
-    # Colour model, primaries and transfer function: ASTC, BT.709 and sRGB of colours; unspecified and linear of other data.
-    for name, expected in (("base 0", (162, 1, 2)), ("bumps", (162, 0, 1)), ("orm", (162, 0, 1))):
-        file = (tmp_path / "other.files" / f"{name}.ktx2").read_bytes()
-        (descriptor,) = struct.unpack_from("<I", file, 48)
-        assert struct.unpack_from("<3B", file, descriptor + 12) == expected
-    offset, length, _ = struct.unpack_from("<3Q", data, 80)
-    read = decompress(data[offset : offset + length], (32, 32, 3), "astc-6x6")
-    decoded = decode_image(read_pack(scene.with_name("scene.baseline.ntc")), 0, 0)
-    assert psnr_db(read, decoded[..., :3]) > 30.0
 
 
 def test_a_pack_of_one_level_is_stored_with_all_mips() -> None:

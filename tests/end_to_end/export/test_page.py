@@ -30,19 +30,6 @@ SIDE = 192
 """Of the three textures whose texels are compared."""
 COMPLETE = "['complete', 'failed'].includes(document.documentElement.dataset.state)"
 ERROR = "document.getElementById('error').hidden ? '' : document.getElementById('error').textContent"
-AT_FIRST = """
-new MutationObserver((_, observer) => {
-    if (!document.documentElement.dataset.first) return;
-    observer.disconnect();
-    const { stage, renderer } = window.ntcPage;
-    window.atFirst = {
-        sources: stage.sources.map(({ materials }) => materials.size > 0),
-        sides: [...new Set([...stage.memory.sets].map((set) => set.width >> set.level))],
-        lit: renderer.info.programs.filter((program) => program.type === "MeshStandardMaterial").length,
-    };
-}).observe(document, { subtree: true, attributes: true });
-"""
-"""Notes what there is at the first picture."""
 # Base64 of all texels of the finest mip of a texture entry, as the GPU has them.
 READ = """
 (async () => {
@@ -129,7 +116,7 @@ def test_the_browser_shows_what_the_float64_reference_decodes(tmp_path: Path, br
         assert all(url.startswith((address, f"blob:{address}")) for url in browser.requests)
 
 
-@pytest.mark.parametrize("size", [(1280, 720), (390, 844)])
+@pytest.mark.parametrize("size", [(390, 844)])
 def test_the_page_fits_the_window(scene: Path, tmp_path: Path, browser: Browser, size: tuple[int, int]) -> None:
     page, pack = page_of(scene, tmp_path, "materials")
     with served(page) as address:
@@ -194,21 +181,6 @@ def test_two_packs_and_the_reference_are_compared(tmp_path: Path, browser: Brows
         assert held != [left, right]
         assert np.abs(np.array(held) - [left, right]).max() < 40
         assert faults(browser) == []
-
-
-def test_the_first_picture_waits_for_nothing_that_it_does_not_show(tmp_path: Path, browser: Browser) -> None:
-    builder = materials_scene(SIDE)
-    page, _ = page_of(builder.write(tmp_path / "scene.glb"), tmp_path, "materials")
-    script = browser.call("Page.addScriptToEvaluateOnNewDocument", source=AT_FIRST)["identifier"]
-    with served(page) as address:
-        browser.open(address)
-        browser.wait(COMPLETE)
-        browser.call("Page.removeScriptToEvaluateOnNewDocument", identifier=script)
-        first = browser.ask("window.atFirst")
-    assert first["sources"] == [True, False], "the reference comes later"
-    assert first["sides"] == [24], "192 texels, of which no mip of at most 32 is larger"
-    # The scene has no normals: the program that is compiled while it is read is for scenes that do.
-    assert first["lit"] == 1 + 2, "one program for most materials, another for coverage"
 
 
 def test_damaged_files_are_told_in_a_line(scene: Path, tmp_path: Path, browser: Browser) -> None:

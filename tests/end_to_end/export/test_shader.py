@@ -294,19 +294,3 @@ def test_damaged_data_is_told_in_a_line(tmp_path: Path) -> None:
         done = subprocess.run([program, spoilt], input=requests, capture_output=True, text=True, check=False)
         assert done.returncode in (0, 2), done.stderr
         assert len(done.stderr.splitlines()) == (1 if done.returncode else 0), done.stderr
-
-
-@pytest.mark.process
-def test_names_of_files_and_macros_do_no_harm(tmp_path: Path) -> None:
-    sources = []
-    for name in ("a *", "b\nuint c;"):
-        folder = tmp_path / name
-        folder.mkdir()
-        sources.append(exported(random_block_pack(), folder, "glsl"))
-    assert sources[0].text("ntc_decode.hpp") == sources[1].text("ntc_decode.hpp")
-    assert sources[0].text("ntc_layout.h") == sources[1].text("ntc_layout.h")
-    # What the headers of Windows define.
-    macros = "#include <cmath>\n" + "".join(f"#define {name}(a, b) a {name} b\n" for name in ("min", "max"))
-    program = sources[0].folder / "ntc_reference.cpp"
-    program.write_text(program.read_text(encoding="utf-8").replace('#include "ntc_dec', f'{macros}#include "ntc_dec'))
-    reference_program(sources[0].folder)

@@ -4,16 +4,13 @@ from collections.abc import Iterator
 from dataclasses import replace
 from unittest import mock
 
-import numpy as np
 import pytest
 
 from lab.bench.scene import nudged
 from tests.support.blocking_watch import watched_calls
 from tests.support.driven_app import DrivenApp
 from viewer.gl.context import GraphicsContext, create_headless_context
-from viewer.inspect.place_content import REACH
 from viewer.locations import builtin_scene_path
-from viewer.render.renderer import Renderer
 from viewer.scene.load import load_scene
 from viewer.state.navigation import turned
 from viewer.state.pack_files import open_packs, packs_beside
@@ -83,36 +80,3 @@ def test_nothing_waits_in_motion(drawn: tuple[DrivenApp, list[str]]) -> None:
     app.session.view = replace(app.session.view, overlay=overlay)
     app.session.inspection.pixel = app.session.inspection.block = None
     app.run("camera.set", camera)
-
-
-def test_the_pixel_at_rest_is_that_of_the_picture(drawn: tuple[DrivenApp, list[str]]) -> None:
-    app, _ = drawn
-    app.show_panel("Pixel")
-    app.session.inspection.pixel = MIDDLE
-    app.rest()
-    pixel, renderer = app.frontend.facts().pixel, app.frontend.picture.renderer
-    assert pixel is not None
-    assert pixel.a is not None
-    assert renderer is not None
-    x, y = pixel.place.x, pixel.place.y
-    np.testing.assert_array_equal(
-        pixel.a.linear, renderer.picture(SLOT)[y - REACH : y + REACH + 1, x - REACH : x + REACH + 1]
-    )
-    assert pixel.texture_id == renderer.texture_ids()[y, x]
-    app.session.inspection.pixel = None
-    app.frame()
-    assert not app.frontend.reader.is_pending, "who does not look waits for nothing"
-
-
-def test_the_picture_at_rest_is_that_of_a_renderer_that_waits(drawn: tuple[DrivenApp, list[str]]) -> None:
-    app, _ = drawn
-    app.show_panel("Memory")
-    app.rest()
-    shown, view = app.frontend.picture.renderer, app.frontend.picture.last_view
-    assert shown is not None
-    assert view is not None
-    exact = Renderer(app.graphics, app.session.scene)
-    exact.set_packs(app.session.packs)
-    exact.render(view, whole=True)
-    np.testing.assert_allclose(shown.picture(SLOT), exact.picture(SLOT), rtol=0, atol=1 / 256)
-    exact.release()

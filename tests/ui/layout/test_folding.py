@@ -83,20 +83,6 @@ def test_a_stack_folds_to_its_tabs_and_a_chosen_panel_unfolds_it(opener: Opener)
     assert app.widgets.centre("fold lower panels")[1] < 80
 
 
-@pytest.mark.parametrize("steps", [(2.0, 1.0), (1.25, 1.5, 2.0, 1.5, 1.25, 1.0)])
-def test_a_column_that_a_scale_folds_comes_back_as_wide_as_it_was(opener: Opener, steps: tuple[float, ...]) -> None:
-    app = opener((1280, 720))
-    before = app.frontend.interface.picture_area
-    assert before is not None
-    for scale in steps:
-        app.run("window.ui-scale", scale)
-        app.settle()
-        assert ("A source" in labels(app)) == (scale < 2.0), "a window of 640 units is too narrow for the column"
-    after = app.frontend.interface.picture_area
-    assert after is not None
-    assert after.left == pytest.approx(before.left, abs=2.0)
-
-
 def test_a_saved_layout_keeps_its_tabs_and_no_width_of_another_scale(
     opener: Opener, monkeypatch: pytest.MonkeyPatch
 ) -> None:
