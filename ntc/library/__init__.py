@@ -1,1 +1,1 @@
-"""A library on disk: a folder of packs of many scenes, with an index (docs/reference/library-format.md)."""
+"""A library: a folder of packs of many scenes, with an index (docs/reference/library-format.md)."""

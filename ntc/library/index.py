@@ -1,4 +1,4 @@
-"""A library: a folder of packs. Its index is a cache of what their headers say; it is made again where it is missing or damaged."""
+"""A library of packs in a folder. Its index caches the packs' headers, and is rebuilt if it is missing or damaged."""
 
 import hashlib
 import io
@@ -24,10 +24,10 @@ INDEX_FILE = "index.ntc-library"
 NAME_DIGITS = 32
 """Number of hexadecimal digits of a pack's SHA-256 in its file name."""
 SECONDS_BETWEEN_SAVES = 30.0
-"""Most work of looking at images that a kill of the program loses."""
+"""Seconds of hashing images after which the index is saved; a killed program loses at most so much work."""
 _Count = Annotated[int, Meta(ge=0)]
 Stamp = tuple[int, int]
-"""(bytes, time of change in ns) of a file."""
+"""(size in bytes, modification time in ns) of a file."""
 
 
 class StoredTexture(msgspec.Struct, frozen=True, array_like=True):
@@ -38,28 +38,28 @@ class StoredTexture(msgspec.Struct, frozen=True, array_like=True):
     width: Side
     height: Side
     bits_per_texel: float
-    """Stored bits of its latents, all mips, per texel of mip 0."""
+    """Bits of its latents, all mips, per texel of mip 0."""
     psnr_db: Decibels | None
-    """PSNR of mip 0 in dB; None where it is exact or not known."""
+    """PSNR of mip 0 in dB; None if it is infinite or unknown."""
 
 
 class StoredPack(msgspec.Struct, frozen=True, array_like=True):
     """One pack of the library, as its header describes it."""
 
     stamp: tuple[_Count, int]
-    """Bytes and time of change of the file. Another stamp: the header is read again."""
+    """(size, modification time) of the file. If the file has another stamp, its header is read again."""
     settings: Text
-    """Key of how its textures were encoded: packs of one key can be joined (`ntc.library.joining.settings_key`)."""
+    """Key of the encoding settings. Packs with the same key can be joined (`ntc.library.joining.settings_key`)."""
     grouping: Text
     textures: tuple[StoredTexture, ...]
 
 
 class ImageFile(msgspec.Struct, frozen=True, array_like=True):
-    """Facts about an image file: while its stamp is the same, it need not be decoded to know whether the library holds it."""
+    """Facts about an image file. While its stamp is unchanged, the library is searched for it without decoding the image."""
 
     stamp: tuple[_Count, int]
     pixel_hash: Text
-    """Empty where the image is constant: there is nothing to encode."""
+    """Hash of its pixels; empty for a constant image, which is not encoded."""
     width: Side
     height: Side
     channels: Annotated[int, Meta(ge=1, le=4)]
@@ -78,10 +78,10 @@ _decoder = msgspec.json.Decoder(_Index)
 
 
 def is_library(folder: Path) -> bool:
-    """Return whether `folder` holds a library: the index of one, or packs and no other files."""
+    """Return whether `folder` is a library: it holds an index, or packs and no other files."""
     if (folder / INDEX_FILE).is_file():
         return True
-    # What a user types may hold a zero byte.
+    # A path from a user may hold a zero byte.
     with suppress(OSError, ValueError), os.scandir(folder) as entries:
         names = [entry.name for entry in entries if entry.is_file() and not entry.name.startswith(".")]
         return bool(names) and all(map(_is_pack, names))
@@ -89,7 +89,7 @@ def is_library(folder: Path) -> bool:
 
 
 def _is_pack(name: str) -> bool:
-    # Hidden files are those that are being written, or that a killed process left.
+    # Hidden files are being written, or were left by a killed process.
     return name.endswith(PACK_SUFFIX) and not name.startswith(".")
 
 
@@ -107,7 +107,7 @@ def _checksum(text: bytes) -> bytes:
 
 
 def _pack_files(folder: Path) -> Iterator[tuple[str, Stamp]]:
-    """Yield path below `folder` and stamp of each pack in it and in its sub-folders."""
+    """Yield (path below `folder`, stamp) of each pack in `folder` and its sub-folders."""
     for place, _, names in os.walk(folder):
         below = os.path.relpath(place, folder)
         for name in filter(_is_pack, names):
@@ -117,25 +117,25 @@ def _pack_files(folder: Path) -> Iterator[tuple[str, Stamp]]:
 
 
 def _stored_pack(file: BinaryIO, path: Path, stamp: Stamp) -> StoredPack:
-    """Return what the header of a pack says. Raises InputError."""
+    """Return the index entry of the open pack `file`, from its header. Raises InputError."""
     metadata, stored_bytes = pack_contents(file, path)
     textures = tuple(
         StoredTexture(
-            own.pixel_hash, own.name, own.width, own.height, 8.0 * size / (own.width * own.height), own.psnr_db
+            each.pixel_hash, each.name, each.width, each.height, 8.0 * size / (each.width * each.height), each.psnr_db
         )
-        for own, size in zip(metadata.textures, stored_bytes, strict=True)
+        for each, size in zip(metadata.textures, stored_bytes, strict=True)
     )
     key = settings_of(metadata.codec, metadata.grouping.name, metadata.grouping.parameters, metadata.training)
     return StoredPack(stamp, key, metadata.grouping.name, textures)
 
 
 class Library:
-    """The packs in a folder and its sub-folders, and what is in them. Several processes may add packs at the same time."""
+    """The packs in a folder and its sub-folders, and their textures. Several processes may add packs at the same time."""
 
     def __init__(self, folder: Path) -> None:
-        """Read the index, and the header of each pack that is new or has changed since. Raises InputError where there is no library.
+        """Read the index, and the header of each new or changed pack. Raises InputError if `folder` is no library.
 
-        The index is written again where it is not up to date and can be written.
+        An outdated index is written again if that is possible.
         """
         self.folder = Path(folder)
         if not is_library(self.folder):
@@ -143,12 +143,12 @@ class Library:
         self.packs: dict[str, StoredPack] = {}
         """Packs by path below the folder."""
         self.textures: dict[tuple[str, str], tuple[str, StoredTexture]] = {}
-        """(pack, texture) by (settings key, pixel hash); of several the first pack by path."""
+        """(pack, texture) by (settings key, pixel hash). If several packs hold a texture, the first by path counts."""
         self.unreadable: dict[str, str] = {}
-        """Error of each file that is no pack or cannot be read, by path below the folder."""
+        """Error messages of files that cannot be read as packs, by path below the folder."""
         index = _read_index(self.folder)
         self.images = index.images
-        """Image files that were looked at, by path."""
+        """Facts about image files, by path."""
         self._saved = time.monotonic()
         for name, stamp in sorted(_pack_files(self.folder)):
             known = index.packs.get(name)
@@ -162,8 +162,8 @@ class Library:
 
     @classmethod
     def to_write(cls, folder: Path) -> "Library":
-        """Return the library in `folder`, which is made where there is none. Raises InputError for a folder of other files, and for
-        one that cannot be written."""
+        """Return the library in `folder`; make one if there is none. Raises InputError for a folder of other files, and for one that
+        cannot be written."""
         if not is_library(folder):
             if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
                 raise InputError(
@@ -191,9 +191,10 @@ class Library:
             self.textures.setdefault((pack.settings, texture.pixel_hash), (name, texture))
 
     def add(self, data: bytes) -> bool:
-        """Keep a pack, given as the bytes of its file, unless the library holds all of its textures so encoded: then return False.
+        """Add a pack, given as the bytes of its file. Return False, without adding, if the library holds all its textures in these
+        settings.
 
-        Raises InputError where it cannot be written, or `data` are no pack.
+        Raises InputError if `data` are no pack, or cannot be written.
         """
         name = f"{hashlib.sha256(data).hexdigest()[:NAME_DIGITS]}{PACK_SUFFIX}"
         path = self.folder / name
@@ -206,28 +207,30 @@ class Library:
         return True
 
     def remember(self, images: Mapping[str, ImageFile]) -> None:
-        """Note facts about image files, by path; the index is saved now and then."""
+        """Record facts about image files, by path. The index is saved every 30 seconds."""
         self.images.update(images)
         if time.monotonic() - self._saved > SECONDS_BETWEEN_SAVES:
             self.save()
 
     def save(self) -> None:
-        """Write the index. Raises InputError."""
+        """Write the index. Raises InputError if that fails."""
         _write_index(self.folder, _Index(packs=self.packs, images=self.images))
         self._saved = time.monotonic()
 
     def packs_with(self, wanted: Container[str] | None = None) -> dict[str, dict[str, set[str]]]:
-        """Return, by settings key, the packs that hold textures whose pixel hash is `wanted` (None: all), each with these hashes:
-        the key with the most textures first, packs by path."""
-        found: dict[str, dict[str, set[str]]] = {}
+        """Return pixel hashes in `wanted` (None: all) that packs hold, by settings key and pack.
+
+        The settings key with the most textures comes first; packs are sorted by path.
+        """
+        hashes: dict[str, dict[str, set[str]]] = {}
         for (settings, pixel_hash), (name, _) in self.textures.items():
             if wanted is None or pixel_hash in wanted:
-                found.setdefault(settings, {}).setdefault(name, set()).add(pixel_hash)
-        count = {key: sum(map(len, packs.values())) for key, packs in found.items()}
-        return {key: found[key] for key in sorted(found, key=lambda key: (-count[key], key))}
+                hashes.setdefault(settings, {}).setdefault(name, set()).add(pixel_hash)
+        count = {key: sum(map(len, packs.values())) for key, packs in hashes.items()}
+        return {key: hashes[key] for key in sorted(hashes, key=lambda key: (-count[key], key))}
 
     def problems(self) -> Iterator[str]:
-        """Read every pack whole, and yield one line for each that is damaged."""
+        """Read every pack completely, and yield one line for each damaged one."""
         yield from self.unreadable.values()
         for name in self.packs:
             path = self.folder / name
@@ -247,11 +250,10 @@ def _write_index(folder: Path, index: _Index) -> None:
 
 
 def library_packs(folder: Path, wanted: Container[str] | None = None, most: int | None = None) -> list[Pack]:
-    """Return the textures of the library in `folder` whose pixel hash is `wanted` (None: all): a pack for each way in which
-    they were encoded.
+    """Return the textures of a library whose pixel hash is in `wanted` (None: all), as one pack for each settings key.
 
-    Those that hold the most textures come first, `most` of them (None: all). Raises InputError where the library, or a pack, cannot
-    be read.
+    Packs with the most textures come first, at most `most` of them (None: all). Raises InputError if the library or a pack cannot be
+    read.
     """
     chosen = list(Library(folder).packs_with(wanted).values())[:most]
     return [joined_textures(Path(folder), packs) for packs in chosen]

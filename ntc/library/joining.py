@@ -1,4 +1,4 @@
-"""Which packs of a library can be joined, and the pack that they make."""
+"""Joining packs of a library: the key of packs that can be joined, and the joined pack."""
 
 import hashlib
 import json
@@ -15,24 +15,24 @@ from ntc.pack.file import read_textures
 from ntc.pack.schema import LARGEST_COUNT, codec_json
 
 SETTINGS = "settings"
-"""Entry of a pack's training record: the key of what was asked for."""
+"""Entry of a pack's training record with its settings key."""
 KEY_DIGITS = 16
+"""Hexadecimal digits of a settings key."""
 
 
-def settings_key(config: CodecSettings, grouping: str, asked: Mapping[str, Any]) -> str:
-    """Return the key of encodings that are alike: the codec's settings, the name of the grouping, and whatever else decides about the
-    numbers.
+def settings_key(config: CodecSettings, grouping: str, options: Mapping[str, Any]) -> str:
+    """Return the key of encoding settings: a digest of codec settings, name of the grouping, and all other `options` (JSON values).
 
-    `asked` holds JSON values. Equal keys stand for equal settings of the codec, so that such packs can be joined.
+    Packs with equal keys have equal codec settings, so they can be joined.
     """
-    content = json.dumps([codec_json(config), grouping, dict(asked)], sort_keys=True)
+    content = json.dumps([codec_json(config), grouping, dict(options)], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()[:KEY_DIGITS]
 
 
 def settings_of(
     config: CodecSettings, grouping: str, parameters: Mapping[str, Any], training: Mapping[str, Any]
 ) -> str:
-    """Return the key that a pack's `training` records, else one of what it records of its encoding."""
+    """Return the settings key in a pack's `training` record, else the key of that record."""
     recorded = training.get(SETTINGS)
     if isinstance(recorded, str) and recorded.isascii():
         return recorded
@@ -40,8 +40,8 @@ def settings_of(
 
 
 def joined_pack(packs: Sequence[Pack]) -> Pack:
-    """Return the textures and decoders of all `packs` (one or more) in their order as one pack; of a texture that several hold, the
-    first.
+    """Return one pack with the textures and decoders of `packs` (one or more), in their order. If several packs hold a texture, the
+    first counts.
 
     Raises InputError for packs whose codecs or groupings differ, and for more textures or decoders than a pack may hold.
     """
@@ -52,7 +52,7 @@ def joined_pack(packs: Sequence[Pack]) -> Pack:
     numbers: dict[tuple[bytes, ...], int] = {}
 
     def number(decoder: Decoder) -> int:
-        # Packs that were encoded with decoders of one other pack have them in common.
+        # Packs that were encoded with the decoders of another pack share them.
         content = tuple(each.tobytes() for each in codec.decoder_tensors(decoder, first.config).values())
         if content not in numbers:
             numbers[content] = len(decoders)
@@ -63,10 +63,10 @@ def joined_pack(packs: Sequence[Pack]) -> Pack:
         same = (pack.config, pack.grouping.name) == (first.config, first.grouping.name)
         if not same or (ships and pack.grouping.parameters != first.grouping.parameters):
             raise InputError(f"{pack.name}: has another codec or grouping than {first.name}; they cannot be joined")
-        own = [texture for texture in pack.textures if texture.pixel_hash not in textures]
-        groups = sorted({texture.group for texture in own})
+        new = [texture for texture in pack.textures if texture.pixel_hash not in textures]
+        groups = sorted({texture.group for texture in new})
         renumbered = {group: group if ships else number(pack.decoders[group]) for group in groups}
-        textures |= {each.pixel_hash: replace(each, group=renumbered[each.group]) for each in own}
+        textures |= {each.pixel_hash: replace(each, group=renumbered[each.group]) for each in new}
     if max(len(textures), len(decoders)) > LARGEST_COUNT:
         raise InputError(f"{len(textures)} textures: a pack holds at most {LARGEST_COUNT}; ask for fewer")
     parameters = first.grouping.parameters if ships or len(packs) == 1 else {"joined": True}
@@ -83,15 +83,15 @@ def joined_pack(packs: Sequence[Pack]) -> Pack:
 
 
 def joined_textures(folder: Path, packs: Mapping[str, Container[str]]) -> Pack:
-    """Return textures of `packs`, all of one settings key, as one pack: by path below `folder`, with the pixel hashes to read of each.
+    """Return one pack of textures of several packs with one settings key.
 
-    Raises InputError.
+    `packs` are the pixel hashes to read, by path of the pack below `folder`. Raises InputError as `read_textures` does.
     """
     return replace(joined_pack([read_textures(folder / name, wanted) for name, wanted in packs.items()]), path=folder)
 
 
 def in_order(pack: Pack, places: Mapping[str, int]) -> Pack:
-    """Return `pack` with its textures in the order of `places`, by pixel hash; those that it does not name come last."""
+    """Return `pack` with its textures sorted by `places`, which are indices by pixel hash. Textures without a place come last."""
     textures = sorted(pack.textures, key=lambda texture: places.get(texture.pixel_hash, len(places)))
     grouping = Grouping(pack.grouping.name, tuple(each.group for each in textures), pack.grouping.parameters)
     return replace(pack, textures=tuple(textures), grouping=grouping)

@@ -1,4 +1,4 @@
-"""Divergence of decoders over a picture (paper, Sec. 2, Eq. 1)."""
+"""Divergence of decoders in a picture (paper, Sec. 2, Eq. 1; docs/explanation/sharing.md)."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ BLOCK = (8, 8)
 
 
 def distinct_ids(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> NDArray[np.int32]:
-    """Return [ceil(H / block height), ceil(W / block width), pixels of a block] int32: the ids of each block, every one once.
+    """Return [ceil(H / block height), ceil(W / block width), pixels of a block] int32: the distinct ids of each block.
 
     `ids` [H, W] int32, row 0 on top; repeated ids and negative ones, which decode nothing, are -1. Edge blocks may be partial.
     """
@@ -35,24 +35,24 @@ def divergence_map(ids: NDArray[np.int32], block: tuple[int, int] = BLOCK) -> ND
 
 @dataclass(frozen=True)
 class DivergenceStatistics:
-    """A divergence map in a few numbers."""
+    """Statistics of a divergence map."""
 
     histogram: tuple[int, ...]
     """Number of blocks with D = 0, 1, 2, ... decoders; up to the number of pixels of a block."""
 
     @classmethod
     def of(cls, divergence: NDArray[np.uint16]) -> "DivergenceStatistics":
-        """Statistics of a map made by `divergence_map`."""
+        """Return the statistics of a map that `divergence_map` returned."""
         return cls(tuple(np.bincount(divergence.reshape(-1)).tolist()))
 
     @property
     def blocks(self) -> int:
-        """All blocks, also those where nothing is decoded."""
+        """Number of all blocks, also of those where nothing is decoded."""
         return sum(self.histogram)
 
     @property
     def covered_blocks(self) -> int:
-        """Blocks in which something is decoded."""
+        """Number of blocks in which something is decoded."""
         return sum(self.histogram[1:])
 
     @property
@@ -67,17 +67,17 @@ class DivergenceStatistics:
 
     @property
     def divergent_blocks(self) -> int:
-        """Blocks with more than one decoder."""
+        """Number of blocks with more than one decoder."""
         return sum(self.histogram[2:])
 
     @property
     def maximum(self) -> int:
-        """Most decoders in one block."""
+        """Largest number of decoders in one block."""
         return max((count for count, blocks in enumerate(self.histogram) if blocks), default=0)
 
     @property
     def decoder_runs(self) -> int:
-        """Sum of D: how often a wave of the size of a block runs a decoder, if each of its decoders runs alone."""
+        """Sum of D over all blocks: the decoder runs of waves as large as a block, which run one decoder at a time."""
         return sum(count * blocks for count, blocks in enumerate(self.histogram))
 
     @property
@@ -87,10 +87,10 @@ class DivergenceStatistics:
 
     @property
     def wave_efficiency(self) -> float:
-        """Covered blocks / sum of D: the share of the decoder runs that would do without divergence; 1 without blocks."""
+        """Covered blocks / sum of D: the ratio of the decoder runs without divergence to those with it; 1 without blocks."""
         return self.covered_blocks / self.decoder_runs if self.decoder_runs else 1.0
 
 
 def cut_percent(excess: float, of_excess: float) -> float | None:
-    """Return by how many percent `excess` is less than `of_excess`; None where there is nothing to cut."""
+    """Return the reduction of `excess` against `of_excess` in percent; None if `of_excess` is 0."""
     return 100.0 * (1.0 - excess / of_excess) if of_excess > 0 else None

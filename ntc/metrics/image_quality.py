@@ -1,4 +1,4 @@
-"""Similarity of pictures: SSIM and FLIP."""
+"""Similarity of two pictures: SSIM and FLIP."""
 
 import math
 
@@ -16,7 +16,7 @@ WINDOW_RADIUS = 5
 WINDOW_SIGMA = 1.5
 SSIM_C1, SSIM_C2 = (0.01 * 255.0) ** 2, (0.03 * 255.0) ** 2
 PIXELS_PER_DEGREE = 67.02
-"""FLIP's own viewing conditions: a 0.7 m wide display of 3840 pixels, seen from 0.7 m."""
+"""Pixels per degree of FLIP's default viewing conditions: a display 0.7 m wide with 3840 pixels, seen from 0.7 m."""
 
 
 def _check_pair(a: Image, b: Image) -> None:
@@ -31,14 +31,14 @@ def _luma(image: Image) -> NDArray[np.float64]:
 
 
 def _windowed(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return [H, W] Gaussian means of `values` [H, W] over the window on every texel; the picture is mirrored at its edges."""
+    """Return [H, W] Gaussian means of `values` [H, W] over the window around each texel. The picture is mirrored at its edges."""
     return np.asarray(ndimage.gaussian_filter(values, WINDOW_SIGMA, mode="reflect", radius=WINDOW_RADIUS))
 
 
 def ssim_map(a: Image, b: Image) -> NDArray[np.float64]:
-    """Return [H, W] SSIM of the window on each texel, which may reach beyond the picture: there it goes on mirrored.
+    """Return [H, W] SSIM of the window around each texel. The picture is mirrored at its edges.
 
-    Pictures and errors as of `ssim`.
+    Parameters and errors are those of `ssim`.
     """
     _check_pair(a, b)
     x, y = _luma(a), _luma(b)
@@ -53,10 +53,10 @@ def ssim_map(a: Image, b: Image) -> NDArray[np.float64]:
 def ssim(a: Image, b: Image) -> float:
     """Return the mean SSIM (Wang et al. 2004) of the luma of two pictures [H, W, C] uint8, sRGB, C from 1 to 4; 1 when equal.
 
-    Luma is BT.601's, as in the authors' program, but not rounded; of one or two channels the first is grey; alpha is left out.
-    Windows are 11x11 Gaussians (sigma 1.5) that lie inside the picture, as theirs. Along a side
-    shorter than 11 texels none does: there a window stands on every texel, and the picture is mirrored at its edges.
-    Raises InputError for pictures of two shapes, of another type, or without texels.
+    Luma is that of BT.601, as in the authors' program, but not rounded. With one or two channels, the first is grey. Alpha is left
+    out. Windows are 11x11 Gaussians (sigma 1.5) inside the picture, as in the authors' program. Along a side shorter than 11 texels,
+    there is a window around each texel, and the picture is mirrored at its edges.
+    Raises InputError for pictures of different shapes, of another type, or without texels.
     """
     windows = ssim_map(a, b)
     inner = (
@@ -66,9 +66,9 @@ def ssim(a: Image, b: Image) -> float:
 
 
 def flip_map(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> NDArray[np.float32]:
-    """Return [H, W] LDR-FLIP of every pixel, 0 to 1. Pictures, `pixels_per_degree` and errors as of `flip`.
+    """Return [H, W] LDR-FLIP of each pixel, 0 to 1. Parameters and errors are those of `flip`.
 
-    Keeps Python's interpreter lock until it is done.
+    It holds Python's interpreter lock until it is done.
     """
     _check_pair(reference, test)
     if not (math.isfinite(pixels_per_degree) and pixels_per_degree > 0.0):
@@ -87,9 +87,9 @@ def flip_map(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PE
 def flip(reference: Image, test: Image, pixels_per_degree: float = PIXELS_PER_DEGREE) -> float:
     """Return the mean LDR-FLIP (Andersson et al. 2020) of two pictures [H, W, C] uint8, sRGB, C from 1 to 4: 0 equal, 1 worst.
 
-    Of one or two channels the first is grey; alpha is left out. `pixels_per_degree` of the viewer's field of view.
-    Computed by NVIDIA's flip-evaluator. Raises InputError for pictures of two shapes, of another type or without
+    With one or two channels, the first is grey. Alpha is left out. `pixels_per_degree` are those of the observer's field of view.
+    NVIDIA's flip-evaluator computes it. Raises InputError for pictures of different shapes, of another type or without
     texels, for `pixels_per_degree` not above 0, and where flip-evaluator cannot be imported.
     """
-    # Its own mean is a sum in single precision.
+    # flip-evaluator's mean is summed in single precision.
     return float(np.mean(flip_map(reference, test, pixels_per_degree), dtype=np.float64))

@@ -1,4 +1,4 @@
-"""Quality and size of packs."""
+"""Tables of quality and size of packs."""
 
 import math
 from collections.abc import Mapping
@@ -17,14 +17,14 @@ class PsnrTable:
     rows: tuple[dict[str, Any], ...]
     summary: PsnrSummary | None
     bits_per_texel: float
-    """Stored bits (latents with scale and offset, decoders, adapters) per texel of mip 0, mips counted: the unit of `encode
+    """Stored bits (latents with scale and offset, decoders, adapters) per texel of mip 0, mips included. The unit of `encode
     --bits`."""
     latent_bytes: int
     decoder_bytes: int
     adapter_bytes: int
 
     def json(self) -> dict[str, Any]:
-        """Everything as JSON values; an infinite PSNR becomes null."""
+        """Return the table as JSON values; an infinite PSNR becomes null."""
         summary = None
         if self.summary is not None:
             summary = {name: finite_or_none(value) for name, value in vars(self.summary).items()}
@@ -62,23 +62,23 @@ class PsnrTable:
 
 
 def _map_line(row: Mapping[str, Any]) -> str:
-    """Return the maps of a material set, with the quality of each where it is known."""
-    found, degrees = row["map_psnr_db"], row["normal_degrees"]
+    """Return a line with the maps of a material set, and the quality of each if it is known."""
+    map_psnr, degrees = row["map_psnr_db"], row["normal_degrees"]
     parts = []
     for name in row["maps"]:
-        quality = "" if name not in found else " exact" if found[name] is None else f" {found[name]:.2f} dB"
+        quality = "" if name not in map_psnr else " exact" if map_psnr[name] is None else f" {map_psnr[name]:.2f} dB"
         angle = f" ({degrees[0]:.2f} degrees, 95 % below {degrees[1]:.2f})" if name == "normal" and degrees else ""
         parts.append(f"{name}{quality}{angle}")
     return ", ".join(parts)
 
 
 def bits_with_mips(pack: Pack) -> float:
-    """Return the bits of everything that `pack` stores, mips and decoders included, per texel of mip 0."""
+    """Return the bitrate of `pack` in bits per texel of mip 0, with all mips and decoders."""
     return psnr_table(pack).bits_per_texel
 
 
 def psnr_table(pack: Pack) -> PsnrTable:
-    """Return the table of `pack`; PSNR as the encoder measured it after quantisation."""
+    """Return the table of `pack`. PSNRs are those that the encoder measured after quantisation."""
     codec = codec_of(pack.config)
     sizes = [codec.texture_bytes(texture, pack.config) for texture in pack.textures]
     rows = tuple(
@@ -94,9 +94,9 @@ def psnr_table(pack: Pack) -> PsnrTable:
             "psnr_db": texture.psnr_db,
             "map_psnr_db": dict(zip(texture.maps, map(finite_or_none, texture.map_psnr_db), strict=False)),
             "normal_degrees": list(texture.normal_degrees) if texture.normal_degrees else None,
-            "latent_bits_per_texel": 8.0 * own.latents / (texture.width * texture.height),
+            "latent_bits_per_texel": 8.0 * size.latents / (texture.width * texture.height),
         }
-        for texture, own in zip(pack.textures, sizes, strict=True)
+        for texture, size in zip(pack.textures, sizes, strict=True)
     )
     stored = codec.stored_decoders(pack.grouping.name, len(pack.decoders), pack.config)
     decoder_bytes = sum(codec.decoder_bytes(decoder, pack.config) for decoder in pack.decoders[:stored])

@@ -1,4 +1,4 @@
-"""Differences of pictures as people see them: ColorVideoVDP and SSIMULACRA2, by their packages (extra `perceptual`)."""
+"""Perceptual differences of pictures: ColorVideoVDP and SSIMULACRA2, by their packages (extra `perceptual`)."""
 
 import importlib
 import importlib.util
@@ -46,7 +46,7 @@ def _visual_difference_predictor() -> Any:
 def jod(reference: Image, test: Image) -> float:
     """Return the quality of `test` in just-objectionable differences (Mantiuk et al. 2024, ColorVideoVDP): 10 equal, lower worse.
 
-    Pictures are [H, W, C] uint8 sRGB as of `flip`, on DISPLAY. Raises InputError where the package cannot be imported.
+    Pictures are [H, W, C] uint8 sRGB, as for `flip`, on DISPLAY. Raises InputError if the package cannot be imported.
     """
     pictures = [np.ascontiguousarray(as_rgb(picture)) for picture in (test, reference)]
     quality, _ = _visual_difference_predictor().predict(*pictures, dim_order="HWC")
@@ -56,11 +56,11 @@ def jod(reference: Image, test: Image) -> float:
 def ssimulacra2(reference: Image, test: Image) -> float:
     """Return SSIMULACRA2 (Sneyers 2023) of two pictures [H, W, C] uint8 sRGB: 100 equal, 90 hardly seen, 50 seen by everybody.
 
-    Raises InputError where the package cannot be imported.
+    Raises InputError if the package cannot be imported.
     """
     files = []
     for picture in (reference, test):
-        # Its one entry point reads files.
+        # The package's only function reads files.
         file = io.BytesIO()
         PillowImage.fromarray(np.ascontiguousarray(as_rgb(picture))).save(file, "PNG", compress_level=1)
         files.append(file)

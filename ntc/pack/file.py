@@ -1,6 +1,6 @@
 """Reading and writing `.ntc` files: safetensors with JSON metadata (docs/reference/pack-format.md).
 
-Files are read whole (`ntc.io.read_file`), not mapped: a mapped file that another process shortens would end this one.
+Files are read whole (`ntc.io.read_file`), not mapped: if another process truncated a mapped file, this process would crash.
 """
 
 import json
@@ -30,7 +30,7 @@ from ntc.pack.schema import METADATA_KEY, PackMetadata, TextureMetadata, metadat
 
 T = TypeVar("T")
 _Tensors = Mapping[str, Mapping[str, Any]]
-"""Tensors by name: "dtype", "shape" and "data", checked by safetensors against each other and the file's length."""
+"""Tensors by name: "dtype", "shape" and "data". safetensors has checked them against each other and the file's length."""
 NUMPY_TYPES: dict[str, np.dtype[Any]] = {
     "U8": np.dtype("u1"),
     "I8": np.dtype("i1"),
@@ -42,24 +42,24 @@ REMEDY = "the pack is damaged or not one of ntc-viewer's; encode it again"
 
 
 def expected_tensors(metadata: PackMetadata) -> dict[str, TensorShape]:
-    """Return the type and shape of every tensor that a file with `metadata` must hold, and no others."""
+    """Return the type and shape of each tensor of a file with `metadata`. It must hold all of them and no others."""
     codec, expected = codec_of(metadata.codec), dict[str, TensorShape]()
     for index, texture in enumerate(metadata.textures):
         expected |= _numbered(codec.texture_shapes(metadata.codec, texture.width, texture.height), index)
     decoder = codec.decoder_shapes(metadata.codec)
-    # A file holds no decoder where the one that ships with the program serves all textures.
+    # A file holds no decoder if all textures use one that ships with the program.
     for index in range(codec.stored_decoders(metadata.grouping.name, metadata.decoders, metadata.codec)):
         expected |= _numbered(decoder, index)
     return expected
 
 
 def _numbered(parts: Mapping[str, T], index: int) -> dict[str, T]:
-    """Return `parts` by the names that texture or decoder `index` has in a file."""
+    """Return `parts` with the number `index` of a texture or decoder put into their names."""
     return {name.format(index): part for name, part in parts.items()}
 
 
 def pack_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
-    """Return the tensors of the file of `pack`, by name."""
+    """Return the tensors that the file of `pack` holds, by name."""
     codec, tensors = codec_of(pack.config), dict[str, NDArray[Any]]()
     for index, texture in enumerate(pack.textures):
         tensors |= _numbered(codec.texture_tensors(texture, pack.config), index)
@@ -70,12 +70,12 @@ def pack_tensors(pack: Pack) -> dict[str, NDArray[Any]]:
 
 
 def pack_bytes(pack: Pack) -> bytes:
-    """Return the file of `pack`: the same pack always gives the same bytes."""
+    """Return the bytes of the file of `pack`. The same pack gives the same bytes."""
     return bytes(save(pack_tensors(pack), metadata={METADATA_KEY: metadata_json(pack)}))
 
 
 def write_pack(path: Path, pack: Pack) -> None:
-    """Write `pack` to `path` atomically. Raises InputError where it cannot be written."""
+    """Write `pack` to `path` atomically. Raises InputError if that fails."""
     write_bytes(path, pack_bytes(pack))
 
 
@@ -90,12 +90,12 @@ def _check_header(file: _Tensors, metadata: PackMetadata, path: Path) -> None:
     for name, (kind, shape) in expected.items():
         part = file[name]
         fits = len(part["shape"]) == len(shape) and all(
-            size in (None, own) for own, size in zip(part["shape"], shape, strict=True)
+            size in (None, stored) for stored, size in zip(part["shape"], shape, strict=True)
         )
         if part["dtype"] != kind or not fits:
-            found = f"{part['dtype']} {part['shape']}"
+            actual = f"{part['dtype']} {part['shape']}"
             wanted = ", ".join("any" if size is None else str(size) for size in shape)
-            raise InputError(f"{path}: tensor {name} is {found}, expected {kind} [{wanted}]; {REMEDY}")
+            raise InputError(f"{path}: tensor {name} is {actual}, expected {kind} [{wanted}]; {REMEDY}")
 
 
 def _tensor(file: _Tensors, name: str, path: Path) -> NDArray[Any]:
@@ -112,19 +112,19 @@ def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
     decoder_parts = codec.decoder_shapes(config)
 
     def part(names: Iterable[str], index: int, read: Callable[[Mapping[str, NDArray[Any]]], T]) -> T:
-        found = {name: _tensor(file, name.format(index), path) for name in names}
+        tensors = {name: _tensor(file, name.format(index), path) for name in names}
         try:
-            return read(found)
+            return read(tensors)
         except ValueError as error:
             raise InputError(f"{path}: tensor {str(error).replace('{}', str(index))}; {REMEDY}") from error
 
-    def texture(index: int, own: TextureMetadata, group: int) -> EncodedTexture:
-        known = {**msgspec.structs.asdict(own), "group": group}
-        names = codec.texture_shapes(config, own.width, own.height)
+    def texture(index: int, described: TextureMetadata, group: int) -> EncodedTexture:
+        known = {**msgspec.structs.asdict(described), "group": group}
+        names = codec.texture_shapes(config, described.width, described.height)
         return part(names, index, lambda tensors: codec.read_texture(tensors, known, config))
 
     members = enumerate(zip(metadata.textures, metadata.grouping.groups, strict=True))
-    textures = tuple(texture(index, own, group) for index, (own, group) in members)
+    textures = tuple(texture(index, described, group) for index, (described, group) in members)
     decoders: tuple[Decoder, ...]
     if codec.stored_decoders(metadata.grouping.name, metadata.decoders, config) < metadata.decoders:
         parameters = metadata.grouping.parameters
@@ -139,9 +139,9 @@ def _read(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
 
 
 def checked_pack(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
-    """Return the pack of tensors `file` (by name: "dtype", "shape", "data") and `metadata`, read from `path`.
+    """Return the pack that tensors `file` (by name: "dtype", "shape", "data") and `metadata` make, read from `path`.
 
-    Raises InputError where they are not those that the metadata stand for, or hold what no pack may.
+    Raises InputError if tensors do not fit the metadata, or hold values that no pack may hold.
     """
     _check_header(file, metadata, path)
     return _read(file, metadata, path)
@@ -149,7 +149,7 @@ def checked_pack(file: _Tensors, metadata: PackMetadata, path: Path) -> Pack:
 
 @contextmanager
 def _reading(path: Path) -> Iterator[None]:
-    """Raise InputError, with one line that names the file, for every error of reading a pack."""
+    """Turn every error of reading a pack into an InputError with one line that names the file."""
     try:
         yield
     except SafetensorError as error:
@@ -166,9 +166,9 @@ def _reading(path: Path) -> Iterator[None]:
 
 
 def read_pack(path: Path) -> Pack:
-    """Read and check a pack: types, shapes, indices and finiteness. Raises InputError with one line.
+    """Read a pack and check its types, shapes, indices and finiteness. Raises InputError with one line.
 
-    safetensors compares shapes with the file's length; what memory is taken is in proportion to that.
+    safetensors compares shapes with the file's length, so memory use is proportional to that length.
     """
     return parsed_pack(path, pack_file(path))
 
@@ -200,13 +200,13 @@ def parsed_pack(path: Path, data: bytes) -> Pack:
 
 
 LARGEST_HEADER = 100_000_000
-"""Bytes of a header, as safetensors allows."""
+"""Largest header in bytes: the limit of safetensors."""
 _INDEXED = re.compile(r"(latents|adapter|decoder)\.(0|[1-9][0-9]{0,8})(\..+)?")
 _Natural = Annotated[int, Meta(ge=0)]
 
 
 class _Place(msgspec.Struct, frozen=True):
-    """One tensor as the header of the file describes it."""
+    """Header entry of one tensor: type, shape, and place in the file."""
 
     dtype: str
     shape: list[_Natural]
@@ -214,13 +214,13 @@ class _Place(msgspec.Struct, frozen=True):
 
     @property
     def fits(self) -> bool:
-        """True if the tensor has as many bytes as its shape takes."""
+        """True if the tensor's number of bytes fits its shape and type."""
         begin, end = self.data_offsets
         return self.dtype in NUMPY_TYPES and end - begin == math.prod(self.shape) * NUMPY_TYPES[self.dtype].itemsize
 
 
 def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata, int]:
-    """Return (tensors by name, metadata, where their bytes begin). Raises InputError, MetadataError."""
+    """Return (header entries by name, metadata, offset of the first tensor's bytes). Raises InputError, MetadataError."""
     size = file.seek(0, os.SEEK_END)
     file.seek(0)
     length = int.from_bytes(file.read(LENGTH_BYTES), "little")
@@ -235,7 +235,7 @@ def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata
         raise InputError(f"{path}: the header is not that of a pack; {REMEDY}") from error
     end = 0
     for name, place in sorted(tensors.items(), key=lambda item: item[1].data_offsets):
-        # One after the other: tensors that share bytes would take more memory than the file.
+        # Tensors must follow each other: if they shared bytes, they would take more memory than the file.
         if place.data_offsets[0] != end or not place.fits:
             raise InputError(f"{path}: tensor {name!r} does not fit its shape or its place; {REMEDY}")
         end = place.data_offsets[1]
@@ -245,7 +245,7 @@ def _header(file: BinaryIO, path: Path) -> tuple[dict[str, _Place], PackMetadata
 
 
 def pack_contents(file: BinaryIO, path: Path) -> tuple[PackMetadata, list[int]]:
-    """Return (metadata, bytes of each texture's latents) of the open pack `file` from its header alone; `path` is for errors.
+    """Return (metadata, bytes of each texture's latents) from the header of the open pack `file`. Error messages name `path`.
 
     Raises InputError with one line.
     """
@@ -268,13 +268,13 @@ def read_metadata(path: Path) -> PackMetadata:
 
 
 def _chosen(metadata: PackMetadata, wanted: Container[str]) -> tuple[PackMetadata, dict[str, dict[int, int]]]:
-    """Return (metadata of the wanted textures alone, and by kind of tensor the new number of each that is kept)."""
+    """Return (metadata of the wanted textures, new numbers by kind of tensor and old number)."""
     textures = [index for index, each in enumerate(metadata.textures) if each.pixel_hash in wanted]
     used = {metadata.grouping.groups[index] for index in textures}
-    # Of decoders that ship with the program there must be one, whichever textures are there.
+    # A pack whose decoders ship with the program has all of them, for any textures.
     stored = codec_of(metadata.codec).stored_decoders(metadata.grouping.name, metadata.decoders, metadata.codec)
-    kept = sorted(used) if stored else range(metadata.decoders)
-    new_groups = {group: number for number, group in enumerate(kept)}
+    groups_read = sorted(used) if stored else range(metadata.decoders)
+    new_groups = {group: number for number, group in enumerate(groups_read)}
     new_textures = {index: number for number, index in enumerate(textures)}
     groups = tuple(new_groups[metadata.grouping.groups[index]] for index in textures)
     fewer = replace(
@@ -287,9 +287,9 @@ def _chosen(metadata: PackMetadata, wanted: Container[str]) -> tuple[PackMetadat
 
 
 def read_textures(path: Path, wanted: Container[str]) -> Pack:
-    """Return the pack at `path` with those of its textures alone whose pixel hash is `wanted`, and the decoders that they use.
+    """Return the pack at `path` with only the textures whose pixel hash is in `wanted`, and their decoders.
 
-    What is read is checked as `read_pack` checks it. Raises InputError with one line; also where no texture is wanted.
+    The checks are those of `read_pack`. Raises InputError with one line, also if the pack holds no wanted texture.
     """
     path = Path(path)
     with _reading(path), path.open("rb") as file:

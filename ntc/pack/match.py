@@ -1,4 +1,4 @@
-"""Comparing packs: with a scene, whose textures a pack may hold, and with another version of the same pack."""
+"""Comparisons of packs: with the textures of a scene, and with another version of the same pack."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -10,7 +10,7 @@ from ntc.codec.model import EncodedTexture, Pack
 from ntc.errors import InputError
 
 NAMES_SHOWN = 5
-"""Names listed in a message before the number of the others."""
+"""Names that a message lists; the others are counted."""
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -20,26 +20,29 @@ def _listed(names: Sequence[str]) -> str:
 
 @dataclass(frozen=True)
 class PackMatch:
-    """The textures that a pack and a scene share. Identity is the pixel hash, of sets that of all maps; names only help to explain."""
+    """The textures that a pack and a scene share.
+
+    The pixel hash identifies a texture; that of a material set covers all its maps. Names only appear in messages.
+    """
 
     texture_index: tuple[int, ...]
-    """Index in the pack for each texture of the scene, -1 when the pack does not hold it."""
+    """Index in the pack of each texture of the scene; -1 if the pack does not hold it."""
     absent: tuple[str, ...]
     """Names of the scene's textures that the pack does not hold."""
     changed: tuple[str, ...]
-    """Names of `absent` that the pack has with other pixels."""
+    """Names in `absent` that the pack holds with other pixels."""
 
     @property
     def matched(self) -> int:
-        """Textures of the scene that the pack decodes."""
+        """Number of textures of the scene that the pack decodes."""
         return len(self.texture_index) - len(self.absent)
 
     def decoders(self, pack: Pack) -> tuple[int, ...]:
-        """Return the decoder in `pack`, which this match was made for, for each texture of the scene; -1 where it has none."""
+        """Return the decoder of each texture of the scene, -1 without one; `pack` is the pack of this match."""
         return tuple(pack.textures[index].group if index >= 0 else -1 for index in self.texture_index)
 
     def line(self) -> str:
-        """Return one line: how many textures match, and which do not."""
+        """Return one line of text: how many textures match, and which do not."""
         line = f"{self.matched} of {len(self.texture_index)} textures match"
         unknown = [name for name in self.absent if name not in self.changed]
         if self.changed:
@@ -50,17 +53,20 @@ class PackMatch:
 
 
 def match_pack(pack: Pack, identities: Sequence[Sequence[str]], names: Sequence[str]) -> PackMatch:
-    """Find each scene texture in `pack`, by its name and what it may be found by: of a material set the hash of all its maps, then
-    that of its base colour, by which a pack of base colours alone has it."""
+    """Find each texture of a scene in `pack`.
+
+    `identities` are the pixel hashes of each texture, tried in order: a material set has that of all its maps, then that of its base
+    colour, because a pack may hold base colours alone. `names` are for messages.
+    """
     by_hash = {texture.pixel_hash: index for index, texture in enumerate(pack.textures)}
     pack_names = {texture.name for texture in pack.textures}
-    index = tuple(next((by_hash[own] for own in hashes if own in by_hash), -1) for hashes in identities)
-    absent = tuple(name for name, found in zip(names, index, strict=True) if found < 0)
+    index = tuple(next((by_hash[key] for key in hashes if key in by_hash), -1) for hashes in identities)
+    absent = tuple(name for name, number in zip(names, index, strict=True) if number < 0)
     return PackMatch(index, absent, tuple(name for name in absent if name in pack_names))
 
 
 def require_match(pack: Pack, match: PackMatch, scene: str) -> None:
-    """Raise InputError when a pack decodes nothing of a scene that has textures."""
+    """Raise InputError if a scene has textures and the pack decodes none of them."""
     if match.texture_index and match.matched == 0:
         raise InputError(
             f"{pack.path or pack.grouping.name}: made for another scene than {scene}: {match.line()}; "
@@ -72,7 +78,7 @@ _KNOWN_FIELDS = {field.name for field in fields(EncodedTexture)}
 
 
 def _same(first: Any, second: Any) -> bool:
-    """Return whether two arrays, or dataclasses or tuples of them, hold the same values; None is the same as None alone."""
+    """Return whether two arrays, or dataclasses or tuples of arrays, hold equal values. None equals only None."""
     if first is second:
         return True
     if isinstance(first, tuple):
@@ -86,19 +92,19 @@ def _same_texture(first: EncodedTexture, second: EncodedTexture) -> bool:
     if first is second:
         return True
     space = (first.maps, first.channels, first.color_space) == (second.maps, second.channels, second.color_space)
-    # What its codec adds is what it is decoded from.
+    # The fields that the codec adds are those that a texture is decoded from.
     parts = [field.name for field in fields(first) if field.name not in _KNOWN_FIELDS]
     return space and all(_same(getattr(first, part), getattr(second, part)) for part in parts)
 
 
 def same_shape(old: Pack, new: Pack) -> bool:
-    """Return whether both hold textures of the same sizes and maps in the same order, in one codec."""
+    """Return whether two packs have the same codec settings, and textures of the same sizes and maps in the same order."""
     sizes = [[(t.pixel_hash, t.width, t.height, t.maps, t.code_mips) for t in pack.textures] for pack in (old, new)]
     return old.config == new.config and sizes[0] == sizes[1]
 
 
 def changed_textures(old: Pack, new: Pack) -> frozenset[int]:
-    """Return the indices of the textures that the two packs, which have the same shape, decode differently."""
+    """Return the indices of the textures that two packs of the same shape decode differently."""
     same: dict[tuple[int, int], bool] = {}
 
     def decodes_alike(first: EncodedTexture, second: EncodedTexture) -> bool:
@@ -112,8 +118,8 @@ def changed_textures(old: Pack, new: Pack) -> frozenset[int]:
 
 
 def changed_groups(old: Pack, new: Pack) -> frozenset[int]:
-    """Return groups of `new` with a texture that `old`, a pack of the same shape, decodes differently.
+    """Return the groups of `new` with a texture that `old`, a pack of the same shape, decodes differently.
 
-    Arrays that both packs share are not compared: versions of one training differ in what a snapshot has replaced alone.
+    An array that both packs share is not compared. So versions of one training compare only what snapshots replaced.
     """
     return frozenset(new.textures[index].group for index in changed_textures(old, new))

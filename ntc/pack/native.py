@@ -1,4 +1,4 @@
-"""Decoding by libntc, where it was built with the package: many times faster than the float64 reference, and within one step of it."""
+"""Decoding by libntc, if it was built with the package: many times faster than the float64 reference, and within one 8-bit step."""
 
 import ctypes
 import weakref
@@ -17,30 +17,30 @@ _opened: "weakref.WeakKeyDictionary[Pack, _Opened | None]" = weakref.WeakKeyDict
 _opening = Lock()
 
 
-def _close(own: ctypes.CDLL, handle: ctypes.c_void_p, data: tuple[bytes, bytes]) -> None:
+def _close(libntc: ctypes.CDLL, handle: ctypes.c_void_p, data: tuple[bytes, bytes]) -> None:
     del data
-    own.ntc_close(handle)
+    libntc.ntc_close(handle)
 
 
 class _Opened:
-    """A pack that libntc has open, with the bytes that it reads."""
+    """A pack that libntc has open, and the bytes that it reads."""
 
-    def __init__(self, own: ctypes.CDLL, handle: ctypes.c_void_p, data: bytes, tables: bytes) -> None:
+    def __init__(self, libntc: ctypes.CDLL, handle: ctypes.c_void_p, data: bytes, tables: bytes) -> None:
         self.handle = handle
-        weakref.finalize(self, _close, own, handle, (data, tables))
+        weakref.finalize(self, _close, libntc, handle, (data, tables))
 
 
 def native_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.uint8] | None:
-    """Return [h, w, channels] uint8 as `ntc.codec.reference.decode_image` does, each value within 1 of it.
+    """Decode mip `level` of a texture by libntc: [h, w, channels] uint8, each value within 1 of `ntc.codec.reference.decode_image`.
 
-    None where libntc was not built, or does not decode the pack. Several threads may call it.
+    Returns None if libntc was not built, or does not decode the pack. Several threads may call it.
     """
-    own = library()
-    if own is None:
+    libntc = library()
+    if libntc is None:
         return None
     with _opening:
         if pack not in _opened:
-            _opened[pack] = _open(own, pack)
+            _opened[pack] = _open(libntc, pack)
         opened = _opened[pack]
     if opened is None:
         return None
@@ -49,15 +49,15 @@ def native_image(pack: Pack, texture_index: int, level: int = 0) -> NDArray[np.u
     texels = np.empty((size.texel_height, size.texel_width, texture.channels), np.uint8)
     place, row = texels.ctypes.data_as(ctypes.c_void_p), ctypes.c_size_t(texels.strides[0])
     extent = (size.texel_width, size.texel_height)
-    status: int = own.ntc_decode(opened.handle, texture_index, level, 0, 0, *extent, 0, place, row)
+    status: int = libntc.ntc_decode(opened.handle, texture_index, level, 0, 0, *extent, 0, place, row)
     return texels if status == 0 else None
 
 
-def _open(own: ctypes.CDLL, pack: Pack) -> _Opened | None:
+def _open(libntc: ctypes.CDLL, pack: Pack) -> _Opened | None:
     tables = codec_of(pack.config).libntc_tables(pack)
     if tables is None:
         return None
     data, handle = pack_bytes(pack), ctypes.c_void_p()
     options = Options(tables=tables or None, tables_bytes=len(tables))
-    status = own.ntc_open(data, ctypes.c_size_t(len(data)), ctypes.byref(options), ctypes.byref(handle), None)
-    return _Opened(own, handle, data, tables) if status == 0 else None
+    status = libntc.ntc_open(data, ctypes.c_size_t(len(data)), ctypes.byref(options), ctypes.byref(handle), None)
+    return _Opened(libntc, handle, data, tables) if status == 0 else None

@@ -1,8 +1,8 @@
-"""Files of other programs that are called .ntc too, told apart by how they begin.
+"""Files of other programs with the suffix .ntc, recognised by their first bytes.
 
 NVIDIA's texture sets (magic NTEX) are a header, a JSON chunk and a data chunk (TextureSetFile.md of RTXNTC, container version 0x100).
-What they hold is read here; they are not decoded: the format's description leaves out how values are made of latents, positions and
-weights, and the library's own code, which tells, is not under a licence that allows to follow it. three-ntc writes JSON.
+Their description is read here, but they are not decoded: the format's public text does not define how latents, positions and weights
+give values, and the licence of NVIDIA's library does not allow to follow its code. three-ntc writes JSON.
 """
 
 import os
@@ -20,7 +20,7 @@ NTEX_MAGIC = b"NTEX"
 NTEX_VERSION = 0x100
 _NTEX_HEADER = struct.Struct("<4sIQQQQ")
 LARGEST_JSON = 1 << 24
-"""Bytes of a texture set's description that are read at most; those of real files have a few thousand."""
+"""Largest JSON chunk in bytes that is read; those of real files have a few thousand."""
 LONGEST_NAME = 200
 MOST_ENTRIES = 4096
 OtherFormat = Literal["ntex", "json"]
@@ -32,7 +32,7 @@ _Bytes = Annotated[int, Meta(ge=0, le=(1 << 63) - 1)]
 
 
 class NtexTexture(msgspec.Struct, frozen=True, rename="camel"):
-    """A texture of a set: some of its channels."""
+    """A texture of a texture set: a range of its channels."""
 
     name: _Name
     first_channel: _Count
@@ -78,7 +78,7 @@ class _Description(msgspec.Struct, frozen=True, rename="camel"):
 
 
 class NtexFile(msgspec.Struct, frozen=True):
-    """The content of one of NVIDIA's texture sets."""
+    """Facts about one of NVIDIA's texture sets, as `info` prints them."""
 
     file: str
     width: int
@@ -94,7 +94,7 @@ class NtexFile(msgspec.Struct, frozen=True):
 
     @property
     def bits_per_texel(self) -> float:
-        """Bits of the data chunk for each texel of the largest mip."""
+        """Bits of the data chunk per texel of mip 0."""
         return self.data_bytes * 8.0 / (self.width * self.height)
 
     def lines(self) -> list[str]:
@@ -122,11 +122,9 @@ class NtexFile(msgspec.Struct, frozen=True):
         return {"format": "NTEX", **msgspec.to_builtins(self), "bits_per_texel": self.bits_per_texel}
 
 
-WHY_NOT_DECODED = (
-    "the description of the format that is public does not tell how texels are made of latents and weights"
-)
+WHY_NOT_DECODED = "the public description of the format does not say how latents and weights give texels"
 NTEX_REMEDY = (
-    "ntc-viewer info tells what is in it; decode it with NVIDIA's tools, and encode the images with ntc-viewer encode"
+    "ntc-viewer info shows what it holds; decode it with NVIDIA's tools, and encode the images with ntc-viewer encode"
 )
 
 
@@ -135,7 +133,7 @@ def _printable(text: str) -> str:
 
 
 def other_format(beginning: bytes) -> OtherFormat | None:
-    """Return what a file that begins so (16 bytes are enough) is, where it is one of other programs'; None for packs and all else."""
+    """Return the format of a file of another program, by its first 16 bytes; None for packs and all other files."""
     if beginning.startswith(NTEX_MAGIC):
         return "ntex"
     # A safetensors file begins with a length: this one would have 10^18 bytes of header.
@@ -143,11 +141,11 @@ def other_format(beginning: bytes) -> OtherFormat | None:
 
 
 def refuse_other_formats(path: Path, beginning: bytes) -> None:
-    """Raises InputError that says what the file at `path` is, where it is another program's."""
-    found = other_format(beginning)
-    if found == "ntex":
+    """Raise InputError if the file at `path` is another program's; the message says which."""
+    format_name = other_format(beginning)
+    if format_name == "ntex":
         raise InputError(f"{path}: is a texture set of NVIDIA's (NTEX), not a pack of ntc-viewer; {NTEX_REMEDY}")
-    if found == "json":
+    if format_name == "json":
         raise InputError(
             f"{path}: is JSON, as three-ntc writes to .ntc files, not a pack of ntc-viewer; encode the images it was "
             "made of with ntc-viewer encode"
@@ -155,7 +153,7 @@ def refuse_other_formats(path: Path, beginning: bytes) -> None:
 
 
 def beginning_of(path: Path) -> bytes:
-    """Return the first bytes of the regular file at `path`; none where it cannot be read: who reads it says why."""
+    """Return the first 16 bytes of the regular file at `path`; empty if it cannot be read. The reader then reports why."""
     try:
         with path.open("rb") as file:
             return file.read(16) if stat.S_ISREG(os.fstat(file.fileno()).st_mode) else b""
@@ -164,7 +162,7 @@ def beginning_of(path: Path) -> bytes:
 
 
 def read_ntex(path: Path) -> NtexFile:
-    """Return what the texture set at `path` holds. Raises InputError for one that is broken, or of another version."""
+    """Return facts about the texture set at `path`. Raises InputError if it is damaged or of another version."""
     remedy = "copy or make it again"
     try:
         with path.open("rb") as file:
@@ -186,25 +184,27 @@ def read_ntex(path: Path) -> NtexFile:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
     try:
-        found = msgspec.json.decode(text, type=_Description)
+        description = msgspec.json.decode(text, type=_Description)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{path}: its JSON chunk is not that of a texture set ({error}); {remedy}") from error
-    if found.schema_version != 1:
-        raise InputError(f"{path}: schemaVersion {found.schema_version} of NVIDIA's texture set; 1 is read: {remedy}")
-    if any(view.offset + view.stored_size > data_size for view in found.views):
+    if description.schema_version != 1:
+        raise InputError(
+            f"{path}: schemaVersion {description.schema_version} of NVIDIA's texture set; 1 is read: {remedy}"
+        )
+    if any(view.offset + view.stored_size > data_size for view in description.views):
         raise InputError(f"{path}: a view ends beyond the {data_size} bytes of its data chunk; {remedy}")
-    if any(texture.first_channel + texture.num_channels > found.num_channels for texture in found.textures):
-        raise InputError(f"{path}: a texture has channels beyond the set's {found.num_channels}; {remedy}")
-    networks = ([found.mlp] if found.mlp is not None else []) + found.mlp_versions
+    if any(texture.first_channel + texture.num_channels > description.num_channels for texture in description.textures):
+        raise InputError(f"{path}: a texture has channels beyond the set's {description.num_channels}; {remedy}")
+    networks = ([description.mlp] if description.mlp is not None else []) + description.mlp_versions
     return NtexFile(
         str(path),
-        found.width,
-        found.height,
-        found.num_color_mips,
-        found.num_channels,
-        tuple(found.textures),
+        description.width,
+        description.height,
+        description.num_color_mips,
+        description.num_channels,
+        tuple(description.textures),
         tuple(_network(network) for network in networks),
-        tuple((latent.high_res_width, latent.high_res_height) for latent in found.latents),
+        tuple((latent.high_res_width, latent.high_res_height) for latent in description.latents),
         data_size,
     )
 

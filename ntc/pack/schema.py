@@ -1,4 +1,4 @@
-"""The JSON metadata of a `.ntc` file, every field checked (docs/reference/pack-format.md)."""
+"""The JSON metadata of a `.ntc` file: types with limits, reading and writing (docs/reference/pack-format.md#metadata)."""
 
 import json
 import math
@@ -19,15 +19,15 @@ from ntc.errors import FormerFormatError, MetadataError
 FORMAT_VERSION = 1
 METADATA_KEY = "ntc"
 KIND = "kind"
-"""Field of the codec that names it; files of the first codec lack it."""
+"""Field of `codec` with the codec's name. Files of codec `grid` lack it."""
 LARGEST_SIDE = 32768
-"""Texels: the largest texture side a pack may have."""
+"""Largest side of a texture in texels."""
 LARGEST_COUNT = 65535
-"""Most textures of a pack; the visibility buffer has 16 bits for a texture id."""
+"""Largest number of textures in a pack: the visibility buffer has 16 bits for a texture id."""
 LARGEST_DECIBELS = 1000.0
 LARGEST_DEGREES = 180.0
 
-# Text that can be printed: JSON can hold half of a surrogate pair, which no output accepts.
+# Text that can be printed. JSON may hold half of a surrogate pair, which no output accepts.
 Text = Annotated[str, Meta(max_length=4096, pattern="^[^\ud800-\udfff]*$")]
 Side = Annotated[int, Meta(ge=1, le=LARGEST_SIDE)]
 Decibels = Annotated[float, Meta(ge=-LARGEST_DECIBELS, le=LARGEST_DECIBELS)]
@@ -36,7 +36,7 @@ T = TypeVar("T")
 
 
 class TextureMetadata(msgspec.Struct, frozen=True):
-    """An EncodedTexture without its group and its arrays."""
+    """Metadata of a texture: an EncodedTexture without its group and its arrays."""
 
     name: Text
     pixel_hash: Text
@@ -54,7 +54,7 @@ class TextureMetadata(msgspec.Struct, frozen=True):
 
 
 class GroupingMetadata(msgspec.Struct, frozen=True):
-    """A Grouping."""
+    """Metadata of the grouping."""
 
     name: Annotated[Text, Meta(min_length=1)]
     groups: tuple[int, ...]
@@ -63,7 +63,7 @@ class GroupingMetadata(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class PackMetadata:
-    """A Pack without its arrays."""
+    """Metadata of a pack: a Pack without its arrays."""
 
     codec: CodecSettings
     grouping: GroupingMetadata
@@ -73,7 +73,7 @@ class PackMetadata:
 
 
 class _Document(msgspec.Struct, frozen=True):
-    """The metadata as parsed, the codec's fields unread."""
+    """The metadata after parsing, before the codec's fields are checked."""
 
     codec: dict[str, Any]
     grouping: GroupingMetadata
@@ -97,26 +97,27 @@ SET_FIELDS: dict[str, Any] = {
     "tables": None,
     "code_mips": None,
 }
-"""Fields that were added later, and the values that stand for their absence."""
+"""Fields that older files lack, and the values that an absent field means."""
 
 
-def _without_set_fields(found: dict[str, Any]) -> dict[str, Any]:
-    """Return fields to write: files without material sets are as they were before there were any."""
-    return {name: value for name, value in found.items() if name not in SET_FIELDS or value != SET_FIELDS[name]}
+def _without_set_fields(described: dict[str, Any]) -> dict[str, Any]:
+    """Return `described` without fields that have the value of an absent field: packs of single textures then have no new fields."""
+    return {name: value for name, value in described.items() if name not in SET_FIELDS or value != SET_FIELDS[name]}
 
 
 def codec_json(config: CodecSettings) -> dict[str, Any]:
-    """Return the settings of a codec as the metadata hold them."""
-    # Files of the first codec are as they were before there was another one.
-    found = _without_set_fields(asdict(cast(Any, config)))
-    return found if config.kind == FIRST_NAME else {KIND: config.kind, **found}
+    """Return the settings of a codec as JSON values, as the metadata hold them."""
+    # Files of codec `grid` have no field with its name.
+    settings = _without_set_fields(asdict(cast(Any, config)))
+    return settings if config.kind == FIRST_NAME else {KIND: config.kind, **settings}
 
 
 def metadata_json(pack: Pack) -> str:
-    """Return the metadata of `pack`; the same pack gives the same text. Raises ValueError for numbers that are not finite."""
+    """Return the metadata of `pack` as JSON text; the same pack gives the same text. Raises ValueError for numbers that are not
+    finite."""
     textures = [{name: getattr(t, name) for name in TextureMetadata.__struct_fields__} for t in pack.textures]
     for texture in textures:
-        # Equal pictures have an infinite PSNR.
+        # The PSNR of equal images is infinite, which JSON cannot hold.
         texture["psnr_db"] = finite_or_none(texture["psnr_db"])
         texture["map_psnr_db"] = tuple(map(finite_or_none, texture["map_psnr_db"]))
     grouping = {name: getattr(pack.grouping, name) for name in GroupingMetadata.__struct_fields__}
@@ -141,7 +142,7 @@ def _finite_number(text: str) -> float:
 
 
 def _converted(document: Any, kind: type[T], place: str = "metadata") -> T:
-    """Return `document`, found at `place`, as a `kind`. Raises MetadataError naming the first field that is missing or wrong."""
+    """Return `document` converted to `kind`. Raises MetadataError with the first missing or wrong field, below `place`."""
     try:
         return msgspec.convert(document, kind)
     except (ValueError, OverflowError, RecursionError) as error:
@@ -152,7 +153,7 @@ def _converted(document: Any, kind: type[T], place: str = "metadata") -> T:
 
 
 def _codec(document: dict[str, Any]) -> CodecSettings:
-    """Return the codec with the fields `document`. Raises MetadataError, FormerFormatError."""
+    """Return codec settings from their JSON fields. Raises MetadataError, FormerFormatError."""
     place = "metadata.codec"
     given = {name: value for name, value in document.items() if name != KIND}
     kind = _converted(document, _Kind, place).kind
@@ -169,17 +170,17 @@ def _codec(document: dict[str, Any]) -> CodecSettings:
 
 
 def parse_metadata(text: str) -> PackMetadata:
-    """Metadata from the text of a file. Raises MetadataError naming the first field that is wrong."""
+    """Return the metadata in the JSON `text` of a file. Raises MetadataError with the first wrong field."""
     try:
         document = json.loads(text, parse_constant=_reject_constant, parse_float=_finite_number)
     except (ValueError, RecursionError) as error:
-        # ValueError beside JSONDecodeError: Python refuses to read integers of thousands of digits.
+        # Python raises ValueError for integers of thousands of digits.
         raise MetadataError("the metadata is not JSON") from error
     version = _converted(document, _Version).format_version
     if version != FORMAT_VERSION:
         raise MetadataError(f"format version {version}, this program reads {FORMAT_VERSION}")
-    found = _converted(document, _Document)
-    metadata = PackMetadata(_codec(found.codec), found.grouping, found.decoders, found.textures, found.training)
+    parsed = _converted(document, _Document)
+    metadata = PackMetadata(_codec(parsed.codec), parsed.grouping, parsed.decoders, parsed.textures, parsed.training)
     for index, texture in enumerate(metadata.textures):
         try:
             channel_places(texture.maps, texture.channels, metadata.codec.maps, metadata.codec.output_channels)

@@ -1,1 +1,1 @@
-"""Training latents and decoders of groups."""
+"""The trainer of all codecs, its requests and its reports."""

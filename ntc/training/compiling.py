@@ -1,4 +1,4 @@
-"""Compiling an encoder ahead of its first encoding on a machine, beside other work."""
+"""Compiling an encoder in a thread, before its first encoding on a machine."""
 
 import threading
 import time
@@ -11,13 +11,15 @@ from ntc.codec.encoding import Interruption
 from ntc.training.messages import ProgressListener, TrainingProgress
 
 COMPILING = "compiling the encoder, once"
-"""What progress says meanwhile."""
+"""Phase that progress reports while loops are compiled."""
 SECONDS_BETWEEN_REPORTS = 0.1
 
 
 class CompilingAhead:
-    """Loads the compiled loops of a codec in a thread, or compiles them where no earlier process has. Leaving the `with` block ends
-    that after the loop under way."""
+    """Loads the compiled loops of a codec in a thread, or compiles those that no earlier process has compiled.
+
+    Leaving the `with` block ends the thread after the current loop.
+    """
 
     def __init__(self, codec: Codec) -> None:
         self._codec, self._stopped = codec, threading.Event()
@@ -34,18 +36,20 @@ class CompilingAhead:
 
     @property
     def is_compiling(self) -> bool:
-        """True while loops are compiled that no earlier process has; loading them takes less than a second."""
+        """True while loops are compiled. False while they are only loaded, which takes less than a second."""
         return len(self._compiled) > 0 and self._thread.is_alive()
 
     def wait_loaded(self) -> bool:
-        """Wait until all is loaded; return False as soon as something is to be compiled."""
+        """Wait until all loops are loaded. Return False as soon as one must be compiled."""
         while self._thread.is_alive() and not self.is_compiling:
             self._thread.join(SECONDS_BETWEEN_REPORTS)
         return not self._thread.is_alive()
 
     def wait(self, progress: ProgressListener, interruption: Interruption) -> None:
-        """Wait until all is loaded or compiled. `progress` gets reports while loops are compiled, of no steps. Raises what
-        `interruption` raises, which is called often."""
+        """Wait until all loops are loaded or compiled.
+
+        `progress` gets reports without steps while loops are compiled. `interruption` is called often; what it raises ends the wait.
+        """
         began = time.monotonic()
         while self._thread.is_alive():
             interruption()
@@ -55,14 +59,14 @@ class CompilingAhead:
             self._thread.join(SECONDS_BETWEEN_REPORTS)
 
     def _run(self) -> None:
-        # The encoding meets the same error, and reports it.
+        # The encoding will raise and report the same error.
         with suppress(Exception):
             functions = self._codec.compiled_functions()
             if not functions:
                 return
             from numba.core import event
 
-            # numba tells of what it compiles, not of what it loads.
+            # numba records a function that it compiles, but not one that it loads.
             with event.install_recorder("numba:compile") as recorder:
                 self._compiled = recorder.buffer
                 for function, types in functions.items():

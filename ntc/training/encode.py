@@ -1,4 +1,4 @@
-"""Encoding textures from nothing, in the caller's own process."""
+"""Encoding textures to a pack, in the caller's process."""
 
 import time
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from ntc.training.trainer import Trainer
 
 
 class _CallingHost:
-    """The host of a training in the caller's own thread, which wants the final snapshots only."""
+    """Host of a training in the caller's thread. It takes the final snapshots only."""
 
     def __init__(self, listener: ProgressListener | None, cancelled: CancelQuestion | None) -> None:
         self._listener, self._cancelled = listener, cancelled
@@ -52,14 +52,13 @@ def encode_textures(
     state: Path | None = None,
     rescue: Path | None = None,
 ) -> Pack:
-    """Return a pack of `textures` in the groups of `grouping`. On one CPU the same seed gives the same pack.
+    """Encode `textures` in the groups of `grouping` to a pack. On one CPU the same seed gives the same pack.
 
-    With `state` an encoding that was stopped continues, and ends as if it had never been stopped: the file is written every
-    minute where that is possible, when `cancelled` says so and when the training fails, and removed at the end. Without it,
-    the state of a training that fails is written to `rescue`.
+    `state` is a file from which a stopped encoding continues; the pack is the same as without the stop. The file is written every
+    minute, on cancellation and on failure, and removed at the end. Without `state`, the state of a failed training goes to `rescue`.
 
-    Raises InputError for a device that is missing, for textures or groups that do not fit and for a state of another
-    training, TrainingFailedError when numbers overflow again and again, TrainingCancelledError when `cancelled` says so.
+    Raises InputError for a device that is missing, for textures or groups that do not fit, and for a state of another training;
+    TrainingFailedError if numbers overflow repeatedly; TrainingCancelledError if `cancelled` returns True.
     """
     request = TrainingRequest(tuple(textures), grouping, codec, options)
     return encode_request(request, progress, cancelled, state, rescue)
@@ -72,7 +71,7 @@ def encode_request(
     state: Path | None = None,
     rescue: Path | None = None,
 ) -> Pack:
-    """Return the pack of a request that starts from nothing; all else as in `encode_textures`."""
+    """Return the pack of a request without a starting pack. Other parameters and errors are those of `encode_textures`."""
     host = _CallingHost(progress, cancelled)
     trainer = Trainer(checked_request(request), host, state)
     try:
@@ -82,11 +81,11 @@ def encode_request(
             trainer.save(state)
         raise
     except TrainingFailedError as error:
-        kept = state or rescue
-        if kept is None:
+        target = state or rescue
+        if target is None:
             raise
-        trainer.save(kept)
-        raise TrainingFailedError(f"{error}; the last good state is in {kept}") from error
+        trainer.save(target)
+        raise TrainingFailedError(f"{error}; the last good state is in {target}") from error
     if state is not None:
         with suppress(OSError):
             state.unlink(missing_ok=True)
@@ -98,9 +97,9 @@ def encode_request(
 def chosen_request(
     textures: Sequence[SourceTexture], grouping: Grouping, codec: Codec, choices: EncodingChoices
 ) -> TrainingRequest:
-    """Return the request for a pack with the settings and options that the codec derives from `choices`.
+    """Return the request to encode `textures` with the settings and options that the codec derives from `choices`.
 
-    Raises InputError for a target out of reach.
+    Raises InputError for a target that cannot be reached.
     """
     header = file_header_bytes(textures, grouping)
     settings = codec.settings_for(texture_set(textures, grouping.stored_decoders, choices.levels, header), choices)
@@ -116,9 +115,9 @@ def encode_chosen(
     cancelled: CancelQuestion | None = None,
     rescue: Path | None = None,
 ) -> Pack:
-    """Encode as `encode_textures` does, with the settings and options that the codec derives from `choices`.
+    """Encode `textures` to a pack, with the settings and options that the codec derives from `choices`.
 
-    Raises InputError for a target out of reach too.
+    Other parameters and errors are those of `encode_textures`. Raises InputError also for a target that cannot be reached.
     """
     request = chosen_request(textures, grouping, codec, choices)
     return encode_request(request, progress, cancelled, choices.state, rescue)

@@ -1,4 +1,4 @@
-"""Requests to a training and its reports: snapshots of groups, progress, and the host. Needs no torch."""
+"""Messages of a training: the request, snapshots of groups, progress, and the protocol of its host. No torch is imported."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -18,30 +18,29 @@ from ntc.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class GroupSnapshot:
-    """A group as a pack stores it, at one moment of its training."""
+    """A group as a pack stores it, at one moment of the training."""
 
     version: int
-    """1 for the first of this group in a training, then one more each time."""
+    """1 for the group's first snapshot in a training, then counted up."""
     group: int
-    """Number of the group in the grouping that is trained for."""
+    """Number of the group in the request's grouping."""
     members: tuple[int, ...]
-    """Indices of its textures."""
+    """Indices of the group's textures."""
     textures: tuple[EncodedTexture, ...]
-    """The members; in codec `grid` without PSNR unless final."""
+    """The encoded members. Those of codec `grid` have a PSNR only in the final snapshot."""
     decoder: Decoder
     final: bool = False
-    """True if training of this group has ended with this."""
+    """True for the last snapshot of a group."""
     settings: CodecSettings | None = None
-    """Settings of the resulting pack, where they are found while encoding; None: those of the request."""
+    """Settings of the resulting pack, if encoding chooses them. None: those of the request."""
 
 
 def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
-    """Return `pack` with the group of the snapshot; all other textures and decoders are the same objects.
+    """Return `pack` with the group of the snapshot. All other textures and decoders are the same objects.
 
-    Where the group's textures are one group of `pack`, its decoder is replaced. Where they are not (the textures are
-    being grouped anew), they leave theirs and get a new decoder, and unused decoders are dropped: until the training has
-    ended, groups of the result are numbered differently than in the request. Raises ValueError for
-    textures that `pack` does not have.
+    If the group's textures are a group of `pack`, its decoder is replaced. Otherwise the textures are being regrouped: they leave
+    their groups and get a new decoder, and unused decoders are dropped. Until training ends, groups are then numbered differently than
+    in the request. Raises ValueError for textures that `pack` does not have.
     """
     members = snapshot.members
     for index, encoded in zip(members, snapshot.textures, strict=True):
@@ -49,14 +48,14 @@ def apply_snapshot(pack: Pack, snapshot: GroupSnapshot) -> Pack:
             raise ValueError(f"texture {index} of the snapshot, {encoded.name}, is not the one of the pack")
     groups = list(pack.grouping.groups)
     decoders = list(pack.decoders)
-    own = groups[members[0]]
-    if {index for index, group in enumerate(groups) if group == own} == set(members):
-        decoders[own] = snapshot.decoder
+    target = groups[members[0]]
+    if {index for index, group in enumerate(groups) if group == target} == set(members):
+        decoders[target] = snapshot.decoder
     else:
-        own = len(decoders)
+        target = len(decoders)
         decoders.append(snapshot.decoder)
         for index in members:
-            groups[index] = own
+            groups[index] = target
     used = sorted(set(groups))
     new_number = {group: number for number, group in enumerate(used)}
     groups = [new_number[group] for group in groups]
@@ -78,9 +77,9 @@ def _in_group(encoded: EncodedTexture, group: int) -> EncodedTexture:
 
 
 def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
-    """Return `pack`, in which the same textures share decoders as in `grouping`, with the numbers of `grouping`.
+    """Return `pack` with its groups numbered as in `grouping`, which puts the same textures together.
 
-    Raises ValueError where other textures share one.
+    Raises ValueError if it does not.
     """
     number = dict(zip(pack.grouping.groups, grouping.groups, strict=True))
     same = tuple(number[group] for group in pack.grouping.groups) == grouping.groups
@@ -93,15 +92,17 @@ def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
 
 
 def unchanged_groups(old: Grouping, new: Grouping) -> dict[int, int]:
-    """Return the groups of `new` that have the same textures as a group of `old`: their numbers, and those of the old ones."""
+    """Return numbers of groups of `old` by those of groups of `new`, for groups with the same textures."""
     members = {old.members(group): group for group in range(old.group_count)}
-    found = {group: members.get(new.members(group)) for group in range(new.group_count)}
-    return {group: number for group, number in found.items() if number is not None}
+    old_numbers = {group: members.get(new.members(group)) for group in range(new.group_count)}
+    return {group: number for group, number in old_numbers.items() if number is not None}
 
 
 def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
-    """Return `grouping` with one texture in another group; `group` may be one more than there are. A group that is left empty is
-    closed. Raises InputError for numbers out of range."""
+    """Return `grouping` with `texture` moved to `group`, which may be the next unused number. An empty group is removed.
+
+    Raises InputError for numbers out of range.
+    """
     if not 0 <= texture < len(grouping.groups) or not 0 <= group <= grouping.group_count:
         raise InputError(
             f"texture {texture} to group {group}: there are {len(grouping.groups)} textures and {grouping.group_count} groups"
@@ -116,25 +117,26 @@ def moved_texture(grouping: Grouping, texture: int, group: int) -> Grouping:
 
 @dataclass(frozen=True, eq=False)
 class TrainingRequest:
-    """The textures to train, for how long, and the pack to start from."""
+    """The request of a training: textures, grouping, settings, budget, and the pack to start from."""
 
     textures: tuple[SourceTexture, ...]
     grouping: Grouping
     codec: CodecSettings
     training: EncodingOptions
-    """Options of the encoding, of the codec's own kind."""
+    """Options of the encoding; the type is the codec's."""
     budget: Budget | None = None
-    """None: as many steps as `training` has."""
+    """Budget of the training. None: the steps in `training`."""
     start: Pack | None = None
-    """A pack of the same textures in the same order and of the same codec, to continue from; None: from nothing."""
+    """Pack to continue from: the same textures in the same order, and the same codec settings. None: start from scratch."""
     dirty: frozenset[int] | None = None
-    """Groups of `grouping` to train. None: those whose textures do not form a group of `start`, or all without it. Others
-    must be groups of `start`."""
+    """Groups of `grouping` to train; all others must be groups of `start`. None: those that are no group of `start`, or all without
+    `start`."""
     seconds_between_snapshots: float = 2.0
+    """Least time between two snapshots of a group."""
 
 
 def checked_request(request: TrainingRequest) -> TrainingRequest:
-    """Return `request` with its dirty groups named. Raises InputError for what cannot be trained."""
+    """Return `request` with `dirty` filled in. Raises InputError if the request cannot be trained."""
     grouping, start, budget = request.grouping, request.start, request.budget
     check_textures(request.textures, grouping, request.codec)
     if budget is not None:
@@ -173,44 +175,47 @@ EndReason = Literal["done", "target reached", "target not reached", "cancelled"]
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingProgress(EncodingProgress):
-    """One report of a training under way. Its `share` counts the measuring of results too, and never falls."""
+    """A progress report of a training. Its `share` includes the measuring of results, and never falls."""
 
     elapsed_seconds: float
-    """Time of training in seconds, without pauses."""
+    """Seconds of training, without pauses."""
     note: str = ""
-    """A line for a log, or nothing."""
+    """Line for the log; empty for none."""
 
     @property
     def phase(self) -> str:
-        """Return the work under way as text: `measuring texture 5 of 13`, or without counts where it has no steps."""
+        """The current work as text, such as `measuring texture 5 of 13`; without counts if it has no steps."""
         return f"{self.work} {self.step} of {self.steps}" if self.steps else self.work
 
     @property
     def ktexels_per_second(self) -> float:
-        """Speed of the training in thousand texels a second."""
+        """Speed of the training in thousand texels per second."""
         return self.texels / self.elapsed_seconds / 1e3
 
     @property
     def mean_psnr_db(self) -> float:
-        """PSNR in dB of the latest samples of all textures together; 0 before the first step."""
+        """PSNR in dB of the latest samples of all textures, of their mean square error; 0 before the first step."""
         summary = PsnrSummary.of(list(self.psnr_db.values()))
         return 0.0 if summary is None else summary.of_mean_mse_db
 
 
 @dataclass(frozen=True)
 class GroupOutcome:
-    """The result of a group's training. PSNR in dB of the mean square error of its textures' mip 0, over 8-bit values."""
+    """The result of a group's training.
+
+    PSNRs are in dB over 8-bit values, of the mean square error of the textures' mip 0.
+    """
 
     group: int
     before_db: float | None
-    """None for a group that did not exist before."""
+    """PSNR before the training. None for a new group."""
     after_db: float
-    """PSNR of the training's result, also where it was not kept."""
+    """PSNR of the training's result, also if it was rejected."""
     kept_old: bool = False
-    """True if the training found nothing better, so that the group is unchanged."""
+    """True if the result was worse than before and was rejected: the group is unchanged."""
 
     def line(self) -> str:
-        """Return the outcome as one line."""
+        """Return the outcome as one line of text."""
         if self.before_db is None:
             return f"group {self.group}: {self.after_db:.2f} dB"
         if self.kept_old:
@@ -222,7 +227,7 @@ class GroupOutcome:
 
 @dataclass(frozen=True)
 class Ended:
-    """The training is over; its final snapshots were sent before."""
+    """The end of a training. All final snapshots were sent before it."""
 
     reason: EndReason
     outcomes: tuple[GroupOutcome, ...] = ()
@@ -231,19 +236,19 @@ class Ended:
 
 
 class TrainingHost(Protocol):
-    """Runs a training: receives its reports, and may pause or cancel it."""
+    """Host of a training: receives its reports, and may pause or cancel it."""
 
     def interruption(self) -> None:
-        """Called many times a second; waits while training is paused, and raises TrainingCancelledError to end it."""
+        """Wait while training is paused; raise TrainingCancelledError to cancel it. Called many times a second."""
 
     def seconds(self) -> float:
-        """Return the seconds of a clock that stands still in pauses."""
+        """Return the time in seconds of a clock that stops during pauses."""
 
     def progress(self, progress: TrainingProgress) -> None:
-        """Takes a report, or drops it."""
+        """Take a progress report, or drop it."""
 
     def wants_snapshot(self, group: int) -> bool:
-        """Return whether an intermediate snapshot of the group would be taken now."""
+        """Return whether the host would take an intermediate snapshot of `group` now."""
 
     def snapshot(self, snapshot: GroupSnapshot) -> None:
-        """Takes a snapshot; waits for room for a final one."""
+        """Take a snapshot. For a final one, wait until there is room."""

@@ -1,7 +1,7 @@
-"""The one trainer: runs the work that a codec declares (`ntc.codec.encoding.Encoder`), from nothing or on groups of a pack again.
+"""The trainer of all codecs: runs the work of an `ntc.codec.encoding.Encoder`, from scratch or on groups of a pack.
 
-On the way it reports progress and snapshots of groups to its host. It can save its state in a safetensors file, to continue later as
-if it had never been stopped.
+It sends progress and snapshots of groups to its host. It can save its state in a safetensors file and continue later: the result is
+the same as without the stop (docs/explanation/training.md#interruptions).
 """
 
 import json
@@ -50,16 +50,16 @@ MEASURING = "measuring texture"
 SECONDS_BETWEEN_REPORTS = 0.25
 SECONDS_BETWEEN_SAVES = 60.0
 SNAPSHOT_SHARE = 0.1
-"""Snapshots take no more than this share of the time."""
+"""Largest share of the time that snapshots may take."""
 SECONDS_OF_SNAPSHOTS = 0.05
-"""After this much work on snapshots the next piece of work is done."""
+"""Seconds of work on snapshots after which training continues with its next piece of work."""
 
 
 class Trainer:
     """Trains the dirty groups of a request that `ntc.training.messages.checked_request` returned."""
 
     def __init__(self, request: TrainingRequest, host: TrainingHost, state: Path | None = None) -> None:
-        """With `state` the training continues from that file, where it exists, and writes it every minute.
+        """Prepare a training. `state` is a file to continue from, if it exists, and to save the state to every minute.
 
         Raises InputError for a device that is missing, and for a file that is not a state of this training.
         """
@@ -77,7 +77,7 @@ class Trainer:
             request.budget,
             request.start,
             host.seconds,
-            # A state can be saved between two pieces only, so a piece whose state may be saved is not interrupted.
+            # A state can be saved only between two pieces of work. So with `state`, no piece is interrupted.
             self._interruption if state is None else no_interruption,
         )
         self._encoder = codec_of(request.codec).encoder(task)
@@ -88,21 +88,21 @@ class Trainer:
         self._versions: Counter[int] = Counter()
         self._outcomes: dict[int, GroupOutcome] = {}
         self._waiting: list[int] = []
-        """Groups of which a snapshot is due."""
+        """Groups whose snapshot is due."""
         self._shown: tuple[int, ...] = ()
-        """Groups of which a snapshot was taken."""
+        """Groups of the latest snapshots."""
         self._share = 0.0
         """Progress in the last report."""
         self._to_measure = self._measured_members()
-        """Textures whose quality is measured, each as often as it is."""
+        """Textures whose quality will be measured; one that is measured twice appears twice."""
         self._measured = 0
-        """Number of these that were measured."""
+        """Number of textures in `_to_measure` that were measured."""
         self._is_measuring = False
         self._began = self._last_save = host.seconds()
         self._next_snapshot = self._began
 
     def _measured_members(self) -> tuple[int, ...]:
-        """Return the textures that are measured here: those that training gives, and what groups held before."""
+        """Return the textures to measure: the results of training, and the old textures of the same groups."""
         members = [self._request.grouping.members(group) for group in self._groups]
         old = [each for group, each in zip(self._groups, members, strict=True) if group in self._old_numbers]
         trained = members if codec_of(self._request.codec).trains else []
@@ -110,11 +110,11 @@ class Trainer:
 
     @property
     def settings(self) -> CodecSettings:
-        """Settings of the pack that was trained."""
+        """Settings of the resulting pack."""
         return self._encoder.settings
 
     def _state_settings(self) -> dict[str, Any]:
-        """Return the settings that must be equal for a training to continue from a state."""
+        """Return the settings that a saved state must share with this training."""
         request = self._request
         return {
             "codec": asdict(cast(Any, request.codec)),
@@ -125,13 +125,13 @@ class Trainer:
         }
 
     def _load(self, path: Path) -> None:
-        """Continue from a state that was saved with the same settings. Raises InputError for any other file."""
+        """Load a state that was saved with the same settings. Raises InputError for any other file."""
         try:
             data = read_file(path)
             tensors: dict[str, Tensor] = load(data)
-            found = json.loads(file_metadata(data)[METADATA_KEY])["settings"]
+            saved = json.loads(file_metadata(data)[METADATA_KEY])["settings"]
             known = json.loads(json.dumps(self._state_settings()))
-            other = sorted(key for key in known if found.get(key) != known[key])
+            other = sorted(key for key in known if saved.get(key) != known[key])
         except (SafetensorError, OSError, ValueError, KeyError, TypeError, AttributeError) as error:
             raise InputError(f"{path}: is not the state of a training ({error}); {REMEDY}") from error
         if other:
@@ -142,12 +142,12 @@ class Trainer:
             raise InputError(f"{path}: does not fit this training ({error}); {REMEDY}") from error
 
     def save(self, path: Path) -> None:
-        """Write the state, between two pieces of work. Raises InputError where it cannot be written."""
+        """Write the state to `path`; call it only between two pieces of work. Raises InputError if it cannot be written."""
         copies = {name: value.detach().cpu().contiguous().clone() for name, value in self._encoder.state().items()}
         write_bytes(path, save(copies, metadata={METADATA_KEY: json.dumps({"settings": self._state_settings()})}))
 
     def _save_if_due(self) -> str:
-        """Write the state once a minute. Returns why it failed, where it did: the disk may be full for a while only."""
+        """Write the state once a minute. Return a note if that fails; training continues, because a full disk may have room later."""
         if self._state_path is None or self._host.seconds() - self._last_save <= SECONDS_BETWEEN_SAVES:
             return ""
         self._last_save = self._host.seconds()
@@ -158,8 +158,10 @@ class Trainer:
         return ""
 
     def run(self) -> Ended:
-        """Train to the end; the host gets a final snapshot of each group. Raises what the host's `interruption` raises, and what
-        the codec's work raises."""
+        """Train to the end. The host gets a final snapshot of each group.
+
+        Raises what the host's `interruption` and the codec's work raise.
+        """
         pieces = self.pieces()
         while True:
             try:
@@ -181,21 +183,21 @@ class Trainer:
                     break
                 self._report(piece.note or self._save_if_due(), is_last=bool(piece.ended))
                 self._take_snapshots(piece)
-                for found in self._encoder.encoded(piece.ended):
-                    self._end_group(found)
+                for encoded in self._encoder.encoded(piece.ended):
+                    self._end_group(encoded)
                 yield
         self._report("", is_last=True)
         outcomes = tuple(self._outcomes[group] for group in self._groups)
         return Ended(self._reason(outcomes), outcomes, self._record())
 
     def _interruption(self) -> None:
-        """Within a piece of work, from any of its threads."""
+        """Let the host pause or cancel within a piece of work, from any thread, and report progress."""
         with self._lock:
             self._host.interruption()
             self._report("", is_last=False)
 
     def _report(self, note: str, is_last: bool) -> None:
-        """Report progress, where the last report is long ago or there is something to tell."""
+        """Report progress, if the last report is old enough, or if there is a note or an end."""
         with self._lock:
             now = self._host.seconds()
             if not note and not is_last and now - self._last_report < SECONDS_BETWEEN_REPORTS:
@@ -211,13 +213,14 @@ class Trainer:
         if self._is_measuring:
             count = len(self._to_measure)
             figures = replace(figures, work=MEASURING, step=self._measured + 1, steps=count)
-        # What is planned may grow.
+        # The planned work may grow, but reported progress never falls.
         self._share = max(self._share, min(figures.share, 1.0))
         elapsed = max(now - self._began, 1e-6)
         return TrainingProgress(**{**vars(figures), "share": self._share}, elapsed_seconds=elapsed, note=note)
 
     def _take_snapshots(self, piece: Piece) -> None:
-        """Send the snapshots that are due, until the next piece of work is; skip groups whose last one was not yet taken."""
+        """Send the snapshots that are due, within SECONDS_OF_SNAPSHOTS. Groups whose last one the host has not yet taken are
+        skipped."""
         if not piece.groups:
             self._waiting = []
             return
@@ -228,44 +231,44 @@ class Trainer:
             return
         began = time.perf_counter()
         ready = [group for group in self._waiting if self._host.wants_snapshot(group)]
-        for found in self._encoder.encoded(tuple(ready)):
-            ready.remove(found.group)
-            self._send(found, found.textures, found.decoder, final=False)
+        for encoded in self._encoder.encoded(tuple(ready)):
+            ready.remove(encoded.group)
+            self._send(encoded, encoded.textures, encoded.decoder, final=False)
             if time.perf_counter() - began > SECONDS_OF_SNAPSHOTS:
                 break
         self._waiting = ready
         pause = max(self._request.seconds_between_snapshots, (time.perf_counter() - began) / SNAPSHOT_SHARE)
         self._next_snapshot = self._host.seconds() + pause
 
-    def _send(self, found: EncodedGroup, textures: tuple[EncodedTexture, ...], decoder: Decoder, final: bool) -> None:
-        self._versions[found.group] += 1
-        version = self._versions[found.group]
+    def _send(self, encoded: EncodedGroup, textures: tuple[EncodedTexture, ...], decoder: Decoder, final: bool) -> None:
+        self._versions[encoded.group] += 1
+        version = self._versions[encoded.group]
         other = None if self.settings == self._request.codec else self.settings
-        self._host.snapshot(GroupSnapshot(version, found.group, found.members, textures, decoder, final, other))
+        self._host.snapshot(GroupSnapshot(version, encoded.group, encoded.members, textures, decoder, final, other))
 
-    def _end_group(self, found: EncodedGroup) -> None:
-        """Measure a group and send its final snapshot: what it was before, where nothing better was found."""
-        textures, decoder, start, before = found.textures, found.decoder, self._request.start, None
-        kept_old = False
+    def _end_group(self, encoded: EncodedGroup) -> None:
+        """Measure a group and send its final snapshot: the better one of the result and the old group."""
+        textures, decoder, start, before = encoded.textures, encoded.decoder, self._request.start, None
+        keeps_old = False
         if any(texture.psnr_db is None for texture in textures):
-            textures = self._measure(textures, decoder, found.members)
+            textures = self._measure(textures, decoder, encoded.members)
         after = _mean_square(textures)
-        if start is not None and found.group in self._old_numbers:
-            old_decoder = start.decoders[self._old_numbers[found.group]]
-            old = self._measure(tuple(start.textures[index] for index in found.members), old_decoder, found.members)
+        if start is not None and encoded.group in self._old_numbers:
+            old_decoder = start.decoders[self._old_numbers[encoded.group]]
+            old = self._measure(tuple(start.textures[index] for index in encoded.members), old_decoder, encoded.members)
             before = _mean_square(old)
-            kept_old = after > before and not self._encoder.replaces
-            if kept_old:
-                decoder, textures = old_decoder, tuple(replace(texture, group=found.group) for texture in old)
-        textures = tuple(replace(texture, group=found.group) for texture in textures)
-        self._send(found, textures, decoder, final=True)
+            keeps_old = after > before and not self._encoder.replaces
+            if keeps_old:
+                decoder, textures = old_decoder, tuple(replace(texture, group=encoded.group) for texture in old)
+        textures = tuple(replace(texture, group=encoded.group) for texture in textures)
+        self._send(encoded, textures, decoder, final=True)
         before_db = None if before is None else psnr_of_mse(before)
-        self._outcomes[found.group] = GroupOutcome(found.group, before_db, psnr_of_mse(after), kept_old)
+        self._outcomes[encoded.group] = GroupOutcome(encoded.group, before_db, psnr_of_mse(after), keeps_old)
 
     def _measure(
         self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
     ) -> tuple[EncodedTexture, ...]:
-        """Return `textures` with the quality of their mip 0, measured one after the other."""
+        """Return `textures` with the measured quality of their mip 0."""
         measured: list[EncodedTexture] = []
         self._is_measuring = True
         for texture, index in zip(textures, members, strict=True):
@@ -281,12 +284,12 @@ class Trainer:
             return "done"
         errors = []
         for outcome in outcomes:
-            kept = outcome.before_db if outcome.kept_old and outcome.before_db is not None else outcome.after_db
-            errors += [mse_of_psnr(kept)] * len(self._request.grouping.members(outcome.group))
+            final_db = outcome.before_db if outcome.kept_old and outcome.before_db is not None else outcome.after_db
+            errors += [mse_of_psnr(final_db)] * len(self._request.grouping.members(outcome.group))
         return "target reached" if psnr_of_mse(float(np.mean(errors))) >= budget.psnr_db else "target not reached"
 
     def _record(self) -> Mapping[str, Any]:
-        """Return what a pack records of its training; a pack that was trained again keeps its first record."""
+        """Return the training record for the pack. A retrained pack keeps its first record and adds the new one."""
         record = self._encoder.record()
         if self._request.start is None:
             return record
@@ -294,7 +297,7 @@ class Trainer:
 
 
 def _mean_square(textures: Sequence[EncodedTexture]) -> float:
-    """Return the mean over textures of their mean square errors in 8-bit steps squared, from their PSNRs."""
+    """Return the mean of the textures' mean square errors, in squared 8-bit steps, from their PSNRs."""
     return float(np.mean([mse_of_psnr(texture.psnr_db) for texture in textures if texture.psnr_db is not None]))
 
 
