@@ -1,6 +1,6 @@
-"""libntc as a shared library: `python -m ntc.c.library` builds it beside its source, as installing with a C compiler does.
+"""libntc as a shared library. `python -m ntc.c.library` builds it beside its source, as installation does if there is a C compiler.
 
-Imports nothing but the standard library: the build of the package runs this file.
+Only the standard library is imported, because the build of the package runs this file.
 """
 
 import ctypes
@@ -18,7 +18,7 @@ FLAGS = ("-std=c99", "-O3", "-shared", "-fPIC")
 
 
 class Options(ctypes.Structure):
-    """`ntc_options`."""
+    """The struct `ntc_options` of ntc.h."""
 
     _fields_ = (
         ("allocate", ctypes.c_void_p),
@@ -30,18 +30,18 @@ class Options(ctypes.Structure):
 
 
 def library_path() -> Path:
-    """Path of the shared library. Its name holds the hash of the source: a library of another source is not loaded."""
+    """Return the path of the shared library. Its name holds a hash of the source, so a library of another source is not loaded."""
     source = b"".join((FOLDER / name).read_bytes() for name in ("ntc.h", "ntc.c"))
     return FOLDER / f"libntc-{hashlib.sha256(source).hexdigest()[:12]}{SUFFIX}"
 
 
 def build() -> Path | None:
-    """Compile libntc beside its source by the C compiler of `CC`, or the system's; return its path, None where that fails."""
-    compiler = os.environ.get("CC") or next((own for own in ("cc", "gcc", "clang") if shutil.which(own)), None)
+    """Compile libntc beside its source with the C compiler in `CC`, or the system's. Return its path, or None if that fails."""
+    compiler = os.environ.get("CC") or next((name for name in ("cc", "gcc", "clang") if shutil.which(name)), None)
     path = library_path()
     if compiler is None:
         return None
-    # Processes that loaded it keep the old file.
+    # A new file replaces the old one, because processes may have the old one loaded.
     made = path.with_name(f"{path.name}.{os.getpid()}")
     try:
         subprocess.run(
@@ -58,13 +58,13 @@ def build() -> Path | None:
 
 @functools.cache
 def library() -> ctypes.CDLL | None:
-    """Return libntc; None where it was not built, or cannot be loaded."""
+    """Return libntc, or None if it was not built or cannot be loaded."""
     try:
-        found = ctypes.CDLL(str(library_path()))
+        libntc = ctypes.CDLL(str(library_path()))
     except OSError:
         return None
-    found.ntc_close.restype = None
-    return found
+    libntc.ntc_close.restype = None
+    return libntc
 
 
 if __name__ == "__main__":

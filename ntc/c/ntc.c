@@ -1,4 +1,4 @@
-/* libntc (see ntc.h): the file, codec `block` (format 2), codec `grid`, and compression to BC4, BC5 and BC7. */
+/* libntc (see ntc.h): reading pack files, decoding codec `block` (format 2) and codec `grid`, compressing to BC4, BC5 and BC7. */
 #include "ntc.h"
 
 #include <math.h>
@@ -11,8 +11,8 @@
 #define LARGEST_DEPTH 7
 #define MOST_CLASSES 4
 #define MOST_PLANES 4
-#define TABLE_PLANES 3      /* of the tables that ship: all but coverage */
-#define TABLE_CHANNELS 12   /* and their channels: all maps but alpha, with a base of four channels */
+#define TABLE_PLANES 3      /* planes of shipped tables: all but coverage */
+#define TABLE_CHANNELS 12   /* channels of shipped tables: all maps but alpha; base colour has four */
 #define BLOCK_VALUES 64
 #define DIRECTORY_RUN 16
 #define DEEPEST_JSON 64
@@ -56,7 +56,7 @@ static void default_release(void *memory, void *user) {
     free(memory);
 }
 
-/* Memory of a pack: pieces in a list, so that all of it is released at once. */
+/* Memory of a pack: a list of pieces, which are released together. */
 typedef struct piece {
     struct piece *next;
 } piece;
@@ -66,23 +66,23 @@ typedef struct {
     piece *pieces;
 } memory;
 
-/* Zeroed memory for `count` things of `bytes`; NULL where there is none. */
-static void *take(memory *own, size_t count, size_t bytes) {
+/* Allocates zeroed memory for `count` elements of `bytes` bytes. Returns NULL if there is none. */
+static void *take(memory *pool, size_t count, size_t bytes) {
     const size_t head = 16;
     if (bytes != 0 && count > (SIZE_MAX - head) / bytes) return NULL;
-    piece *made = (piece *)own->options.allocate(head + count * bytes, own->options.user);
+    piece *made = (piece *)pool->options.allocate(head + count * bytes, pool->options.user);
     if (made == NULL) return NULL;
     memset(made, 0, head + count * bytes);
-    made->next = own->pieces;
-    own->pieces = made;
+    made->next = pool->pieces;
+    pool->pieces = made;
     return (char *)made + head;
 }
 
-static void release_all(memory *own) {
-    while (own->pieces != NULL) {
-        piece *first = own->pieces;
-        own->pieces = first->next;
-        own->options.release(first, own->options.user);
+static void release_all(memory *pool) {
+    while (pool->pieces != NULL) {
+        piece *first = pool->pieces;
+        pool->pieces = first->next;
+        pool->options.release(first, pool->options.user);
     }
 }
 
@@ -94,7 +94,7 @@ static ntc_status fail(ntc_error *error, ntc_status status, const char *text) {
     return status;
 }
 
-/* ---- JSON: values are ranges of text; what is not understood is skipped ---- */
+/* ---- JSON: values are ranges of text; unknown members are skipped ---- */
 
 typedef struct {
     const char *at, *end;
@@ -111,25 +111,25 @@ static int next_is(text *json, char wanted) {
     return 1;
 }
 
-/* A string without its quotes, escapes left as they are. */
-static int read_string(text *json, text *found) {
+/* Reads a string without its quotes; escapes are not decoded. */
+static int read_string(text *json, text *result) {
     if (!next_is(json, '"')) return 0;
-    found->at = json->at;
+    result->at = json->at;
     while (json->at < json->end && *json->at != '"') {
         if ((unsigned char)*json->at < 32) return 0;
         if (*json->at == '\\' && ++json->at >= json->end) return 0;
         ++json->at;
     }
     if (json->at >= json->end) return 0;
-    found->end = json->at++;
+    result->end = json->at++;
     return 1;
 }
 
-/* Skips a value of any kind; at most `depth` arrays and objects in each other. */
-static int skip_value(text *json, int depth, text *found) {
+/* Skips a value of any kind, with at most `depth` nested arrays and objects. `result` is its text. */
+static int skip_value(text *json, int depth, text *result) {
     text ignored;
     skip_space(json);
-    found->at = json->at;
+    result->at = json->at;
     if (json->at >= json->end || depth <= 0) return 0;
     if (*json->at == '"') {
         if (!read_string(json, &ignored)) return 0;
@@ -146,9 +146,9 @@ static int skip_value(text *json, int depth, text *found) {
         }
     } else {
         while (json->at < json->end && strchr("+-.0123456789eEtrufalsn", *json->at) != NULL && *json->at != 0) ++json->at;
-        if (json->at == found->at) return 0;
+        if (json->at == result->at) return 0;
     }
-    found->end = json->at;
+    result->end = json->at;
     return 1;
 }
 
@@ -157,7 +157,8 @@ static int is_text(text value, const char *wanted) {
     return (size_t)(value.end - value.at) == length && memcmp(value.at, wanted, length) == 0;
 }
 
-/* The next member of an object that has been entered: 1, or 0 at its end, or -1 where the JSON is wrong. `first` is changed. */
+/* Reads the next member of an object whose brace has been read. Returns 1, 0 at the end of the object, -1 for invalid JSON.
+   `first` must be 1 before the first call. */
 static int next_member(text *json, int *first, text *name, text *value) {
     if (next_is(json, '}')) return 0;
     if (!*first && !next_is(json, ',')) return -1;
@@ -172,22 +173,22 @@ static int next_element(text *json, int *first, text *value) {
     return skip_value(json, DEEPEST_JSON, value) ? 1 : -1;
 }
 
-/* The value of a member of the object `object`; 0 where it has none, or is no object. The last of several counts. */
-static int member(text object, const char *wanted, text *found) {
+/* Finds a member of `object`. Returns 0 if it has none, or is no object. If a name occurs several times, the last one counts. */
+static int member(text object, const char *wanted, text *result) {
     text name, value;
     int first = 1, state, is_there = 0;
     if (!next_is(&object, '{')) return 0;
     while ((state = next_member(&object, &first, &name, &value)) == 1) {
         if (is_text(name, wanted)) {
-            *found = value;
+            *result = value;
             is_there = 1;
         }
     }
     return state == 0 && is_there;
 }
 
-/* A whole number from 0 to `most`. */
-static int whole(text value, uint64_t most, uint64_t *found) {
+/* Reads a whole number from 0 to `most`. */
+static int whole(text value, uint64_t most, uint64_t *result) {
     uint64_t number = 0;
     if (value.at >= value.end) return 0;
     for (; value.at < value.end; ++value.at) {
@@ -195,40 +196,40 @@ static int whole(text value, uint64_t most, uint64_t *found) {
         if (number > (UINT64_MAX - 9) / 10) return 0;
         number = number * 10 + (uint64_t)(*value.at - '0');
     }
-    *found = number;
+    *result = number;
     return number <= most;
 }
 
-static int whole_member(text object, const char *name, int least, int most, int *found) {
+static int whole_member(text object, const char *name, int least, int most, int *result) {
     text value;
     uint64_t number;
     if (!member(object, name, &value) || !whole(value, (uint64_t)most, &number) || (int)number < least) return 0;
-    *found = (int)number;
+    *result = (int)number;
     return 1;
 }
 
-static int bare_string(text value, text *found) {
-    return read_string(&value, found) && value.at == value.end;
+static int bare_string(text value, text *result) {
+    return read_string(&value, result) && value.at == value.end;
 }
 
-static int hex_digits(const char *at, uint32_t *found) {
+static int hex_digits(const char *at, uint32_t *result) {
     uint32_t code = 0;
     for (int digit = 0; digit < 4; ++digit) {
         char c = at[digit];
-        uint32_t own = c >= '0' && c <= '9'   ? (uint32_t)(c - '0')
+        uint32_t value = c >= '0' && c <= '9'   ? (uint32_t)(c - '0')
                        : c >= 'a' && c <= 'f' ? (uint32_t)(c - 'a' + 10)
                        : c >= 'A' && c <= 'F' ? (uint32_t)(c - 'A' + 10)
                                               : 16u;
-        if (own > 15u) return 0;
-        code = code << 4 | own;
+        if (value > 15u) return 0;
+        code = code << 4 | value;
     }
-    *found = code;
+    *result = code;
     return 1;
 }
 
-/* The string `value` without escapes, as UTF-8 with a 0 at its end; NULL where memory or an escape is missing. */
-static char *unescaped(memory *own, text value, size_t *length) {
-    char *made = (char *)take(own, (size_t)(value.end - value.at) + 1, 1);
+/* Returns the string `value` with escapes decoded, as UTF-8 with a final 0; NULL without memory, or for an invalid escape. */
+static char *unescaped(memory *pool, text value, size_t *length) {
+    char *made = (char *)take(pool, (size_t)(value.end - value.at) + 1, 1);
     char *out = made;
     if (made == NULL) return NULL;
     while (value.at < value.end) {
@@ -274,12 +275,12 @@ static char *unescaped(memory *own, text value, size_t *length) {
     return made;
 }
 
-/* ---- What a pack holds ---- */
+/* ---- The data of a pack ---- */
 
 typedef enum { U8, I8, F16, F32 } tensor_type;
 
 typedef struct {
-    const uint8_t *data;    /* NULL: not there */
+    const uint8_t *data;    /* NULL: missing */
     uint64_t begin, end;
     uint64_t shape[3];
     int dimensions;
@@ -307,7 +308,7 @@ typedef struct {
 typedef struct {
     ntc_texture_info info;
     int group;
-    int places[NTC_MOST_CHANNELS];    /* which of the codec's channels each of the texture's is */
+    int places[NTC_MOST_CHANNELS];    /* channel of the codec for each channel of the texture */
     uint32_t srgb_channels;           /* a bit for each channel of the codec whose values are sRGB-coded */
     tensor tensors[TEXTURE_TENSORS];
     level levels[MOST_LEVELS];
@@ -344,7 +345,7 @@ typedef struct {
     int levels;                           /* 0: all */
     /* block */
     int mips, side, classes, coefficients, modes, mode_bits;
-    int tables;                           /* version of shipped tables that decoders scale by gains; 0: they have tables of their own */
+    int tables;                           /* version of the shipped tables that decoders scale by gains; 0: the pack stores tables */
     int words[MOST_CLASSES];
     /* grid */
     int latent_channels, latent_bits, downscale, octaves, hidden, weight_bits, adapters, adapter_output, inputs;
@@ -367,7 +368,7 @@ static const char *const MAP_NAMES[NTC_MOST_MAPS] = {"base", "normal", "roughnes
 
 /* ---- Reading tensors ---- */
 
-/* Whether `name` is `pattern` with a number behind its first word: "latents.12.mean" for "latents.mean". */
+/* Returns whether `name` is `pattern` with a number after its first word: "latents.12.mean" for "latents.mean". */
 static int numbered(text name, const char *pattern, uint64_t *number) {
     const char *at = name.at;
     text digits;
@@ -383,25 +384,25 @@ static int numbered(text name, const char *pattern, uint64_t *number) {
     return (size_t)(name.end - at) == strlen(pattern) && memcmp(at, pattern, strlen(pattern)) == 0;
 }
 
-static int read_tensor(text value, uint64_t data_bytes, const uint8_t *data, tensor *found) {
+static int read_tensor(text value, uint64_t data_bytes, const uint8_t *data, tensor *result) {
     static const int bytes_of[] = {1, 1, 2, 4};
     text part, name, element;
     int first = 1, state;
     uint64_t count = 1, place[2] = {0, 0};
     if (!member(value, "dtype", &part) || !bare_string(part, &name)) return 0;
-    if (is_text(name, "U8")) found->type = U8;
-    else if (is_text(name, "I8")) found->type = I8;
-    else if (is_text(name, "F16")) found->type = F16;
-    else if (is_text(name, "F32")) found->type = F32;
+    if (is_text(name, "U8")) result->type = U8;
+    else if (is_text(name, "I8")) result->type = I8;
+    else if (is_text(name, "F16")) result->type = F16;
+    else if (is_text(name, "F32")) result->type = F32;
     else return 0;
     if (!member(value, "shape", &part) || !next_is(&part, '[')) return 0;
-    found->dimensions = 0;
+    result->dimensions = 0;
     while ((state = next_element(&part, &first, &element)) == 1) {
         uint64_t size;
-        if (found->dimensions == 3 || !whole(element, (uint64_t)1 << 33, &size)) return 0;
+        if (result->dimensions == 3 || !whole(element, (uint64_t)1 << 33, &size)) return 0;
         if (size != 0 && count > UINT64_MAX / size) return 0;
         count *= size;
-        found->shape[found->dimensions++] = size;
+        result->shape[result->dimensions++] = size;
     }
     if (state != 0 || !member(value, "data_offsets", &part) || !next_is(&part, '[')) return 0;
     first = 1;
@@ -409,44 +410,44 @@ static int read_tensor(text value, uint64_t data_bytes, const uint8_t *data, ten
         if (next_element(&part, &first, &element) != 1 || !whole(element, data_bytes, &place[end])) return 0;
     }
     if (next_element(&part, &first, &element) != 0 || place[1] < place[0]) return 0;
-    if (count > UINT64_MAX / 4 || place[1] - place[0] != count * (uint64_t)bytes_of[found->type]) return 0;
-    found->begin = place[0];
-    found->end = place[1];
-    found->data = data + place[0];
+    if (count > UINT64_MAX / 4 || place[1] - place[0] != count * (uint64_t)bytes_of[result->type]) return 0;
+    result->begin = place[0];
+    result->end = place[1];
+    result->data = data + place[0];
     return 1;
 }
 
-static int has_shape(const tensor *own, tensor_type type, int dimensions, uint64_t first, uint64_t second) {
-    if (own->data == NULL || own->type != type || own->dimensions != dimensions) return 0;
-    return own->shape[0] == first && (dimensions < 2 || own->shape[1] == second);
+static int has_shape(const tensor *part, tensor_type type, int dimensions, uint64_t first, uint64_t second) {
+    if (part->data == NULL || part->type != type || part->dimensions != dimensions) return 0;
+    return part->shape[0] == first && (dimensions < 2 || part->shape[1] == second);
 }
 
-/* Whether all numbers are finite, and at most `largest` where that is above 0. */
-static int has_numbers(const tensor *own, float largest) {
-    uint64_t bytes = own->type == F32 ? 4 : 2;
-    for (uint64_t at = own->begin; at < own->end; at += bytes) {
-        const uint8_t *number = own->data + (at - own->begin);
-        float value = own->type == F32 ? f32_at(number) : f16_at(number);
+/* Returns whether all numbers are finite. If `largest` is above 0, their magnitudes must not exceed it. */
+static int has_numbers(const tensor *part, float largest) {
+    uint64_t bytes = part->type == F32 ? 4 : 2;
+    for (uint64_t at = part->begin; at < part->end; at += bytes) {
+        const uint8_t *number = part->data + (at - part->begin);
+        float value = part->type == F32 ? f32_at(number) : f16_at(number);
         if (!is_finite_number(value) || (largest > 0.0f && !(fabsf(value) <= largest))) return 0;
     }
     return 1;
 }
 
 typedef struct {
-    const uint8_t *data;      /* behind the header */
+    const uint8_t *data;      /* bytes after the header */
     uint64_t data_bytes;
     text header;
 } container;
 
-static int open_container(const void *data, size_t bytes, container *found) {
+static int open_container(const void *data, size_t bytes, container *file) {
     const uint8_t *at = (const uint8_t *)data;
     if (data == NULL || bytes < 10) return 0;
     uint64_t length = (uint64_t)u32_at(at) | (uint64_t)u32_at(at + 4) << 32;
     if (length > bytes - 8 || length < 2) return 0;
-    found->header.at = (const char *)at + 8;
-    found->header.end = found->header.at + length;
-    found->data = at + 8 + length;
-    found->data_bytes = bytes - 8 - length;
+    file->header.at = (const char *)at + 8;
+    file->header.end = file->header.at + length;
+    file->data = at + 8 + length;
+    file->data_bytes = bytes - 8 - length;
     return 1;
 }
 
@@ -460,7 +461,7 @@ static int by_begin(const void *first, const void *second) {
     return a->end < b->end ? -1 : a->end > b->end;
 }
 
-/* Reads the tensors of a container into the pack's tables; each byte of the data belongs to one tensor. */
+/* Reads the tensors of a container. Each byte of the data must belong to exactly one tensor. Returns an error, or NULL. */
 static const char *read_tensors(ntc_pack *pack, const container *file) {
     text header = file->header, name, value;
     int first = 1, state;
@@ -500,8 +501,8 @@ static const char *read_tensors(ntc_pack *pack, const container *file) {
 
 /* ---- Reading the metadata ---- */
 
-/* A decimal number, whatever the locale. */
-static int real(text value, double *found) {
+/* Reads a decimal number, independent of the locale. */
+static int real(text value, double *result) {
     double number = 0.0, scale = 1.0;
     int negative = 0, exponent = 0, digits = 0;
     if (value.at < value.end && *value.at == '-') {
@@ -524,35 +525,35 @@ static int real(text value, double *found) {
             exponent = exponent * 10 + (*value.at - '0');
         for (; exponent > 0 && exponent < 1000; --exponent) number *= below ? 0.1 : 10.0;
     }
-    *found = negative ? -number : number;
+    *result = negative ? -number : number;
     return value.at == value.end && number - number == 0.0;
 }
 
 static int choice_of(text value, const char *const *names, int count) {
-    text own;
-    if (!bare_string(value, &own)) return -1;
+    text string;
+    if (!bare_string(value, &string)) return -1;
     for (int number = 0; number < count; ++number) {
-        if (is_text(own, names[number])) return number;
+        if (is_text(string, names[number])) return number;
     }
     return -1;
 }
 
-/* The maps that a list names, in order, as bits; 0 where they are wrong. */
+/* Returns the maps in a JSON list as bits; 0 if they are unknown or not in order. */
 static uint32_t read_maps(text list) {
     text element;
     int first = 1, state, before = -1;
-    uint32_t found = 0;
+    uint32_t maps = 0;
     if (!next_is(&list, '[')) return 0;
     while ((state = next_element(&list, &first, &element)) == 1) {
         int map = choice_of(element, MAP_NAMES, NTC_MOST_MAPS);
         if (map <= before) return 0;
         before = map;
-        found |= 1u << map;
+        maps |= 1u << map;
     }
-    return state == 0 ? found : 0;
+    return state == 0 ? maps : 0;
 }
 
-/* Channels of the map `base` where `channels` are those of `maps`; -1 where they do not fit. */
+/* Returns the channels of the map `base` if `maps` have `channels` channels in all; -1 if that is impossible. */
 static int base_channels_of(uint32_t maps, int channels) {
     int left = channels;
     for (int map = 1; map < NTC_MOST_MAPS; ++map) left -= maps >> map & 1u ? MAP_CHANNELS[map] : 0;
@@ -564,58 +565,58 @@ static int channels_of_map(int map, int base_channels) {
     return map == 0 ? base_channels : MAP_CHANNELS[map];
 }
 
-static const char *read_codec(text codec, settings *own) {
+static const char *read_codec(text codec, settings *config) {
     text value, kind;
     uint64_t number;
     int format = 1;
-    own->is_grid = 1;
+    config->is_grid = 1;
     if (member(codec, "kind", &value)) {
         if (!bare_string(value, &kind)) return "codec.kind is no text";
-        own->is_grid = is_text(kind, "grid");
-        if (!own->is_grid && !is_text(kind, "block")) return "codec.kind is not known";
+        config->is_grid = is_text(kind, "grid");
+        if (!config->is_grid && !is_text(kind, "block")) return "codec.kind is not known";
     }
-    own->maps = 1u;
-    if (member(codec, "maps", &value) && (own->maps = read_maps(value)) == 0) return "codec.maps is wrong";
-    if (!whole_member(codec, "output_channels", 1, NTC_MOST_CHANNELS, &own->channels)) return "codec.output_channels is wrong";
-    own->base_channels = base_channels_of(own->maps, own->channels);
-    if (own->base_channels < 0) return "codec.output_channels does not fit the maps";
+    config->maps = 1u;
+    if (member(codec, "maps", &value) && (config->maps = read_maps(value)) == 0) return "codec.maps is wrong";
+    if (!whole_member(codec, "output_channels", 1, NTC_MOST_CHANNELS, &config->channels)) return "codec.output_channels is wrong";
+    config->base_channels = base_channels_of(config->maps, config->channels);
+    if (config->base_channels < 0) return "codec.output_channels does not fit the maps";
     if (!member(codec, "levels", &value)) return "codec.levels is missing";
-    if (!is_text(value, "null") && (!whole(value, MOST_LEVELS, &number) || (own->levels = (int)number) < 1))
+    if (!is_text(value, "null") && (!whole(value, MOST_LEVELS, &number) || (config->levels = (int)number) < 1))
         return "codec.levels is wrong";
     for (int map = 0, channel = 0; map < NTC_MOST_MAPS; ++map) {
-        if (!(own->maps >> map & 1u)) continue;
-        int plane = own->plane_count - 1;
-        if (plane < 0 || own->plane_first[plane] != MAP_PLANES[map]) {
-            plane = own->plane_count++;
-            own->plane_first[plane] = MAP_PLANES[map];
+        if (!(config->maps >> map & 1u)) continue;
+        int plane = config->plane_count - 1;
+        if (plane < 0 || config->plane_first[plane] != MAP_PLANES[map]) {
+            plane = config->plane_count++;
+            config->plane_first[plane] = MAP_PLANES[map];
         }
-        for (int part = 0; part < channels_of_map(map, own->base_channels); ++part)
-            own->plane_list[plane][own->plane_channels[plane]++] = channel++;
+        for (int part = 0; part < channels_of_map(map, config->base_channels); ++part)
+            config->plane_list[plane][config->plane_channels[plane]++] = channel++;
     }
-    if (own->is_grid) {
+    if (config->is_grid) {
         static const char *const booleans[] = {"adapters", "adapter_output"};
         double slope;
-        own->weight_bits = 32;
-        if (!whole_member(codec, "latent_channels", 4, 16, &own->latent_channels) || own->latent_channels % 4 ||
-            !whole_member(codec, "latent_bits", 4, 8, &own->latent_bits) || own->latent_bits % 4 ||
-            !whole_member(codec, "downscale", 1, 64, &own->downscale) ||
-            !whole_member(codec, "positional_octaves", 1, 8, &own->octaves) ||
-            !whole_member(codec, "hidden_width", 4, 256, &own->hidden) || own->hidden % 4 ||
+        config->weight_bits = 32;
+        if (!whole_member(codec, "latent_channels", 4, 16, &config->latent_channels) || config->latent_channels % 4 ||
+            !whole_member(codec, "latent_bits", 4, 8, &config->latent_bits) || config->latent_bits % 4 ||
+            !whole_member(codec, "downscale", 1, 64, &config->downscale) ||
+            !whole_member(codec, "positional_octaves", 1, 8, &config->octaves) ||
+            !whole_member(codec, "hidden_width", 4, 256, &config->hidden) || config->hidden % 4 ||
             !member(codec, "leaky_slope", &value) || !real(value, &slope) || slope < 0.0 || slope >= 1.0)
             return "a field of codec grid is wrong";
         if (member(codec, "weight_bits", &value) &&
-            (!whole(value, 32, &number) || (number != 16 && number != 32) || (own->weight_bits = (int)number) == 0))
+            (!whole(value, 32, &number) || (number != 16 && number != 32) || (config->weight_bits = (int)number) == 0))
             return "codec.weight_bits is wrong";
         for (int part = 0; part < 2; ++part) {
             if (!member(codec, booleans[part], &value)) continue;
             if (!is_text(value, "true") && !is_text(value, "false")) return "a field of codec grid is wrong";
-            *(part == 0 ? &own->adapters : &own->adapter_output) = is_text(value, "true");
+            *(part == 0 ? &config->adapters : &config->adapter_output) = is_text(value, "true");
         }
-        if (own->adapter_output && !own->adapters) return "codec.adapter_output needs adapters";
-        own->leaky_slope = (float)slope;
-        own->inputs = own->latent_channels + 4 * own->octaves + (own->levels != 1);
-        own->side = own->downscale;
-        own->mips = 1;
+        if (config->adapter_output && !config->adapters) return "codec.adapter_output needs adapters";
+        config->leaky_slope = (float)slope;
+        config->inputs = config->latent_channels + 4 * config->octaves + (config->levels != 1);
+        config->side = config->downscale;
+        config->mips = 1;
         return NULL;
     }
     if (member(codec, "format", &value)) {
@@ -623,42 +624,42 @@ static const char *read_codec(text codec, settings *own) {
         format = (int)number;
     }
     if (format != 2) return format == 1 ? "@codec block has format 1" : "@codec block has a newer format";
-    const int most_words = own->maps == 1u ? 16 : 32, most_modes = own->maps == 1u ? 64 : 128;
-    if (!whole_member(codec, "mips", 1, 4, &own->mips) || own->mips == 3 ||
-        !whole_member(codec, "block_side", 4, 8, &own->side) || (own->side != 4 && own->side != 8) ||
-        (own->mips == 4 && own->side != 8) || !whole_member(codec, "modes", 8, most_modes, &own->modes) ||
-        (own->modes & (own->modes - 1)) != 0 ||
-        !whole_member(codec, "coefficients", 1, own->side * own->side * own->channels, &own->coefficients))
+    const int most_words = config->maps == 1u ? 16 : 32, most_modes = config->maps == 1u ? 64 : 128;
+    if (!whole_member(codec, "mips", 1, 4, &config->mips) || config->mips == 3 ||
+        !whole_member(codec, "block_side", 4, 8, &config->side) || (config->side != 4 && config->side != 8) ||
+        (config->mips == 4 && config->side != 8) || !whole_member(codec, "modes", 8, most_modes, &config->modes) ||
+        (config->modes & (config->modes - 1)) != 0 ||
+        !whole_member(codec, "coefficients", 1, config->side * config->side * config->channels, &config->coefficients))
         return "a field of codec block is wrong";
-    for (own->mode_bits = 0; 1 << own->mode_bits < own->modes;) ++own->mode_bits;
+    for (config->mode_bits = 0; 1 << config->mode_bits < config->modes;) ++config->mode_bits;
     if (member(codec, "tables", &value) && !is_text(value, "null")) {
         if (!whole(value, 255, &number) || number == 0) return "codec.tables is wrong";
-        own->tables = (int)number;
+        config->tables = (int)number;
     }
     int first = 1, state;
     text element;
     if (!member(codec, "block_words", &value) || !next_is(&value, '[')) return "codec.block_words is wrong";
     while ((state = next_element(&value, &first, &element)) == 1) {
-        int before = own->classes > 0 ? own->words[own->classes - 1] : 0;
-        if (own->classes == MOST_CLASSES || !whole(element, (uint64_t)most_words, &number) || (int)number <= before)
+        int before = config->classes > 0 ? config->words[config->classes - 1] : 0;
+        if (config->classes == MOST_CLASSES || !whole(element, (uint64_t)most_words, &number) || (int)number <= before)
             return "codec.block_words is wrong";
-        own->words[own->classes++] = (int)number;
+        config->words[config->classes++] = (int)number;
     }
-    return state == 0 && own->classes > 0 ? NULL : "codec.block_words is wrong";
+    return state == 0 && config->classes > 0 ? NULL : "codec.block_words is wrong";
 }
 
-/* The levels of a texture (docs/reference/codec-block.md and codec-grid.md). */
-static void find_levels(const settings *own, int code_mips, texture *found) {
+/* Sets the levels of a texture (docs/reference/codec-block.md and codec-grid.md). */
+static void find_levels(const settings *config, int code_mips, texture *target) {
     int count = 0;
     uint64_t cells = 0;
-    while (count < MOST_LEVELS && (own->levels == 0 || count < own->levels)) {
-        level *made = &found->levels[count];
-        const level *before = count > 0 ? &found->levels[count - 1] : NULL;
-        int width = found->info.width >> count, height = found->info.height >> count;
+    while (count < MOST_LEVELS && (config->levels == 0 || count < config->levels)) {
+        level *made = &target->levels[count];
+        const level *before = count > 0 ? &target->levels[count - 1] : NULL;
+        int width = target->info.width >> count, height = target->info.height >> count;
         made->texel_width = width > 0 ? width : 1;
         made->texel_height = height > 0 ? height : 1;
-        made->width = (made->texel_width + own->side - 1) / own->side;
-        made->height = (made->texel_height + own->side - 1) / own->side;
+        made->width = (made->texel_width + config->side - 1) / config->side;
+        made->height = (made->texel_height + config->side - 1) / config->side;
         const int across = made->width > made->height ? made->width : made->height;
         if (before != NULL && before->mip_of_cell + 1 < code_mips && before->texel_width == 2 * made->texel_width &&
             before->texel_height == 2 * made->texel_height) {
@@ -672,15 +673,15 @@ static void find_levels(const settings *own, int code_mips, texture *found) {
             cells += (uint64_t)made->width * (uint64_t)made->height;
         }
         ++count;
-        if (across <= (own->is_grid ? 4 : 1)) break;
+        if (across <= (config->is_grid ? 4 : 1)) break;
     }
-    found->info.mips = count;
+    target->info.mips = count;
 }
 
-static const char *read_texture_metadata(ntc_pack *pack, text document, texture *found) {
+static const char *read_texture_metadata(ntc_pack *pack, text document, texture *target) {
     static const char *const wraps[] = {"repeat", "mirror", "clamp"}, *const spaces[] = {"linear", "srgb"};
-    const settings *own = &pack->settings;
-    ntc_texture_info *info = &found->info;
+    const settings *config = &pack->settings;
+    ntc_texture_info *info = &target->info;
     text value, element;
     size_t length;
     uint32_t maps = 1u;
@@ -703,26 +704,26 @@ static const char *read_texture_metadata(ntc_pack *pack, text document, texture 
     }
     if (member(document, "maps", &value) && (maps = read_maps(value)) == 0) return "a texture's maps are wrong";
     const int base = base_channels_of(maps, info->channels);
-    if (base < 0 || (maps & ~own->maps) != 0 || base > own->base_channels) return "a texture's channels do not fit the codec";
+    if (base < 0 || (maps & ~config->maps) != 0 || base > config->base_channels) return "a texture's channels do not fit the codec";
     for (int map = 0, place = 0, channel = 0; map < NTC_MOST_MAPS; ++map) {
-        const int count = own->maps >> map & 1u ? channels_of_map(map, own->base_channels) : 0;
+        const int count = config->maps >> map & 1u ? channels_of_map(map, config->base_channels) : 0;
         if (maps >> map & 1u) {
             const int mine = channels_of_map(map, base);
             info->maps[info->map_count] = (ntc_map)map;
             info->map_channels[info->map_count++] = mine;
-            for (int part = 0; part < mine; ++part) found->places[channel++] = place + part;
+            for (int part = 0; part < mine; ++part) target->places[channel++] = place + part;
         }
         for (int part = 0; part < count; ++part) {
             const int is_colour = map == NTC_EMISSIVE || (map == NTC_BASE && info->is_srgb && part < (count % 2 ? 3 : count - 1));
-            if (is_colour) found->srgb_channels |= 1u << (place + part);
+            if (is_colour) target->srgb_channels |= 1u << (place + part);
         }
         place += count;
     }
-    int code_mips = own->mips;
+    int code_mips = config->mips;
     if (member(document, "code_mips", &value) && !is_text(value, "null")) {
-        if (!whole_member(document, "code_mips", 1, 2, &code_mips) || code_mips >= own->mips) return "a texture's code_mips is wrong";
+        if (!whole_member(document, "code_mips", 1, 2, &code_mips) || code_mips >= config->mips) return "a texture's code_mips is wrong";
     }
-    find_levels(own, code_mips, found);
+    find_levels(config, code_mips, target);
     return NULL;
 }
 
@@ -771,14 +772,15 @@ static const int LEVEL_STEPS[LARGEST_DEPTH + 1] = {0, -3, 2, 11, 17, 20, 23, 24}
 #define LOWEST_KEY (-174)
 #define KEYS (2 * 255 - 10 + 174 + 1)
 
-/* Depths of the coefficients of a mode: the `bits` largest keys; of equal ones the lower coefficient's, then the lower bit's. */
+/* Finds the depth of each coefficient of a mode, that is, how the `bits` bits are allocated: they go to the largest keys. Of equal
+   keys, that of the lower coefficient comes first, then that of the lower bit. */
 static void share_out_bits(const uint8_t *scales, int coefficients, int bits, uint8_t *depths) {
     int counts[KEYS] = {0}, threshold = KEYS, taken = 0;
     for (int k = 0; k < coefficients; ++k) {
         for (int b = 1; b <= LARGEST_DEPTH; ++b) ++counts[2 * scales[k] + DEPTH_KEYS[b] - LOWEST_KEY];
     }
     while (threshold > 0 && taken + counts[threshold - 1] <= bits) taken += counts[--threshold];
-    /* All keys from `threshold` on are taken, and some of the next lower one. */
+    /* All keys from `threshold` on get a bit, and some of those one below. */
     int left = bits - taken;
     for (int k = 0; k < coefficients; ++k) {
         depths[k] = 0;
@@ -794,34 +796,34 @@ static void share_out_bits(const uint8_t *scales, int coefficients, int bits, ui
     }
 }
 
-static int edge_part_bits(const settings *own, int plane, int index_bits) {
-    return index_bits == 0 ? 0 : 16 * own->plane_channels[plane] + index_bits * own->side * own->side;
+static int edge_part_bits(const settings *config, int plane, int index_bits) {
+    return index_bits == 0 ? 0 : 16 * config->plane_channels[plane] + index_bits * config->side * config->side;
 }
 
 static const char *prepare_block_decoder(ntc_pack *pack, decoder *made) {
-    const settings *own = &pack->settings;
-    const int count = own->coefficients, texels = own->side * own->side;
+    const settings *config = &pack->settings;
+    const int count = config->coefficients, texels = config->side * config->side;
     const tensor *parts = made->tensors;
     if (!has_shape(&parts[BASIS], I8, 2, (uint64_t)count, (uint64_t)texels) ||
         !has_shape(&parts[CHANNELS], U8, 1, (uint64_t)count, 0) || !has_shape(&parts[BASIS_SCALE], U8, 1, (uint64_t)count, 0) ||
-        !has_shape(&parts[SCALES], U8, 2, (uint64_t)own->modes, (uint64_t)count) ||
-        !has_shape(&parts[EDGES], U8, 2, (uint64_t)own->modes, (uint64_t)own->plane_count))
+        !has_shape(&parts[SCALES], U8, 2, (uint64_t)config->modes, (uint64_t)count) ||
+        !has_shape(&parts[EDGES], U8, 2, (uint64_t)config->modes, (uint64_t)config->plane_count))
         return "a tensor of a decoder is missing, or has another shape";
     int plane_of[NTC_MOST_CHANNELS] = {0}, before = 0;
-    for (int plane = 0; plane < own->plane_count; ++plane) {
-        for (int part = 0; part < own->plane_channels[plane]; ++part) plane_of[own->plane_list[plane][part]] = plane;
+    for (int plane = 0; plane < config->plane_count; ++plane) {
+        for (int part = 0; part < config->plane_channels[plane]; ++part) plane_of[config->plane_list[plane][part]] = plane;
     }
     for (int k = 0; k < count; ++k) {
-        if (parts[CHANNELS].data[k] >= own->channels) return "a row of a basis is of a channel that is not there";
+        if (parts[CHANNELS].data[k] >= config->channels) return "a row of a basis is of a channel that is not there";
         if (plane_of[parts[CHANNELS].data[k]] < before) return "rows of a plane do not lie together";
         before = plane_of[parts[CHANNELS].data[k]];
         if (parts[BASIS_SCALE].data[k] > 192) return "a scale of a basis is too large";
     }
-    for (int at = 0; at < own->modes * own->plane_count; ++at) {
+    for (int at = 0; at < config->modes * config->plane_count; ++at) {
         if (parts[EDGES].data[at] > 3) return "an edge part has too many bits";
     }
-    for (int mip = 0; mip < own->mips; ++mip) {
-        const int side = own->side >> mip, run = 1 << mip;
+    for (int mip = 0; mip < config->mips; ++mip) {
+        const int side = config->side >> mip, run = 1 << mip;
         float *rows = (float *)take(&pack->memory, (size_t)count * (size_t)(side * side), sizeof(float));
         if (rows == NULL) return "";
         made->rows[mip] = rows;
@@ -830,7 +832,7 @@ static const char *prepare_block_decoder(ntc_pack *pack, decoder *made) {
                 int sum = 0;
                 for (int y = 0; y < run; ++y) {
                     for (int x = 0; x < run; ++x) {
-                        const int at = (t / side * run + y) * own->side + t % side * run + x;
+                        const int at = (t / side * run + y) * config->side + t % side * run + x;
                         sum += (int8_t)parts[BASIS].data[k * texels + at];
                     }
                 }
@@ -838,19 +840,19 @@ static const char *prepare_block_decoder(ntc_pack *pack, decoder *made) {
             }
         }
     }
-    made->layouts = (code_layout *)take(&pack->memory, (size_t)(own->classes * own->modes), sizeof(code_layout));
+    made->layouts = (code_layout *)take(&pack->memory, (size_t)(config->classes * config->modes), sizeof(code_layout));
     uint8_t *depths = (uint8_t *)take(&pack->memory, (size_t)count, 1);
     if (made->layouts == NULL || depths == NULL) return "";
-    for (int code_class = 0; code_class < own->classes; ++code_class) {
-        for (int mode = 0; mode < own->modes; ++mode) {
-            code_layout *layout = &made->layouts[code_class * own->modes + mode];
-            const int bits = 32 * own->words[code_class];
+    for (int code_class = 0; code_class < config->classes; ++code_class) {
+        for (int mode = 0; mode < config->modes; ++mode) {
+            code_layout *layout = &made->layouts[code_class * config->modes + mode];
+            const int bits = 32 * config->words[code_class];
             int edges = 0;
-            for (int plane = 0; plane < own->plane_count; ++plane)
-                edges += edge_part_bits(own, plane, parts[EDGES].data[mode * own->plane_count + plane]);
-            if (own->mode_bits + edges > bits) edges = 0;
+            for (int plane = 0; plane < config->plane_count; ++plane)
+                edges += edge_part_bits(config, plane, parts[EDGES].data[mode * config->plane_count + plane]);
+            if (config->mode_bits + edges > bits) edges = 0;
             layout->has_edges = edges > 0;
-            layout->first_branch = own->mode_bits + edges;
+            layout->first_branch = config->mode_bits + edges;
             share_out_bits(parts[SCALES].data + mode * count, count, bits - layout->first_branch, depths);
             for (int k = 0; k < count; ++k) layout->count += depths[k] > 0;
             active *list = (active *)take(&pack->memory, (size_t)layout->count + 1, sizeof(active));
@@ -867,21 +869,21 @@ static const char *prepare_block_decoder(ntc_pack *pack, decoder *made) {
     return NULL;
 }
 
-/* Words of a level's directory. */
-static uint64_t directory_words(const settings *own, uint64_t blocks) {
-    return own->classes > 1 ? 2 * ((blocks + DIRECTORY_RUN - 1) / DIRECTORY_RUN) : 0;
+/* Returns the number of words in the directory of a level. */
+static uint64_t directory_words(const settings *config, uint64_t blocks) {
+    return config->classes > 1 ? 2 * ((blocks + DIRECTORY_RUN - 1) / DIRECTORY_RUN) : 0;
 }
 
-/* Finds the words of all levels of a texture, and checks what directories name. */
+/* Finds the first word of each level of a texture, and checks the directories. Returns an error, or NULL. */
 static const char *prepare_block_texture(ntc_pack *pack, texture *made) {
-    const settings *own = &pack->settings;
+    const settings *config = &pack->settings;
     tensor *words = &made->tensors[WORDS];
     int numbers = 0;
     uint64_t first = 0;
-    for (int plane = 0; plane < own->plane_count; ++plane) numbers += own->plane_channels[plane] * own->plane_channels[plane];
+    for (int plane = 0; plane < config->plane_count; ++plane) numbers += config->plane_channels[plane] * config->plane_channels[plane];
     if (words->data == NULL || words->type != U8 || words->dimensions != 2 || words->shape[1] != 4 ||
-        !has_shape(&made->tensors[MEAN], F32, 2, (uint64_t)own->mips, (uint64_t)own->channels) ||
-        !(own->maps == 1u ? has_shape(&made->tensors[AXES], F32, 2, (uint64_t)own->channels, (uint64_t)own->channels)
+        !has_shape(&made->tensors[MEAN], F32, 2, (uint64_t)config->mips, (uint64_t)config->channels) ||
+        !(config->maps == 1u ? has_shape(&made->tensors[AXES], F32, 2, (uint64_t)config->channels, (uint64_t)config->channels)
                           : has_shape(&made->tensors[AXES], F32, 1, (uint64_t)numbers, 0)))
         return "a tensor of a texture is missing, or has another shape";
     if (!has_numbers(&made->tensors[MEAN], 16.0f) || !has_numbers(&made->tensors[AXES], 16.0f)) return "a mean or an axis is too large";
@@ -891,18 +893,18 @@ static const char *prepare_block_texture(ntc_pack *pack, texture *made) {
             stored->first = made->levels[number - 1].first;
             continue;
         }
-        const uint64_t blocks = (uint64_t)stored->width * (uint64_t)stored->height, directory = directory_words(own, blocks);
+        const uint64_t blocks = (uint64_t)stored->width * (uint64_t)stored->height, directory = directory_words(config, blocks);
         uint64_t place = directory;
         stored->first = first;
-        if (words->shape[0] - first < directory + blocks * (uint64_t)own->words[0]) return "latents are too short";
+        if (words->shape[0] - first < directory + blocks * (uint64_t)config->words[0]) return "latents are too short";
         for (uint64_t block = 0; directory > 0 && block < blocks; ++block) {
             const uint8_t *entry = words->data + 4 * (first + 2 * (block / DIRECTORY_RUN));
             const uint32_t code_class = u32_at(entry + 4) >> (2 * (block % DIRECTORY_RUN)) & 3u;
             if (block % DIRECTORY_RUN == 0 && u32_at(entry) != place) return "a directory does not name the places of codes";
-            if ((int)code_class >= own->classes) return "a directory names a size that codes do not have";
-            place += (uint64_t)own->words[code_class];
+            if ((int)code_class >= config->classes) return "a directory names a size that codes do not have";
+            place += (uint64_t)config->words[code_class];
         }
-        if (directory == 0) place = blocks * (uint64_t)own->words[0];
+        if (directory == 0) place = blocks * (uint64_t)config->words[0];
         if (words->shape[0] - first < place) return "latents are too short";
         first += place;
     }
@@ -911,7 +913,7 @@ static const char *prepare_block_texture(ntc_pack *pack, texture *made) {
 
 /* ---- Codec block: a block's texels ---- */
 
-/* 32 bits of a code of `words` words from bit `at` on; 0 beyond its end. */
+/* Returns 32 bits of a code of `words` words, from bit `at` on; bits beyond its end are 0. */
 static uint32_t code_bits(const uint8_t *code, int words, int at) {
     const int word = at >> 5, shift = at & 31;
     const uint32_t low = word < words ? u32_at(code + 4 * word) : 0u;
@@ -919,14 +921,14 @@ static uint32_t code_bits(const uint8_t *code, int words, int at) {
     return shift == 0 ? low : low >> shift | high << (32 - shift);
 }
 
-/* By state and branch bit, the state's first bit lowest (as the bits lie in the code): the subset of levels. */
+/* Subset of quantiser levels by state and branch bit of the trellis. The first bit of the state is the lowest, as in the code. */
 static const uint8_t SUBSETS[16] = {0, 2, 2, 0, 1, 3, 3, 1, 2, 0, 0, 2, 3, 1, 1, 3};
 
-/* What an edge part shows of its plane: [channels][BLOCK_VALUES] of `values`, which begin with the part at bit `at` of the code.
+/* Decodes an edge part to [channels][BLOCK_VALUES] of `values`. The part begins at bit `at` of the code.
    `alpha_offset` is added to the map alpha: how far the mean of the mip is above that of mip 0, which keeps a mask's coverage. */
-static void edge_values(const settings *own, const uint8_t *code, int words, int plane, int bits, int at, int mip, uint32_t srgb,
+static void edge_values(const settings *config, const uint8_t *code, int words, int plane, int bits, int at, int mip, uint32_t srgb,
                         float alpha_offset, float *values) {
-    const int channels = own->plane_channels[plane], side = own->side >> mip, run = 1 << mip;
+    const int channels = config->plane_channels[plane], side = config->side >> mip, run = 1 << mip;
     const int indices = at + 16 * channels;
     const float whole_run = (float)(((1 << bits) - 1) * run * run);
     float shares[BLOCK_VALUES], variances[BLOCK_VALUES];
@@ -934,7 +936,7 @@ static void edge_values(const settings *own, const uint8_t *code, int words, int
         int sum = 0, squares = 0;
         for (int y = 0; y < run; ++y) {
             for (int x = 0; x < run; ++x) {
-                const int number = (t / side * run + y) * own->side + t % side * run + x;
+                const int number = (t / side * run + y) * config->side + t % side * run + x;
                 const int index = (int)(code_bits(code, words, indices + bits * number) & ((1u << bits) - 1u));
                 sum += index;
                 squares += index * index;
@@ -944,30 +946,31 @@ static void edge_values(const settings *own, const uint8_t *code, int words, int
         variances[t] = (float)(squares * run * run - sum * sum) / (whole_run * whole_run);
     }
     for (int part = 0; part < channels; ++part) {
-        const int channel = own->plane_list[plane][part];
+        const int channel = config->plane_list[plane][part];
         const float one = (float)(code_bits(code, words, at + 8 * part) & 255u) / 255.0f;
         const float step = (float)(code_bits(code, words, at + 8 * (channels + part)) & 255u) / 255.0f - one;
         float *value = values + channel * BLOCK_VALUES;
         for (int t = 0; t < side * side; ++t) value[t] = one + step * shares[t];
-        /* Colours are averaged as squares, near to linear light. */
+        /* Colours are averaged as squares, which are close to linear light. */
         if (mip > 0 && (srgb >> channel & 1u))
             for (int t = 0; t < side * side; ++t) value[t] = sqrtf(value[t] * value[t] + step * step * variances[t]);
-        if (mip > 0 && own->plane_first[plane] == MAP_PLANES[NTC_ALPHA])
+        if (mip > 0 && config->plane_first[plane] == MAP_PLANES[NTC_ALPHA])
             for (int t = 0; t < side * side; ++t) value[t] += alpha_offset;
     }
 }
 
-/* Values [channels][BLOCK_VALUES] of a block at a mip of its code, not clamped. */
+/* Decodes a block at a mip of its code: [channels][BLOCK_VALUES], not clamped. Sums coefficients times rows of the basis, then
+   applies the texture's axes and mean (docs/reference/codec-block.md). */
 static void block_values(const ntc_pack *pack, const texture *from, const uint8_t *code, int code_class, int mip, float *values) {
-    const settings *own = &pack->settings;
+    const settings *config = &pack->settings;
     const decoder *tables = &pack->decoders[from->group];
-    const int words = own->words[code_class], side = own->side >> mip, texels = side * side;
-    const int mode = (int)(u32_at(code) & (uint32_t)(own->modes - 1));
-    const code_layout *layout = &tables->layouts[code_class * own->modes + mode];
+    const int words = config->words[code_class], side = config->side >> mip, texels = side * side;
+    const int mode = (int)(u32_at(code) & (uint32_t)(config->modes - 1));
+    const code_layout *layout = &tables->layouts[code_class * config->modes + mode];
     const uint8_t *channels = tables->tensors[CHANNELS].data, *basis_scale = tables->tensors[BASIS_SCALE].data;
-    const uint8_t *scales = tables->tensors[SCALES].data + mode * own->coefficients;
+    const uint8_t *scales = tables->tensors[SCALES].data + mode * config->coefficients;
     float sums[NTC_MOST_CHANNELS * BLOCK_VALUES];
-    memset(sums, 0, sizeof(float) * (size_t)(own->channels * BLOCK_VALUES));
+    memset(sums, 0, sizeof(float) * (size_t)(config->channels * BLOCK_VALUES));
     int branch = layout->first_branch, others = layout->first_branch + layout->count;
     for (int number = 0; number < layout->count; ++number, ++branch) {
         const int k = layout->list[number].coefficient, depth = layout->list[number].depth;
@@ -982,21 +985,21 @@ static void block_values(const ntc_pack *pack, const texture *from, const uint8_
         for (int t = 0; t < texels; ++t) sum[t] += value * row[t];
     }
     float alpha_offset = 0.0f;
-    for (int channel = 0; channel < own->channels; ++channel) {
-        const float mean = f32_at(from->tensors[MEAN].data + 4 * (mip * own->channels + channel));
+    for (int channel = 0; channel < config->channels; ++channel) {
+        const float mean = f32_at(from->tensors[MEAN].data + 4 * (mip * config->channels + channel));
         alpha_offset = mean - f32_at(from->tensors[MEAN].data + 4 * channel);
         for (int t = 0; t < texels; ++t) values[channel * BLOCK_VALUES + t] = mean;
     }
     const uint8_t *axes = from->tensors[AXES].data;
-    for (int plane = 0, at = own->mode_bits; plane < own->plane_count; ++plane) {
-        const int count = own->plane_channels[plane];
-        const int bits = layout->has_edges ? tables->tensors[EDGES].data[mode * own->plane_count + plane] : 0;
-        if (bits > 0) edge_values(own, code, words, plane, bits, at, mip, from->srgb_channels, alpha_offset, values);
-        at += edge_part_bits(own, plane, bits);
+    for (int plane = 0, at = config->mode_bits; plane < config->plane_count; ++plane) {
+        const int count = config->plane_channels[plane];
+        const int bits = layout->has_edges ? tables->tensors[EDGES].data[mode * config->plane_count + plane] : 0;
+        if (bits > 0) edge_values(config, code, words, plane, bits, at, mip, from->srgb_channels, alpha_offset, values);
+        at += edge_part_bits(config, plane, bits);
         for (int row = 0; row < count; ++row) {
-            float *value = values + own->plane_list[plane][row] * BLOCK_VALUES;
+            float *value = values + config->plane_list[plane][row] * BLOCK_VALUES;
             for (int column = 0; column < count; ++column, axes += 4) {
-                const float axis = f32_at(axes), *sum = sums + own->plane_list[plane][column] * BLOCK_VALUES;
+                const float axis = f32_at(axes), *sum = sums + config->plane_list[plane][column] * BLOCK_VALUES;
                 if (axis == 0.0f) continue;
                 for (int t = 0; t < texels; ++t) value[t] += axis * sum[t];
             }
@@ -1004,15 +1007,15 @@ static void block_values(const ntc_pack *pack, const texture *from, const uint8_
     }
 }
 
-/* The code of a block, and its class. */
-static const uint8_t *code_of(const settings *own, const texture *from, const level *stored, uint64_t block, int *code_class) {
+/* Returns the code of a block, and sets its class. */
+static const uint8_t *code_of(const settings *config, const texture *from, const level *stored, uint64_t block, int *code_class) {
     const uint8_t *words = from->tensors[WORDS].data + 4 * stored->first;
     *code_class = 0;
-    if (own->classes == 1) return words + 4 * block * (uint64_t)own->words[0];
+    if (config->classes == 1) return words + 4 * block * (uint64_t)config->words[0];
     const uint8_t *entry = words + 8 * (block / DIRECTORY_RUN);
     const uint32_t classes = u32_at(entry + 4);
     uint64_t place = u32_at(entry);
-    for (uint64_t before = 0; before < block % DIRECTORY_RUN; ++before) place += (uint64_t)own->words[classes >> 2 * before & 3u];
+    for (uint64_t before = 0; before < block % DIRECTORY_RUN; ++before) place += (uint64_t)config->words[classes >> 2 * before & 3u];
     *code_class = (int)(classes >> 2 * (block % DIRECTORY_RUN) & 3u);
     return words + 4 * place;
 }
@@ -1021,7 +1024,7 @@ static float clamped(float value) {
     return value > 0.0f ? (value < 1.0f ? value : 1.0f) : 0.0f;
 }
 
-/* Round half to even, as everywhere in ntc-viewer; `value` is in [0, 255]. */
+/* Rounds half to even, as all of ntc-viewer does; `value` is in [0, 255]. */
 static uint8_t rounded(float value) {
     const float magic = 12582912.0f;    /* 1.5 x 2^23 */
     volatile float moved = value + magic;
@@ -1039,14 +1042,14 @@ typedef struct {
 
 static void decode_block_texture(const ntc_pack *pack, const texture *from, const level *stored, rectangle part, ntc_type type,
                                  uint8_t *texels, size_t row_bytes) {
-    const settings *own = &pack->settings;
-    const int side = own->side >> stored->mip_of_cell, channels = from->info.channels;
+    const settings *config = &pack->settings;
+    const int side = config->side >> stored->mip_of_cell, channels = from->info.channels;
     float values[NTC_MOST_CHANNELS * BLOCK_VALUES];
     for (int row = part.y / side; row * side < part.y + part.height; ++row) {
         for (int column = part.x / side; column * side < part.x + part.width; ++column) {
             int code_class;
             const uint64_t block = (uint64_t)row * (uint64_t)stored->width + (uint64_t)column;
-            const uint8_t *code = code_of(own, from, stored, block, &code_class);
+            const uint8_t *code = code_of(config, from, stored, block, &code_class);
             block_values(pack, from, code, code_class, stored->mip_of_cell, values);
             for (int y = 0; y < side; ++y) {
                 const int line = row * side + y - part.y;
@@ -1066,22 +1069,22 @@ static void decode_block_texture(const ntc_pack *pack, const texture *from, cons
 
 /* ---- Codec grid ---- */
 
-static float number_of(const tensor *own, size_t at) {
-    return own->type == F32 ? f32_at(own->data + 4 * at) : f16_at(own->data + 2 * at);
+static float number_of(const tensor *part, size_t at) {
+    return part->type == F32 ? f32_at(part->data + 4 * at) : f16_at(part->data + 2 * at);
 }
 
-static void layer_shape(const settings *own, int layer, int *outputs, int *inputs) {
-    *outputs = layer == 2 ? own->channels : own->hidden;
-    *inputs = layer == 0 ? own->inputs : own->hidden;
+static void layer_shape(const settings *config, int layer, int *outputs, int *inputs) {
+    *outputs = layer == 2 ? config->channels : config->hidden;
+    *inputs = layer == 0 ? config->inputs : config->hidden;
 }
 
 static const char *prepare_grid_decoder(ntc_pack *pack, decoder *made) {
-    const settings *own = &pack->settings;
-    const tensor_type type = own->weight_bits == 16 ? F16 : F32;
+    const settings *config = &pack->settings;
+    const tensor_type type = config->weight_bits == 16 ? F16 : F32;
     for (int layer = 0; layer < 3; ++layer) {
         const tensor *weight = &made->tensors[WEIGHT_0 + 2 * layer], *bias = &made->tensors[BIAS_0 + 2 * layer];
         int outputs, inputs;
-        layer_shape(own, layer, &outputs, &inputs);
+        layer_shape(config, layer, &outputs, &inputs);
         if (!has_shape(weight, type, 2, (uint64_t)outputs, (uint64_t)inputs) || !has_shape(bias, type, 1, (uint64_t)outputs, 0))
             return "a tensor of a decoder is missing, or has another shape";
         made->weights[layer] = (float *)take(&pack->memory, (size_t)(outputs * inputs), sizeof(float));
@@ -1097,24 +1100,24 @@ static const char *prepare_grid_decoder(ntc_pack *pack, decoder *made) {
 }
 
 static const char *prepare_grid_texture(ntc_pack *pack, texture *made) {
-    const settings *own = &pack->settings;
+    const settings *config = &pack->settings;
     const tensor *parts = made->tensors;
     uint64_t cells = 0;
     for (int number = 0; number < made->info.mips; ++number)
         cells += (uint64_t)made->levels[number].width * (uint64_t)made->levels[number].height;
-    int fits = has_shape(&parts[WORDS], U8, 2, cells, (uint64_t)(own->latent_channels * own->latent_bits / 8)) &&
-               has_shape(&parts[SCALE], F32, 1, (uint64_t)own->latent_channels, 0) &&
-               has_shape(&parts[OFFSET], F32, 1, (uint64_t)own->latent_channels, 0);
-    if (own->adapters)
-        fits = fits && has_shape(&parts[ADAPTER_SCALES], F16, 2, 2, (uint64_t)own->hidden) &&
-               has_shape(&parts[ADAPTER_BIASES], F16, 2, 2, (uint64_t)own->hidden);
-    if (own->adapter_output)
-        fits = fits && has_shape(&parts[ADAPTER_WEIGHT], F16, 2, (uint64_t)own->channels, (uint64_t)own->hidden) &&
-               has_shape(&parts[ADAPTER_BIAS], F16, 1, (uint64_t)own->channels, 0);
+    int fits = has_shape(&parts[WORDS], U8, 2, cells, (uint64_t)(config->latent_channels * config->latent_bits / 8)) &&
+               has_shape(&parts[SCALE], F32, 1, (uint64_t)config->latent_channels, 0) &&
+               has_shape(&parts[OFFSET], F32, 1, (uint64_t)config->latent_channels, 0);
+    if (config->adapters)
+        fits = fits && has_shape(&parts[ADAPTER_SCALES], F16, 2, 2, (uint64_t)config->hidden) &&
+               has_shape(&parts[ADAPTER_BIASES], F16, 2, 2, (uint64_t)config->hidden);
+    if (config->adapter_output)
+        fits = fits && has_shape(&parts[ADAPTER_WEIGHT], F16, 2, (uint64_t)config->channels, (uint64_t)config->hidden) &&
+               has_shape(&parts[ADAPTER_BIAS], F16, 1, (uint64_t)config->channels, 0);
     return fits ? NULL : "a tensor of a texture is missing, or has another shape";
 }
 
-/* The two cells of a bilinear read at cell coordinate `at`, and the weight of the second. */
+/* Finds the two cells of a bilinear read at cell coordinate `at`, and the weight of the second. */
 static float cell_pair(double at, int cells, ntc_wrap wrap, int *first, int *second) {
     const double low = floor(at);
     *first = (int)low;
@@ -1128,15 +1131,15 @@ static float triangle_wave(double turns) {
     return (float)(4.0 * fabs(turns - floor(turns) - 0.5) - 1.0);
 }
 
-static float latent(const settings *own, const texture *from, uint64_t cell, int channel) {
+static float latent(const settings *config, const texture *from, uint64_t cell, int channel) {
     const uint8_t *cells = from->tensors[WORDS].data;
-    if (own->latent_bits == 8) return (float)cells[cell * (uint64_t)own->latent_channels + (uint64_t)channel];
-    const uint8_t both = cells[cell * (uint64_t)(own->latent_channels / 2) + (uint64_t)(channel / 2)];
+    if (config->latent_bits == 8) return (float)cells[cell * (uint64_t)config->latent_channels + (uint64_t)channel];
+    const uint8_t both = cells[cell * (uint64_t)(config->latent_channels / 2) + (uint64_t)(channel / 2)];
     return (float)(channel % 2 ? both >> 4 : both & 15);
 }
 
 static void decode_grid_texel(const ntc_pack *pack, const texture *from, int mip, int x, int y, float *values) {
-    const settings *own = &pack->settings;
+    const settings *config = &pack->settings;
     const level *stored = &from->levels[mip];
     const decoder *network = &pack->decoders[from->group];
     const double u = (x + 0.5) / stored->texel_width, v = (y + 0.5) / stored->texel_height;
@@ -1146,29 +1149,29 @@ static void decode_grid_texel(const ntc_pack *pack, const texture *from, int mip
     const float down = cell_pair(v * stored->height - 0.5, stored->height, from->info.wrap[1], &top, &bottom);
     const uint64_t upper = stored->first + (uint64_t)top * (uint64_t)stored->width;
     const uint64_t lower = stored->first + (uint64_t)bottom * (uint64_t)stored->width;
-    for (; count < own->latent_channels; ++count) {
-        const float a = latent(own, from, upper + (uint64_t)left, count), b = latent(own, from, upper + (uint64_t)right, count);
-        const float c = latent(own, from, lower + (uint64_t)left, count), d = latent(own, from, lower + (uint64_t)right, count);
+    for (; count < config->latent_channels; ++count) {
+        const float a = latent(config, from, upper + (uint64_t)left, count), b = latent(config, from, upper + (uint64_t)right, count);
+        const float c = latent(config, from, lower + (uint64_t)left, count), d = latent(config, from, lower + (uint64_t)right, count);
         const float one = a + (b - a) * across, other = c + (d - c) * across;
         first_layer[count] = number_of(&from->tensors[OFFSET], (size_t)count) +
                              number_of(&from->tensors[SCALE], (size_t)count) * (one + (other - one) * down);
     }
     for (int axis = 0; axis < 2; ++axis) {
         double turns = axis == 0 ? x + 0.5 : y + 0.5;
-        for (int octave = 0; octave < own->octaves; ++octave) {
+        for (int octave = 0; octave < config->octaves; ++octave) {
             turns *= 0.5;
             first_layer[count++] = triangle_wave(turns);
             first_layer[count++] = triangle_wave(turns + 0.25);
         }
     }
-    if (own->levels != 1) first_layer[count++] = (float)mip * 0.125f;
+    if (config->levels != 1) first_layer[count++] = (float)mip * 0.125f;
     const float *inputs = first_layer;
     for (int layer = 0; layer < 3; ++layer) {
         int outputs, width;
         float *sums = layer < 2 ? hidden[layer] : values;
-        layer_shape(own, layer, &outputs, &width);
+        layer_shape(config, layer, &outputs, &width);
         memset(sums, 0, sizeof(float) * (size_t)outputs);
-        if (layer == 2 && own->adapter_output) {
+        if (layer == 2 && config->adapter_output) {
             for (int output = 0; output < outputs; ++output) {
                 for (int input = 0; input < width; ++input)
                     sums[output] += inputs[input] * number_of(&from->tensors[ADAPTER_WEIGHT], (size_t)(output * width + input));
@@ -1182,13 +1185,13 @@ static void decode_grid_texel(const ntc_pack *pack, const texture *from, int mip
             for (int output = 0; output < outputs; ++output) sums[output] += value * weights[output];
         }
         for (int output = 0; output < outputs; ++output) {
-            if (layer < 2 && own->adapters) {
-                const size_t at = (size_t)(layer * own->hidden + output);
+            if (layer < 2 && config->adapters) {
+                const size_t at = (size_t)(layer * config->hidden + output);
                 sums[output] = sums[output] * number_of(&from->tensors[ADAPTER_SCALES], at) + number_of(&from->tensors[ADAPTER_BIASES], at);
             } else {
                 sums[output] += network->biases[layer][output];
             }
-            if (layer < 2 && sums[output] < 0.0f) sums[output] *= own->leaky_slope;
+            if (layer < 2 && sums[output] < 0.0f) sums[output] *= config->leaky_slope;
         }
         inputs = sums;
     }
@@ -1215,7 +1218,7 @@ static const char *prepare(ntc_pack *pack) {
                                      1.4768261459394993, 1.5422108254079408, 1.6104903319492543, 1.6817928305074290,
                                      1.7562521603732995, 1.8340080864093424, 1.9152065613971474};
     for (int at = 0; at < 512; ++at) {
-        /* `at` counts from 2^(-(384 + 3) / 16), the least that a coefficient's factors give. */
+        /* Entry 0 is 2^(-(384 + 3) / 16), the smallest product of a coefficient's factors. */
         const int steps = at - 387 + 16 * 32;
         pack->powers[at] = (float)ldexp(ROOTS[steps & 15], (steps >> 4) - 32);
     }
@@ -1232,7 +1235,7 @@ static const char *prepare(ntc_pack *pack) {
     return NULL;
 }
 
-/* The tensors of the tables that ship with the program, as those of decoder 0. */
+/* Reads the tables that ship with the program as the tensors of decoder 0. */
 static const char *read_shipped(ntc_pack *pack) {
     static const char *const names[] = {"basis", "channels", "basis_scale", "scales", "edges"};
     container file;
@@ -1257,11 +1260,12 @@ static void set_bytes(tensor *made, const uint8_t *data, tensor_type type, int d
     made->shape[1] = second;
 }
 
-/* Tables that ship for whole materials, as those of each decoder: the rows of the codec's channels, their scales moved by gains. */
+/* Makes the tables of each decoder from shipped tables for whole materials: takes the rows of the codec's channels, and scales them
+   by the decoder's gains. */
 static const char *read_scaled(ntc_pack *pack) {
     static const char *const names[] = {"basis", "channels", "basis_scale", "scales", "edges", "bands"};
-    const settings *own = &pack->settings;
-    const int texels = own->side * own->side;
+    const settings *config = &pack->settings;
+    const int texels = config->side * config->side;
     tensor parts[6];
     container file;
     text value;
@@ -1275,43 +1279,43 @@ static const char *read_scaled(ntc_pack *pack) {
     const uint64_t rows = parts[0].shape[0];
     if (rows > (uint64_t)(TABLE_CHANNELS * BLOCK_VALUES) || !has_shape(&parts[0], I8, 2, rows, (uint64_t)texels) ||
         !has_shape(&parts[1], U8, 1, rows, 0) || !has_shape(&parts[2], U8, 1, rows, 0) ||
-        !has_shape(&parts[3], U8, 2, (uint64_t)own->modes, rows) || !has_shape(&parts[4], U8, 2, (uint64_t)own->modes, TABLE_PLANES) ||
+        !has_shape(&parts[3], U8, 2, (uint64_t)config->modes, rows) || !has_shape(&parts[4], U8, 2, (uint64_t)config->modes, TABLE_PLANES) ||
         !has_shape(&parts[5], U8, 1, rows, 0))
         return "options.tables has other shapes";
-    /* The tables have all maps but alpha, and a base of four channels, whose fourth serves the map alpha. */
+    /* The tables have all maps but alpha. The fourth channel of their base colour is used for the map alpha. */
     int channel_of[NTC_MOST_CHANNELS], known = 0, channel = 0;
-    if ((own->maps >> NTC_ALPHA & 1u) && own->base_channels == 4) return "options.tables has other channels than the pack";
+    if ((config->maps >> NTC_ALPHA & 1u) && config->base_channels == 4) return "options.tables has other channels than the pack";
     for (int map = 0; map < NTC_ALPHA; ++map) {
-        const int there = own->maps >> map & 1u ? channels_of_map(map, own->base_channels) : 0;
+        const int there = config->maps >> map & 1u ? channels_of_map(map, config->base_channels) : 0;
         for (int part = 0; part < channels_of_map(map, 4); ++part) channel_of[known++] = part < there ? channel++ : -1;
     }
-    if (own->maps >> NTC_ALPHA & 1u) channel_of[3] = channel++;
-    const size_t count = (size_t)own->coefficients, modes = (size_t)own->modes;
+    if (config->maps >> NTC_ALPHA & 1u) channel_of[3] = channel++;
+    const size_t count = (size_t)config->coefficients, modes = (size_t)config->modes;
     uint8_t *basis = (uint8_t *)take(&pack->memory, count, (size_t)texels), *channels = (uint8_t *)take(&pack->memory, count, 1);
     uint8_t *basis_scale = (uint8_t *)take(&pack->memory, count, 1), *bands = (uint8_t *)take(&pack->memory, count, 1);
-    uint8_t *edges = (uint8_t *)take(&pack->memory, modes, (size_t)own->plane_count);
-    size_t *places = (size_t *)take(&pack->memory, count, sizeof(size_t)), kept = 0;
+    uint8_t *edges = (uint8_t *)take(&pack->memory, modes, (size_t)config->plane_count);
+    size_t *places = (size_t *)take(&pack->memory, count, sizeof(size_t)), used = 0;
     if (basis == NULL || channels == NULL || basis_scale == NULL || bands == NULL || edges == NULL || places == NULL) return "";
-    /* Rows of a plane lie together: those of alpha last. */
-    const int alpha = own->maps >> NTC_ALPHA & 1u ? own->channels - 1 : -1;
+    /* The rows of a plane are contiguous; those of alpha come last. */
+    const int alpha = config->maps >> NTC_ALPHA & 1u ? config->channels - 1 : -1;
     for (size_t number = 0; number < (size_t)rows * 2; ++number) {
         const size_t row = number % (size_t)rows;
         const int full = parts[1].data[row];
         if (full >= TABLE_CHANNELS || parts[5].data[row] >= BANDS) return "options.tables holds a number that is out of range";
         if (channel_of[full] < 0 || (channel_of[full] == alpha) != (number >= (size_t)rows)) continue;
-        if (kept == count) return "options.tables has other rows than the pack";
-        memcpy(basis + kept * (size_t)texels, parts[0].data + row * (size_t)texels, (size_t)texels);
-        channels[kept] = (uint8_t)channel_of[full];
-        basis_scale[kept] = parts[2].data[row];
-        bands[kept] = (uint8_t)(channel_of[full] * BANDS + parts[5].data[row]);
-        places[kept++] = row;
+        if (used == count) return "options.tables has other rows than the pack";
+        memcpy(basis + used * (size_t)texels, parts[0].data + row * (size_t)texels, (size_t)texels);
+        channels[used] = (uint8_t)channel_of[full];
+        basis_scale[used] = parts[2].data[row];
+        bands[used] = (uint8_t)(channel_of[full] * BANDS + parts[5].data[row]);
+        places[used++] = row;
     }
-    if (kept != count) return "options.tables has other rows than the pack";
+    if (used != count) return "options.tables has other rows than the pack";
     for (size_t mode = 0; mode < modes; ++mode) {
-        for (int plane = 0; plane < own->plane_count; ++plane) {
-            const size_t full = (size_t)own->plane_first[plane];
+        for (int plane = 0; plane < config->plane_count; ++plane) {
+            const size_t full = (size_t)config->plane_first[plane];
             const uint8_t bits = full < TABLE_PLANES ? parts[4].data[mode * TABLE_PLANES + full] : (uint8_t)(mode & 1u);
-            edges[mode * (size_t)own->plane_count + (size_t)plane] = bits;
+            edges[mode * (size_t)config->plane_count + (size_t)plane] = bits;
         }
     }
     for (int number = 0; number < pack->decoder_count; ++number) {
@@ -1319,9 +1323,9 @@ static const char *read_scaled(ntc_pack *pack) {
         const tensor *gains = &made[GAINS];
         uint8_t *scales = (uint8_t *)take(&pack->memory, modes, count);
         if (scales == NULL) return "";
-        /* A gain for each coefficient, or for each band. */
+        /* There is a gain for each coefficient, or one for each band. */
         const int fine = has_shape(gains, I8, 1, count, 0);
-        if (!fine && !has_shape(gains, I8, 1, (uint64_t)(own->channels * BANDS), 0))
+        if (!fine && !has_shape(gains, I8, 1, (uint64_t)(config->channels * BANDS), 0))
             return "a tensor of a decoder is missing, or has another shape";
         for (size_t mode = 0; mode < modes; ++mode) {
             for (size_t k = 0; k < count; ++k) {
@@ -1333,7 +1337,7 @@ static const char *read_scaled(ntc_pack *pack) {
         set_bytes(&made[CHANNELS], channels, U8, 1, count, 0);
         set_bytes(&made[BASIS_SCALE], basis_scale, U8, 1, count, 0);
         set_bytes(&made[SCALES], scales, U8, 2, modes, count);
-        set_bytes(&made[EDGES], edges, U8, 2, modes, (uint64_t)own->plane_count);
+        set_bytes(&made[EDGES], edges, U8, 2, modes, (uint64_t)config->plane_count);
     }
     return NULL;
 }
@@ -1355,7 +1359,7 @@ static const char *open_pack(ntc_pack *pack, const void *data, size_t bytes) {
     if (problem != NULL && !universal) return problem;
     const int scaled = !pack->settings.is_grid && pack->settings.tables > 0, ships = universal && !scaled;
     if (ships) {
-        /* The file holds no decoder. */
+        /* The file stores no decoder. */
         if (pack->settings.is_grid || pack->decoder_count != 1) return "grouping universal names no tables";
         pack->decoder_count = 0;
     }
@@ -1375,23 +1379,23 @@ static const char *open_pack(ntc_pack *pack, const void *data, size_t bytes) {
 }
 
 ntc_status ntc_open(const void *data, size_t bytes, const ntc_options *options, ntc_pack **pack, ntc_error *error) {
-    memory own;
-    memset(&own, 0, sizeof own);
-    if (options != NULL) own.options = *options;
-    if (own.options.allocate == NULL) own.options.allocate = default_allocate;
-    if (own.options.release == NULL) own.options.release = default_release;
+    memory pool;
+    memset(&pool, 0, sizeof pool);
+    if (options != NULL) pool.options = *options;
+    if (pool.options.allocate == NULL) pool.options.allocate = default_allocate;
+    if (pool.options.release == NULL) pool.options.release = default_release;
     if (error != NULL) error->text[0] = 0;
     *pack = NULL;
-    ntc_pack *made = (ntc_pack *)take(&own, 1, sizeof(ntc_pack));
+    ntc_pack *made = (ntc_pack *)take(&pool, 1, sizeof(ntc_pack));
     if (made == NULL) return fail(error, NTC_NO_MEMORY, "there is no memory for the pack");
-    made->memory = own;
+    made->memory = pool;
     const char *problem = open_pack(made, data, bytes);
     if (problem == NULL) {
         *pack = made;
         return NTC_OK;
     }
-    own = made->memory;
-    release_all(&own);
+    pool = made->memory;
+    release_all(&pool);
     if (*problem == 0) return fail(error, NTC_NO_MEMORY, "there is no memory for the pack");
     if (*problem == '@') return fail(error, NTC_UNSUPPORTED, problem + 1);
     return fail(error, NTC_BAD_FILE, problem);
@@ -1399,8 +1403,8 @@ ntc_status ntc_open(const void *data, size_t bytes, const ntc_options *options, 
 
 void ntc_close(ntc_pack *pack) {
     if (pack == NULL) return;
-    memory own = pack->memory;
-    release_all(&own);
+    memory pool = pack->memory;
+    release_all(&pool);
 }
 
 int ntc_texture_count(const ntc_pack *pack) {
@@ -1435,7 +1439,16 @@ ntc_status ntc_decode(const ntc_pack *pack, int texture_number, int mip, int x, 
     return NTC_OK;
 }
 
-/* ---- Compression (formats of EXT_texture_compression_rgtc and ARB_texture_compression_bptc) ---- */
+/* ---- Compression to BC4, BC5 and BC7 (formats of EXT_texture_compression_rgtc and ARB_texture_compression_bptc) ----
+
+   All formats approximate the texels of a block by points on a line: two ends, and an index for each texel. BC4 has a line of one
+   channel; all ends near the smallest and largest value are tried. BC5 is two BC4 blocks. For BC7:
+   1. The line starts along the principal axis of the texels (power iteration on their covariance).
+   2. Each texel takes the nearest point of the palette. Least squares then gives better ends for these indices, twice.
+   3. Mode 6, one line through RGBA, comes first. If its error is small, it is used. Else mode 5 (one line for three channels and one
+      for the fourth, with 4 rotations) competes if alpha varies, and modes 1 or 7 (two subsets with a line each) in the partitions
+      that leave the smallest distance from two principal axes.
+   The GLSL twin is shaders/passes/compress; docs/explanation/decode-paths.md gives its results. */
 
 typedef struct {
     uint8_t *bytes;
@@ -1446,7 +1459,7 @@ static void put_bits(bit_writer *out, uint32_t value, int count) {
     for (int bit = 0; bit < count; ++bit, ++out->at) out->bytes[out->at >> 3] |= (uint8_t)((value >> bit & 1u) << (out->at & 7));
 }
 
-/* The palette of a BC4 block: of 8 values where `first` is the larger end, else of 6, and 0 and 255. */
+/* Sets the palette of a BC4 block: 8 values if `first` is the larger end, else 6 values, 0 and 255. */
 static void bc4_palette(int first, int second, float *palette) {
     palette[0] = (float)first;
     palette[1] = (float)second;
@@ -1486,7 +1499,7 @@ static void compress_bc4(const float *values, int is_quick, uint8_t *block) {
         if (value > 0 && value < inner_low) inner_low = value;
         if (value < 255 && value > inner_high) inner_high = value;
     }
-    /* Ends a little inside or outside of the values: what rounding of the six between them takes. */
+    /* Ends slightly inside or outside the range of values may fit better, because the six values between them are rounded. */
     const int reach = is_quick ? 0 : high - low > 64 ? 3 : 2;
     for (int up = -reach; up <= reach; ++up) {
         for (int down = -reach; down <= reach; ++down) {
@@ -1526,13 +1539,13 @@ static const int WEIGHTS_2[4] = {0, 21, 43, 64};
 static const int WEIGHTS_3[8] = {0, 9, 18, 27, 37, 46, 55, 64};
 static const int WEIGHTS_4[16] = {0, 4, 9, 13, 17, 21, 26, 30, 34, 38, 43, 47, 51, 55, 60, 64};
 
-/* How a mode of BC7 stores a line through colours: its ends, and how far along it each texel lies. */
+/* How a mode of BC7 stores a line: the precision of its ends and of the indices. */
 typedef struct {
     int first, count;      /* channels */
-    int bits;              /* of an end's channel, without its p bit */
+    int bits;              /* bits of an end's channel, without its p bit */
     int p_bits;            /* 0: none, 1: one for both ends, 2: one for each */
     int index_bits;
-    const int *weights;    /* of the second end, in 1/64 */
+    const int *weights;    /* weights of the second end, in 1/64 */
 } line_kind;
 
 static const line_kind MODE_1 = {0, 3, 6, 1, 3, WEIGHTS_3};
@@ -1541,15 +1554,15 @@ static const line_kind MODE_5_ALPHA = {3, 1, 8, 0, 2, WEIGHTS_2};
 static const line_kind MODE_6 = {0, 4, 7, 2, 4, WEIGHTS_4};
 static const line_kind MODE_7 = {0, 4, 5, 2, 2, WEIGHTS_2};
 
-/* Texels of the second subset for the 16 partitions that are tried, texel 0 in the lowest bit. Both subsets have their anchors at
-   texel 0 and texel 15. */
+/* Second subsets of the 16 partitions that are tried, as bits of texels, texel 0 lowest. The anchors of the subsets are texels 0
+   and 15. */
 static const uint16_t PARTITIONS[16] = {0xCCCC, 0x8888, 0xEEEE, 0xECC8, 0xC880, 0xFEEC, 0xFEC8, 0xEC80,
                                         0xC800, 0xFFEC, 0xFE80, 0xE800, 0xFFE8, 0xFF00, 0xFFF0, 0xF000};
 
 typedef struct {
-    int ends[2][4];         /* as stored, the p bit lowest */
+    int ends[2][4];         /* stored integers, the p bit lowest */
     uint8_t indices[16];
-    float error;            /* squared, in steps of 1/255 */
+    float error;            /* squared error in steps of 1/255 */
 } line_fit;
 
 typedef const float colours[16][4];
@@ -1562,19 +1575,19 @@ static int stored_end(const line_kind *kind, float value, int p_bit) {
     return kind->p_bits > 0 ? stored * 2 + p_bit : stored;
 }
 
-static int shown_end(const line_kind *kind, int stored) {
+static int expanded_end(const line_kind *kind, int stored) {
     const int total = kind->bits + (kind->p_bits > 0);
     return total == 8 ? stored : (stored << (8 - total)) | (stored >> (2 * total - 8));
 }
 
-/* The nearest indices for the ends of `made`, and the error. */
+/* Sets the indices of `made` to the nearest palette entries of its ends, and its error. */
 static void find_indices(const line_kind *kind, colours texels, uint32_t mask, line_fit *made) {
     const int count = 1 << kind->index_bits, last = kind->first + kind->count;
     float palette[16][4], way[4], length = 0.0f;
     int ends[2][4];
     for (int part = kind->first; part < last; ++part) {
-        ends[0][part] = shown_end(kind, made->ends[0][part]);
-        ends[1][part] = shown_end(kind, made->ends[1][part]);
+        ends[0][part] = expanded_end(kind, made->ends[0][part]);
+        ends[1][part] = expanded_end(kind, made->ends[1][part]);
         way[part] = (float)(ends[1][part] - ends[0][part]);
         length += way[part] * way[part];
         for (int index = 0; index < count; ++index)
@@ -1600,7 +1613,7 @@ static void find_indices(const line_kind *kind, colours texels, uint32_t mask, l
     }
 }
 
-/* Stores `ends` with the p bits that fit best, and keeps them in `best` where that is better. */
+/* Quantises `ends` with each combination of p bits. Replaces `best` if one has a smaller error. */
 static void try_ends(const line_kind *kind, colours texels, uint32_t mask, float ends[2][4], line_fit *best) {
     for (int p_bits = 0; p_bits < 4; ++p_bits) {
         line_fit made = *best;
@@ -1614,7 +1627,7 @@ static void try_ends(const line_kind *kind, colours texels, uint32_t mask, float
     }
 }
 
-/* The ends that suit the indices best (least squares); 0 where all texels have one index. */
+/* Computes the ends with the least squared error for the indices of `from`. Returns 0 if all texels have the same index. */
 static int refit(const line_kind *kind, colours texels, uint32_t mask, const line_fit *from, float ends[2][4]) {
     float a = 0.0f, b = 0.0f, c = 0.0f, x[4] = {0}, y[4] = {0};
     for (int texel = 0; texel < 16; ++texel) {
@@ -1637,7 +1650,7 @@ static int refit(const line_kind *kind, colours texels, uint32_t mask, const lin
     return 1;
 }
 
-/* The principal axis of texels (power iteration) and their mean. Returns the sum of squares away from that axis. */
+/* Computes the mean and the principal axis of texels, by power iteration. Returns the sum of squared distances from that axis. */
 static float principal_axis(const line_kind *kind, colours texels, uint32_t mask, int rounds, float mean[4], float axis[4]) {
     const int first = kind->first, last = kind->first + kind->count;
     float spread[4][4] = {{0}}, texel_count = 0.0f, total = 0.0f, along = 0.0f;
@@ -1675,7 +1688,7 @@ static float principal_axis(const line_kind *kind, colours texels, uint32_t mask
     return total - along;
 }
 
-/* The ends of the line of `kind` that follows the principal axis of the texels of `mask`. */
+/* Computes the ends of a line along the principal axis of the texels in `mask`. */
 static void find_ends(const line_kind *kind, colours texels, uint32_t mask, int rounds, float ends[2][4]) {
     float mean[4], axis[4], low = 1e30f, high = -1e30f;
     principal_axis(kind, texels, mask, rounds, mean, axis);
@@ -1692,7 +1705,7 @@ static void find_ends(const line_kind *kind, colours texels, uint32_t mask, int 
     }
 }
 
-/* The line of `kind` through the texels of `mask`. */
+/* Returns the best line of `kind` for the texels in `mask`: principal axis, then two refits. */
 static line_fit fit_line(const line_kind *kind, colours texels, uint32_t mask) {
     float ends[2][4] = {{0}};
     line_fit best;
@@ -1705,7 +1718,7 @@ static line_fit fit_line(const line_kind *kind, colours texels, uint32_t mask) {
     return best;
 }
 
-/* Stores each of `ends` with the p bit that comes nearer, and keeps them in `best` where that is better. */
+/* Quantises each of `ends` with its nearer p bit. Replaces `best` if the error is smaller. */
 static void try_nearest_ends(const line_kind *kind, colours texels, float ends[2][4], line_fit *best) {
     line_fit made = *best;
     for (int end = 0; end < 2; ++end) {
@@ -1715,7 +1728,7 @@ static void try_nearest_ends(const line_kind *kind, colours texels, float ends[2
             int stored[4] = {0};
             for (int part = kind->first; part < kind->first + kind->count; ++part) {
                 stored[part] = stored_end(kind, ends[end][part], p_bit);
-                const float off = (float)shown_end(kind, stored[part]) - ends[end][part];
+                const float off = (float)expanded_end(kind, stored[part]) - ends[end][part];
                 distance += off * off;
             }
             if (distance >= least) continue;
@@ -1727,7 +1740,7 @@ static void try_nearest_ends(const line_kind *kind, colours texels, float ends[2
     if (made.error < best->error) *best = made;
 }
 
-/* Turns a line where the index of its anchor has its highest bit, which is not stored. */
+/* Swaps the ends of a line if the highest bit of its anchor's index is 1: that bit is not stored. */
 static void turn(const line_kind *kind, line_fit *line, int anchor) {
     const int most = (1 << kind->index_bits) - 1;
     if (line->indices[anchor] <= most / 2) return;
@@ -1743,53 +1756,53 @@ static void put_indices(bit_writer *out, const line_kind *kind, const line_fit *
     for (int texel = 0; texel < 16; ++texel) put_bits(out, line->indices[texel], kind->index_bits - (texel == 0));
 }
 
-/* Mode 1 or 7: a line for each subset of a partition. */
+/* Writes mode 1 or 7: a line for each subset of a partition. */
 static void write_lines(const line_kind *kind, const line_fit lines[2], int partition, uint8_t *block) {
-    line_fit own[2] = {lines[0], lines[1]};
+    line_fit turned[2] = {lines[0], lines[1]};
     bit_writer out = {block, 0};
-    turn(kind, &own[0], 0);
-    turn(kind, &own[1], 15);
+    turn(kind, &turned[0], 0);
+    turn(kind, &turned[1], 15);
     put_bits(&out, kind == &MODE_1 ? 2u : 128u, kind == &MODE_1 ? 2 : 8);
     put_bits(&out, (uint32_t)partition, 6);
     for (int part = 0; part < kind->count; ++part) {
         for (int subset = 0; subset < 2; ++subset) {
-            for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)own[subset].ends[end][part] >> 1, kind->bits);
+            for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)turned[subset].ends[end][part] >> 1, kind->bits);
         }
     }
     for (int subset = 0; subset < 2; ++subset) {
-        for (int end = 0; end < kind->p_bits; ++end) put_bits(&out, (uint32_t)own[subset].ends[end][0] & 1u, 1);
+        for (int end = 0; end < kind->p_bits; ++end) put_bits(&out, (uint32_t)turned[subset].ends[end][0] & 1u, 1);
     }
     for (int texel = 0; texel < 16; ++texel)
-        put_bits(&out, own[PARTITIONS[partition] >> texel & 1].indices[texel], kind->index_bits - (texel == 0 || texel == 15));
+        put_bits(&out, turned[PARTITIONS[partition] >> texel & 1].indices[texel], kind->index_bits - (texel == 0 || texel == 15));
 }
 
-/* `rotation` 1 to 3: that channel of RGB has changed places with alpha. */
-static void write_mode_5(line_fit own, line_fit alpha, int rotation, uint8_t *block) {
+/* Writes mode 5. `rotation` 1 to 3: red, green or blue was swapped with alpha. */
+static void write_mode_5(line_fit rgb, line_fit alpha, int rotation, uint8_t *block) {
     bit_writer out = {block, 0};
-    turn(&MODE_5_COLOURS, &own, 0);
+    turn(&MODE_5_COLOURS, &rgb, 0);
     turn(&MODE_5_ALPHA, &alpha, 0);
     put_bits(&out, 32u, 6);
     put_bits(&out, (uint32_t)rotation, 2);
     for (int part = 0; part < 3; ++part) {
-        for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)own.ends[end][part], 7);
+        for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)rgb.ends[end][part], 7);
     }
     for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)alpha.ends[end][3], 8);
-    put_indices(&out, &MODE_5_COLOURS, &own);
+    put_indices(&out, &MODE_5_COLOURS, &rgb);
     put_indices(&out, &MODE_5_ALPHA, &alpha);
 }
 
-static void write_mode_6(line_fit own, uint8_t *block) {
+static void write_mode_6(line_fit line, uint8_t *block) {
     bit_writer out = {block, 0};
-    turn(&MODE_6, &own, 0);
+    turn(&MODE_6, &line, 0);
     put_bits(&out, 64u, 7);
     for (int part = 0; part < 4; ++part) {
-        for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)own.ends[end][part] >> 1, 7);
+        for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)line.ends[end][part] >> 1, 7);
     }
-    for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)own.ends[end][0] & 1u, 1);
-    put_indices(&out, &MODE_6, &own);
+    for (int end = 0; end < 2; ++end) put_bits(&out, (uint32_t)line.ends[end][0] & 1u, 1);
+    put_indices(&out, &MODE_6, &line);
 }
 
-/* A line of mode 6 through all texels, for which few ends are tried. */
+/* Returns a line of mode 6 for all texels, with few tries of ends. */
 static line_fit fit_line_quickly(colours texels) {
     float ends[2][4] = {{0}};
     line_fit best;
@@ -1801,13 +1814,12 @@ static line_fit fit_line_quickly(colours texels) {
     return best;
 }
 
-/* Errors of a block above which other modes are tried: squares, in steps of 1/255. */
-#define WORTH_MORE 4.0f
-#define WORTH_MORE_QUICKLY 160.0f
+/* Squared errors of mode 6, in steps of 1/255, up to which no other mode is tried. */
+#define GOOD_ENOUGH 4.0f
+#define GOOD_ENOUGH_QUICKLY 160.0f
 #define PARTITIONS_FITTED 3
 
-/* BC7 in the best of mode 6 (one line through RGBA), mode 5 (a line for three channels, another for the fourth), and modes 1 (opaque)
-   and 7 (two lines). */
+/* Writes the best of mode 6, mode 5 (unless opaque), and mode 1 (opaque) or 7 (else). */
 static void compress_bc7(colours texels, int is_quick, uint8_t *block) {
     const line_fit one = is_quick ? fit_line_quickly(texels) : fit_line(&MODE_6, texels, 0xFFFFu);
     float best = one.error;
@@ -1815,7 +1827,7 @@ static void compress_bc7(colours texels, int is_quick, uint8_t *block) {
     for (int texel = 0; texel < 16; ++texel) is_opaque = is_opaque && texels[texel][3] >= 255.0f;
     memset(block, 0, 16);
     write_mode_6(one, block);
-    if (best <= (is_quick ? WORTH_MORE_QUICKLY : WORTH_MORE)) return;
+    if (best <= (is_quick ? GOOD_ENOUGH_QUICKLY : GOOD_ENOUGH)) return;
     for (int rotation = 0; rotation < 4 && !is_opaque; ++rotation) {
         float turned[16][4];
         memcpy(turned, texels, sizeof turned);
@@ -1823,12 +1835,12 @@ static void compress_bc7(colours texels, int is_quick, uint8_t *block) {
             turned[texel][rotation - 1] = texels[texel][3];
             turned[texel][3] = texels[texel][rotation - 1];
         }
-        const line_fit own = fit_line(&MODE_5_COLOURS, (const float(*)[4])turned, 0xFFFFu);
+        const line_fit rgb = fit_line(&MODE_5_COLOURS, (const float(*)[4])turned, 0xFFFFu);
         const line_fit alpha = fit_line(&MODE_5_ALPHA, (const float(*)[4])turned, 0xFFFFu);
-        if (own.error + alpha.error >= best) continue;
-        best = own.error + alpha.error;
+        if (rgb.error + alpha.error >= best) continue;
+        best = rgb.error + alpha.error;
         memset(block, 0, 16);
-        write_mode_5(own, alpha, rotation, block);
+        write_mode_5(rgb, alpha, rotation, block);
     }
     const line_kind *kind = is_opaque ? &MODE_1 : &MODE_7;
     float away[16], mean[4], axis[4];
@@ -1876,11 +1888,11 @@ ntc_status ntc_decode_blocks(const ntc_pack *pack, int texture_number, int mip, 
     }
     if (count == 0) return NTC_BAD_ARGUMENT;
     const level *stored = &from->levels[mip];
-    /* One channel, or grey with alpha. */
+    /* Grey is one channel, or two with alpha. */
     const int is_bc7 = format == NTC_BC7 || format == NTC_BC7_QUICK, is_bc4 = format == NTC_BC4 || format == NTC_BC4_QUICK;
     const int is_grey = is_bc7 && (count == 1 || (map == NTC_BASE && count == 2));
     uint8_t texels[8 * 8 * NTC_MOST_CHANNELS], four[64];
-    /* Eight texels at a time along both axes: blocks of the codec are decoded once. */
+    /* 8x8 texels at a time: each block of the codec is decoded once. */
     for (int y = 0; y < stored->texel_height; y += 8) {
         for (int x = 0; x < stored->texel_width; x += 8) {
             const int width = stored->texel_width - x < 8 ? stored->texel_width - x : 8;
