@@ -1,5 +1,5 @@
-"""Makes the npm package whole: builds ntc.wasm from libntc where Zig's compiler is (pip install ziglang), and copies the tables of
-grouping `universal` beside it."""
+"""Build script of the npm package: compiles libntc to ntc.wasm with Zig (pip install ziglang), and copies the tables of grouping
+`universal`."""
 
 import hashlib
 import importlib.util
@@ -16,14 +16,14 @@ TARGET = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-msimd128", "-std=c
 
 
 def source_section() -> bytes:
-    """Return a section of WebAssembly with the hash of the sources, which ends ntc.wasm."""
+    """Return the last section of ntc.wasm, which holds the hash of its sources."""
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in SOURCES)).hexdigest()[:16]
     content = b"\x06source" + digest.encode()
     return bytes((0, len(content))) + content
 
 
 def build(out: Path) -> None:
-    """Compile ntc.wasm to `out`. Raises CalledProcessError where the compiler fails."""
+    """Compile ntc.wasm to `out`. Raises CalledProcessError if the compiler fails."""
     compiler = (sys.executable, "-m", "ziglang", "cc")
     subprocess.run([*compiler, *TARGET, "-I", NTC / "c", *SOURCES[:2], "-o", out], check=True)
     out.write_bytes(out.read_bytes() + source_section())

@@ -32,7 +32,7 @@ const RGBA8 = -1;
 const BC5 = 4;
 const BC7 = 5;
 const THREE_FORMATS = { [RGBA8]: RGBAFormat, [BC5]: RED_GREEN_RGTC2_Format, [BC7]: RGBA_BPTC_Format };
-/** Largest sides of the mips that are decoded first, and next: all textures at one size, then all at the other. */
+/** Largest sides of the mips of each decoding step: all textures at the first size, then all at the next. */
 const STAGES = [128, 1024, Infinity];
 const STAGES_ON_DEMAND = [32, 256, Infinity];
 const FILTERS = {
@@ -45,20 +45,20 @@ const FILTERS = {
 };
 const WRAPS = { 10497: RepeatWrapping, 33071: ClampToEdgeWrapping, 33648: MirroredRepeatWrapping };
 
-/** Workers that decode, and their queue. */
+/** Decoding workers of one pack, and their queue. */
 class Workers {
     #idle = [];
     #queue = [];
     #all = [];
 
-    /** Starts `count` workers with the pack of `job`; returns facts about its textures. Rejects for what is no pack. */
+    /** Starts `count` workers with the pack of `job`; returns facts about its textures. Rejects if it is no pack. */
     async open(count, job) {
         const facts = await this.#add({ task: "open", ...job });
         for (let number = 1; number < count; ++number) this.#add({ task: "open", ...job }).catch(() => {});
         return facts;
     }
 
-    /** Starts a worker without a pack, which mips images. */
+    /** Starts a worker without a pack, which computes mips of images. */
     start() {
         this.#add({ task: "start" });
         return this;
@@ -91,12 +91,12 @@ class Workers {
         else this.#ask(worker, job.message).then(job.resolve, job.reject);
     }
 
-    /** Gives all workers bytes of the pack that have arrived. What is asked of them later is decoded with these. */
+    /** Sends new bytes of the pack to all workers. Later jobs decode with them. */
     fill(parts) {
         if (parts.length > 0) this.#all.forEach((worker) => worker.postMessage({ task: "fill", parts }));
     }
 
-    /** The answer of a worker to `message`. */
+    /** Queues `message`; resolves with a worker's answer. */
     ask(message) {
         return new Promise((resolve, reject) => {
             this.#queue.push({ message, resolve, reject });
@@ -110,15 +110,15 @@ class Workers {
 }
 
 /**
- * What materials read of each texture entry: components as bits (red 1, alpha 8), and whether all of them read a normal.
+ * Returns how materials read each texture entry: components as bits (red 1, alpha 8), and whether all of them read a normal.
  * @returns {Map<number, {read: number, normal: boolean}>}
  */
 function uses(json) {
-    const found = new Map();
+    const usage = new Map();
     const add = (info, read, normal = false) => {
         if (info === undefined) return;
-        const before = found.get(info.index) ?? { read: 0, normal: true };
-        found.set(info.index, { read: before.read | read, normal: before.normal && normal });
+        const before = usage.get(info.index) ?? { read: 0, normal: true };
+        usage.set(info.index, { read: before.read | read, normal: before.normal && normal });
     };
     for (const material of json.materials ?? []) {
         const metallic = material.pbrMetallicRoughness ?? {};
@@ -136,10 +136,10 @@ function uses(json) {
             }
         }
     }
-    return found;
+    return usage;
 }
 
-/** Which tables of grouping `universal` a pack names; null for others. */
+/** Returns the file name of the shipped tables that a pack needs; null if it needs none. */
 function tablesName(pack) {
     const length = Number(new DataView(pack.buffer).getBigUint64(0, true));
     const header = JSON.parse(new TextDecoder().decode(pack.subarray(8, 8 + length)));
@@ -182,18 +182,18 @@ export class NTCTextures {
     #memory;
     #blocks;
     #uses;
-    /** By texture entry: {option, others}: the pack that is shown, and the extensions that name other images. */
+    /** By texture entry: {option, others}, the texture of a pack to show, and extensions that name other images. */
     #entries = new Map();
     /** By image entry: {workers, facts, file, name}. */
     #packs = new Map();
-    /** By image entry and texture of the pack: the textures of three.js, by entry. */
+    /** By image entry and texture of its pack: the textures of three.js by texture entry. */
     #decoded = new Map();
-    /** All TextureSets that are there. */
+    /** All TextureSets that show something. */
     #sets = new Set();
     /** Mips to decode: {set, mip}. */
     #queue = [];
     #running = 0;
-    /** Whether finer mips may be decoded: the first picture comes before. */
+    /** Whether finer mips may be decoded: true once the first picture is complete. */
     #isBegun = false;
     #listeners = [];
     #imageWorkers = null;
@@ -223,17 +223,17 @@ export class NTCTextures {
         const { images = [], textures = [] } = parser.json;
         const isShown = ({ mimeType, uri }) => mimeType === PACK_TYPE && (options.pack === undefined || options.pack === uri);
         textures.forEach((texture, index) => {
-            const { [EXTENSION]: own, ...others } = texture.extensions ?? {};
-            const option = own?.options?.find(({ source }) => images[source] && isShown(images[source]));
+            const { [EXTENSION]: swizzle, ...others } = texture.extensions ?? {};
+            const option = swizzle?.options?.find(({ source }) => images[source] && isShown(images[source]));
             if (option === undefined && !options.onDemand) return;
             this.#entries.set(index, { option, others });
-            // GLTFLoader asks its own plug-ins for WebP, AVIF and KTX2 first.
-            texture.extensions = { [EXTENSION]: own };
+            // Otherwise GLTFLoader's plug-ins for WebP, AVIF and KTX2 would come first.
+            texture.extensions = { [EXTENSION]: swizzle };
         });
     }
 
     /**
-     * Resolves when all mips that are asked for are there: `await gltf.parser.plugins.NV_texture_swizzle.complete()`. These are the
+     * Resolves when all requested mips are loaded: `await gltf.parser.plugins.NV_texture_swizzle.complete()`. These are the
      * finest mips of all textures, or with `onDemand` those of the last call of `want`.
      */
     complete() {
@@ -243,18 +243,18 @@ export class NTCTextures {
         });
     }
 
-    /** Whether all mips that are asked for are there. */
+    /** Whether all requested mips are loaded. */
     get isComplete() {
         return this.#running === 0 && this.#queue.length === 0;
     }
 
-    /** Whether something of each texture in sight is there. */
+    /** Whether each texture in sight has a mip. */
     get hasCoarse() {
         return [...this.#sets].every(({ isSeen, level }) => !isSeen || level < Infinity);
     }
 
     /**
-     * With `onDemand`: says what is in sight. All other textures may lose their finer mips.
+     * Sets which textures are in sight, with `onDemand`. All others may lose their finer mips.
      * @param {Map<import("three").Texture, number>} footprints By texture, the smallest distance of neighbouring pixels in texture
      * coordinates.
      */
@@ -269,7 +269,7 @@ export class NTCTextures {
         this.#plan();
     }
 
-    /** GLTFLoader calls this when the scene is there, with its coarse mips. */
+    /** GLTFLoader calls this when the scene is loaded, with coarse mips. */
     async afterRoot() {
         this.#isBegun = true;
         this.#plan();
@@ -282,13 +282,13 @@ export class NTCTextures {
         });
     }
 
-    /** Queues what is missing: all textures at one size, then all at the next. */
+    /** Queues missing mips: all textures at one size, then all at the next. */
     #plan() {
         const stages = STAGES.map(() => []);
         for (const set of this.#sets) {
             if (!this.#options.onDemand) Object.assign(set, { isSeen: true, footprint: 0 });
             if (!set.isSeen) continue;
-            // The size of an image is known when it is there.
+            // The size of an image is unknown until it is loaded.
             if (set.mips === 0) stages[0].push({ set });
             const wanted = set.fit(set.mipOf(set.footprint));
             let last = set.level;
@@ -342,7 +342,7 @@ export class NTCTextures {
         const pack = await this.#pack(source);
         if (pack === null) return this.#fallback(index);
         const hash = extras?.pixelHash;
-        const layer = hash ? pack.facts.findIndex((own) => own.hash === hash) : arrayLayer;
+        const layer = hash ? pack.facts.findIndex((fact) => fact.hash === hash) : arrayLayer;
         if (!pack.facts[layer]) {
             this.#report(`textures[${index}]: is not in the pack; its other image is shown`);
             return this.#fallback(index);
@@ -352,28 +352,28 @@ export class NTCTextures {
         return (await this.#decoded.get(key)).get(index) ?? this.#fallback(index);
     }
 
-    /** What is shown instead of a pack; null without an image. */
+    /** Returns the texture to show instead of a pack; null without an image. */
     #fallback(index) {
         return this.#options.onDemand ? this.#lazyImage(index) : this.#plainImage(index);
     }
 
-    /** What other plug-ins or GLTFLoader show; null without an image. */
+    /** Returns the texture that other plug-ins or GLTFLoader load; null without an image. */
     #plainImage(index) {
         const parser = this.#parser;
         const texture = parser.json.textures[index];
         texture.extensions = this.#entries.get(index).others;
         for (const plugin of Object.values(parser.plugins)) {
-            const found = plugin === this ? null : plugin.loadTexture?.(index);
-            if (found) return found;
+            const loaded = plugin === this ? null : plugin.loadTexture?.(index);
+            if (loaded) return loaded;
         }
         return texture.source === undefined ? null : parser.loadTexture(index);
     }
 
-    /** A texture that shows an image of the file once it is wanted; null without an image. */
+    /** Returns a texture that loads an image of the file once it is in sight; null without an image. */
     #lazyImage(index) {
         const { json } = this.#parser;
         const { others } = this.#entries.get(index);
-        const source = Object.values(others).find((own) => typeof own?.source === "number")?.source ?? json.textures[index].source;
+        const source = Object.values(others).find((extension) => typeof extension?.source === "number")?.source ?? json.textures[index].source;
         const entry = json.images?.[source];
         if (entry === undefined) return null;
         const texture = this.#texture(index, RGBAFormat);
@@ -399,7 +399,7 @@ export class NTCTextures {
         return texture;
     }
 
-    /** Where the bytes of an image are: a URL, or they themselves. */
+    /** Returns the file of an image: its URL, or a Blob. */
     async #imageFile({ uri, bufferView, mimeType }) {
         const parser = this.#parser;
         if (bufferView !== undefined) return new Blob([await parser.getDependency("bufferView", bufferView)], { type: mimeType });
@@ -428,7 +428,7 @@ export class NTCTextures {
             try {
                 tables = tablesName(pack);
             } catch {
-                // libntc says what is wrong with the pack.
+                // libntc will report what is wrong with the pack.
             }
             if (tables !== null) tables = await fetched(new URL(`./${tables}`, import.meta.url));
             const facts = await workers.open(this.#workers, { module, pack, tables });
@@ -440,7 +440,7 @@ export class NTCTextures {
         }
     }
 
-    /** The pack as it lies in the file, or beside it: read in parts where it comes by HTTP. */
+    /** Returns the file of a pack, from a buffer view or a URL. Over HTTP it is read in parts. */
     async #file(image) {
         const parser = this.#parser;
         const { uri, bufferView } = parser.json.images[image];
@@ -457,11 +457,11 @@ export class NTCTextures {
         });
     }
 
-    /** Begins to decode all entries that a texture of the pack stands for. Resolves with them when their coarse mips are there. */
+    /** Starts decoding a texture of a pack for all texture entries that show it. Resolves with textures by entry when coarse mips are loaded. */
     async #decode(pack, layer, { source, arrayLayer, extras }) {
         const entries = [...this.#entries.keys()].filter((index) => {
-            const own = this.#entries.get(index).option;
-            return own?.source === source && own.arrayLayer === arrayLayer && own.extras?.pixelHash === extras?.pixelHash;
+            const other = this.#entries.get(index).option;
+            return other?.source === source && other.arrayLayer === arrayLayer && other.extras?.pixelHash === extras?.pixelHash;
         });
         const { width, height, mips } = pack.facts[layer];
         const made = await Promise.all(entries.map((index) => this.#output(index, width, height)));
@@ -473,7 +473,7 @@ export class NTCTextures {
             return pack.workers.ask({ task: "decode", texture: layer, width, height, first, last, outputs });
         });
         set.source = pack;
-        set.resize(width, height, mips, stages(this.#sizes, width, height, mips, isPlain, (mip) => pack.file.hasOwnCodes(layer, mip)));
+        set.resize(width, height, mips, stages(this.#sizes, width, height, mips, isPlain, (mip) => pack.file.beginsLevel(layer, mip)));
         try {
             await set.refine(set.coarsest);
         } catch (error) {
@@ -485,7 +485,7 @@ export class NTCTextures {
         return new Map(entries.map((index, place) => [index, textures[place]]));
     }
 
-    /** What worker.js makes for a texture entry, and the texture that shows it. */
+    /** Returns the output that worker.js makes for a texture entry, and the texture that shows it. */
     async #output(index, width, height) {
         const { read, normal } = this.#uses.get(index) ?? { read: 0b1111, normal: false };
         const channels = [...(this.#entries.get(index).option.channels ?? [0, 1, 2, 3])];
@@ -498,7 +498,7 @@ export class NTCTextures {
         return { output: { channels, format, fill }, texture: this.#texture(index, THREE_FORMATS[format]) };
     }
 
-    /** A texture without mips, with the name and the sampler of a texture entry. */
+    /** Returns a texture without mips, with the name and the sampler of a texture entry. */
     #texture(index, format) {
         const { json, associations } = this.#parser;
         const entry = json.textures[index];
@@ -513,7 +513,7 @@ export class NTCTextures {
         return texture;
     }
 
-    /** The image of a texture entry, for components that the pack does not hold; null without one. */
+    /** Returns the image of a texture entry, for components that the pack does not hold; null without one. */
     async #image(index) {
         const texture = await this.#plainImage(index);
         if (!texture?.image || texture.isCompressedTexture || texture.isDataTexture) return null;
@@ -522,19 +522,19 @@ export class NTCTextures {
 }
 
 /**
- * First mips of what is decoded at a time, of `sizes` at most, the coarsest first. Unless `any` will do, their sides are multiples of 4. The first one is
- * one that `hasOwnCodes`.
+ * Returns the finest mip of each decoding step, the coarsest step first: the largest whose sides are at most those in `sizes`. Sides
+ * are multiples of 4 unless `any`. The first one must satisfy `beginsLevel`.
  */
-function stages(sizes, width, height, mips, any, hasOwnCodes) {
-    const found = [];
+function stages(sizes, width, height, mips, any, beginsLevel) {
+    const firsts = [];
     for (const largest of sizes) {
         for (let mip = 0; mip < mips; ++mip) {
             const [w, h] = [Math.max(1, width >> mip), Math.max(1, height >> mip)];
             if (Math.max(w, h) > largest || (!any && (w % 4 || h % 4))) continue;
-            if (largest === sizes[0] && !hasOwnCodes(mip)) continue;
-            if (mip !== found[found.length - 1]) found.push(mip);
+            if (largest === sizes[0] && !beginsLevel(mip)) continue;
+            if (mip !== firsts[firsts.length - 1]) firsts.push(mip);
             break;
         }
     }
-    return found;
+    return firsts;
 }

@@ -1,4 +1,4 @@
-/* libntc as a WebAssembly module: one open pack, and whole mips as RGBA8 or blocks for the GPU. worker.js calls it. */
+/* libntc as a WebAssembly module. It has one open pack, and decodes whole mips to RGBA8 or to blocks for the GPU. worker.js calls it. */
 #include "ntc.h"
 
 #include <math.h>
@@ -6,13 +6,13 @@
 
 #define EXPORT(name) __attribute__((export_name(name)))
 #define STRIP 32      /* rows of texels that are decoded at a time: a multiple of 4 */
-#define FILLED (-1)   /* channel: from `fill`, or 255 without it */
-#define NORMAL_Z (-2) /* channel: z of a normal of unit length, from the first two components */
+#define FILLED (-1)   /* a channel: of `fill`, or 255 without it */
+#define NORMAL_Z (-2) /* a channel: z of a unit normal, from the first two components */
 #define RGBA8 (-1)    /* format; others are those of ntc_block_format */
 
-/* What is made of a mip, as worker.js writes it: one image of RGBA. */
+/* An image to make of a mip, laid out as worker.js writes it. */
 typedef struct {
-    int32_t channels[4];    /* of the texture, for each component */
+    int32_t channels[4];    /* channel of the texture for each component */
     int32_t format;
     const uint8_t *fill;    /* RGBA8 of the mip, or NULL */
     uint8_t *out;
@@ -29,7 +29,7 @@ EXPORT("release") void release(void *memory) {
     free(memory);
 }
 
-/* Opens the pack in `data`, and closes the one before. */
+/* Opens the pack in `data`, and closes the previous one. */
 EXPORT("open") int open_pack(const void *data, size_t bytes, const void *tables, size_t tables_bytes) {
     ntc_options options = {0};
     ntc_close(pack);
@@ -47,14 +47,14 @@ EXPORT("textures") int textures(void) {
 }
 
 /* Writes width, height, mips, channels, and the address of the pixel hash. */
-EXPORT("texture") void texture(int number, int32_t *found) {
+EXPORT("texture") void texture(int number, int32_t *facts) {
     ntc_texture_info info;
     ntc_texture(pack, number, &info);
-    found[0] = info.width;
-    found[1] = info.height;
-    found[2] = info.mips;
-    found[3] = info.channels;
-    found[4] = (int32_t)(intptr_t)info.pixel_hash;
+    facts[0] = info.width;
+    facts[1] = info.height;
+    facts[2] = info.mips;
+    facts[3] = info.channels;
+    facts[4] = (int32_t)(intptr_t)info.pixel_hash;
 }
 
 static uint8_t normal_z(const uint8_t *texel) {
@@ -71,7 +71,7 @@ static void compose(const output *made, const uint8_t *texel, size_t place, uint
     }
 }
 
-/* Writes rows `top` to `top` + `rows` of a mip, which lie in `texels`, to `made`. Blocks repeat the last texel beyond the edge. */
+/* Writes `rows` rows of a mip, from row `top` on, from `texels` to `made`. Blocks repeat the last texel beyond the edge. */
 static void write_rows(const output *made, const uint8_t *texels, int channels, int width, int top, int rows) {
     uint8_t block[64], *out;
     if (made->format == RGBA8) {

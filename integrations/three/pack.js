@@ -1,42 +1,43 @@
-// Reads a pack (.ntc) by HTTP range requests: first what libntc opens it with, then the codes of mips, coarse ones first.
-// docs/reference/pack-format.md says what lies where.
+// Reads a pack (.ntc) by HTTP range requests: first the parts that libntc needs to open it, then codes of mips, coarse ones first.
+// docs/reference/pack-format.md specifies the file.
 
 /**
- * Bytes of the first request; texels a side of levels that are read before the pack is opened, at most; bytes between two wanted parts
- * that are read too, rather than asked around.
+ * `first`: bytes of the first request. `coarse`: largest side in texels of the levels that are read before the pack is opened.
+ * `gap`: bytes between two wanted parts up to which one request reads both.
  */
 const SIZES = { first: 1 << 16, coarse: 128, gap: 1 << 13 };
+/** Codes of an entry of a level's directory. */
 const RUN = 16;
 const MOST_LEVELS = 16;
 
-/** A server, or a file, that ranges do not go with: the whole file is read instead. */
+/** Error: the server or the file does not allow ranges. The whole file is read instead. */
 class NoRanges extends Error {}
 
-/** The levels of a texture that have codes of their own, finest first: {mip, last, side, cells}, for mips `mip` to `last`. */
+/** Returns the stored levels of a texture, finest first: {mip, last, side, cells}. Mips `mip` to `last` are decoded from one level. */
 function levels({ width, height, code_mips: codeMips }, codec) {
     const isGrid = (codec.kind ?? "grid") === "grid";
     const side = isGrid ? codec.downscale : codec.block_side;
     const most = isGrid ? 1 : (codeMips ?? codec.mips);
-    const found = [];
+    const stored = [];
     for (let mip = 0; mip < Math.min(codec.levels ?? MOST_LEVELS, MOST_LEVELS); ++mip) {
         const [w, h] = [Math.max(1, width >> mip), Math.max(1, height >> mip)];
         const [across, down] = [Math.ceil(w / side), Math.ceil(h / side)];
-        const before = found[found.length - 1];
+        const before = stored[stored.length - 1];
         const isHalf = 2 * w === Math.max(1, width >> (mip - 1)) && 2 * h === Math.max(1, height >> (mip - 1));
         if (before && mip - before.mip < most && isHalf) before.last = mip;
-        else found.push({ mip, last: mip, side: Math.max(w, h), cells: across * down });
+        else stored.push({ mip, last: mip, side: Math.max(w, h), cells: across * down });
         if (Math.max(across, down) <= (isGrid ? 4 : 1)) break;
     }
-    return found;
+    return stored;
 }
 
-/** A pack whose file is read in parts, or whole. */
+/** The file of a pack, read in parts or whole. */
 export class PackFile {
-    /** The file's bytes as libntc opens them: zeros where finer mips have not arrived. */
+    /** The bytes that libntc opens: zeros in place of finer mips that have not arrived. */
     bytes;
     #ask;
     #sizes;
-    /** By texture, finest first: {mip, last, begin, end}: the bytes of codes that have not been asked for; null for a whole file. */
+    /** Levels of each texture, finest first: {mip, last, begin, end}, the range of bytes that was not read. null for a whole file. */
     #missing = null;
 
     static whole(bytes) {
@@ -46,7 +47,7 @@ export class PackFile {
     }
 
     /**
-     * Reads the pack at `url`: whole where the server knows no ranges, else so much that it can be opened and coarse mips decoded.
+     * Reads enough of the pack at `url` to open it and to decode coarse mips; the whole file if the server does not support ranges.
      * @param {RequestInit} request
      */
     static async read(url, request, sizes = SIZES) {
@@ -62,25 +63,25 @@ export class PackFile {
             if (isPart) await made.#readCoarse(response.headers.get("Content-Range"));
             if (response.ok) return made;
         } catch {
-            // Damaged files are libntc's to judge, servers without ranges give the whole one.
+            // Read the whole file: the server may not support ranges, or the file is damaged, which libntc reports.
         }
         const whole = await ask();
         if (!whole.ok) throw new Error("the file is not there");
         return PackFile.whole(new Uint8Array(await whole.arrayBuffer()));
     }
 
-    /** Whether a mip of a texture has codes of its own, so that no finer mip's are read for it. */
-    hasOwnCodes(texture, mip) {
+    /** Returns whether a level begins at this mip of a texture. Otherwise it is decoded from the codes of a finer mip. */
+    beginsLevel(texture, mip) {
         return this.#missing === null || this.#missing[texture].some((level) => level.mip === mip);
     }
 
-    /** Reads what decoding needs from `mip` on, and was not read before: [{at, data}], for the pack's bytes. */
+    /** Reads the parts that mips from `mip` on need and that were not read before: [{at, data}], `at` in the pack's bytes. */
     async need(texture, mip) {
         const wanted = (this.#missing?.[texture] ?? []).filter((level) => level.last >= mip && level.begin < level.end);
         const parts = wanted.map(({ begin, end }) => [begin, end]);
-        const found = await this.#parts(parts);
+        const read = await this.#parts(parts);
         wanted.forEach((level) => (level.begin = level.end));
-        return found;
+        return read;
     }
 
     async #readCoarse(contentRange) {
@@ -88,13 +89,13 @@ export class PackFile {
         const headerBytes = Number(new DataView(first.buffer).getBigUint64(0, true));
         const size = Number(contentRange?.split("/")[1]);
         const data = 8 + headerBytes;
-        // Other origins show the size only if they are asked to.
+        // A server of another origin must expose Content-Range.
         if (!(size > 0) || !(data <= size)) throw new NoRanges();
         this.bytes = new Uint8Array(size);
         this.bytes.set(first);
         const rest = async (wanted) => {
-            const news = wanted.map(([begin, end]) => [Math.max(begin, Math.min(end, first.length)), end]);
-            for (const { at, data } of await this.#parts(news)) this.bytes.set(data, at);
+            const unread = wanted.map(([begin, end]) => [Math.max(begin, Math.min(end, first.length)), end]);
+            for (const { at, data } of await this.#parts(unread)) this.bytes.set(data, at);
         };
         await rest([[0, data]]);
         const header = JSON.parse(new TextDecoder().decode(this.bytes.subarray(8, data)));
@@ -103,27 +104,27 @@ export class PackFile {
         const places = Object.entries(header).map(([name, { data_offsets: [begin, end] }]) => [name, data + begin, data + end]);
         if (places.some(([, begin, end]) => !(begin >= data && begin <= end && end <= size))) throw new NoRanges();
         if (Math.max(data, ...places.map(([, , end]) => end)) !== size) throw new NoRanges();
-        const words = new Map(places.filter(([name]) => /^latents\.\d+$/.test(name)).map(([name, ...own]) => [name, own]));
-        let wanted = places.filter(([name]) => !words.has(name)).map(([, ...own]) => own);
-        const found = textures.map((texture, number) => new Levels(texture, codec, this.#sizes.coarse, words.get(`latents.${number}`)));
-        // A directory says where the next level begins.
+        const words = new Map(places.filter(([name]) => /^latents\.\d+$/.test(name)).map(([name, ...range]) => [name, range]));
+        let wanted = places.filter(([name]) => !words.has(name)).map(([, ...range]) => range);
+        const searches = textures.map((texture, number) => new Levels(texture, codec, this.#sizes.coarse, words.get(`latents.${number}`)));
+        // The end of a level, and so the begin of the next one, follows from its directory.
         do {
-            await rest([...wanted, ...found.flatMap((own) => own.next(this.bytes))]);
+            await rest([...wanted, ...searches.flatMap((search) => search.next(this.bytes))]);
             wanted = [];
-        } while (found.some((own) => !own.isDone));
-        this.#missing = found.map((own) => own.stored);
+        } while (searches.some((search) => !search.isDone));
+        this.#missing = searches.map((search) => search.stored);
     }
 
-    /** The bytes of all `wanted` ranges: [{at, data}]. Near ones come in one answer. */
+    /** Reads all `wanted` ranges: [{at, data}]. One request reads ranges that are close to each other. */
     async #parts(wanted) {
         const sorted = wanted.filter(([begin, end]) => begin < end).sort((a, b) => a[0] - b[0]);
         const runs = [];
-        for (const own of sorted) {
+        for (const range of sorted) {
             const run = runs[runs.length - 1];
-            if (run && own[0] <= run.end + this.#sizes.gap) {
-                run.end = Math.max(run.end, own[1]);
-                run.parts.push(own);
-            } else runs.push({ begin: own[0], end: own[1], parts: [own] });
+            if (run && range[0] <= run.end + this.#sizes.gap) {
+                run.end = Math.max(run.end, range[1]);
+                run.parts.push(range);
+            } else runs.push({ begin: range[0], end: range[1], parts: [range] });
         }
         const answers = runs.map(async ({ begin, end, parts }) => {
             const response = await this.#ask(`bytes=${begin}-${end - 1}`);
@@ -135,7 +136,7 @@ export class PackFile {
     }
 }
 
-/** Finds the levels of one texture in its words, from the finest on. */
+/** Search for the levels of one texture in its latents, from the finest on. */
 class Levels {
     isDone = false;
     stored = [];
@@ -153,14 +154,14 @@ class Levels {
         [this.#at, this.#end] = [begin, end];
     }
 
-    /** The ranges that are needed next, when those of the last call are in `bytes`: a directory, or all coarse levels. */
+    /** Returns the ranges to read next: a directory, or all coarse levels. `bytes` must hold the ranges of the last call. */
     next(bytes) {
         while (!this.isDone) {
             const level = this.#levels[this.stored.length];
             if (level === undefined || level.side <= this.#coarse) {
                 this.isDone = true;
                 const coarse = this.#levels.slice(this.stored.length);
-                this.stored.push(...coarse.map((own) => ({ ...own, begin: this.#end, end: this.#end })));
+                this.stored.push(...coarse.map((level) => ({ ...level, begin: this.#end, end: this.#end })));
                 return [[this.#at, this.#end]];
             }
             const { begin, size } = this.#codes(level.cells);
@@ -176,7 +177,7 @@ class Levels {
         return [];
     }
 
-    /** Where the codes of a level begin, and the bytes of the whole level if the directory need not say them. */
+    /** Returns where the codes of a level begin, and the bytes of the whole level; null if they depend on its directory. */
     #codes(cells) {
         const { kind, latent_channels: channels, latent_bits: bits, block_words: sizes } = this.#codec;
         if ((kind ?? "grid") === "grid") return { begin: this.#at, size: (cells * channels * bits) / 8 };
@@ -184,7 +185,7 @@ class Levels {
         return { begin: this.#at + 8 * Math.ceil(cells / RUN), size: null };
     }
 
-    /** Bytes of the level whose directory has arrived: its last run's place, and the codes of that run. */
+    /** Returns the bytes of a level from its directory: the place of its last run, plus the codes of that run. */
     #directorySize(bytes, cells) {
         const last = Math.ceil(cells / RUN) - 1;
         const view = new DataView(bytes.buffer, this.#at + 8 * last, 8);

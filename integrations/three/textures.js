@@ -1,12 +1,12 @@
-// Textures of three.js whose mips come and go, and the memory that they share.
+// Textures of three.js whose mips are loaded and dropped, and the memory limit that they share.
 
 import { CompressedTexture, RGBAFormat } from "three";
 
-/** A texture whose mips arrive from the coarsest. Clones, as GLTFLoader makes them, get them too. */
+/** A texture whose mips arrive from the coarsest on. Its clones, which GLTFLoader makes, get the same mips. */
 export class MippedTexture extends CompressedTexture {
     /** All textures that show the same mips, this one and its clones. */
     family = new Set([this]);
-    /** The TextureSet that fills it. */
+    /** The TextureSet that loads its mips. */
     set = null;
 
     copy(source) {
@@ -20,7 +20,7 @@ export class MippedTexture extends CompressedTexture {
     show(mips) {
         const [{ width, height }] = mips;
         for (const texture of this.family) {
-            // A texture of another size is another texture on the GPU.
+            // The GPU texture has a fixed size, so it is made again.
             texture.dispose();
             texture.mipmaps = mips;
             texture.image = { width, height };
@@ -29,19 +29,19 @@ export class MippedTexture extends CompressedTexture {
     }
 }
 
-/** Bytes that textures may take on the GPU. Plug-ins with the same object share them. */
+/** Limit of the bytes that textures take on the GPU. Plug-ins with the same object share it. */
 export class TextureMemory {
     used = 0;
     sets = new Set();
 
-    /** @param {number} limit Bytes. Coarse mips are there even beyond it. */
+    /** @param {number} limit Bytes. Coarse mips are loaded even beyond it. */
     constructor(limit = Infinity) {
         this.limit = limit;
     }
 
     /**
-     * Takes the bytes that `set` needs for mips from `mip` on, or from a coarser one where they do not fit. Textures that are out of
-     * sight lose their finer mips for it, the longest unseen first. Returns that mip: `set.level` where nothing finer fits.
+     * Reserves the bytes of `set` for mips from `mip` on, or from a coarser one if they do not fit. Textures out of sight lose their
+     * finer mips for it, the longest unseen first. Returns the finest mip that fits, at least `set.level`.
      */
     take(set, mip) {
         if (mip >= set.coarsest) {
@@ -66,25 +66,25 @@ export class TextureMemory {
     }
 }
 
-/** The textures that one texture of a pack, or one image, is decoded to: all have the same mips. */
+/** The textures that show one texture of a pack, or one image. All have the same mips. */
 export class TextureSet {
     width = 0;
     height = 0;
     mips = 0;
-    /** The finest mip that is shown. */
+    /** The finest mip that is loaded. */
     level = Infinity;
-    /** The finest mip that stays out of sight. */
+    /** The finest mip that stays loaded while the set is out of sight. */
     coarsest = Infinity;
-    /** Bytes that TextureMemory counts. */
+    /** Bytes that TextureMemory has counted for this set. */
     counted = 0;
-    /** Whether it is in sight. */
+    /** Whether the set is in sight. */
     isSeen = false;
-    /** Whether it is being decoded. */
+    /** Whether the set is being decoded. */
     isBusy = false;
     seenAt = -Infinity;
-    /** First mips of what is decoded at a time, the coarsest first. */
+    /** The finest mip of each decoding step, the coarsest step first. */
     steps = [];
-    /** Distance of neighbouring pixels in texture coordinates: the smallest in sight. */
+    /** Smallest distance in sight of neighbouring pixels, in texture coordinates. */
     footprint = 0;
 
     /**
@@ -103,14 +103,14 @@ export class TextureSet {
         Object.assign(this, { width, height, mips, steps, coarsest: steps[0] });
     }
 
-    /** Bytes of all textures on the GPU, mips from `level` on. */
+    /** Returns the bytes of all textures on the GPU, for mips from `level` on. */
     bytes(level) {
         let texels = 0;
         for (let mip = level; mip < this.mips; ++mip) texels += Math.max(1, this.width >> mip) * Math.max(1, this.height >> mip);
         return this.textures.reduce((sum, { format }) => sum + texels * (format === RGBAFormat ? 4 : 1), 0);
     }
 
-    /** The mip at `level`, or the nearest coarser one, whose sides the formats of all textures can have. */
+    /** Returns the mip `level`, or the next coarser one whose size the formats of all textures allow. */
     fit(level) {
         const isPlain = this.textures.every(({ format }) => format === RGBAFormat);
         const isWhole = (mip) => isPlain || (((this.width >> mip) % 4 || (this.height >> mip) % 4) === 0);
@@ -118,13 +118,13 @@ export class TextureSet {
         return level;
     }
 
-    /** The finest mip that pixels read whose neighbours are `footprint` apart in texture coordinates. */
+    /** Returns the finest mip that is read where neighbouring pixels are `footprint` apart in texture coordinates. */
     mipOf(footprint) {
         const mip = Math.floor(Math.log2(Math.max(footprint * Math.max(this.width, this.height), 1)));
         return Math.min(mip, this.mips - 1);
     }
 
-    /** Decodes and shows mips from `mip` on, as far as memory allows. Returns whether that changed anything. */
+    /** Decodes and shows mips from `mip` on, as memory allows. Returns whether anything changed. */
     async refine(mip) {
         const level = this.memory.take(this, mip);
         if (level >= this.level) return false;
@@ -139,7 +139,7 @@ export class TextureSet {
         return true;
     }
 
-    /** Lets go of finer mips than are kept out of sight. */
+    /** Drops mips that are finer than `coarsest`. */
     shrink() {
         if (this.isBusy) return;
         for (const texture of this.textures) texture.show(texture.mipmaps.slice(this.coarsest - this.level));

@@ -1,11 +1,11 @@
-// Decodes textures of one pack by libntc in WebAssembly. index.js sends jobs and gets their mips.
+// Worker that decodes textures of one pack by libntc in WebAssembly. index.js sends jobs and receives mips.
 
 const RGBA8 = -1;
 const BLOCK_BYTES = [8, 16, 16, 8, 16, 16];
 const OUTPUT_WORDS = 7;
 
 let ntc;
-/** Resolves with facts about the textures when the pack is open. */
+/** Promise of facts about the textures, which resolves when the pack is open. */
 let opened = Promise.reject(new Error("no pack is open"));
 opened.catch(() => {});
 /** Addresses and sizes of the pack and of its tables. */
@@ -14,7 +14,7 @@ let places = [];
 let isStale = false;
 const decoder = new TextDecoder();
 
-/** Copies bytes into the module's memory, and returns their address. Memory may move: views are made anew each time. */
+/** Copies bytes into the module's memory, and returns their address. Memory may move, so each call makes a new view. */
 function put(bytes) {
     const at = ntc.allocate(bytes.byteLength || 1);
     if (at === 0) throw new Error("there is no memory");
@@ -27,12 +27,12 @@ function text(at) {
     return decoder.decode(bytes.slice(0, bytes.indexOf(0)));
 }
 
-/** Opens a pack; returns size, mips, channels and pixel hash of its textures. */
+/** Opens a pack. Returns width, height, mips, channels and pixel hash of its textures. */
 async function open({ module, pack, tables }) {
     ntc = (await WebAssembly.instantiate(module, {})).exports;
     ntc._initialize();
-    const own = tables ? new Uint8Array(tables) : new Uint8Array();
-    places = [put(pack), pack.length, put(own), own.length];
+    const tableBytes = tables ? new Uint8Array(tables) : new Uint8Array();
+    places = [put(pack), pack.length, put(tableBytes), tableBytes.length];
     check();
     const facts = ntc.allocate(20);
     return Array.from({ length: ntc.textures() }, (_, number) => {
@@ -42,30 +42,30 @@ async function open({ module, pack, tables }) {
     });
 }
 
-/** Lets libntc open the pack as it is now. Throws what is wrong with it. */
+/** Opens the pack again, with all bytes that have arrived. Throws libntc's error. */
 function check() {
     if (ntc.open(...places) !== 0) throw new Error(text(ntc.error()));
     isStale = false;
 }
 
-/** Writes bytes of the pack that have arrived. */
+/** Copies new bytes of the pack into the module's memory. */
 function fill({ parts }) {
     const [start, size] = places;
     for (const { at, data } of parts) new Uint8Array(ntc.memory.buffer, start, size).set(data, at);
     isStale = true;
 }
 
-/** Light of the 256 values of sRGB. */
+/** Linear light of the 256 values of sRGB. */
 const LIGHT = Float32Array.from({ length: 256 }, (_, value) =>
     value <= 10 ? value / 3294.6 : ((value / 255 + 0.055) / 1.055) ** 2.4,
 );
-/** Values of sRGB of 4096 steps of light. */
+/** sRGB values for 4096 steps of linear light. */
 const VALUES = Uint8Array.from({ length: 4097 }, (_, step) => {
     const light = step / 4096;
     return 255 * (light <= 0.0031308 ? 12.92 * light : 1.055 * light ** (1 / 2.4) - 0.055) + 0.5;
 });
 
-/** RGBA8 of half the width and height, each texel the mean of four: of their light, if they are colours. */
+/** Returns the next mip of an RGBA8 image: each texel is the mean of four, in linear light for colours. */
 function halved({ data, width, height }, isColor) {
     const [w, h] = [Math.max(1, width >> 1), Math.max(1, height >> 1)];
     const half = new Uint8Array(4 * w * h);
@@ -89,7 +89,7 @@ function halved({ data, width, height }, isColor) {
     return { data: half, width: w, height: h };
 }
 
-/** All mips of an image at a URL or in a Blob, as RGBA8. */
+/** Returns all mips of an image at a URL or in a Blob, as RGBA8. */
 async function imageMips({ image, isColor }) {
     const answer = typeof image === "string" ? await fetch(image) : null;
     if (answer && !answer.ok) throw new Error(`${answer.status}`);
@@ -100,7 +100,7 @@ async function imageMips({ image, isColor }) {
     return fillMips(bitmap, Array.from({ length: mips }, () => ({ width, height })), isColor);
 }
 
-/** RGBA8 of an image at each of `sizes`, which are those of rising mips. `isColor`: its mips are means of light. */
+/** Returns an image as RGBA8 at each of `sizes`, which are those of mips from 0 on. `isColor`: mips are means in linear light. */
 function fillMips(image, sizes, isColor = false) {
     const { width, height } = sizes[0];
     const context = new OffscreenCanvas(width, height).getContext("2d", { willReadFrequently: true });
@@ -110,16 +110,16 @@ function fillMips(image, sizes, isColor = false) {
     return mips;
 }
 
-/** Decodes mips `first` to `last` of a texture; returns, for each output, [{data, width, height}]. */
+/** Decodes mips `first` to `last` of a texture. Returns [{data, width, height}] for each output. */
 function decode({ texture, width, height, first, last, outputs }) {
-    // A server may send other bytes than libntc has checked.
+    // New bytes are not checked yet, and may be damaged.
     if (isStale) check();
     const sizes = Array.from({ length: last + 1 }, (_, mip) => ({
         width: Math.max(1, width >> mip),
         height: Math.max(1, height >> mip),
     }));
     const fills = outputs.map((output) => output.fill && fillMips(output.fill, sizes));
-    const found = outputs.map(() => []);
+    const decoded = outputs.map(() => []);
     for (let mip = first; mip <= last; ++mip) {
         const size = sizes[mip];
         const taken = [];
@@ -140,14 +140,14 @@ function decode({ texture, width, height, first, last, outputs }) {
         if (status !== 0) throw new Error(`texture ${texture}, mip ${mip}: cannot be decoded (${status})`);
         places.forEach((at, number) => {
             const data = new Uint8Array(ntc.memory.buffer, at, bytes[number]).slice();
-            found[number].push({ data, ...size });
+            decoded[number].push({ data, ...size });
         });
         taken.forEach((at) => ntc.release(at));
     }
-    return found;
+    return decoded;
 }
 
-/** What each task of index.js answers with: the result, and the mips whose bytes go with it. */
+/** Tasks of index.js. Each returns its result, and the mips whose buffers are transferred with it. */
 const TASKS = {
     start: () => [null, []],
     open: async (job) => [await (opened = open(job)), []],

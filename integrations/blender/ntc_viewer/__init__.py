@@ -1,4 +1,4 @@
-"""Textures as ntc-viewer encodes them, in Blender: a panel in the sidebar of the 3D view."""
+"""Blender add-on: encodes textures with ntc-viewer, and shows them decoded. Its panel is in the sidebar of the 3D view."""
 
 import shlex
 import subprocess
@@ -33,7 +33,7 @@ bl_info = {
 
 TARGETS = {"BITS": ("--bits", "bits"), "QUALITY": ("--quality", "quality"), "SIZE": ("--size", "size")}
 SECONDS = 0.2
-"""Between looks at a program that runs."""
+"""Seconds between checks of a running program."""
 
 
 class NTCPreferences(bpy.types.AddonPreferences):
@@ -82,7 +82,7 @@ class NTCSettings(bpy.types.PropertyGroup):
 
 
 class Steps:
-    """Programs that run one after the other. `failure` has the last line of one that failed."""
+    """A sequence of programs to run. `failure` is the last line of one that failed, else empty."""
 
     def __init__(self, commands: Sequence[Sequence[str]], folder: Path) -> None:
         self._commands, self._count, self._log = list(commands), len(commands), folder / "log.txt"
@@ -92,7 +92,7 @@ class Steps:
         self.failure = ""
 
     def wait(self, seconds: float | None) -> bool:
-        """Wait for programs, None: for all; return whether there is nothing left to wait for."""
+        """Wait up to `seconds` for a program (None: for all of them). Return whether all have ended."""
         while self._commands and not self.failure:
             if self._process is None:
                 with self._log.open("wb") as log, self._output.open("wb") as output:
@@ -114,7 +114,7 @@ class Steps:
 
     @property
     def progress(self) -> str:
-        """What is being done."""
+        """The current step and its last line of output."""
         return f"{len(self.outputs) + 1}/{self._count} {self._last_line}"
 
     @property
@@ -123,7 +123,7 @@ class Steps:
         return next((line.strip() for line in reversed(text.replace("\r", "\n").split("\n")) if line.strip()), "")
 
     def stop(self) -> None:
-        """End the program that runs."""
+        """End the running program, and run no others."""
         self._commands.clear()
         if self._process is not None:
             self._process.terminate()
@@ -136,13 +136,13 @@ def _program(context: Any) -> list[str]:
 
 
 class _Running:
-    """An operator that runs programs: at once without a window, else beside it until Escape."""
+    """Base of operators that run programs. Without a window they wait; in a window they check on a timer until Escape."""
 
     _steps: Steps
     _timer: Any
 
     def begin(self, context: Any, commands: Sequence[Sequence[str]], folder: Path) -> set[str]:
-        """Run `commands`, then `finish`."""
+        """Run `commands`, then call `finish`."""
         self._steps = Steps(commands, folder)
         if bpy.app.background:
             self._steps.wait(None)
@@ -152,7 +152,7 @@ class _Running:
         return {"RUNNING_MODAL"}
 
     def modal(self, context: Any, event: Any) -> set[str]:
-        """Look at the program."""
+        """Check on the program, and show its progress."""
         settings = context.scene.ntc
         if event.type == "ESC":
             self._steps.stop()
@@ -169,7 +169,7 @@ class _Running:
         return self.end(context)
 
     def end(self, context: Any) -> set[str]:
-        """Take over what the programs made, or report what went wrong."""
+        """Call `finish` with the outputs, or report the failure."""
         if self._steps.failure:
             self.report({"ERROR"}, self._steps.failure)
             return {"CANCELLED"}
@@ -202,13 +202,13 @@ class NTC_OT_encode(_Running, bpy.types.Operator):
         return self.begin(context, program.encode_commands(_program(context), folder, target), folder)
 
     def finish(self, context: Any, outputs: list[str]) -> None:
-        """Fill the table, and give image nodes their decoded images."""
+        """Fill the table, and assign decoded images to image nodes."""
         settings = context.scene.ntc
         encoded = program.read_encoded(Path(settings.folder), outputs[1])
         settings.pack_bytes = encoded.pack_bytes
-        for own in encoded.rows:
+        for each in encoded.rows:
             row = settings.rows.add()
-            row.name, row.bits, row.byte_count, row.psnr_db = own.material, own.bits, own.byte_count, own.psnr_db
+            row.name, row.bits, row.byte_count, row.psnr_db = each.material, each.bits, each.byte_count, each.psnr_db
         count = swap.add_decoded(encoded.images)
         settings.show_decoded = True
         self.report({"INFO"}, f"{count} images are shown decoded; the pack has {encoded.pack_bytes / 1e6:.2f} MB")
@@ -238,13 +238,13 @@ class NTC_OT_export(_Running, bpy.types.Operator, ExportHelper):
         return bool(context.scene.ntc.folder) and program.pack_path(Path(context.scene.ntc.folder)).is_file()
 
     def execute(self, context: Any) -> set[str]:
-        """Start ntc-viewer."""
+        """Start the export by ntc-viewer."""
         folder = Path(context.scene.ntc.folder)
         out = Path(bpy.path.abspath(self.filepath))
         return self.begin(context, [program.export_command(_program(context), folder, out, self.fallback)], folder)
 
     def finish(self, _context: Any, outputs: list[str]) -> None:
-        """Tell what was written."""
+        """Report which file was written."""
         self.report({"INFO"}, outputs[0].strip().split("\n")[-1])
 
 
@@ -255,7 +255,7 @@ class NTC_OT_forget(bpy.types.Operator):
     bl_label = "Remove decoded images"
 
     def execute(self, context: Any) -> set[str]:
-        """Remove them."""
+        """Remove the decoded images."""
         context.scene.ntc.show_decoded = False
         swap.forget()
         context.scene.ntc.rows.clear()
@@ -304,13 +304,13 @@ CLASSES = (NTCPreferences, NTCRow, NTCSettings, NTC_OT_encode, NTC_OT_export, NT
 
 def register() -> None:
     """Add the panel and its operators."""
-    for own in CLASSES:
-        bpy.utils.register_class(own)
+    for each in CLASSES:
+        bpy.utils.register_class(each)
     bpy.types.Scene.ntc = PointerProperty(type=NTCSettings)
 
 
 def unregister() -> None:
-    """Remove them."""
+    """Remove the panel and its operators."""
     del bpy.types.Scene.ntc
-    for own in reversed(CLASSES):
-        bpy.utils.unregister_class(own)
+    for each in reversed(CLASSES):
+        bpy.utils.unregister_class(each)

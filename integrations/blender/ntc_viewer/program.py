@@ -1,4 +1,4 @@
-"""What the add-on asks of the program ntc-viewer, and what it reads of the answers. Knows nothing of Blender."""
+"""Command lines of ntc-viewer for the add-on, and reading of their results. Nothing of Blender is imported."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ COMPONENTS: Mapping[str, tuple[int, ...]] = {
     "normal": (0, 1, 2),
     "emissive": (0, 1, 2),
 }
-"""Components of that texture that hold the map."""
+"""Components of the texture that hold each map."""
 
 
 @dataclass(frozen=True)
@@ -32,20 +32,21 @@ class MaterialRow:
 
     material: str
     bits: float
-    """Bits per texel of its codes, mips included."""
+    """Mean bitrate of its textures in bits per texel, mips included."""
     byte_count: int
+    """Size of its latents in bytes."""
     psnr_db: float
-    """Of its worst texture."""
+    """PSNR of its worst texture, in dB."""
 
 
 @dataclass(frozen=True)
 class Encoded:
-    """A scene that was encoded, in a folder."""
+    """The result of encoding a scene, in a folder."""
 
     folder: Path
     rows: tuple[MaterialRow, ...]
     images: Mapping[tuple[str, str], Path]
-    """Decoded image by (material, map), as glTF lays its components out."""
+    """Decoded images by (material, map), with components as in glTF."""
 
     @property
     def pack_bytes(self) -> int:
@@ -54,17 +55,17 @@ class Encoded:
 
 
 def scene_path(folder: Path) -> Path:
-    """Where Blender writes the scene to."""
+    """Return the path that Blender writes the scene to."""
     return folder / "scene.glb"
 
 
 def pack_path(folder: Path) -> Path:
-    """Where the pack of the scene lies."""
+    """Return the path of the scene's pack."""
     return folder / "scene.ntc"
 
 
 def encode_commands(program: Sequence[str], folder: Path, target: Sequence[str]) -> list[list[str]]:
-    """Return the commands that encode the scene in `folder` and decode it again. `target`: such as ("--bits", "4")."""
+    """Return the commands that encode the scene in `folder` and decode it again. `target` is, for example, ("--bits", "4")."""
     scene, pack = str(scene_path(folder)), str(pack_path(folder))
     export = [*program, "export", scene, "--pack", pack, "--out"]
     return [
@@ -82,20 +83,20 @@ def export_command(program: Sequence[str], folder: Path, out: Path, fallback: st
 
 
 def _json(path: Path) -> dict[str, Any]:
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+    document: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return document
 
 
 def _texture(material: Mapping[str, Any], name: str) -> int | None:
-    found: Any = material
+    entry: Any = material
     for key in TEXTURE_PLACES[name]:
-        found = found.get(key, {})
-    index = found.get("index")
+        entry = entry.get(key, {})
+    index = entry.get("index")
     return index if isinstance(index, int) else None
 
 
 def read_encoded(folder: Path, info: str) -> Encoded:
-    """Read what the commands of `encode_commands` wrote; `info` is what the second one printed."""
+    """Read the results of `encode_commands`. `info` is the output of the second command."""
     textures = json.loads(info)["textures"]
     packed, decoded = _json(folder / "packed.gltf"), _json(folder / "decoded.gltf")
     rows, images = [], {}
@@ -113,10 +114,10 @@ def read_encoded(folder: Path, info: str) -> Encoded:
             source = decoded["textures"][_texture(other, name)]["source"]
             images[material["name"], name] = folder / unquote(decoded["images"][source]["uri"])
         if layers:
-            own = list(layers.values())
-            bits = [layer["latent_bits_per_texel"] for layer in own]
-            texels = [layer["width"] * layer["height"] for layer in own]
+            layer_textures = list(layers.values())
+            bits = [layer["latent_bits_per_texel"] for layer in layer_textures]
+            texels = [layer["width"] * layer["height"] for layer in layer_textures]
             byte_count = round(sum(each * count for each, count in zip(bits, texels, strict=True)) / 8)
-            worst = min(layer["psnr_db"] or 0.0 for layer in own)
+            worst = min(layer["psnr_db"] or 0.0 for layer in layer_textures)
             rows.append(MaterialRow(material["name"], sum(bits) / len(bits), byte_count, worst))
     return Encoded(folder, tuple(rows), images)

@@ -1,4 +1,4 @@
-"""Image nodes of materials, their decoded images, and which of both they show."""
+"""Image nodes of materials: finding them, and swapping their original and decoded images."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -16,16 +16,17 @@ SOCKETS: Mapping[str, tuple[str, ...]] = {
     "metalness": ("Metallic",),
     "emissive": ("Emission Color", "Emission"),
 }
-"""Inputs of the Principled BSDF that show each map; names differ between versions of Blender."""
+"""Inputs of the Principled BSDF for each map. Names differ between versions of Blender."""
 ORIGINAL, DECODED = "ntc_original", "ntc_decoded"
 """Properties of an image node that hold its two images."""
 DEEPEST = 16
+"""Nodes that a search follows from a socket."""
 
 
 def image_of(socket: Any, groups: tuple[Any, ...] = (), deepest: int = DEEPEST) -> tuple[Any, int | None] | None:
-    """Return the image node that a socket shows, and the component of it, None for all; None where there is no image.
+    """Return (image node that feeds `socket`, component or None for all), or None if there is no image.
 
-    `groups`: the group nodes that the socket lies in, the outermost first.
+    `groups` are the group nodes around the socket, the outermost first.
     """
     if not socket.is_linked or deepest == 0:
         return None
@@ -35,37 +36,37 @@ def image_of(socket: Any, groups: tuple[Any, ...] = (), deepest: int = DEEPEST) 
         return (node, None) if node.image is not None else None
     inputs = node.inputs
     if node.type == "GROUP" and node.node_tree is not None:
-        ends = [own for own in node.node_tree.nodes if own.type == "GROUP_OUTPUT" and own.is_active_output]
-        inputs = [own for end in ends for own in end.inputs if own.identifier == link.from_socket.identifier]
+        ends = [each for each in node.node_tree.nodes if each.type == "GROUP_OUTPUT" and each.is_active_output]
+        inputs = [each for end in ends for each in end.inputs if each.identifier == link.from_socket.identifier]
         groups = (*groups, node)
     elif node.type == "GROUP_INPUT" and groups:
-        inputs = [own for own in groups[-1].inputs if own.identifier == link.from_socket.identifier]
+        inputs = [each for each in groups[-1].inputs if each.identifier == link.from_socket.identifier]
         groups = groups[:-1]
-    for own in inputs:
-        found = image_of(own, groups, deepest - 1)
-        if found is not None:
+    for each in inputs:
+        source = image_of(each, groups, deepest - 1)
+        if source is not None:
             if node.type in ("SEPARATE_COLOR", "SEPRGB"):
-                return found[0], list(node.outputs).index(link.from_socket)
-            return found
+                return source[0], list(node.outputs).index(link.from_socket)
+            return source
     return None
 
 
 def image_nodes(material: Any) -> Iterator[tuple[str, Any, int | None]]:
-    """Yield (map, image node, component) of a material, whose nodes may lie in groups."""
+    """Yield (map, image node, component) of a material, also for nodes within groups."""
     if not material.use_nodes:
         return
     for node, groups in _nodes(material.node_tree):
         if node.type != "BSDF_PRINCIPLED":
             continue
         for name, sockets in SOCKETS.items():
-            socket = next((node.inputs[own] for own in sockets if own in node.inputs), None)
-            found = image_of(socket, groups) if socket is not None else None
-            if found is not None:
-                yield name, *found
+            socket = next((node.inputs[key] for key in sockets if key in node.inputs), None)
+            source = image_of(socket, groups) if socket is not None else None
+            if source is not None:
+                yield name, *source
 
 
 def _nodes(tree: Any, groups: tuple[Any, ...] = ()) -> Iterator[tuple[Any, tuple[Any, ...]]]:
-    """Yield the nodes of a tree and of its groups, each with the group nodes that it lies in."""
+    """Yield the nodes of a tree and of its groups, each with the group nodes around it."""
     for node in tree.nodes:
         yield node, groups
         if node.type == "GROUP" and node.node_tree is not None:
@@ -80,13 +81,13 @@ def all_nodes() -> Iterator[Any]:
 
 
 def show(decoded: bool) -> None:
-    """Let all image nodes show their decoded or their original images."""
+    """Switch all image nodes to their decoded or their original images."""
     for node in all_nodes():
         node.image = node[DECODED if decoded else ORIGINAL]
 
 
 def forget() -> None:
-    """Show the originals and let go of decoded images."""
+    """Switch to the original images, and remove decoded ones."""
     show(False)
     for node in list(all_nodes()):
         image = node[DECODED]
@@ -102,7 +103,7 @@ def _pixels(image: Any) -> np.ndarray:
 
 
 def _decoded_image(original: Any, parts: tuple[tuple[Path, tuple[int, ...], tuple[int, ...]], ...]) -> Any:
-    """Return a new image: `original` with components of decoded images in place of its own. `parts`: (file, from, to)."""
+    """Return a copy of `original` with components replaced by those of decoded images. `parts`: (file, from, to)."""
     sources = [bpy.data.images.load(str(path)) for path, _, _ in parts]
     width, height = sources[0].size
     before = original.copy()
@@ -117,13 +118,13 @@ def _decoded_image(original: Any, parts: tuple[tuple[Path, tuple[int, ...], tupl
     made.alpha_mode = original.alpha_mode
     made.pixels.foreach_set(values.ravel())
     made.update()
-    # A saved file holds it.
+    # Packing stores the image in the .blend file.
     made.pack()
     return made
 
 
 def add_decoded(images: Mapping[tuple[str, str], Path]) -> int:
-    """Give image nodes the decoded images by (material, map), beside those that they show; return how many have one."""
+    """Assign decoded images, by (material, map), to image nodes, next to their originals. Return how many nodes have one."""
     made: dict[Any, Any] = {}
     for material in bpy.data.materials:
         nodes: dict[Any, list[Any]] = {}
