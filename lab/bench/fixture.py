@@ -97,7 +97,7 @@ class PackLoader:
         """Return `pack` on the GPU with all its latents; texture id i is its i-th texture. The caller releases it."""
         context = replace(self._context, emulate_half=emulate_half)
         match = PackMatch(tuple(range(len(pack.textures))), (), ())
-        return GpuPack(context, OpenPack(pack, match, 1), precision)
+        return GpuPack(context, OpenPack(pack, match, 1, {}), precision)
 
     def release(self) -> None:
         """Free all programs and the material."""

@@ -174,10 +174,10 @@ def test_the_divergence_overlay_is_shown_counted_and_skipped(app: DrivenApp) -> 
     app.settle()
     hide_panels(app)
     plain = app.screenshot().astype(int)
-    assert app.frontend.facts().skipped["divergence_passes"] == 1
+    assert app.frontend.facts().frame.skipped["divergence_passes"] == 1
     app.press(imgui.Key.o)
     assert app.session.view.overlay.kind == "divergence"
-    assert "divergence_passes" not in app.frontend.facts().skipped
+    assert "divergence_passes" not in app.frontend.facts().frame.skipped
     covered = app.screenshot().astype(int)
     changed = np.abs(covered - plain).max(axis=2) > 5
     assert 0.1 < changed[60:-60].mean() < 0.9

@@ -125,28 +125,24 @@ class SlowReading:
         mock.patch.object(SceneTexture, name, property(slow)).start()
 
     def _slow_answers(self) -> None:
-        newest: Any = ReadBack.newest
+        arrived: Any = ReadBack.arrived
 
-        def late(back: ReadBack[Any]) -> Any:
+        def late(back: ReadBack[Any], waits: bool) -> Any:
             if not back.is_pending:
-                return newest(back)
+                return arrived(back, waits)
+            if waits:
+                # Who waits gets it.
+                self._due[id(back)] = 0.0
+                return arrived(back, waits)
             now = time.monotonic()
             if now < self._due.setdefault(id(back), now + self._delay(self._plan.slowest_answer)):
                 return None
-            answer = newest(back)
+            answer = arrived(back, waits)
             if answer is not None:
                 del self._due[id(back)]
             return answer
 
-        wait: Any = ReadBack.wait
-
-        def at_once(back: ReadBack[Any]) -> Any:
-            # Who waits gets it.
-            self._due[id(back)] = 0.0
-            return wait(back)
-
-        mock.patch.object(ReadBack, "newest", late).start()
-        mock.patch.object(ReadBack, "wait", at_once).start()
+        mock.patch.object(ReadBack, "arrived", late).start()
 
 
 def write_plan(path: Path, plan: Plan) -> Path:
