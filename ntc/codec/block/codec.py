@@ -109,8 +109,8 @@ class BlockCodec(Codec):
         return shared_gains(textures, most)
 
     def texture_bytes(self, texture: EncodedTexture, settings: CodecSettings) -> TextureBytes:
-        own, config = cast(BlockTexture, texture), cast(BlockConfig, settings)
-        return TextureBytes(own.words.nbytes, own.mean.nbytes + 4 * config.axis_numbers)
+        block_texture, config = cast(BlockTexture, texture), cast(BlockConfig, settings)
+        return TextureBytes(block_texture.words.nbytes, block_texture.mean.nbytes + 4 * config.axis_numbers)
 
     def decoder_bytes(self, decoder: Decoder, settings: CodecSettings) -> int:
         return cast(BlockDecoder, decoder).stored_bits(cast(BlockConfig, settings)) // 8
@@ -123,9 +123,9 @@ class BlockCodec(Codec):
         lod: NDArray[np.float64],
         wrap: tuple[WrapMode, WrapMode],
     ) -> NDArray[np.float64]:
-        own = block_parts(pack)
-        texture = own.textures[texture_index]
-        return lookup_values(texture, own.decoders[texture.group], own.config, uv, lod, wrap)
+        parts = block_parts(pack)
+        texture = parts.textures[texture_index]
+        return lookup_values(texture, parts.decoders[texture.group], parts.config, uv, lod, wrap)
 
     def reference_mip(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.float64]:
         parts = block_parts(pack)
@@ -142,9 +142,9 @@ class BlockCodec(Codec):
         return tables_path(int(pack.grouping.parameters["version"]), config.output_channels).read_bytes()
 
     def coverage_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8] | None:
-        own = block_parts(pack)
-        texture = own.textures[texture_index]
-        return decode_alpha(texture, own.decoders[texture.group], own.config, level)
+        parts = block_parts(pack)
+        texture = parts.textures[texture_index]
+        return decode_alpha(texture, parts.decoders[texture.group], parts.config, level)
 
     def torch_twin(
         self,
@@ -183,7 +183,7 @@ class BlockCodec(Codec):
         return BlockOptions(
             choices.seed,
             quality_db=target.psnr_db if isinstance(target, QualityTarget) else None,
-            worth=target.worth if isinstance(target, SizeTarget) else None,
+            weights=target.worth if isinstance(target, SizeTarget) else None,
         )
 
     def live_options_for(self, choices: EncodingChoices) -> EncodingOptions:
@@ -196,8 +196,8 @@ class BlockCodec(Codec):
         return _range_of_bits(cast(BlockConfig, settings), size)
 
     def anew_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
-        own, config = pack.textures[texture], cast(BlockConfig, pack.config)
-        size = (own.width, own.height)
+        encoded, config = pack.textures[texture], cast(BlockConfig, pack.config)
+        size = (encoded.width, encoded.height)
         low, high = _range_of_bits(config, size)
         # Typed bits have few digits.
         if not low - 0.01 <= bits <= high + 0.01:
@@ -217,16 +217,16 @@ class BlockCodec(Codec):
     def encode_with_decoders(self, textures: Sequence[SourceTexture], known: Pack, options: EncodingOptions) -> Pack:
         from ntc.codec.block.encoding.frozen import encode_with_decoders
 
-        own = block_parts(known)
+        parts = block_parts(known)
         return encode_with_decoders(
-            textures, own.decoders, own.config, known.grouping.name, cast(BlockOptions, options)
+            textures, parts.decoders, parts.config, known.grouping.name, cast(BlockOptions, options)
         )
 
     def compiled_functions(self) -> Mapping[Any, tuple[Any, ...]]:
         from ntc.codec import compiled_maps
-        from ntc.codec.block.encoding import compiled, compiled_edges, compiled_modes, compiled_texels
+        from ntc.codec.block.encoding import compiled_edges, compiled_modes, compiled_texels, compiled_trellis
 
-        modules = (compiled_texels, compiled_modes, compiled_edges, compiled, compiled_maps)
+        modules = (compiled_texels, compiled_modes, compiled_edges, compiled_trellis, compiled_maps)
         return {function: types for module in modules for function, types in module.SIGNATURES.items()}
 
     def starting_pack(self, textures: Sequence[SourceTexture], grouping: Grouping, settings: CodecSettings) -> Pack:

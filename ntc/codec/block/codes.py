@@ -36,7 +36,7 @@ class UnpackedCodes(NamedTuple):
     indices: NDArray[np.uint32]
     """[blocks, coefficients] the branch in the lowest bit, the place in the subset above it."""
     edges: tuple[EdgePart, ...]
-    """By plane."""
+    """Edge parts by plane."""
 
 
 def first_branches(decoder: BlockDecoder, config: BlockConfig) -> NDArray[np.int64]:
@@ -55,14 +55,14 @@ def joined_words(bits: NDArray[np.uint8]) -> NDArray[np.uint32]:
 
 
 def _numbers(bits: NDArray[np.uint8], first: NDArray[np.int64], count: int) -> NDArray[np.int64]:
-    """Numbers of `count` bits each of `bits` [rows, bits] at places `first` [rows, ...]; bits beyond the end are 0."""
+    """Return the numbers of `count` bits each at places `first` [rows, ...] of `bits` [rows, bits]; bits beyond the end are 0."""
     rows = np.arange(len(bits)).reshape(-1, *[1] * (first.ndim - 1))
-    found = np.zeros(first.shape, np.int64)
+    numbers = np.zeros(first.shape, np.int64)
     for bit in range(count):
         place = first + bit
         inside = place < bits.shape[1]
-        found |= (bits[rows, np.where(inside, place, 0)] * inside).astype(np.int64) << bit
-    return found
+        numbers |= (bits[rows, np.where(inside, place, 0)] * inside).astype(np.int64) << bit
+    return numbers
 
 
 def start_states(bits: NDArray[np.uint8], first: NDArray[np.int64]) -> NDArray[np.int64]:
@@ -72,7 +72,7 @@ def start_states(bits: NDArray[np.uint8], first: NDArray[np.int64]) -> NDArray[n
 
 
 def edge_places(decoder: BlockDecoder, config: BlockConfig, plane: int) -> NDArray[np.int64]:
-    """[sizes of codes, modes] where the edge part of `plane` begins."""
+    """Return [sizes of codes, modes] int64: the bit at which the edge part of `plane` begins."""
     fitting = decoder.fitting_edges(config)
     places = np.full(fitting.shape[:2], config.mode_bits, np.int64)
     for other in range(plane):
@@ -82,7 +82,7 @@ def edge_places(decoder: BlockDecoder, config: BlockConfig, plane: int) -> NDArr
 
 
 class BitPlaces(NamedTuple):
-    """Where the bits of coefficients lie in codes of some blocks."""
+    """Positions of the bits of coefficients in the codes of some blocks."""
 
     depths: NDArray[np.uint8]
     """[blocks, coefficients]."""
@@ -97,7 +97,7 @@ class BitPlaces(NamedTuple):
 def bit_places(
     modes: NDArray[np.int64], sizes: NDArray[np.int64], decoder: BlockDecoder, config: BlockConfig
 ) -> BitPlaces:
-    """Places of codes of `modes` [blocks] and size classes `sizes` [blocks]."""
+    """Return the bit positions of codes of `modes` [blocks] and size classes `sizes` [blocks]."""
     depths = decoder.depths(config)[sizes, modes]
     first = first_branches(decoder, config)[sizes, modes]
     active = depths > 0
@@ -115,9 +115,9 @@ def _edge_part(
     config: BlockConfig,
     plane: int,
 ) -> EdgePart:
-    own = decoder.fitting_edges(config)[sizes, modes, plane].astype(np.int64)
-    blocks = np.nonzero(own)[0]
-    width, channels = own[blocks], len(config.planes[plane])
+    widths = decoder.fitting_edges(config)[sizes, modes, plane].astype(np.int64)
+    blocks = np.nonzero(widths)[0]
+    width, channels = widths[blocks], len(config.planes[plane])
     first = edge_places(decoder, config, plane)[sizes[blocks], modes[blocks]]
     places = first[:, None] + COLOUR_BITS * np.arange(2 * channels)
     colours = _numbers(bits[blocks], places, COLOUR_BITS).astype(np.uint8).reshape(-1, 2, channels)
@@ -133,12 +133,12 @@ def edge_parts(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -
     with_parts = np.nonzero(decoder.fitting_edges(config)[stored.sizes, modes].any(axis=1))[0]
     bits, sizes = _spread(stored.codes[with_parts]), stored.sizes[with_parts]
     planes = range(len(config.planes))
-    found = [_edge_part(bits, modes[with_parts], sizes, decoder, config, plane) for plane in planes]
-    return tuple(part._replace(blocks=with_parts[part.blocks]) for part in found)
+    parts = [_edge_part(bits, modes[with_parts], sizes, decoder, config, plane) for plane in planes]
+    return tuple(part._replace(blocks=with_parts[part.blocks]) for part in parts)
 
 
 def unpacked_codes(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig) -> UnpackedCodes:
-    """`stored` taken apart."""
+    """Return `stored` taken apart into modes, edge parts and indices."""
     bits = _spread(stored.codes)
     modes, sizes = _numbers(bits, np.zeros(len(bits), np.int64), config.mode_bits), stored.sizes
     places = bit_places(modes, sizes, decoder, config)
@@ -167,16 +167,18 @@ class ChannelIndices(NamedTuple):
 def channel_indices(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig, channel: int) -> ChannelIndices:
     """Return the indices of the coefficients of `channel` in `stored`."""
     modes = (stored.codes[:, 0] & np.uint32(config.modes - 1)).astype(np.int64)
-    own, sizes = decoder.channels == channel, np.arange(len(config.block_words) * config.modes)
+    is_own_channel, sizes = decoder.channels == channel, np.arange(len(config.block_words) * config.modes)
     # Places by size and mode: far fewer than blocks.
     table = bit_places(sizes % config.modes, sizes // config.modes, decoder, config)
     rows = stored.sizes * config.modes + modes
-    depths = table.depths[:, own].astype(np.int64)[rows]
+    depths = table.depths[:, is_own_channel].astype(np.int64)[rows]
     bits = _spread(stored.codes)
-    at = table.branches[:, own][rows]
+    at = table.branches[:, is_own_channel][rows]
     window = _numbers(bits, at - 3, 4)
     states = (window & 1) << 2 | (window & 2) | (window >> 2 & 1)
-    others = _numbers(bits, table.others[:, own][rows], LARGEST_DEPTH - 1) & ((1 << np.maximum(depths - 1, 0)) - 1)
+    others = _numbers(bits, table.others[:, is_own_channel][rows], LARGEST_DEPTH - 1) & (
+        (1 << np.maximum(depths - 1, 0)) - 1
+    )
     return ChannelIndices(modes, depths, states, window >> 3, others)
 
 
@@ -187,7 +189,7 @@ def bits_before_branches(
     decoder: BlockDecoder,
     config: BlockConfig,
 ) -> NDArray[np.uint8]:
-    """[blocks, bits of the largest code] uint8: modes and edge parts written, all else 0."""
+    """Return [blocks, bits of the largest code] uint8: modes and edge parts written, all else 0."""
     bits = np.zeros((len(modes), 32 * config.block_words[-1]), np.uint8)
     _write(bits, np.arange(len(modes)), np.zeros(len(modes), np.int64), modes, config.mode_bits)
     for plane, part in enumerate(edges):
@@ -196,10 +198,10 @@ def bits_before_branches(
             _write(bits, part.blocks, first, colour.astype(np.int64), COLOUR_BITS)
             first = first + COLOUR_BITS
         for width in np.unique(part.bits):
-            own = part.bits == width
+            of_width = part.bits == width
             for texel in range(config.block_texels):
-                values = part.indices[own, texel].astype(np.int64)
-                _write(bits, part.blocks[own], first[own] + width * texel, values, int(width))
+                values = part.indices[of_width, texel].astype(np.int64)
+                _write(bits, part.blocks[of_width], first[of_width] + width * texel, values, int(width))
     return bits
 
 

@@ -8,9 +8,9 @@ from ntc.codec.maps import BASE_ALONE, MapName, maps_fit, ordered_maps, plane_ch
 from ntc.codec.model import CodecSettings
 
 LARGEST_WORDS, LARGEST_SET_WORDS = 16, 32
-"""Words of a block's code at most; of codecs for material sets, which have more to say."""
+"""Largest code of a block in 32-bit words: of single textures, and of material sets."""
 LARGEST_MODES, LARGEST_SET_MODES = 64, 128
-"""Modes at most, likewise."""
+"""Most modes: of single textures, and of material sets."""
 LARGEST_SIZES = 4
 """Sizes of codes at most: two bits name one."""
 FORMAT: Literal[2] = 2
@@ -50,12 +50,12 @@ class BlockConfig(CodecSettings):
     output_channels: int = 3
     """Channels that the decoders write, 1 to 13: those of `maps`; a texture with fewer uses the first ones."""
     maps: tuple[MapName, ...] = BASE_ALONE
-    """Maps that the channels stand for (`ntc.codec.maps`): all that any texture of the pack has."""
+    """Maps that the channels belong to (`ntc.codec.maps`): all that any texture of the pack has."""
     levels: int | None = None
     """Encoded mips. None: all whose longer side is larger than a block, and the next one. 1: mip 0 alone."""
     tables: int | None = None
-    """Version of the shipped tables for whole materials that decoders scale by gains (`ntc.codec.block.universal`). None: decoders
-    hold tables of their own."""
+    """Version of the shipped tables for whole materials that decoders scale by gains (`ntc.codec.block.universal`). None: each
+    decoder holds its tables."""
 
     def __post_init__(self) -> None:
         checks = {
@@ -110,13 +110,13 @@ class BlockConfig(CodecSettings):
         return sum(side * side for side in self.code_sides)
 
     def texels_of_mip(self, mip: int) -> slice:
-        """Where the texels of a code's mip `mip` lie in a row of the basis."""
+        """Place of the texels of a code's mip `mip` in a row of the basis."""
         first = sum(side * side for side in self.code_sides[:mip])
         return slice(first, first + self.code_sides[mip] ** 2)
 
     @property
     def planes(self) -> tuple[tuple[int, ...], ...]:
-        """By plane that has maps: its channels."""
+        """Channels of each plane that has maps."""
         return tuple(tuple(channels.values()) for channels in plane_channels(self.maps, self.output_channels).values())
 
     @property
@@ -152,7 +152,7 @@ class BlockConfig(CodecSettings):
 
     @property
     def has_sets(self) -> bool:
-        """Whether textures may be material sets."""
+        """True if textures may be material sets."""
         return self.maps != BASE_ALONE
 
     @property
@@ -173,26 +173,26 @@ class BlockConfig(CodecSettings):
 
 @dataclass(frozen=True)
 class BlockOptions(EncodingOptions):
-    """How textures are encoded under settings that are known."""
+    """Options of an encoding under given settings."""
 
     seed: int = 0
-    """Decides which blocks tables are fitted to."""
+    """Seed of the random choice of blocks that tables are fitted to."""
     groups_apart: bool = False
-    """Whether each group shares its words among its own textures, so that a group is the same whichever others are encoded. Else all
-    textures share all words."""
+    """True if words are allocated within each group, so that a group is the same whichever others are encoded. False: all textures
+    of the task share all words."""
     quality_db: float | None = None
     """PSNR that each texture is to have at mip 0; it decides about the words. None: the settings do."""
-    worth: tuple[float, ...] | None = None
-    """What an error is worth in each texture, positive, in proportion; None: the same in all."""
+    weights: tuple[float, ...] | None = None
+    """Weight of an error in each texture, positive; only ratios matter. None: the same in all."""
     balance: float = 1.0
-    """How textures share words: 0 makes the mean squared error of all texels least, 1 the mean PSNR of the textures greatest."""
-    own_codes: bool = True
-    """Whether textures whose derived mips are below mip 0 may have fewer mips per code."""
+    """Goal of the bit allocation among textures: 0 minimises the mean squared error of all texels, 1 maximises the mean PSNR."""
+    may_split_mips: bool = True
+    """True if textures whose derived mips are worse than mip 0 may have fewer mips per code."""
     threads: int | None = None
-    """Most threads; None: as many as pay."""
+    """Most threads; None: as many as shorten the encoding."""
     preview_side: int | None = None
     """Texels along the longer side of reduced textures that are encoded first, where groups have many times as many: a picture to show
     until they are encoded. None: none."""
     texture_words: tuple[tuple[int, float], ...] = ()
-    """(texture, words a block on average) of textures to encode anew under the decoders of the pack that the encoding starts from.
-    All other textures stay as they are. Empty: encode all textures of the groups, with tables of their own."""
+    """(texture, words a block on average) of textures to encode again under the decoders of the pack that the encoding starts from.
+    All other textures stay as they are. Empty: fit tables to the groups and encode all their textures."""

@@ -1,4 +1,4 @@
-"""What decoders of codec `block` hold, as shaders/ntc/block.glsl reads it: blocks of four 32-bit words, for each decoder
+"""Tables of decoders of codec `block` on GPUs, as shaders/ntc/block.glsl reads them: blocks of four 32-bit words, for each decoder
 
 - heads: a block for each size of a code, mode and plane: where its list begins (in blocks from the decoder's first), how many
   blocks the list has, the bit of a code that holds the first branch of the plane in its lower half and the bit of the plane's edge
@@ -48,21 +48,21 @@ MOST_COMPONENTS = 4
 STRIP_WORDS = 4
 """Words of a column or row of texels that work groups decode at once."""
 MOST_TOGETHER = 256
-"""Coefficients at most of a code that a work group decodes: an order has a byte for each place."""
+"""Most coefficients of a code that a work group decodes: an order has a byte for each place."""
 PLACE_MASK = 1023
 """Bits of an entry that name a place in a code."""
 STEPS_ORIGIN = 2 * SCALE_ORIGIN - min(LEVEL_STEPS)
-"""A scale of an entry that is 1."""
+"""Stored scale of an entry whose scale is 1."""
 
 
 def trellis_subsets() -> int:
     """Subset by the four bits that end with a branch bit, the first of them lowest: two bits each."""
     _, subsets = branch_tables()
-    found = 0
+    packed = 0
     for window in range(16):
         state = (window & 1) << 2 | (window & 2) | (window >> 2 & 1)
-        found |= int(subsets[state, window >> 3]) << (2 * window)
-    return found
+        packed |= int(subsets[state, window >> 3]) << (2 * window)
+    return packed
 
 
 def _lists(entries: NDArray[np.int64], is_used: NDArray[np.bool_], components: NDArray[np.int64]) -> tuple[Words, ...]:
@@ -78,14 +78,14 @@ def _lists(entries: NDArray[np.int64], is_used: NDArray[np.bool_], components: N
     order_blocks = -(-(1 + ends[:, -1]) // AT_ONCE)
     last = (blocks + order_blocks).cumsum()
     first = last - blocks - order_blocks
-    found = np.zeros(AT_ONCE * int(last[-1]), np.int64)
+    words_of_lists = np.zeros(AT_ONCE * int(last[-1]), np.int64)
     # Where a coefficient lies in its list, and by component.
     mode, coefficient = np.nonzero(is_used)
     place = (is_used.cumsum(axis=1) - 1)[mode, coefficient]
-    own = components[coefficient]
-    rank = (of_component.cumsum(axis=2) - 1)[mode, own, coefficient]
-    ordered = AT_ONCE * (ends[mode, own] - words[mode, own]) + rank
-    found[AT_ONCE * first[mode] + place] = entries[mode, coefficient]
+    component = components[coefficient]
+    rank = (of_component.cumsum(axis=2) - 1)[mode, component, coefficient]
+    ordered = AT_ONCE * (ends[mode, component] - words[mode, component]) + rank
+    words_of_lists[AT_ONCE * first[mode] + place] = entries[mode, coefficient]
     words_before = ends[:, -1].cumsum() - ends[:, -1]
     begins = np.repeat(AT_ONCE * words_before, AT_ONCE * ends[:, -1])
     places, is_left, is_free = np.zeros(len(begins), np.int64), np.full(len(begins), True), np.full(len(begins), True)
@@ -97,10 +97,10 @@ def _lists(entries: NDArray[np.int64], is_used: NDArray[np.bool_], components: N
     shifts, order = 8 * np.arange(AT_ONCE), AT_ONCE * (first + blocks)
     is_read = counts > 0
     is_read[:, 0] |= ~is_read.any(axis=1)
-    found[order] = ((ends | is_read << 7) << shifts).sum(axis=1)
+    words_of_lists[order] = ((ends | is_read << 7) << shifts).sum(axis=1)
     within = np.arange(len(places) // AT_ONCE) - np.repeat(words_before, ends[:, -1])
-    found[np.repeat(order + 1, ends[:, -1]) + within] = (places.reshape(-1, AT_ONCE) << shifts).sum(axis=1)
-    return found.astype(np.uint32).reshape(-1, AT_ONCE), first.astype(np.uint32), blocks.astype(np.uint32)
+    words_of_lists[np.repeat(order + 1, ends[:, -1]) + within] = (places.reshape(-1, AT_ONCE) << shifts).sum(axis=1)
+    return words_of_lists.astype(np.uint32).reshape(-1, AT_ONCE), first.astype(np.uint32), blocks.astype(np.uint32)
 
 
 def _squares(side: int) -> int:
@@ -150,7 +150,7 @@ class BlockTables(GpuTables):
 
     @property
     def _row_words(self) -> tuple[int, ...]:
-        """Words of a row by mip of a code, padded to whole blocks; of squares of all mips; of strips, padded likewise."""
+        """Words of a row by mip of a code, padded to whole blocks; of squares of all mips; of strips, padded to whole blocks."""
         sides = self._config.code_sides
         mips = [side * side * (1 if mip == 0 else 2) for mip, side in enumerate(sides)]
         mips[-1] += -sum(mips) % AT_ONCE
@@ -184,7 +184,8 @@ class BlockTables(GpuTables):
             np.concatenate([*strips, np.zeros((len(decoder.basis), 0))], axis=1),
         )
         filled = [
-            np.pad(own, ((0, 0), (0, count - own.shape[1]))) for own, count in zip(each, self._row_words, strict=True)
+            np.pad(words, ((0, 0), (0, count - words.shape[1])))
+            for words, count in zip(each, self._row_words, strict=True)
         ]
         return np.concatenate(filled, axis=1).astype(np.uint32)
 
@@ -200,28 +201,28 @@ class BlockTables(GpuTables):
         lists: list[Words] = []
         first = self.heads + 1
         steps = decoder.basis_scale.astype(np.int64) - min(LEVEL_STEPS)
-        for own_plane in range(len(config.planes)):
-            edge_at = edge_places(decoder, config, own_plane)[sizes, modes]
-            first_row = int((planes < own_plane).sum())
+        for number in range(len(config.planes)):
+            edge_at = edge_places(decoder, config, number)[sizes, modes]
+            first_row = int((planes < number).sum())
             row_word = AT_ONCE * (self.heads + self.lists + first_row * self.row_blocks)
-            own = np.nonzero(planes == own_plane)[0]
-            depths = places.depths[:, own].astype(np.int64)
+            rows = np.nonzero(planes == number)[0]
+            depths = places.depths[:, rows].astype(np.int64)
             is_used = depths > 0
-            components = component[decoder.channels[own]]
+            components = component[decoder.channels[rows]]
             # Where no bits follow, the place says nothing; it may lie behind the last bit.
-            entries = np.minimum(places.others[:, own], PLACE_MASK) | depths << 10
-            entries |= components << 13 | (own - first_row) << 15
-            entries |= (decoder.scales[modes[:, None], own] + steps[own] + np.array(LEVEL_STEPS)[depths]) << 23
-            found, begins, blocks = _lists(entries, is_used, components)
+            entries = np.minimum(places.others[:, rows], PLACE_MASK) | depths << 10
+            entries |= components << 13 | (rows - first_row) << 15
+            entries |= (decoder.scales[modes[:, None], rows] + steps[rows] + np.array(LEVEL_STEPS)[depths]) << 23
+            plane_lists, begins, blocks = _lists(entries, is_used, components)
             # A mode without coefficients has no branch.
             is_first = is_used & (is_used.cumsum(axis=1) == 1)
-            branches = (places.branches[:, own] * is_first).sum(axis=1)
-            heads[:, own_plane, 0] = first + begins
-            heads[:, own_plane, 1] = blocks
-            heads[:, own_plane, 2] = branches | edge_at << 16
-            heads[:, own_plane, 3] = edges[:, own_plane] | row_word << 2
-            lists.append(found)
-            first += len(found)
+            branches = (places.branches[:, rows] * is_first).sum(axis=1)
+            heads[:, number, 0] = first + begins
+            heads[:, number, 1] = blocks
+            heads[:, number, 2] = branches | edge_at << 16
+            heads[:, number, 3] = edges[:, number] | row_word << 2
+            lists.append(plane_lists)
+            first += len(plane_lists)
         return heads.reshape(-1, 4), np.concatenate([np.zeros((1, 4), np.uint32), *lists])
 
     def _places_of_channels(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -229,15 +230,15 @@ class BlockTables(GpuTables):
         component = np.zeros(self._config.output_channels, np.int64)
         plane = np.zeros(self._config.output_channels, np.int64)
         for number, channels in enumerate(self._planes.values()):
-            for own, channel in channels.items():
-                component[channel], plane[channel] = own, number
+            for place, channel in channels.items():
+                component[channel], plane[channel] = place, number
         return component, plane
 
     def decoder_data(self, decoder: Decoder) -> bytes:
-        own = cast(BlockDecoder, decoder)
-        heads, lists = self.heads_and_lists(own)
+        block_decoder = cast(BlockDecoder, decoder)
+        heads, lists = self.heads_and_lists(block_decoder)
         filled = np.pad(lists, ((0, self.lists - len(lists)), (0, 0)))
-        rows = self._rows(own).reshape(-1, AT_ONCE)
+        rows = self._rows(block_decoder).reshape(-1, AT_ONCE)
         return np.concatenate([heads, filled, rows]).astype("<u4").tobytes()
 
     @property
@@ -251,13 +252,13 @@ class BlockTables(GpuTables):
 
     def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
         """Components that the codec lacks stay 0."""
-        own, mips = cast(BlockTexture, texture), self._config.mips
+        block_texture, mips = cast(BlockTexture, texture), self._config.mips
         for place, channels in enumerate(self._planes.values()):
             components, numbers = list(channels), list(channels.values())
             for mip in range(mips):
-                record["mean"][place * mips + mip][components] = own.mean[mip, numbers]
+                record["mean"][place * mips + mip][components] = block_texture.mean[mip, numbers]
             # GLSL reads an axis at a time: a column.
-            axes = own.axes[np.ix_(numbers, numbers)].T
+            axes = block_texture.axes[np.ix_(numbers, numbers)].T
             record["axes"][4 * place : 4 * place + 4][np.ix_(components, components)] = axes
 
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:

@@ -1,4 +1,4 @@
-"""What codec `block` stores: tables of a group, codes and colour axes of a texture."""
+"""Stored content of codec `block`: tables of a group, codes and colour axes of a texture."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,7 +16,7 @@ from ntc.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class BlockDecoder(Decoder):
-    """What the textures of a group share."""
+    """The tables that the textures of a group share."""
 
     basis: NDArray[np.int8]
     """[coefficients, texels of a block] int8: rows of the transform, -127 to 127. Rows of a plane lie together, in the
@@ -30,7 +30,7 @@ class BlockDecoder(Decoder):
     edges: NDArray[np.uint8]
     """[modes, planes] uint8: index bits a texel of the edge part of each plane, 0 to LARGEST_EDGE_BITS; 0: there is none."""
     gains: NDArray[np.int8] | None = None
-    """[coefficients] or [bands] int8: what a pack stores in place of tables where `scales` are those that ship times these
+    """[coefficients] or [bands] int8: stored in place of tables where `scales` are the shipped ones times these gains
     (`ntc.codec.block.universal`)."""
 
     def depths(self, config: BlockConfig) -> NDArray[np.uint8]:
@@ -65,7 +65,7 @@ class BlockDecoder(Decoder):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class BlockTexture(EncodedTexture):
-    """One texture under a group's tables: value = mean + axes @ (what the block decodes to)."""
+    """One texture under a group's tables: value = mean + axes @ (normalised value of the block)."""
 
     words: NDArray[np.uint32]
     """[words] uint32: directories and codes of all levels (`ntc.codec.block.storage`)."""
@@ -82,7 +82,7 @@ class BlockTexture(EncodedTexture):
 
 @dataclass(frozen=True, eq=False)
 class BlockParts:
-    """A pack of codec `block`, with its parts as what they are."""
+    """The typed parts of a pack of codec `block`."""
 
     config: BlockConfig
     textures: tuple[BlockTexture, ...]
@@ -90,7 +90,7 @@ class BlockParts:
 
 
 def block_parts(pack: Pack) -> BlockParts:
-    """The parts of a pack of codec `block`. Raises InputError for another codec."""
+    """Return the parts of a pack of codec `block`. Raises InputError for another codec."""
     if not isinstance(pack.config, BlockConfig):
         raise InputError(f"{pack.name}: codec {pack.config.kind} has no basis; use a pack of codec block here")
     textures, decoders = cast(tuple[BlockTexture, ...], pack.textures), cast(tuple[BlockDecoder, ...], pack.decoders)
@@ -99,12 +99,13 @@ def block_parts(pack: Pack) -> BlockParts:
 
 @lru_cache(maxsize=256)
 def _depths(scales: bytes, modes: int, bits: tuple[tuple[int, ...], ...]) -> NDArray[np.uint8]:
-    """`BlockDecoder.depths`, which cannot be written to: whatever decodes a few texels asks for it again. `bits` by size and mode."""
+    """Return `BlockDecoder.depths`, read-only and cached, because decoding a few texels needs them each time. `bits` by size and
+    mode."""
     rows = np.frombuffer(scales, np.uint8).reshape(modes, -1)
-    found = np.array([[share_out_bits(row, own) for row, own in zip(rows, size, strict=True)] for size in bits])
-    found = found.astype(np.uint8)
-    found.setflags(write=False)
-    return found
+    depths = np.array([[share_out_bits(row, room) for row, room in zip(rows, size, strict=True)] for size in bits])
+    depths = depths.astype(np.uint8)
+    depths.setflags(write=False)
+    return depths
 
 
 def averaged_rows(rows: NDArray[np.floating], config: BlockConfig, mip: int) -> NDArray[np.float64]:
@@ -116,7 +117,7 @@ def averaged_rows(rows: NDArray[np.floating], config: BlockConfig, mip: int) -> 
 
 
 def stored_scales(values: NDArray[np.float64]) -> NDArray[np.uint8]:
-    """The nearest stored scales of positive `values`, uint8 of their shape."""
+    """Return the nearest stored scales of positive `values`, uint8 of their shape."""
     steps = np.rint(np.log2(np.maximum(values, 1e-9)) * SCALE_STEPS_PER_OCTAVE) + SCALE_ORIGIN
     stored: NDArray[np.uint8] = np.clip(steps, 0, 255).astype(np.uint8)
     return stored

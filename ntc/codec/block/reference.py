@@ -1,4 +1,4 @@
-"""The slow twin of every decoder of codec `block`: numpy float64, written for reading."""
+"""The float64 reference decoder of codec `block` in numpy, which every fast decoder is tested against."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 
 def decode_coefficients(codes: UnpackedCodes, decoder: BlockDecoder) -> Array:
-    """[blocks, coefficients] float64 that `codes` stand for, without the scales of the basis."""
+    """Return [blocks, coefficients] float64: the coefficients of `codes`, without the scales of the basis."""
     levels = level_table()
     following, subsets = branch_tables()
     scales = scale_values(decoder.scales)[codes.modes]
@@ -35,16 +35,16 @@ def decode_coefficients(codes: UnpackedCodes, decoder: BlockDecoder) -> Array:
 def channel_coefficients(stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig, channel: int) -> Array:
     """[blocks, coefficients of `channel`] float64: those of `decode_coefficients`, read without the others."""
     _, subsets = branch_tables()
-    found = channel_indices(stored, decoder, config, channel)
-    active = found.depths > 0
-    number = np.where(active, 4 * found.others + subsets[found.states, found.branches], 0)
-    scales = scale_values(decoder.scales[:, decoder.channels == channel])[found.modes]
-    return np.where(active, level_table()[found.depths, number] * scales, 0.0)
+    read = channel_indices(stored, decoder, config, channel)
+    active = read.depths > 0
+    number = np.where(active, 4 * read.others + subsets[read.states, read.branches], 0)
+    scales = scale_values(decoder.scales[:, decoder.channels == channel])[read.modes]
+    return np.where(active, level_table()[read.depths, number] * scales, 0.0)
 
 
 def mixed(indices: NDArray[np.uint8], bits: NDArray[np.int64], config: BlockConfig, mip: int) -> tuple[Array, Array]:
-    """([parts, texels] float64, 0 to 1: by how much each texel of a code's mip `mip` is of an edge part's second colour; [parts,
-    texels] variance of that among the texels of mip 0 that it stands for)."""
+    """Return ([parts, texels] float64, 0 to 1: share of an edge part's second colour in each texel of a code's mip `mip`; [parts,
+    texels] variance of that share among the texels of mip 0 that it averages)."""
     side, count = config.code_sides[mip], 1 << mip
     numbers = indices.astype(np.int64).reshape(-1, side, count, side, count)
     sums, squares = (np.sum(power, axis=(2, 4)).reshape(-1, side * side) for power in (numbers, numbers * numbers))
@@ -53,8 +53,8 @@ def mixed(indices: NDArray[np.uint8], bits: NDArray[np.int64], config: BlockConf
 
 
 def edge_values(part: EdgePart, config: BlockConfig, mip: int, colours: NDArray[np.bool_] | None = None) -> Array:
-    """[parts, texels, channels of the plane] float64: what edge parts show at a code's mip `mip`. `colours` [channels of the plane]:
-    which are sRGB-coded: of those, squares are averaged, which is near to linear light. None: none; mip 0 has no averages."""
+    """Return [parts, texels, channels of the plane] float64: values of edge parts at a code's mip `mip`. `colours` [channels of the
+    plane]: which are sRGB-coded: their squares are averaged, which is near to linear light. None: none; mip 0 has no averages."""
     first, second = (part.colours[:, None, number].astype(np.float64) / 255.0 for number in (0, 1))
     share, variance = (each[..., None] for each in mixed(part.indices, part.bits, config, mip))
     values = first + (second - first) * share
@@ -66,7 +66,7 @@ def edge_values(part: EdgePart, config: BlockConfig, mip: int, colours: NDArray[
 def block_values(
     texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, config: BlockConfig, mip: int = 0
 ) -> Array:
-    """[blocks, texels, channels] float64, not clamped, in the texture's colour space: what codes decode to at their mip `mip`.
+    """[blocks, texels, channels] float64, not clamped, in the texture's colour space: values of codes at their mip `mip`.
 
     Any words are valid codes: whatever a file holds decodes to finite numbers.
     """
@@ -75,8 +75,8 @@ def block_values(
     rows = averaged_rows(decoder.basis.astype(np.float64), config, mip)
     transformed = np.zeros((len(coefficients), rows.shape[1], config.output_channels))
     for channel in range(config.output_channels):
-        own = decoder.channels == channel
-        transformed[..., channel] = coefficients[:, own] @ rows[own]
+        rows_of_channel = decoder.channels == channel
+        transformed[..., channel] = coefficients[:, rows_of_channel] @ rows[rows_of_channel]
     values = np.zeros_like(transformed) + texture.mean[mip].astype(np.float64)
     colours = texture.colours(config)
     for plane, part in zip(config.planes, codes.edges, strict=True):
@@ -90,7 +90,7 @@ def block_values(
 
 
 def texture_codes(texture: BlockTexture, config: BlockConfig, level: int) -> BlockCodes:
-    """The codes of all blocks that mip `level` is decoded from. Raises ValueError for words that no encoder writes."""
+    """Return the codes of all blocks that mip `level` is decoded from. Raises ValueError for words that no encoder writes."""
     levels = texture_levels(texture, config)
     first = level_rows(texture.words, levels, config)[level].first
     return level_codes(texture.words[first:], levels[level], config)
@@ -144,9 +144,11 @@ def channel_values(
     """[blocks, texels] float64, not clamped: the map `alpha` as `block_values` decodes it, which no axis joins with other maps."""
     channel = config.output_channels - 1
     coefficients = channel_coefficients(stored, decoder, config, channel)
-    own = decoder.channels == channel
+    rows_of_channel = decoder.channels == channel
     rows = averaged_rows(
-        decoder.basis[own].astype(np.float64) * scale_values(decoder.basis_scale[own])[:, None], config, mip
+        decoder.basis[rows_of_channel].astype(np.float64) * scale_values(decoder.basis_scale[rows_of_channel])[:, None],
+        config,
+        mip,
     )
     base = np.full((len(stored.codes), rows.shape[1]), float(texture.mean[mip, channel]))
     part = edge_parts(stored, decoder, config)[-1]

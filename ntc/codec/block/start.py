@@ -1,4 +1,4 @@
-"""A pack of codec `block` that is shown before there is an encoded one."""
+"""A pack of mean colours, shown until the first group is encoded."""
 
 from collections.abc import Sequence
 
@@ -14,14 +14,13 @@ from ntc.codec.model import Grouping, Pack
 from ntc.codec.textures import SourceTexture
 
 MEANT_TEXELS = 64
-"""Along one side: so many texels at least, where there are, give a texture's mean colour."""
+"""Least number of sampled texels along each side for a texture's mean colour, where it has as many."""
 
 
 def mean_colour_pack(textures: Sequence[SourceTexture], grouping: Grouping, config: BlockConfig) -> Pack:
-    """A pack in which every texel has the mean colour of some texels of its texture, in the groups of `grouping`: shown until the
-    first snapshots.
+    """Return a pack in which every texel has about the mean colour of its texture, in the groups of `grouping`.
 
-    Codes have their largest size, so that what comes fits into as much memory.
+    Codes have their largest size, so that later snapshots fit into the same memory.
     """
     channels = config.output_channels
     decoder = BlockDecoder(

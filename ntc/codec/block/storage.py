@@ -1,8 +1,8 @@
-"""How textures of codec `block` lie in files: codes in words, and tensors (docs/reference/pack-format.md).
+"""Layout of textures of codec `block` in files: codes in words, and tensors (docs/reference/pack-format.md).
 
 Level after level: where blocks may take several sizes, a directory, then the codes of the level's blocks, row by row, without gaps.
 The directory has two words for each run of DIRECTORY_RUN blocks: where the run's first code begins, in words from the level's first
-word, and the size classes of its blocks, two bits each, the first block's lowest. So any block is found by one look at the directory.
+word, and the size classes of its blocks, two bits each, the first block's lowest. So one read of the directory locates any block.
 "{}" in the name of a tensor is the number of a texture or decoder.
 """
 
@@ -24,14 +24,14 @@ DIRECTORY_RUN = 16
 """Blocks whose size classes one word of a level's directory holds."""
 WORD = np.dtype("<u4")
 LARGEST_NUMBER = 16.0
-"""Size at most of means and axes: an encoder's are below 2, and no code decodes beyond fp32."""
+"""Largest magnitude of means and axes. Those of an encoder are below 2; with this limit no code decodes beyond fp32."""
 
 
 class BlockCodes(NamedTuple):
-    """Codes of blocks, taken out of what is stored."""
+    """Codes of blocks, read from stored words."""
 
     codes: Words
-    """[blocks, words of the largest code] uint32; what lies beyond a block's size is not its own."""
+    """[blocks, words of the largest code] uint32; words beyond a block's size are undefined."""
     sizes: NDArray[np.int64]
     """[blocks] size class: which of `BlockConfig.block_words`."""
 
@@ -48,17 +48,17 @@ def stored_words(codes: BlockCodes, levels: Sequence[LatentLevel], config: Block
     for level in levels:
         if not level.has_own_cells:
             continue
-        own = slice(level.first_cell, level.first_cell + level.cells)
+        cells = slice(level.first_cell, level.first_cell + level.cells)
         directory = directory_words(level.cells, config)
         if directory:
-            begins = directory + np.cumsum(lengths[own]) - lengths[own]
+            begins = directory + np.cumsum(lengths[cells]) - lengths[cells]
             classes = np.zeros(directory // 2 * DIRECTORY_RUN, np.uint32)
-            classes[: level.cells] = codes.sizes[own]
+            classes[: level.cells] = codes.sizes[cells]
             shifted = classes.reshape(-1, DIRECTORY_RUN) << (2 * np.arange(DIRECTORY_RUN, dtype=np.uint32))
             runs = np.stack([begins[::DIRECTORY_RUN].astype(np.uint32), shifted.sum(1, dtype=np.uint32)], axis=1)
             parts.append(runs.reshape(-1))
-        inside = np.arange(codes.codes.shape[1]) < lengths[own, None]
-        parts.append(codes.codes[own][inside])
+        inside = np.arange(codes.codes.shape[1]) < lengths[cells, None]
+        parts.append(codes.codes[cells][inside])
     return np.concatenate(parts).astype(np.uint32)
 
 
@@ -75,13 +75,13 @@ def _level_sizes(words: Words, blocks: int, config: BlockConfig) -> NDArray[np.i
 
 
 def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockConfig) -> tuple[StoredRows, ...]:
-    """Where each of `levels` lies in a texture's stored `words` [words] uint32.
+    """Return the rows of each of `levels` in a texture's stored `words` [words] uint32.
 
-    A mip of 0 rows lies in those of the next coarser one.
+    A mip of 0 rows is decoded from those of the next coarser one.
 
     Raises ValueError for words that are not what `stored_words` gives: wrong places in a directory, unknown classes, wrong length.
     """
-    found, first = list[StoredRows](), 0
+    rows_of_levels, first = list[StoredRows](), 0
     lengths_of = np.array(config.block_words, np.int64)
     for level, following in zip(levels, [*levels[1:], None], strict=True):
         part = words[first:]
@@ -93,27 +93,28 @@ def level_rows(words: Words, levels: Sequence[LatentLevel], config: BlockConfig)
         if directory and not np.array_equal(part[:directory:2], begins[::DIRECTORY_RUN]):
             raise ValueError("latents: a directory does not name the places where codes begin")
         rows = directory + int(lengths.sum())
-        # What several mips are decoded from belongs to the coarsest of them, for finer ones are never there without it.
+        # Codes of several mips belong to the coarsest of them: finer mips are never loaded without it.
         shared = following is not None and not following.has_own_cells
-        found.append(StoredRows(first, 0 if shared else rows))
-        first += found[-1].rows
+        rows_of_levels.append(StoredRows(first, 0 if shared else rows))
+        first += rows_of_levels[-1].rows
     if first != len(words):
         raise ValueError(f"latents: {len(words)} words, not the {first} that their directories tell of")
-    return tuple(found)
+    return tuple(rows_of_levels)
 
 
 def level_codes(words: Words, level: LatentLevel, config: BlockConfig) -> BlockCodes:
-    """The codes of all blocks of a level; `words` begin with the level's directory."""
+    """Return the codes of all blocks of a level; `words` begin with the level's directory."""
     sizes = _level_sizes(words, level.cells, config)
     lengths = np.array(config.block_words, np.int64)[sizes]
     begins = directory_words(level.cells, config) + np.cumsum(lengths) - lengths
-    # Beyond the last code nothing is read that matters, but it must be there.
+    # Padding: a full code is read at the last block, whatever its size.
     padded = np.concatenate([words, np.zeros(config.block_words[-1], np.uint32)])
     return BlockCodes(padded[begins[:, None] + np.arange(config.block_words[-1])], sizes)
 
 
 def _axes_shape(config: BlockConfig) -> tuple[int, ...]:
-    """Of a texture's axes in a file: one matrix, or of material sets the matrices of all planes, one after the other."""
+    """Return the shape of a texture's axes in a file: one matrix; for material sets the matrices of all planes, one after the
+    other."""
     channels = config.output_channels
     return (channels, channels) if config.maps == BASE_ALONE else (config.axis_numbers,)
 
@@ -128,7 +129,7 @@ def texture_shapes(config: BlockConfig) -> dict[str, TensorShape]:
 
 
 def _plane_blocks(config: BlockConfig) -> list[tuple[NDArray[np.intp], ...]]:
-    """By plane: what picks its part out of a matrix of channels."""
+    """Return for each plane the index of its part in a matrix of channels."""
     planes = plane_channels(config.maps, config.output_channels).values()
     return [np.ix_(list(channels.values()), list(channels.values())) for channels in planes]
 
@@ -136,16 +137,16 @@ def _plane_blocks(config: BlockConfig) -> list[tuple[NDArray[np.intp], ...]]:
 def _axes_matrix(parts: NDArray[np.float32], config: BlockConfig) -> NDArray[np.float32]:
     """[channels, channels] float32: `BlockTexture.axes` of its `parts` as files hold them."""
     axes, first = np.zeros((config.output_channels, config.output_channels), np.float32), 0
-    for own in _plane_blocks(config):
-        count = own[0].size
-        axes[own] = parts[first : first + count * count].reshape(count, count)
+    for plane in _plane_blocks(config):
+        count = plane[0].size
+        axes[plane] = parts[first : first + count * count].reshape(count, count)
         first += count * count
     return axes
 
 
 def texture_tensors(texture: BlockTexture, config: BlockConfig) -> dict[str, NDArray[Any]]:
-    """The tensors of a texture, contiguous. Of the axes, for each plane the rows of its part."""
-    axes = np.concatenate([texture.axes[own].reshape(-1) for own in _plane_blocks(config)])
+    """Return the tensors of a texture, contiguous. Axes hold the rows of each plane's part, plane by plane."""
+    axes = np.concatenate([texture.axes[plane].reshape(-1) for plane in _plane_blocks(config)])
     words = np.ascontiguousarray(texture.words, WORD)
     return {
         "latents.{}": words.view(np.uint8).reshape(-1, WORD.itemsize),
@@ -155,7 +156,7 @@ def texture_tensors(texture: BlockTexture, config: BlockConfig) -> dict[str, NDA
 
 
 def read_texture(tensors: Tensors, known: Mapping[str, Any], config: BlockConfig) -> BlockTexture:
-    """The texture of these tensors and `known` facts.
+    """Return the texture of these tensors and `known` fields.
 
     Raises ValueError for directories, means or axes that no encoder writes; all codes are valid."""
     parts = tensors["latents.{}.axes"].reshape(-1)
@@ -176,6 +177,6 @@ def read_texture(tensors: Tensors, known: Mapping[str, Any], config: BlockConfig
 
 
 def _check_numbers(array: NDArray[Any], name: str) -> None:
-    """Raises ValueError, naming the tensor `name`, for a number that no encoder writes."""
+    """Check the numbers of the tensor `name`. Raises ValueError, which names it, for a number that no encoder writes."""
     if float(np.abs(array).max(initial=0.0)) > LARGEST_NUMBER:
         raise ValueError(f"{name}: a number is beyond {LARGEST_NUMBER:g}")

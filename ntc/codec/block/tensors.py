@@ -15,12 +15,12 @@ from ntc.codec.maps import BASE_ALONE
 from ntc.errors import InputError
 
 LARGEST_BASIS_SCALE = 192
-"""Of a decoder: rows of an encoder have a length of 1."""
+"""Largest scale of a decoder's row: rows of an encoder have a length of 1."""
 DECODER_PARTS = ("basis", "channels", "basis_scale", "scales", "edges")
 
 
 def decoder_shapes(config: BlockConfig) -> dict[str, TensorShape]:
-    """Type and shape of the tensors of a decoder: its tables, or gains of those that ship."""
+    """Return type and shape of the tensors of a decoder: its tables, or gains of the shipped ones."""
     if config.tables is not None:
         return {"decoder.{}.gains": ("I8", (None,))}
     return _table_shapes(config)
@@ -37,15 +37,15 @@ def _table_shapes(config: BlockConfig) -> dict[str, TensorShape]:
 
 
 def decoder_tensors(decoder: BlockDecoder, config: BlockConfig) -> dict[str, NDArray[Any]]:
-    """The tensors of a decoder, contiguous."""
+    """Return the tensors of a decoder, contiguous."""
     if config.tables is not None:
         return {"decoder.{}.gains": np.ascontiguousarray(decoder.gains)}
     return {f"decoder.{{}}.{part}": np.ascontiguousarray(getattr(decoder, part)) for part in DECODER_PARTS}
 
 
 def read_decoder(tensors: Tensors, config: BlockConfig) -> BlockDecoder:
-    """The decoder of these tensors. Raises ValueError for channels that the codec lacks, numbers that no encoder writes, and gains of
-    tables that do not ship."""
+    """Return the decoder of these tensors. Raises ValueError for channels that the codec lacks, numbers that no encoder writes, and
+    gains of tables that do not ship."""
     if config.tables is not None:
         try:
             tables = set_tables(config.maps, config.output_channels, config.tables)
@@ -77,9 +77,9 @@ def _check_decoder(decoder: BlockDecoder, config: BlockConfig) -> None:
 
 
 def shipped_decoder(decoders: int, parameters: Mapping[str, Any], config: BlockConfig) -> BlockDecoder:
-    """The one decoder that textures of grouping `universal` with these parameters were encoded for.
+    """Return the shipped decoder that textures of grouping `universal` with these parameters were encoded for.
 
-    Raises ValueError where they do not name one that ships.
+    Raises ValueError where the parameters name no shipped one.
     """
     version = parameters.get("version")
     if decoders != 1 or not isinstance(version, int):
@@ -95,9 +95,9 @@ def shipped_decoder(decoders: int, parameters: Mapping[str, Any], config: BlockC
 
 
 def _check_shapes(decoder: BlockDecoder, config: BlockConfig) -> None:
-    """Raises ValueError where tables that ship are not those of `config`."""
+    """Check that shipped tables have the shapes of `config`. Raises ValueError where they do not."""
     for name, (_, shape) in _table_shapes(config).items():
         part = name.rpartition(".")[2]
-        found: NDArray[Any] = getattr(decoder, part)
-        if found.shape != shape:
-            raise ValueError(f"{part}: {found.dtype} {list(found.shape)}, not {found.dtype} {list(shape)}")
+        array: NDArray[Any] = getattr(decoder, part)
+        if array.shape != shape:
+            raise ValueError(f"{part}: {array.dtype} {list(array.shape)}, not {array.dtype} {list(shape)}")

@@ -2,7 +2,7 @@
 
 A coefficient of depth b has 2^(b+1) levels, dealt out in turn to four subsets. The state that the coefficients before it led to allows
 two subsets; one bit of its index chooses between them, the others choose a level. So b bits choose among twice as many levels as
-scalar quantisation has, which is worth 0.7 to 1.9 dB at no cost to the decoder (Marcellin and Fischer, IEEE Trans. Comm. 38(1), 1990;
+scalar quantisation has, which gains 0.7 to 1.9 dB at no cost to the decoder (Marcellin and Fischer, IEEE Trans. Comm. 38(1), 1990;
 the trellis is that of JPEG 2000 part 2, ITU-T T.801, Annex D).
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_DEPTH = 7
-"""Bits of a coefficient at most."""
+"""Most bits of a coefficient."""
 SCALE_STEPS_PER_OCTAVE = 16
 """Stored scales are powers of two in steps of 1/16 octave."""
 SCALE_ORIGIN = 192
@@ -28,11 +28,11 @@ BRANCHES: tuple[tuple[tuple[int, int], tuple[int, int]], ...] = (
     ((4, 0), (5, 2)),
     ((6, 1), (7, 3)),
 )
-"""By state and branch bit: (next state, subset)."""
+"""(next state, subset) by state and branch bit."""
 EXPECTED_ERROR = (1.0, 0.347, 0.105, 0.031, 0.0101, 0.00275, 0.00074, 0.0002)
 """Mean squared error of a coefficient of unit variance by depth, measured on Gaussian and Laplacian samples."""
 LEVEL_STEPS = (0, -3, 2, 11, 17, 20, 23, 24)
-"""By depth: the outermost level's scale in steps of 1/16 octave, for coefficients of unit variance."""
+"""Scale of the outermost level by depth, in steps of 1/16 octave, for coefficients of unit variance."""
 SHALLOW_CURVE, DEEP_CURVE = (0.0, 1.625), (-1.5, 3.0)
 """(linear, square) terms of levels of depths below DEEP_DEPTH, and of the others."""
 DEEP_DEPTH = 3

@@ -1,6 +1,6 @@
-"""The decoder that ships with the program: tables of codec `block` that were fitted once, to textures of no scene in particular.
+"""The decoder that ships with the program: tables of codec `block`, fitted to textures of many scenes.
 
-What it was fitted to, and how it is made anew: assets/README.md.
+assets/README.md lists these textures and the command that fits the tables.
 """
 
 from collections.abc import Sequence
@@ -19,19 +19,20 @@ from ntc.codec.maps import MAP_CHANNELS, MAPS, MapName, channel_places, map_slic
 from ntc.errors import InputError
 
 VERSION = 2
-"""Of the tables. Packs name theirs: tables that packs were written for are never changed, only others added."""
+"""Version of the tables, which packs name. Shipped tables are never changed; a new version is added."""
 UNIVERSAL_CONFIG = BlockConfig(coefficients=192, modes=64)
-"""What the tables were fitted with. They serve every size of codes, for bits of coefficients follow from scales."""
+"""Settings that the tables were fitted with. They serve every size of codes: bits of coefficients follow from scales."""
 
 
 def tables_path(version: int, channels: int) -> Path:
-    """Where the tables for textures of up to `channels` channels lie."""
+    """Return the file of the tables for textures of up to `channels` channels."""
     return Path(__file__).with_name(f"universal_{version}_{channels}.safetensors")
 
 
 @lru_cache(maxsize=2)
 def universal_decoder(channels: int, version: int = VERSION) -> BlockDecoder:
-    """The shipped tables for packs of `channels` output channels. Raises InputError for tables that this program does not have."""
+    """Return the shipped tables for packs of `channels` output channels. Raises InputError for tables that this program does not
+    have."""
     path = tables_path(version, channels)
     if not path.is_file():
         raise InputError(
@@ -45,22 +46,22 @@ def universal_decoder(channels: int, version: int = VERSION) -> BlockDecoder:
 
 
 def universal_tensors(decoder: BlockDecoder) -> dict[str, np.ndarray]:
-    """What the file of `tables_path` holds."""
+    """Return the tensors of the file of `tables_path`."""
     return {field.name: getattr(decoder, field.name) for field in fields(decoder) if field.name != "gains"}
 
 
 SET_VERSION = 1
-"""Of the tables for whole materials, likewise."""
+"""Version of the tables for whole materials, which packs name."""
 SET_MODES = 128
 SET_CHANNELS = 12
 """Channels of the tables: those of MAPS, with a base of four channels."""
 BANDS = 5
-"""Bands of a channel: coefficients of about one strength, the strongest first."""
+"""Bands of a channel: coefficients of about equal strength, the strongest first."""
 FINE_BLOCKS = 3000
 """A group with a texture of so many blocks, all levels counted, has a gain for each coefficient; else one for each band. 512x512
 texels have more."""
 MOST_SCALED_GROUPS = 16
-"""Most groups of textures with gains of their own that grouping `universal` makes: a renderer keeps scaled tables for each."""
+"""Most groups with separate gains in grouping `universal`: a renderer keeps scaled tables for each."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,14 +77,14 @@ class SetTables:
 
 
 def set_tables_path(version: int) -> Path:
-    """Where the tables for all maps lie."""
+    """Return the file of the tables for all maps."""
     return Path(__file__).with_name(f"universal_sets_{version}.safetensors")
 
 
 @lru_cache(maxsize=16)
 def set_tables(maps: Sequence[MapName], channels: int, version: int | None = SET_VERSION) -> SetTables:
-    """The shipped tables for material sets of `maps` with `channels` channels: the rows of these channels. Raises InputError for
-    tables that this program does not have."""
+    """Return the shipped tables for material sets of `maps` with `channels` channels: the rows of these channels. Raises InputError
+    for tables that this program does not have."""
     path = set_tables_path(version or 0)
     if not path.is_file():
         raise InputError(
@@ -94,20 +95,20 @@ def set_tables(maps: Sequence[MapName], channels: int, version: int | None = SET
     places = list(_places(maps, channels))
     number = np.full(SET_CHANNELS, -1)
     number[places] = np.arange(channels)
-    kept = np.nonzero(number[tensors["channels"]] >= 0)[0]
+    selected = np.nonzero(number[tensors["channels"]] >= 0)[0]
     if "alpha" in maps:
         # Rows of a plane lie together, and coverage is the last one.
-        kept = kept[np.argsort(number[tensors["channels"][kept]] == channels - 1, kind="stable")]
+        selected = selected[np.argsort(number[tensors["channels"][selected]] == channels - 1, kind="stable")]
     known = [*plane_channels(MAPS, SET_CHANNELS), "coverage"]
     edges = np.column_stack([tensors["edges"], np.arange(len(tensors["edges"])) & 1])
-    own = [known.index(plane) for plane in plane_channels(maps, channels)]
-    rows = {name: tensors[name][kept] for name in ("basis", "channels", "basis_scale", "bands")}
+    planes = [known.index(plane) for plane in plane_channels(maps, channels)]
+    rows = {name: tensors[name][selected] for name in ("basis", "channels", "basis_scale", "bands")}
     decoder = BlockDecoder(
         rows["basis"],
         number[rows["channels"]].astype(np.uint8),
         rows["basis_scale"],
-        np.ascontiguousarray(tensors["scales"][:, kept]),
-        np.ascontiguousarray(edges[:, own].astype(np.uint8)),
+        np.ascontiguousarray(tensors["scales"][:, selected]),
+        np.ascontiguousarray(edges[:, planes].astype(np.uint8)),
     )
     bands = number[rows["channels"]] * BANDS + rows["bands"]
     return SetTables(decoder, bands, tensors["energies"].reshape(SET_CHANNELS, BANDS)[places].reshape(-1))
@@ -137,7 +138,7 @@ def set_config(maps: Sequence[MapName], channels: int) -> BlockConfig:
 
 
 def scaled_decoder(tables: SetTables, gains: NDArray[np.int8]) -> BlockDecoder:
-    """The decoder of a group with gains [coefficients] or [bands], in steps of 1/16 octave."""
+    """Return the decoder of a group with gains [coefficients] or [bands], in steps of 1/16 octave."""
     each = gains if len(gains) == len(tables.bands) else gains[tables.bands]
     scales = tables.decoder.scales.astype(np.int64) + each.astype(np.int64)
     return replace(tables.decoder, scales=np.clip(scales, 0, 255).astype(np.uint8), gains=gains)

@@ -1,1 +1,1 @@
-"""Encoding in codec `block`: tables fitted to a group's textures, then codes found for each block."""
+"""Encoding in codec `block`: tables are fitted to a group's textures, then each block is coded under them."""

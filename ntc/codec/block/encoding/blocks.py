@@ -1,4 +1,10 @@
-"""Images in blocks of texels, and textures as the encoder works on them: in blocks of normalised values."""
+"""Textures as the encoder works on them: blocks of normalised values.
+
+A texture's channels are correlated, and textures differ in mean and contrast. So each colour is turned to the principal axes of its
+values (a Karhunen-Loeve transform of 3x3), the mean is subtracted, and all is divided by the contrast. Blocks of all textures are then
+alike enough for one basis and one set of modes. Axes have one length after the weights of maps are applied: an error of a normalised
+value costs the same along each axis. The decoder undoes this with a mean and a matrix per texture (docs/reference/codec-block.md).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -20,13 +26,13 @@ from ntc.threads import mapped
 Array = NDArray[np.float32]
 Number = TypeVar("Number", bound=np.generic)
 COMPARED_BLOCKS, COMPARED_MIPS = 512, 4
-"""Of each of so many mips, by which the quality of a layout of mips is judged."""
+"""Blocks of each mip, and mips, that are compared to choose the mips per code."""
 MASK_MARGIN = 40
-"""Steps of 8 bits by which texels of a mask are kept away from its cutoff, so that no error of a code changes their side."""
+"""Distance in 8-bit steps between a mask's texels and its cutoff before encoding: small errors then change no texel's side."""
 MASK_WEIGHT = 0.25
-"""Of an error of a mask's alpha that leaves a texel on its side, beside one of blended alpha."""
+"""Weight of an error of a mask's alpha that does not cross the cutoff, relative to one of blended alpha."""
 LEAST_CONTRAST = 1e-4
-"""Axes of a constant texture are this long, so that nothing is divided by zero."""
+"""Length of the axes of a constant texture, which avoids a division by zero."""
 _PAD_MODES = {"repeat": "wrap", "mirror": "symmetric", "clamp": "edge"}
 
 
@@ -44,12 +50,13 @@ def blocks_of(image: NDArray[Number], side: int, wrap: tuple[WrapMode, WrapMode]
 
 
 def reduction(size: tuple[int, int], side: int) -> int:
-    """Texels of a texture of `size` for each one along a side of the texture that `reduced` returns."""
+    """Return the factor by which `reduced` divides each side of a texture of `size`."""
     return max(1, min(-(-max(size) // side), *size))
 
 
 def reduced(source: SourceTexture, side: int) -> SourceTexture:
-    """`source` with at most about `side` texels along its longer side: means of stored values, for a picture that is soon replaced."""
+    """Return `source` with at most about `side` texels along its longer side: means of stored values, for a picture that is soon
+    replaced."""
     channels, factor = source.channels, reduction(source.size, side)
     if factor <= 1:
         return source
@@ -73,9 +80,9 @@ class Axes:
     colours: NDArray[np.bool_]
     """[channels] which are sRGB-coded."""
     has_derived: bool
-    """Whether mip 1 is derived from the codes of mip 0."""
+    """True if mip 1 is derived from the codes of mip 0."""
     contrast: float
-    """What the error of a normalised value is multiplied by to give a weighted error of values in [0, 1]."""
+    """Factor from the error of a normalised value to the weighted error of a value in [0, 1]."""
     cutoff: float | None = None
     """Alpha from which on a texel of a mask is there; None: the texture is no mask."""
 
@@ -88,9 +95,9 @@ class PreparedTexture:
     texels: NDArray[np.uint8]
     """[blocks of all levels, texels, channels] 8-bit values; 0 in channels that the texture lacks."""
     compared: tuple[NDArray[np.uint8], ...] = ()
-    """By level, the first COMPARED_MIPS: 8-bit values [blocks, texels of a code's mip, channels] of its `compared_blocks`."""
+    """8-bit values [blocks, texels of a code's mip, channels] of the `compared_blocks` of the first COMPARED_MIPS levels."""
     derived_errors: tuple[float, ...] = ()
-    """Mean squares, in 8-bit steps, by which averages of the values of mip 0 miss the mips that are derived from it, by samples."""
+    """Mean squared error, in 8-bit steps squared, of each derived mip against averages of the values of mip 0; of samples."""
 
     def normalised(self, rows: slice | NDArray[np.int64]) -> Array:
         """[blocks, texels x channels]: (value - mean) in units of the axes, of the blocks `rows`."""
@@ -111,7 +118,7 @@ class _Moments:
 
     @classmethod
     def of(cls, pixels: NDArray[np.uint8]) -> "_Moments":
-        """Those of `pixels` [H, W, channels], from exact sums."""
+        """Return the moments of `pixels` [H, W, channels], from exact sums."""
         channels = pixels.shape[2]
         rows, count = pixels.reshape(-1, channels), pixels.size // channels
         sums, products = np.zeros(channels, np.int64), np.zeros((channels, channels), np.int64)
@@ -120,12 +127,12 @@ class _Moments:
 
 
 def _turned_channels(config: BlockConfig) -> list[list[int]]:
-    """Channels that share axes: those of a colour. All others are less alike from texture to texture than one basis needs."""
-    found = []
+    """Return the lists of channels that share axes: those of a colour. Others correlate differently in each texture."""
+    groups = []
     for name, place in map_slices(config.maps, config.output_channels).items():
         channels = list(range(place.start, place.stop))
-        found.extend([channels] if name in SRGB_MAPS else [[channel] for channel in channels])
-    return found
+        groups.extend([channels] if name in SRGB_MAPS else [[channel] for channel in channels])
+    return groups
 
 
 def _principal_axes(
@@ -136,18 +143,18 @@ def _principal_axes(
     cutoff: float | None,
     config: BlockConfig,
 ) -> Axes:
-    """Axes of values with `moments` whose squared errors are worth `weights` [channels].
+    """Return the axes of values with `moments`, whose squared errors have the weights `weights` [channels].
 
-    Of one length after weighting, so that an error has the same weight in every direction.
+    Weighted axes have one length, so that an error has the same weight in every direction.
     """
     mean = moments.mean
     roots = np.sqrt(weights)
     covariance = (moments.products - np.outer(mean, mean)) * np.outer(roots, roots)
     vectors, total = np.zeros_like(covariance), 0.0
     for channels in _turned_channels(config):
-        own = np.ix_(channels, channels)
-        variances, found = np.linalg.eigh(covariance[own])
-        vectors[own] = found[:, ::-1] * np.where(found[:, ::-1].sum(0) < 0.0, -1.0, 1.0)
+        block = np.ix_(channels, channels)
+        variances, directions = np.linalg.eigh(covariance[block])
+        vectors[block] = directions[:, ::-1] * np.where(directions[:, ::-1].sum(0) < 0.0, -1.0, 1.0)
         total += variances.sum()
     contrast = max(float(np.sqrt(max(total, 0.0))), LEAST_CONTRAST)
     weighted = (vectors * contrast).astype(np.float32)
@@ -160,8 +167,8 @@ def _principal_axes(
 
 
 def prepare_texture(source: SourceTexture, config: BlockConfig, code_mips: int | None = None) -> PreparedTexture:
-    """All mips of `source` in blocks, with `code_mips` mips per code, or as many as `config` says. Raises ValueError for maps that the
-    codec lacks."""
+    """Return all mips of `source` in blocks, with `code_mips` mips per code, or as many as `config` says. Raises ValueError for maps
+    that the codec lacks."""
     width, height = source.size
     levels = latent_levels(width, height, config, code_mips)
     mips = mip_chain(source.pixels, source.color_space, source.maps)[: len(levels)]
@@ -188,8 +195,8 @@ def prepare_texture(source: SourceTexture, config: BlockConfig, code_mips: int |
     axes = _principal_axes(moments[0], weights, colours, has_derived, cutoff, config)
     for number in range(1, config.mips):
         axes.mean[number] = axes.mean[0] + _offset([each.mean for each in moments], levels, number)
-    own = [number for number, level in enumerate(levels) if level.has_own_cells]
-    blocks = {number: blocks_of(values[number], config.block_side, source.wrap) for number in own}
+    coded_levels = [number for number, level in enumerate(levels) if level.has_own_cells]
+    blocks = {number: blocks_of(values[number], config.block_side, source.wrap) for number in coded_levels}
     compared = []
     for number, level in enumerate(levels[:COMPARED_MIPS]):
         side = config.code_sides[level.mip_of_cell]
@@ -213,7 +220,7 @@ def _derived_errors(
     config: BlockConfig,
 ) -> tuple[float, ...]:
     """`PreparedTexture.derived_errors` over `channels` of the blocks `compared` by level."""
-    found = []
+    errors = []
     finest = compared[0][..., channels]
     for number, (level, truth) in enumerate(zip(levels[1:], compared[1:], strict=False), 1):
         if level.mip_of_cell != number:
@@ -222,15 +229,15 @@ def _derived_errors(
         squares = finest.reshape(len(finest), side, count, side, count, len(channels))
         means = squares.mean((2, 4), dtype=np.float32).reshape(len(finest), side * side, -1)
         means += np.float32(255.0) * (axes.mean[number] - axes.mean[0])[channels]
-        found.append(float(np.square(means - truth[..., channels]).mean()))
-    return tuple(found)
+        errors.append(float(np.square(means - truth[..., channels]).mean()))
+    return tuple(errors)
 
 
 def masked_mips(mips: Sequence[NDArray[np.uint8]], cutoff: float) -> list[NDArray[np.uint8]]:
     """Return `mips` [h, w, channels] uint8 of a mask, whose last channel is alpha: in all of them, about the same share of texels
     is at or above `cutoff`, and none is within MASK_MARGIN of it."""
     limit = cutoff * 255.0
-    share, found = float((mips[0][..., -1] >= limit).mean()), []
+    share, masked = float((mips[0][..., -1] >= limit).mean()), []
     for number, mip in enumerate(mips):
         alpha = mip[..., -1].astype(np.float64)
         above = alpha >= limit
@@ -241,14 +248,14 @@ def masked_mips(mips: Sequence[NDArray[np.uint8]], cutoff: float) -> list[NDArra
             above[order[: round(share * alpha.size)]] = True
             above = above.reshape(alpha.shape)
         moved = np.where(above, np.maximum(alpha, limit + MASK_MARGIN), np.minimum(alpha, limit - MASK_MARGIN))
-        found.append(mip.copy())
-        found[-1][..., -1] = np.rint(np.clip(moved, 0.0, 255.0))
-    return found
+        masked.append(mip.copy())
+        masked[-1][..., -1] = np.rint(np.clip(moved, 0.0, 255.0))
+    return masked
 
 
 def _offset(means: Sequence[NDArray[np.float64]], levels: Sequence[LatentLevel], mip: int) -> Array:
-    """[channels]: by how much mips that codes hold as their mip `mip` are above the average of stored values, for colours are
-    averaged in linear light. `means` [channels] by level."""
+    """Return [channels]: mean difference between mips that codes hold as their mip `mip` and averages of the values of mip 0. Colours
+    are averaged in linear light, values are not. `means` [channels] by level."""
     sums, count = np.zeros(len(means[0])), 0
     for number, level in enumerate(levels):
         if level.mip_of_cell == mip:
@@ -260,12 +267,12 @@ def _offset(means: Sequence[NDArray[np.float64]], levels: Sequence[LatentLevel],
 
 @dataclass(frozen=True, eq=False)
 class Sample:
-    """Some blocks of a texture, for what is fitted or estimated."""
+    """A random part of a texture's blocks, to which tables are fitted."""
 
     blocks: Array
     """[sampled blocks, texels x channels], normalised."""
     axes: Axes
-    """Of the texture."""
+    """Axes of the texture."""
     block_count: int
     """Blocks of all levels of the texture."""
 
@@ -276,10 +283,10 @@ def sample_textures(
     seed: int = 0,
     most: int = SAMPLED_BLOCKS,
     threads: int = 1,
-    kept: dict[SourceTexture, PreparedTexture] | None = None,
+    prepared: dict[SourceTexture, PreparedTexture] | None = None,
 ) -> tuple[Sample, ...]:
-    """At most `most` blocks of a group's textures, chosen at random; each texture has the same weight, whatever its size. `threads`
-    change nothing. `kept` gets what was prepared."""
+    """Return at most `most` blocks of a group's textures, chosen at random; each texture has the same weight, whatever its size.
+    `threads` change nothing. `prepared` receives the textures in blocks."""
     random = np.random.default_rng(seed)
     each = max(1, most // max(1, len(sources)))
     counts = [latent_cell_count(*source.size, config) for source in sources]
@@ -287,8 +294,8 @@ def sample_textures(
 
     def sample(number: int) -> Sample:
         texture = prepare_texture(sources[number], config)
-        if kept is not None:
-            kept[sources[number]] = texture
+        if prepared is not None:
+            prepared[sources[number]] = texture
         return Sample(texture.normalised(chosen[number]), texture.axes, counts[number])
 
     return tuple(mapped(sample, range(len(sources)), threads))

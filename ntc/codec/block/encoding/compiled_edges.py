@@ -1,6 +1,10 @@
 """Edge parts of a plane and what they cost in the derived mip, compiled by numba (`ntc.codec.block.encoding.edges`).
 
-Values of a block lie by channel here, so that loops over its texels use the processor's vectors."""
+An edge part starts with the two texels that lie farthest apart along the block's principal direction, which a few power iterations
+find. Then the index of each texel and the two colours are fitted in turn, as Lloyd's iteration does: nearest indices for the colours,
+colours of least squared error for the indices (a 2x2 system), until the error no longer falls. Colours are rounded to 8 bits before
+each error is measured, so the best stored pair wins. Values of a block lie by channel here, so that loops over its texels use the
+processor's vectors."""
 
 import numpy as np
 from numba import boolean, float32, int64, uint8
@@ -9,9 +13,9 @@ from numpy.typing import NDArray
 from ntc.codec.compiling import Signatures, compiled_loop
 
 POWER_ROUNDS = 6
-"""Of the iteration that finds a block's principal direction."""
+"""Power iterations that approximate a block's principal direction."""
 SUMS_IN_ANY_ORDER = {"reassoc", "contract"}
-"""What the compiler may do to numbers: sums of vectors. Any machine gives the same bytes each time, whatever the threads."""
+"""Permission for the compiler to reorder sums, so that it uses vectors. One machine gives the same bytes with any threads."""
 
 
 @compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
@@ -175,21 +179,21 @@ def _turned(
     mean: NDArray[np.float32],
     matrix: NDArray[np.float32],
     channels: NDArray[np.int64],
-    own: NDArray[np.float32],
+    scratch: NDArray[np.float32],
     out: NDArray[np.float32],
 ) -> None:
     """Write `mean` + `matrix` times the `channels` of `block` [texels, channels of the codec] into `out` [channels, texels], and these
-    channels into `own`, which is as large."""
+    channels into `scratch`, which is as large."""
     for one in range(len(channels)):
         for texel in range(out.shape[1]):
-            own[one, texel] = block[texel, channels[one]]
+            scratch[one, texel] = block[texel, channels[one]]
     for one in range(len(channels)):
         for texel in range(out.shape[1]):
             out[one, texel] = mean[one]
         for other in range(len(channels)):
             factor = matrix[one, other]
             for texel in range(out.shape[1]):
-                out[one, texel] += factor * own[other, texel]
+                out[one, texel] += factor * scratch[other, texel]
 
 
 @compiled_loop(fastmath=SUMS_IN_ANY_ORDER)
@@ -307,13 +311,13 @@ def add_derived(
     read."""
     texels, count = blocks.shape[1], len(channels)
     values, missed = np.zeros((count, texels), np.float32), np.zeros((count, texels // 4), np.float32)
-    own, left, share = (
+    scratch, left, share = (
         np.zeros((count, texels), np.float32),
         np.zeros(texels // 4, np.float32),
         np.zeros((2, texels // 4), np.float32),
     )
     for block in range(len(blocks)):
-        _turned(blocks[block], means[0], axes, channels, own, values)
+        _turned(blocks[block], means[0], axes, channels, scratch, values)
         for one in range(count):
             if by_squares[one]:
                 for texel in range(texels):
@@ -324,13 +328,13 @@ def add_derived(
                 truth = missed[one, texel]
                 missed[one, texel] = (np.sqrt(truth) if by_squares[one] else truth) - shown
         if largest:
-            _share_of(indices[block], side, largest, own[0], share)
+            _share_of(indices[block], side, largest, scratch[0], share)
             _take_part(colours[block], share[0], share[1], by_squares, missed)
         total = np.float32(0.0)
         for one in range(count):
             for texel in range(texels):
-                own[0, texel] = rest[block, texel, channels[one]]
-            _halve(own[0], side, left)
+                scratch[0, texel] = rest[block, texel, channels[one]]
+            _halve(scratch[0], side, left)
             for other in range(count):
                 for texel in range(texels // 4):
                     left[texel] -= missed[other, texel] * inverse[other, one]

@@ -1,4 +1,4 @@
-"""The choice of modes by errors that are expected, compiled by numba."""
+"""The choice of modes by expected errors, compiled by numba."""
 
 import numpy as np
 from numba import float32, int64, uint8
@@ -61,15 +61,15 @@ def better_of_two(
     table: NDArray[np.float32],
     reach: np.float32,
     cells: int,
-    found: NDArray[np.int64],
+    chosen: NDArray[np.int64],
 ) -> None:
-    """Write into `found` [blocks] which of the two modes of the least `expected` [blocks, modes] has the smaller error of `values`
+    """Write into `chosen` [blocks] which of the two modes of the least `expected` [blocks, modes] has the smaller error of `values`
     [blocks, coefficients] by `table`; `depths` and `scales` [modes, coefficients]."""
     for block in range(len(values)):
         first, second = _two_least(expected[block])
         one = _looked_up(values[block], depths[first], scales[first], table, reach, cells)
         other = _looked_up(values[block], depths[second], scales[second], table, reach, cells)
-        found[block] = second if other < one else first
+        chosen[block] = second if other < one else first
 
 
 SIGNATURES: Signatures = {

@@ -13,14 +13,14 @@ MOMENTS_AT_ONCE = 4096
 @compiled_loop()
 def _used(matrix: NDArray[np.floating]) -> NDArray[np.int64]:
     """Return [columns, 2]: first row that is not 0 in each column of `matrix`, and the one after the last."""
-    found = np.zeros((matrix.shape[1], 2), np.int64)
+    ranges = np.zeros((matrix.shape[1], 2), np.int64)
     for column in range(matrix.shape[1]):
-        found[column, 0] = column
+        ranges[column, 0] = column
         for row in range(matrix.shape[0]):
             if matrix[row, column] != 0.0:
-                found[column, 0] = min(found[column, 0], row)
-                found[column, 1] = row + 1
-    return found
+                ranges[column, 0] = min(ranges[column, 0], row)
+                ranges[column, 1] = row + 1
+    return ranges
 
 
 @compiled_loop()
@@ -50,17 +50,17 @@ def add_moments(values: NDArray[np.uint8], sums: NDArray[np.int64], products: ND
     for start in range(0, len(values), MOMENTS_AT_ONCE):
         count = min(MOMENTS_AT_ONCE, len(values) - start)
         for one in range(channels):
-            own = run[one]
+            values_of_one = run[one]
             total = np.uint32(0)
             for texel in range(count):
-                own[texel] = values[start + texel, one]
-                total += own[texel]
+                values_of_one[texel] = values[start + texel, one]
+                total += values_of_one[texel]
             sums[one] += np.int64(total)
             for other in range(one + 1):
-                beside = run[other]
+                values_of_other = run[other]
                 total = np.uint32(0)
                 for texel in range(count):
-                    total += own[texel] * beside[texel]
+                    total += values_of_one[texel] * values_of_other[texel]
                 products[one, other] += np.int64(total)
                 if other < one:
                     products[other, one] = products[one, other]

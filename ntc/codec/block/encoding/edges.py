@@ -1,5 +1,10 @@
-"""Edge parts of blocks: two colours and an index a texel, found by least squares. They mend flat graphics, which no transform codes
-well."""
+"""Edge parts of blocks: two colours and an index per texel, fitted by least squares (`compiled_edges`).
+
+A transform spends many bits on sharp edges between flat colours, as in lettering. An edge part codes them as BC1 does: two colours and
+an index between them for each texel. The transform then codes what is left. A mip that is derived from a code with an edge part
+averages its colours in squares, near to linear light, and so differs from averages of the transform: `derived_costs` measures that
+difference, so that modes are compared by all mips of a code (docs/reference/codec-block.md).
+"""
 
 from typing import NamedTuple
 
@@ -14,8 +19,8 @@ from ntc.codec.block.encoding.masks import alpha_values, mask_part
 from ntc.codec.block.model import BlockDecoder
 from ntc.codec.block.reference import edge_values
 
-DERIVED_WORTH = 1.0
-"""Of a squared error in the derived mip, beside one in mip 0, which has four times as many texels."""
+DERIVED_WEIGHT = 1.0
+"""Weight of a squared error in the derived mip, relative to one in mip 0, which has four times as many texels."""
 ROUNDS = 4
 """Alternations between the indices of texels and the colours that fit them."""
 
@@ -24,52 +29,55 @@ class EdgeKind(NamedTuple):
     """Modes of a decoder that have the same edge parts."""
 
     bits: tuple[int, ...]
-    """By plane: index bits a texel; 0: no edge part."""
+    """Index bits per texel by plane; 0: no edge part."""
     modes: NDArray[np.int64]
 
 
 def edge_kinds(decoder: BlockDecoder) -> list[EdgeKind]:
-    """Those of `decoder`, that of modes without edge parts first."""
+    """Return the kinds of edge parts of `decoder`, modes without edge parts first."""
     rows = [tuple(row) for row in decoder.edges.tolist()]
-    found = sorted(set(rows))
-    return [EdgeKind(bits, np.array([mode for mode, own in enumerate(rows) if own == bits])) for bits in found]
+    distinct = sorted(set(rows))
+    return [
+        EdgeKind(bits, np.array([mode for mode, mode_bits in enumerate(rows) if mode_bits == bits]))
+        for bits in distinct
+    ]
 
 
 class EdgeFit(NamedTuple):
     """Blocks with edge parts."""
 
     parts: tuple[EdgePart, ...]
-    """By plane."""
+    """Edge parts by plane."""
     rest: Array
-    """[blocks, texels x channels] what is left for the transform, normalised."""
+    """[blocks, texels x channels]: normalised values that are left for the transform."""
 
 
 def fitted_edges(
     blocks: Array, axes: Axes, bits: tuple[int, ...], config: BlockConfig, rounds: int = ROUNDS
 ) -> EdgeFit:
-    """Edge parts of `bits` by plane for normalised `blocks` [blocks, texels x channels], after so many rounds. Compiled where numba is
-    installed."""
+    """Return edge parts with `bits` by plane for normalised `blocks` [blocks, texels x channels], fitted in at most `rounds`
+    rounds."""
     if not any(bits):
         return EdgeFit(tuple(_no_part(config, channels) for channels in config.planes), blocks)
     shown = blocks.reshape(-1, config.block_texels, config.output_channels)
     weights = np.linalg.norm(axes.inverse, axis=1)
     rest, parts = shown.copy(), []
-    for channels, own in zip(config.planes, bits, strict=True):
-        if not own:
+    for channels, index_bits in zip(config.planes, bits, strict=True):
+        if not index_bits:
             parts.append(_no_part(config, channels))
             continue
         colours, indices = _room_for(len(blocks), config, len(channels))
         numbers, means, to_values, inverse = _plane_of(axes, channels)
-        squares, largest = _squares(weights[numbers]), (1 << own) - 1
+        squares, largest = _squares(weights[numbers]), (1 << index_bits) - 1
         compiled_edges.fit_plane(
             shown, numbers, means[0], to_values, inverse, squares, largest, rounds, colours, indices, rest
         )
-        parts.append(EdgePart(np.arange(len(blocks)), np.full(len(blocks), own), colours, indices))
+        parts.append(EdgePart(np.arange(len(blocks)), np.full(len(blocks), index_bits), colours, indices))
     return _with_sides(EdgeFit(tuple(parts), rest.reshape(blocks.shape)), blocks, axes, config)
 
 
 def _with_sides(fit: EdgeFit, blocks: Array, axes: Axes, config: BlockConfig) -> EdgeFit:
-    """`fit` of a mask with each texel on its side of the cutoff; that of another texture as it is."""
+    """Return `fit` with each texel of a mask on its side of the cutoff; unchanged for other textures."""
     part = fit.parts[-1]
     if axes.cutoff is None or not len(part.blocks):
         return fit
@@ -81,9 +89,8 @@ def _with_sides(fit: EdgeFit, blocks: Array, axes: Axes, config: BlockConfig) ->
 
 
 def derived_costs(blocks: Array, fit: EdgeFit, axes: Axes, config: BlockConfig) -> Array:
-    """[blocks] DERIVED_WORTH times the squared error of the next mip of `blocks`, which is derived from them with the parts of `fit`,
-    if the transform shows all that is left. Its truth is taken for the average by squares. 0 where none is derived. Compiled where
-    numba is installed."""
+    """Return [blocks]: DERIVED_WEIGHT times the squared error of the next mip of `blocks`, which is derived from them with the parts
+    of `fit`, if the transform shows all that is left. Averages by squares serve as the truth. 0 where no mip is derived."""
     costs = np.zeros(len(blocks), np.float32)
     if not axes.has_derived:
         return costs
@@ -102,11 +109,11 @@ def derived_costs(blocks: Array, fit: EdgeFit, axes: Axes, config: BlockConfig) 
             indices,
             costs,
         )
-    return costs * np.float32(DERIVED_WORTH)
+    return costs * np.float32(DERIVED_WEIGHT)
 
 
 def costs_without_edges(blocks: Array, axes: Axes, config: BlockConfig) -> Array:
-    """[blocks] `derived_costs` of modes without edge parts."""
+    """Return [blocks]: `derived_costs` of modes without edge parts."""
     return derived_costs(blocks, fitted_edges(blocks, axes, (0,) * len(config.planes), config), axes, config)
 
 
@@ -117,17 +124,17 @@ def _no_part(config: BlockConfig, channels: tuple[int, ...]) -> EdgePart:
 
 
 def _squares(weights: NDArray[np.floating]) -> Array:
-    """[channels] what squared errors are worth beside each other."""
+    """Return [channels]: relative weights of squared errors, at most 1."""
     return np.asarray(np.square(weights / max(float(weights.max()), 1e-9)).astype(np.float32))
 
 
 def _plane_of(axes: Axes, channels: tuple[int, ...]) -> tuple[NDArray[np.int64], Array, Array, Array]:
-    """(channels, means by mip, axes, inverse) of a plane: axes never mix planes."""
-    own = np.ix_(channels, channels)
+    """Return (channels, means by mip, axes, inverse) of a plane: axes never mix planes."""
+    plane = np.ix_(channels, channels)
     means = np.ascontiguousarray(axes.mean[:, list(channels)])
-    return np.array(channels, np.int64), means, axes.axes[own], axes.inverse[own]
+    return np.array(channels, np.int64), means, axes.axes[plane], axes.inverse[plane]
 
 
 def _room_for(blocks: int, config: BlockConfig, channels: int) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """Zeros for the (colours, indices) of so many blocks."""
+    """Return zeros for the (colours, indices) of `blocks` blocks."""
     return np.zeros((blocks, 2, channels), np.uint8), np.zeros((blocks, config.block_texels), np.uint8)

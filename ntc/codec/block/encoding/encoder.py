@@ -1,4 +1,10 @@
-"""Encoding a texture under a group's tables: sizes of codes, modes, trellis-coded indices. Torch on the CPU, float32."""
+"""Encoding a texture under a group's tables: sizes of codes, modes, trellis-coded indices.
+
+Three passes over the blocks. The first estimates the errors of all modes at all sizes of codes, and keeps the two best (`choices`).
+Sizes are then allocated level by level: each level gets the same words per block, because a coarse mip is seen as often as a fine one;
+within a level, words go to the blocks whose errors fall most (`bit_allocation`). The last pass searches the trellis for both modes of
+each block at its size, and keeps the code of less error.
+"""
 
 from collections.abc import Callable, Sequence
 from typing import Literal
@@ -8,13 +14,13 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.codes import EdgePart, bits_before_branches
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.bit_allocation import sizes_within
 from ntc.codec.block.encoding.blocks import Array, Axes, PreparedTexture, prepare_texture, sample_textures
 from ntc.codec.block.encoding.choices import Choices, block_choices, left_out, paying_kinds
-from ntc.codec.block.encoding.compiled import coded
+from ntc.codec.block.encoding.compiled_trellis import coded
 from ntc.codec.block.encoding.edges import derived_costs, edge_kinds, fitted_edges
 from ntc.codec.block.encoding.masks import keep_coverage, mask_words, side_costs
-from ntc.codec.block.encoding.own_codes import equal_words, own_words
-from ntc.codec.block.encoding.sharing import sizes_within
+from ntc.codec.block.encoding.mips_per_code import coarse_words, equal_words
 from ntc.codec.block.encoding.tables import fit_decoder
 from ntc.codec.block.encoding.transform import Tables, one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture
@@ -39,8 +45,8 @@ def encode_texture(
     code_mips: Literal[1, 2] | None = None,
     choices: Choices | None = None,
 ) -> BlockTexture:
-    """A texture in `group` under its tables, of `words` words a block on average at most, where its sizes allow that. With `code_mips`
-    mips per code in place of as many as `config` says, it takes as many bytes.
+    """Return a texture in `group` under its tables, with at most `words` words per block on average where the sizes of codes allow
+    that. `code_mips` replaces the mips per code of `config`; the texture takes as many bytes.
 
     `prepared` is `source` in blocks, and `choices` are those of these, where that is known. `threads` change no byte. `worked` is
     called often, with the blocks that a pass was over since; what it raises ends the encoding.
@@ -52,19 +58,19 @@ def encode_texture(
         levels = latent_levels(*source.size, config, code_mips)
         least = 0.0 if texture.axes.cutoff is None else float(mask_words(config))
         sizes = _sizes(
-            choices.errors, levels, config, words, [least] if code_mips is None else own_words(words, least, config)
+            choices.errors, levels, config, words, [least] if code_mips is None else coarse_words(words, least, config)
         )
-        own = np.take_along_axis(choices.modes, sizes[:, None, None], axis=1)[:, 0]
-        codes = _codes(texture, sizes, own, Tables.of(decoder, config), decoder, config, worked, threads)
+        candidates = np.take_along_axis(choices.modes, sizes[:, None, None], axis=1)[:, 0]
+        codes = _codes(texture, sizes, candidates, Tables.of(decoder, config), decoder, config, worked, threads)
     stored = stored_words(BlockCodes(codes, sizes), levels, config)
     axes = texture.axes
-    found = BlockTexture(
+    encoded = BlockTexture(
         **texture_fields(source, group), words=stored, mean=axes.mean.copy(), axes=axes.axes, code_mips=code_mips
     )
     if axes.cutoff is not None:
         share = float((source.pixels[..., -1] >= 255.0 * axes.cutoff).mean())
-        keep_coverage(found, decoder, config, axes.cutoff, share)
-    return found
+        keep_coverage(encoded, decoder, config, axes.cutoff, share)
+    return encoded
 
 
 def texture_choices(
@@ -75,7 +81,8 @@ def texture_choices(
     threads: int = 1,
     first: Choices | None = None,
 ) -> Choices:
-    """Choices for all blocks of `texture`; the `first` of them may be known. `threads` and `worked` as `encode_texture` has them."""
+    """Return the choices for all blocks of `texture`; `first` are those of its first blocks, where known. `threads` and `worked` are
+    those of `encode_texture`."""
     with one_thread():
         tables = Tables.of(decoder, config)
         kinds = paying_kinds(texture, tables, decoder, config)
@@ -85,12 +92,12 @@ def texture_choices(
         def choices_of(start: int) -> Choices:
             worked(0.0)
             blocks = texture.normalised(slice(start, start + BLOCKS_AT_ONCE))
-            found = block_choices(blocks, texture.axes, tables, decoder, config, kinds)
+            parts = block_choices(blocks, texture.axes, tables, decoder, config, kinds)
             worked(len(blocks))
-            return found
+            return parts
 
-        found = mapped(choices_of, starts, threads)
-    return Choices.joined([*([] if first is None else [first]), *found])
+        parts = mapped(choices_of, starts, threads)
+    return Choices.joined([*([] if first is None else [first]), *parts])
 
 
 def _sizes(
@@ -100,19 +107,19 @@ def _sizes(
     words: float,
     least: Sequence[float],
 ) -> NDArray[np.int64]:
-    """[blocks] size classes; every level takes `words` words a block, for a coarse mip is looked at as often as a fine one. Mips from
-    mip 1 on take `least` words at least, the last of which counts for all that follow: they have few blocks."""
+    """Return [blocks] size classes. Every level takes `words` words per block; mips from mip 1 on take at least `least` words, whose
+    last entry counts for all further mips."""
     lengths, left = np.array(config.block_words), 0.0
-    found: list[NDArray[np.int64]] = []
+    classes: list[NDArray[np.int64]] = []
     for number, level in reversed([each for each in enumerate(levels) if each[1].has_own_cells]):
-        own = expected[level.first_cell : level.first_cell + level.cells]
-        # What a level cannot share out goes to the next finer one, which pays for what it took.
+        errors = expected[level.first_cell : level.first_cell + level.cells]
+        # A level passes words that it cannot use, or has overdrawn, on to the next finer one.
         wanted = words + left / level.cells
         if number:
             wanted = max(wanted, least[min(number, len(least)) - 1])
-        found.append(sizes_within(own, config.block_words, wanted))
-        left += words * level.cells - float(lengths[found[-1]].sum())
-    return np.concatenate(found[::-1])
+        classes.append(sizes_within(errors, config.block_words, wanted))
+        left += words * level.cells - float(lengths[classes[-1]].sum())
+    return np.concatenate(classes[::-1])
 
 
 def _codes(
@@ -127,20 +134,20 @@ def _codes(
 ) -> NDArray[np.uint32]:
     """[blocks, words of the largest code] uint32 for size classes `sizes` and candidates `modes` [blocks, CANDIDATES]: of the
     candidates, each block takes the one of least error."""
-    found = np.zeros((len(sizes), config.block_words[-1]), np.uint32)
+    codes = np.zeros((len(sizes), config.block_words[-1]), np.uint32)
     runs = []
     for size in range(len(config.block_words)):
-        own = np.nonzero(sizes == size)[0]
-        runs += [(size, own[start : start + BLOCKS_AT_ONCE]) for start in range(0, len(own), BLOCKS_AT_ONCE)]
+        members = np.nonzero(sizes == size)[0]
+        runs += [(size, members[start : start + BLOCKS_AT_ONCE]) for start in range(0, len(members), BLOCKS_AT_ONCE)]
 
     def write(run: tuple[int, NDArray[np.int64]]) -> None:
         size, rows = run
         blocks, candidates = texture.normalised(rows), modes[rows].astype(np.int64)
-        found[rows] = _best_codes(blocks, candidates, size, texture.axes, tables, decoder, config)
+        codes[rows] = _best_codes(blocks, candidates, size, texture.axes, tables, decoder, config)
         worked(len(rows))
 
     mapped(write, runs, threads)
-    return found
+    return codes
 
 
 def _best_codes(
@@ -155,7 +162,7 @@ def _best_codes(
     """[blocks, words of the largest code] uint32: codes of size class `size` for normalised `blocks`.
 
     Each takes the one of its candidates `modes` [blocks, CANDIDATES] that has the least error."""
-    found = np.zeros((len(blocks), config.block_words[-1]), np.uint32)
+    codes = np.zeros((len(blocks), config.block_words[-1]), np.uint32)
     least = np.full(len(blocks), np.inf)
     kinds = [kind for kind in edge_kinds(decoder) if np.isin(modes, kind.modes).any()]
     for kind in kinds:
@@ -168,23 +175,23 @@ def _best_codes(
             lost = lost + derived_costs(blocks[rows], fit, axes, config)
         for candidate in range(modes.shape[1]):
             # Where all of them have edge parts of this kind, as is usual, nothing is copied.
-            own = np.nonzero(suits[rows, candidate])[0]
-            every = len(own) == len(rows)
-            parts = fit.parts if every else tuple(_parts_of(part, own) for part in fit.parts)
-            chosen = modes[rows[own], candidate]
-            bits = bits_before_branches(chosen, np.full(len(own), size), parts, decoder, config)
-            given = values if every else values[own]
+            members = np.nonzero(suits[rows, candidate])[0]
+            every = len(members) == len(rows)
+            parts = fit.parts if every else tuple(_parts_of(part, members) for part in fit.parts)
+            chosen = modes[rows[members], candidate]
+            bits = bits_before_branches(chosen, np.full(len(members), size), parts, decoder, config)
+            given = values if every else values[members]
             words, errors = coded(given, chosen, size, bits, decoder, config)
-            errors = errors + lost[own]
-            better = errors < least[rows[own]]
-            taken = rows[own[better]]
+            errors = errors + lost[members]
+            better = errors < least[rows[members]]
+            taken = rows[members[better]]
             least[taken] = errors[better]
-            found[taken] = words[better]
-    return found
+            codes[taken] = words[better]
+    return codes
 
 
 def _parts_of(part: EdgePart, blocks: NDArray[np.int64]) -> EdgePart:
-    """Those of `blocks`, where all blocks have a part or none has; numbered anew."""
+    """Return the parts of `blocks`, renumbered from 0, where all blocks have a part or none has."""
     if not len(part.blocks):
         return part
     return EdgePart(np.arange(len(blocks)), part.bits[blocks], part.colours[blocks], part.indices[blocks])
@@ -193,6 +200,6 @@ def _parts_of(part: EdgePart, blocks: NDArray[np.int64]) -> EdgePart:
 def encode_group(
     sources: Sequence[SourceTexture], config: BlockConfig, seed: int = 0
 ) -> tuple[BlockDecoder, tuple[BlockTexture, ...]]:
-    """Tables and codes of textures that share a decoder. `seed` decides which blocks are sampled, and so every byte."""
+    """Return the tables and codes of textures that share a decoder. `seed` decides which blocks are sampled, and so every byte."""
     decoder = fit_decoder(sample_textures(sources, config, seed), config, seed)
     return decoder, tuple(encode_texture(source, decoder, config, config.mean_words) for source in sources)

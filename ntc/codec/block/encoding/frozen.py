@@ -5,9 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.bit_allocation import RateCurve, sizes_within
 from ntc.codec.block.encoding.blocks import sample_textures
 from ntc.codec.block.encoding.groups import FittedGroup
-from ntc.codec.block.encoding.sharing import RateCurve, sizes_within
 from ntc.codec.block.encoding.stages import BlockEncoder
 from ntc.codec.block.encoding.tables import rate_curve
 from ntc.codec.block.model import BlockDecoder
@@ -51,25 +51,25 @@ def encode_with_decoders(
     curves: list[RateCurve] = []
     for texture in textures:
         (sample,) = sample_textures([texture], config, options.seed, SAMPLED_BLOCKS)
-        own = [rate_curve(sample, decoder, config) for decoder in decoders]
-        best = int(np.argmin([_expected_error(curve, config) for curve in own]))
+        candidates = [rate_curve(sample, decoder, config) for decoder in decoders]
+        best = int(np.argmin([_expected_error(curve, config) for curve in candidates]))
         chosen.append(best)
-        curves.append(own[best])
-    found = Grouping.of_labels(grouping, chosen, {"frozen": True})
+        curves.append(candidates[best])
+    placed = Grouping.of_labels(grouping, chosen, {"frozen": True})
     fitted = [
         FittedGroup(
             group,
-            tuple(index for index, own in enumerate(found.groups) if own == group),
-            decoders[chosen[found.groups.index(group)]],
-            tuple(curve for curve, own in zip(curves, found.groups, strict=True) if own == group),
+            tuple(index for index, other in enumerate(placed.groups) if other == group),
+            decoders[chosen[placed.groups.index(group)]],
+            tuple(curve for curve, other in zip(curves, placed.groups, strict=True) if other == group),
         )
-        for group in range(found.group_count)
+        for group in range(placed.group_count)
     ]
-    groups = tuple(range(found.group_count))
-    encoder = BlockEncoder(EncodingTask(tuple(textures), found, config, options, groups), fitted)
+    groups = tuple(range(placed.group_count))
+    encoder = BlockEncoder(EncodingTask(tuple(textures), placed, config, options, groups), fitted)
     for _ in encoder.pieces():
         pass
     done = list(encoder.encoded(groups))
-    encoded = {index: each for own in done for index, each in zip(own.members, own.textures, strict=True)}
+    encoded = {index: each for group in done for index, each in zip(group.members, group.textures, strict=True)}
     in_order = tuple(encoded[index] for index in range(len(textures)))
-    return Pack(encoder.settings, found, in_order, tuple(own.decoder for own in done), encoder.record())
+    return Pack(encoder.settings, placed, in_order, tuple(group.decoder for group in done), encoder.record())

@@ -1,4 +1,10 @@
-"""Gains of tables that ship for whole materials: how strong each coefficient is in the textures of a group."""
+"""Gains of the shipped tables for whole materials: how strong each coefficient is in the textures of a group.
+
+Shipped tables are fitted to many materials. In one group, a map may be far stronger or weaker, and finer or coarser, than on average.
+So each group stores a gain in steps of 1/16 octave for each band of coefficients, or for each coefficient of large textures. It is the
+ratio of the group's energy to that of the tables, from samples. Bit allocations follow from scales times gains, so bits move to the
+strong coefficients as well.
+"""
 
 from collections.abc import Sequence
 
@@ -18,13 +24,13 @@ from ntc.codec.textures import SourceTexture
 COMPARED_BLOCKS = 1000
 """Blocks of a texture that decide which textures share gains."""
 COMPARED_TEXELS = 1024
-"""Along one side: so many texels of a texture are looked at for that."""
+"""Texels along one side of the part of a texture that is compared."""
 SHARING_ROUNDS = 20
 LEAST_ENERGY = 1e-9
 MOST_WITHIN = 40
 """Steps at most by which a coefficient's gain differs from that of its band: 15 dB."""
 FAINT_STEPS = 72
-"""A band is as good as empty where it is so far below the strongest band, in steps of 1/8 octave of energy: 27 dB."""
+"""Difference to the strongest band, in steps of 1/8 octave of energy, from which on a band counts as empty: 27 dB."""
 
 
 def band_energies(squares: NDArray[np.float64], bands: NDArray[np.integer], count: int) -> NDArray[np.float64]:
@@ -40,7 +46,7 @@ def _mean_squares(blocks: NDArray[np.float32], tables: SetTables, config: BlockC
 
 
 def steps_between(energies: NDArray[np.float64], references: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Steps of 1/16 octave of amplitude that lead from energies `references` to `energies`, of their shape."""
+    """Return the steps of 1/16 octave of amplitude that lead from energies `references` to `energies`, of their shape."""
     ratios = np.maximum(energies, LEAST_ENERGY) / np.maximum(references, 1e-12)
     return np.asarray(0.5 * SCALE_STEPS_PER_OCTAVE * np.log2(ratios), np.float64)
 
@@ -49,12 +55,14 @@ def gains_of(squares: NDArray[np.float64], tables: SetTables, fine: bool) -> NDA
     """[coefficients] int8, or [bands] where they are not `fine`: gains of a group whose coefficients have mean squares `squares`
     [coefficients]."""
     count, variances = len(tables.energies), np.square(scale_values(tables.decoder.scales)).mean(0)
-    own, shipped = (band_energies(each, tables.bands, count) for each in (squares, variances))
-    of_band = steps_between(own, tables.energies)
+    group_energies, shipped = (band_energies(each, tables.bands, count) for each in (squares, variances))
+    of_band = steps_between(group_energies, tables.energies)
     if not fine:
         return _stored_gains(of_band)
     # Within its band, a coefficient is as strong as modes have it on average, or stronger or weaker by at most so much.
-    within = steps_between(squares / np.maximum(own, LEAST_ENERGY)[tables.bands], variances / shipped[tables.bands])
+    within = steps_between(
+        squares / np.maximum(group_energies, LEAST_ENERGY)[tables.bands], variances / shipped[tables.bands]
+    )
     return _stored_gains(np.rint(of_band[tables.bands]) + np.clip(within, -MOST_WITHIN, MOST_WITHIN))
 
 
@@ -64,7 +72,7 @@ def _stored_gains(steps: NDArray[np.float64]) -> NDArray[np.int8]:
 
 
 def fitted_gains(samples: Sequence[Sample], config: BlockConfig) -> BlockDecoder:
-    """The decoder of a group in a codec whose tables ship: their scales times gains, by samples of the group's textures."""
+    """Return the decoder of a group under shipped tables: their scales times gains, by samples of the group's textures."""
     tables = set_tables(config.maps, config.output_channels, config.tables)
     with one_thread():
         squares = np.mean([_mean_squares(sample.blocks, tables, config) for sample in samples], axis=0)
@@ -73,7 +81,7 @@ def fitted_gains(samples: Sequence[Sample], config: BlockConfig) -> BlockDecoder
 
 
 def shared_gains(textures: Sequence[SourceTexture], most: int) -> tuple[int, ...]:
-    """Group of each texture where they have `most` gains at most: textures that are alike share theirs."""
+    """Return the group of each texture, at most `most` groups: similar textures share gains."""
     config = set_config(*joint_maps((texture.maps, texture.channels) for texture in textures))
     tables = set_tables(config.maps, config.output_channels, config.tables)
     levels = np.array([_band_levels(texture, tables, config) for texture in textures])
@@ -81,7 +89,7 @@ def shared_gains(textures: Sequence[SourceTexture], most: int) -> tuple[int, ...
 
 
 def _band_levels(texture: SourceTexture, tables: SetTables, config: BlockConfig) -> NDArray[np.float64]:
-    """[bands] how strong the bands of a texture are: 0 where they do not matter."""
+    """Return [bands]: strengths of a texture's bands, 0 where they do not matter."""
     pixels = texture.pixels[:COMPARED_TEXELS, :COMPARED_TEXELS]
     part = SourceTexture(texture.name, pixels, texture.pixel_hash, maps=texture.maps, map_weights=texture.map_weights)
     (sample,) = sample_textures([part], config, most=COMPARED_BLOCKS)

@@ -1,4 +1,4 @@
-"""Groups of textures in codec `block`: their tables, how their textures share words, and a texture encoded under them."""
+"""Groups of textures in codec `block`: their tables, the bit allocation among their textures, and a texture encoded under them."""
 
 import platform
 from collections.abc import Callable, Sequence
@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.bit_allocation import RateCurve, TextureWeights, allocate_words
 from ntc.codec.block.encoding.blocks import PreparedTexture, Sample, prepare_texture, sample_textures
 from ntc.codec.block.encoding.encoder import encode_texture, texture_choices
 from ntc.codec.block.encoding.gains import fitted_gains
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
-from ntc.codec.block.encoding.own_codes import MipQuality, is_doubtful, loses_much
+from ntc.codec.block.encoding.mips_per_code import MipQuality, is_doubtful, loses_much
 from ntc.codec.block.encoding.rate import block_count
-from ntc.codec.block.encoding.sharing import RateCurve, Sharing, share_words
 from ntc.codec.block.encoding.tables import fit_decoder, rate_curve
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.universal import universal_decoder
@@ -30,14 +30,14 @@ from ntc.threads import mapped
 
 @dataclass(frozen=True, eq=False)
 class FittedGroup:
-    """A group whose tables are known, and what words are worth to its textures."""
+    """A group with its tables and the rate curves of its textures."""
 
     group: int
     members: tuple[int, ...]
     """Indices of its textures."""
     decoder: BlockDecoder
     curves: tuple[RateCurve, ...]
-    """Of the members."""
+    """Rate curves of the members."""
 
 
 def fitted_group(
@@ -48,12 +48,13 @@ def fitted_group(
     seed: int,
     worked: Callable[[float], None] = lambda _share: None,
     threads: int = 1,
-    kept: dict[SourceTexture, PreparedTexture] | None = None,
+    prepared: dict[SourceTexture, PreparedTexture] | None = None,
 ) -> FittedGroup:
-    """The tables of a group: fitted to samples of its textures, or those that ship. `seed` decides which blocks are sampled. `worked`
-    is told the share of the work that was done since; `threads` change nothing. `kept` gets the textures in blocks."""
+    """Return a group with its tables, which are fitted to samples of its textures or shipped. `seed` decides which blocks are
+    sampled. `worked` gets the share of the work done since its last call; `threads` change nothing. `prepared` receives the textures
+    in blocks."""
     members = grouping.members(group)
-    samples = sample_textures([textures[index] for index in members], config, seed, threads=threads, kept=kept)
+    samples = sample_textures([textures[index] for index in members], config, seed, threads=threads, prepared=prepared)
     decoder = _decoder(samples, grouping, config, seed, worked)
     curves = mapped(lambda sample: rate_curve(sample, decoder, config), samples, threads)
     return FittedGroup(group, members, decoder, tuple(curves))
@@ -81,7 +82,7 @@ def fitted_groups(
     seed: int,
     interruption: Interruption = no_interruption,
 ) -> list[FittedGroup]:
-    """These groups of `grouping`. Raises what `interruption` raises."""
+    """Return `groups` of `grouping` with their tables. Raises what `interruption` raises."""
     fitted = []
     for group in groups:
         interruption()
@@ -89,17 +90,19 @@ def fitted_groups(
     return fitted
 
 
-def shared_words(fitted: Sequence[FittedGroup], config: BlockConfig, sharing: Sharing) -> list[tuple[float, ...]]:
-    """By group and member: words a block, where the textures of these groups share the words of all their blocks."""
+def allocated_words(
+    fitted: Sequence[FittedGroup], config: BlockConfig, weights: TextureWeights
+) -> list[tuple[float, ...]]:
+    """Return the words per block by group and member, where all textures of these groups share the words of all their blocks."""
     curves = [curve for each in fitted for curve in each.curves]
-    if sharing.worth is not None:
-        sharing = replace(sharing, worth=tuple(sharing.worth[index] for each in fitted for index in each.members))
-    words = iter(share_words(curves, config.mean_words * sum(curve.block_count for curve in curves), sharing))
+    if weights.given is not None:
+        weights = replace(weights, given=tuple(weights.given[index] for each in fitted for index in each.members))
+    words = iter(allocate_words(curves, config.mean_words * sum(curve.block_count for curve in curves), weights))
     return [tuple(next(words) for _ in each.members) for each in fitted]
 
 
 def encoding_record(seed: int) -> dict[str, Any]:
-    """What a pack records of its encoding."""
+    """Return the record of an encoding in its pack: seed and versions of the installed libraries."""
     return {
         "codec": BlockConfig.kind,
         "seed": seed,
@@ -118,23 +121,23 @@ def encode_member(
     worked: Callable[[float], None],
     threads: int = 1,
     prepared: PreparedTexture | None = None,
-    has_own_codes: bool = True,
+    may_split_mips: bool = True,
     expect: Callable[[float], None] = lambda _: None,
 ) -> BlockTexture:
-    """A texture of a group as a pack stores it, with its PSNR, in `words` words a block on average at most. `worked` is told the
-    blocks that a pass was over since it was called last. `threads` work on it and change no byte.
+    """Return a texture of a group as a pack stores it, with its PSNR, in at most `words` words per block on average. `worked` gets
+    the blocks that passes finished since its last call. `threads` change no byte.
 
-    Where `has_own_codes`, a texture whose derived mips are below mip 0 has fewer mips per code, in as many bytes, if that is better.
-    `expect` is told how much more work that is.
+    With `may_split_mips`, a texture whose derived mips are worse than mip 0 gets fewer mips per code, in as many bytes, if that is
+    better. `expect` gets the additional work.
     """
     decoder, group = fitted.decoder, fitted.group
     prepared = prepared or prepare_texture(source, config)
     choices = texture_choices(prepared, decoder, config, worked, threads)
-    found = encode_texture(source, decoder, config, words, group, worked, threads, prepared, choices=choices)
-    measured = _measured(found, source, fitted, config, threads)
+    encoded = encode_texture(source, decoder, config, words, group, worked, threads, prepared, choices=choices)
+    measured = _measured(encoded, source, fitted, config, threads)
     code_mips = None
-    if has_own_codes and is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
-        quality = MipQuality.of(found, prepared, decoder, config)
+    if may_split_mips and is_doubtful(measured.psnr_db or 0.0, prepared.derived_errors):
+        quality = MipQuality.of(encoded, prepared, decoder, config)
         code_mips = quality.fewer_mips(config)
     if code_mips is None:
         worked(block_count([source.size], config))
@@ -142,7 +145,7 @@ def encode_member(
 
     again = prepare_texture(source, config, code_mips)
     # Blocks of mip 0 come first, and suit the same modes as long as mip 1 is derived from them.
-    same = choices.of_first(texture_levels(found, config)[0].cells) if again.axes.has_derived else None
+    same = choices.of_first(texture_levels(encoded, config)[0].cells) if again.axes.has_derived else None
     expect(2 * len(again.texels) - (len(same.errors) if same is not None else 0))
     chosen = texture_choices(again, decoder, config, worked, threads, same)
     other = encode_texture(source, decoder, config, words, group, worked, threads, again, code_mips, chosen)
@@ -155,8 +158,8 @@ def encode_member(
 
 
 def _measured(
-    found: BlockTexture, source: SourceTexture, fitted: FittedGroup, config: BlockConfig, threads: int
+    texture: BlockTexture, source: SourceTexture, fitted: FittedGroup, config: BlockConfig, threads: int
 ) -> BlockTexture:
-    """`found` with the quality of its mip 0."""
-    decoded = shown_channels(finest_image(found, fitted.decoder, config, threads), found.places(config))
-    return measured_texture(found, decoded, source.pixels)
+    """Return `texture` with the quality of its mip 0."""
+    decoded = shown_channels(finest_image(texture, fitted.decoder, config, threads), texture.places(config))
+    return measured_texture(texture, decoded, source.pixels)

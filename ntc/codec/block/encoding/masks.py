@@ -1,4 +1,10 @@
-"""Alpha that is tested against a cutoff: which side of it a texel falls on counts, and how many fall on each in coarse mips."""
+"""Masks: alpha that a renderer compares with a cutoff.
+
+Which side of the cutoff a texel falls on is visible; its exact alpha is not. So blocks with texels on both sides take edge parts
+whose colours lie on either side, and each texel takes an index on its side. In coarse mips the share of texels above the cutoff, the
+coverage, counts: without care, leaves thin out with distance (Castano, "Computing alpha mipmaps", 2010). The mean of each derived
+mip is therefore shifted until about as many of its texels are above the cutoff as in mip 0.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,26 +17,27 @@ from ntc.codec.block.reference import channel_values, texture_codes
 from ntc.codec.block.storage import BlockCodes
 from ntc.codec.latents import texture_levels
 
-SIDE_WORTH = 12.0
-"""Squared error that a texel may cost whose side no index tells."""
+SIDE_WEIGHT = 12.0
+"""Penalty, as a squared error, of a texel on the side of fewer texels in a block without an edge part."""
 COUNTED_BLOCKS = 4096
-"""Of a texture, about: by them the coverage of derived mips is kept."""
+"""Approximate number of a texture's blocks whose coverage is counted."""
 LEVEL_MARGIN = 16
-"""Steps of 8 bits by which what an index leads to is away from the cutoff."""
+"""Least distance in 8-bit steps between the cutoff and the alpha of any index."""
 LEAST_GAP = 1.0 / 255.0
-"""Between the two texels that a coarse mip's cutoff falls between."""
+"""Least difference of alpha between the two texels that a shifted cutoff lies between."""
 LARGEST_OFFSET = 0.45
 
 
 def alpha_values(blocks: Array, axes: Axes, config: BlockConfig) -> Array:
     """[blocks, texels] float32: values of the map `alpha`, which the codec has, of normalised `blocks`."""
     channel = config.output_channels - 1
-    own = blocks.reshape(-1, config.block_texels, config.output_channels)[..., channel]
-    return np.asarray(axes.mean[0, channel] + own * axes.axes[channel, channel], np.float32)
+    normalised = blocks.reshape(-1, config.block_texels, config.output_channels)[..., channel]
+    return np.asarray(axes.mean[0, channel] + normalised * axes.axes[channel, channel], np.float32)
 
 
 def mixed_blocks(blocks: Array, axes: Axes, config: BlockConfig) -> NDArray[np.bool_]:
-    """[blocks] whether normalised `blocks` of a mask have texels on both sides of its cutoff; none where `axes` have no cutoff."""
+    """Return [blocks]: whether normalised `blocks` of a mask have texels on both sides of its cutoff; none where `axes` have no
+    cutoff."""
     if axes.cutoff is None:
         return np.zeros(len(blocks), np.bool_)
     above = alpha_values(blocks, axes, config) >= axes.cutoff
@@ -38,17 +45,18 @@ def mixed_blocks(blocks: Array, axes: Axes, config: BlockConfig) -> NDArray[np.b
 
 
 def side_costs(blocks: Array, bits: tuple[int, ...], axes: Axes, config: BlockConfig) -> Array:
-    """[blocks] SIDE_WORTH for each texel of normalised `blocks` of a mask that lies on the side of fewer texels, where edge parts of
-    `bits` by plane do not tell sides."""
+    """Return [blocks]: SIDE_WEIGHT for each texel of normalised `blocks` of a mask on the side of fewer texels; 0 where edge parts
+    with `bits` by plane code the sides."""
     if axes.cutoff is None or bits[-1]:
         return np.zeros(len(blocks), np.float32)
     above = (alpha_values(blocks, axes, config) >= axes.cutoff).sum(1)
-    scale = axes.inverse[-1, -1] ** 2 * SIDE_WORTH
+    scale = axes.inverse[-1, -1] ** 2 * SIDE_WEIGHT
     return np.asarray(np.minimum(above, config.block_texels - above) * np.float32(scale), np.float32)
 
 
 def mask_part(fitted: EdgePart, values: Array, cutoff: float) -> EdgePart:
-    """`fitted`, the edge parts of the map `alpha` of blocks with `values` [blocks, texels], with each texel on its side of `cutoff`.
+    """Return `fitted`, the edge parts of the map `alpha` of blocks with `values` [blocks, texels], with each texel on its side of
+    `cutoff`.
 
     Values and cutoff are in steps of 8 bits. Colours of the least squared error stay where an index leads to either side.
     """

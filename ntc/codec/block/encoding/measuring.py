@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from ntc.codec.block.codes import EdgePart, edge_parts
 from ntc.codec.block.config import BlockConfig
-from ntc.codec.block.encoding import compiled, compiled_texels
+from ntc.codec.block.encoding import compiled_texels, compiled_trellis
 from ntc.codec.block.encoding.transform import one_thread
 from ntc.codec.block.model import BlockDecoder, BlockTexture
 from ntc.codec.block.reference import edge_values, image_of, texture_codes
@@ -35,7 +35,7 @@ def finest_image(
     ]
     with one_thread():
         parts = mapped(
-            lambda own: _blocks(texture, BlockCodes(stored.codes[own], stored.sizes[own]), decoder, config),
+            lambda run: _blocks(texture, BlockCodes(stored.codes[run], stored.sizes[run]), decoder, config),
             runs,
             threads,
         )
@@ -49,11 +49,11 @@ def coefficients_of(stored: BlockCodes, decoder: BlockDecoder, config: BlockConf
     levels, scales = level_table(), scale_values(decoder.scales)
     for size in range(len(config.block_words)):
         rows = np.nonzero(stored.sizes == size)[0]
-        tables = compiled.search_tables(decoder, config, size)
+        tables = compiled_trellis.search_tables(decoder, config, size)
         values = np.zeros((len(rows), config.coefficients))
         with_bits = scales[np.arange(config.modes)[:, None], tables.rows]
         shape = (tables.counts, tables.rows, tables.depths, with_bits, tables.first)
-        compiled.read_codes(stored.codes[rows], modes[rows], values, *shape, levels)
+        compiled_trellis.read_codes(stored.codes[rows], modes[rows], values, *shape, levels)
         coefficients[rows] = values
     return coefficients
 
@@ -64,8 +64,8 @@ def _blocks(texture: BlockTexture, stored: BlockCodes, decoder: BlockDecoder, co
     rows = decoder.basis * scale_values(decoder.basis_scale)[:, None]
     transformed = np.zeros((config.output_channels, len(coefficients), config.block_texels))
     for channel in range(config.output_channels):
-        own = np.nonzero(decoder.channels == channel)[0]
-        np.matmul(coefficients[:, own], rows[own], out=transformed[channel])
+        channel_rows = np.nonzero(decoder.channels == channel)[0]
+        np.matmul(coefficients[:, channel_rows], rows[channel_rows], out=transformed[channel])
     shown = np.empty((len(coefficients), config.block_texels, config.output_channels), np.uint8)
     compiled_texels.show(transformed, texture.mean[0].astype(np.float64), texture.axes.astype(np.float64), shown)
     parts = edge_parts(stored, decoder, config)

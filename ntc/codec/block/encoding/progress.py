@@ -12,7 +12,7 @@ class WorkCount:
 
     @property
     def planned(self) -> float:
-        """All work that is planned now."""
+        """Total of the work planned so far."""
         return sum(self._plans)
 
     @property
@@ -25,7 +25,7 @@ class WorkCount:
         self._parts.append(work)
 
     def expect(self, work: float) -> None:
-        """Plan more work, or less where it is negative: what is left of the share is spread over the work that is left."""
+        """Plan more work, or less where it is negative: the remaining share is spread over the remaining work."""
         self._base = (self.share, self.done)
         self._plans.append(work)
 

@@ -19,7 +19,7 @@ LOOKUP_RANGE = 8.5
 LOOKUP_CELLS = 2048
 """Cells over the range: finer than the closest levels."""
 LEAST_SHARE = 0.5
-"""Of the error expected of coefficients near 0: no block is expected to have less."""
+"""Share of the error of coefficients at 0 that is the least expected error of any block."""
 
 
 def cell_centres() -> NDArray[np.float64]:
@@ -36,8 +36,8 @@ def error_table() -> Array:
     table[0] = np.square(centres)
     for depth in range(1, LARGEST_DEPTH + 1):
         for first in (0, 1):
-            own = np.sort(np.concatenate([levels[depth, s : 2 << depth : 4] for s in (first, first + 2)]))
-            error = centres - own[np.searchsorted((own[1:] + own[:-1]) / 2.0, centres)]
+            allowed = np.sort(np.concatenate([levels[depth, s : 2 << depth : 4] for s in (first, first + 2)]))
+            error = centres - allowed[np.searchsorted((allowed[1:] + allowed[:-1]) / 2.0, centres)]
             table[depth] += 0.5 * np.square(error)
     return table.reshape(-1)
 
@@ -50,14 +50,14 @@ def _polynomials() -> Array:
     terms = np.stack([np.ones_like(centres), centres**2, centres**4], axis=1)
     weights = np.sqrt(np.exp(-np.sqrt(2.0) * np.abs(centres)) + 1e-5)
     table = error_table().reshape(LARGEST_DEPTH + 1, LOOKUP_CELLS).astype(np.float64)
-    found = [np.linalg.lstsq(terms * weights[:, None], errors * weights, rcond=None)[0] for errors in table]
-    return np.stack(found).astype(np.float32)
+    fits = [np.linalg.lstsq(terms * weights[:, None], errors * weights, rcond=None)[0] for errors in table]
+    return np.stack(fits).astype(np.float32)
 
 
 def expected_errors(values: Array, depths: NDArray[np.integer], scales: Array) -> Array:
-    """[blocks, sizes, modes] about the squared error of each block by size of its code and mode, at least 0.
+    """Return [blocks, sizes, modes]: about the squared error of each block by size of its code and mode, at least 0.
 
-    Of `values` [blocks, coefficients] under `depths` [sizes, modes, coefficients] and `scales` float32 [modes, coefficients].
+    `values` [blocks, coefficients] are coded under `depths` [sizes, modes, coefficients] and `scales` float32 [modes, coefficients].
     """
     terms = _polynomials()[depths].reshape(-1, depths.shape[2], 3)
     constant, square, fourth = (terms[..., term] for term in range(3))
@@ -77,7 +77,9 @@ def best_modes(values: Array, expected: Array, depths: NDArray[np.integer], scal
     `expected` [blocks, modes] errors name two modes, or the only one, and the table of errors chooses among them; `depths` [modes,
     coefficients], `scales` [modes, coefficients] float32.
     """
-    found = np.empty(len(values), np.int64)
+    chosen = np.empty(len(values), np.int64)
     table = (error_table(), np.float32(LOOKUP_RANGE), LOOKUP_CELLS)
-    compiled_modes.better_of_two(values, np.ascontiguousarray(expected), depths.astype(np.int64), scales, *table, found)
-    return found
+    compiled_modes.better_of_two(
+        values, np.ascontiguousarray(expected), depths.astype(np.int64), scales, *table, chosen
+    )
+    return chosen

@@ -1,4 +1,9 @@
-"""The settings of codec `block` that come to a target: bits a texel, a size, or a quality. Needs no torch."""
+"""The settings of codec `block` for a target: a bitrate, a file size, or a quality.
+
+Bits count everything that is stored: codes, directories, means, axes and tables. Tables and directories depend on the settings, and
+the settings on the words that they leave for codes. A bisection over the mean words per code settles this. Sizes of codes, and the
+numbers of coefficients and modes, grow with the mean; tables shrink where textures are so few that they would take too large a share.
+"""
 
 import math
 from dataclasses import replace
@@ -20,7 +25,7 @@ from ntc.codec.maps import BASE_ALONE, is_material
 from ntc.errors import InputError
 
 SIZE_RATIOS = (0.5, 0.9, 1.35, 2.1)
-"""Sizes of codes over their mean: textures and their blocks are so far apart."""
+"""Sizes of codes relative to the mean, as far apart as the needs of blocks are."""
 WHOLE_WORDS = 0.1
 """Blocks of 4x4 texels take codes of one size where the mean is as near to a whole number of words: a directory costs 0.25 bits a
 texel there."""
@@ -28,7 +33,7 @@ COEFFICIENTS, COEFFICIENTS_PER_WORD = 24, 36
 """Rows of the basis, and for each word of a code: more are hardly ever given a bit."""
 MODES = 32
 TABLE_SHARE = 0.25
-"""Of all bits: tables are made smaller where textures are so few that they would take more."""
+"""Largest share of the codes' bits that tables take: they are made smaller where textures are few."""
 FEWEST_COEFFICIENTS = 16
 SETTLING_ROUNDS = 24
 SAMPLED_BLOCKS = 24_000
@@ -36,12 +41,12 @@ SAMPLED_BLOCKS = 24_000
 
 
 def largest_words(textures: TextureSet) -> int:
-    """Words of a block's code at most."""
+    """Return the largest code of a block in words."""
     return LARGEST_WORDS if textures.maps == BASE_ALONE else LARGEST_SET_WORDS
 
 
 def side_bits(textures: TextureSet, config: BlockConfig) -> int:
-    """Stored bits besides codes: means, axes, directories and tables."""
+    """Return the stored bits besides codes: means, axes, directories and tables."""
     decoder = config.coefficients * config.row_bytes + config.modes * (config.coefficients + len(config.planes))
     bits = 8 * textures.groups * decoder
     if config.tables is not None:
@@ -49,15 +54,15 @@ def side_bits(textures: TextureSet, config: BlockConfig) -> int:
     for size in textures.sizes:
         bits += 32 * (config.mips * config.output_channels + config.axis_numbers)
         if len(config.block_words) > 1:
-            own = [level for level in latent_levels(*size, config) if level.has_own_cells]
-            bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in own)
+            coded_levels = [level for level in latent_levels(*size, config) if level.has_own_cells]
+            bits += sum(64 * -(-level.cells // DIRECTORY_RUN) for level in coded_levels)
     return bits
 
 
 def _gains(textures: TextureSet, config: BlockConfig) -> int:
     """Most gains that the groups of textures have together."""
     blocks = sorted((latent_cell_count(*size, config) for size in textures.sizes), reverse=True)[:MOST_SCALED_GROUPS]
-    return sum(config.coefficients if own >= FINE_BLOCKS else config.output_channels * BANDS for own in blocks)
+    return sum(config.coefficients if count >= FINE_BLOCKS else config.output_channels * BANDS for count in blocks)
 
 
 def texel_count(sizes: Sizes, config: BlockConfig) -> int:
@@ -78,7 +83,7 @@ TEXTURE_PASSES = 3.0
 PREVIEW_TIMES = 48
 """Texels of a group, as a multiple of those of its preview, from which on it has one."""
 FEW_TEXTURES = 8
-"""Up to so many textures are encoded one after the other, each by all threads."""
+"""Most textures that are encoded one after the other, each by all threads."""
 
 
 def texture_work(size: tuple[int, int], config: BlockConfig) -> float:
@@ -117,8 +122,8 @@ def _code_sizes(words: float, side: int, largest: int) -> tuple[int, ...]:
     """`BlockConfig.block_words` for codes of `words` words on average."""
     if side == 4:
         near = abs(words - round(words)) < WHOLE_WORDS and round(words) >= 1
-        found = {round(words)} if near else {int(words), int(words) + 1}
-        return tuple(sorted({min(max(size, 1), largest) for size in found}))
+        lengths = {round(words)} if near else {int(words), int(words) + 1}
+        return tuple(sorted({min(max(size, 1), largest) for size in lengths}))
     sizes: list[int] = []
     for ratio in SIZE_RATIOS:
         sizes.append(max(round(ratio * words), sizes[-1] + 1 if sizes else 1))
@@ -139,19 +144,19 @@ def config_for_words(
     block_words = _code_sizes(words, side if textures.groups else UNIVERSAL_CONFIG.block_side, largest_words(textures))
     if not textures.groups:
         mips = code_mips(textures, UNIVERSAL_CONFIG.block_side)
-        found = replace(_shipped_config(textures), mips=mips, block_words=block_words, levels=textures.levels)
-        if multiply_adds is not None and found.multiply_adds > multiply_adds:
+        config = replace(_shipped_config(textures), mips=mips, block_words=block_words, levels=textures.levels)
+        if multiply_adds is not None and config.multiply_adds > multiply_adds:
             raise InputError(
-                f"the decoder that ships with the program takes {found.multiply_adds} multiply-adds a texel, not {multiply_adds} "
+                f"the decoder that ships with the program takes {config.multiply_adds} multiply-adds a texel, not {multiply_adds} "
                 "at most; choose another grouping"
             )
-        return found
+        return config
     plain = BlockConfig(
         mips=code_mips(textures, side),
         block_side=side,
         block_words=block_words,
         coefficients=1,
-        # Each map of a set wants other bits: many ways of sharing them pay.
+        # The maps of a set need different bits, so more allocations are useful.
         modes=LARGEST_SET_MODES if is_material(textures.maps) else MODES,
         output_channels=textures.channels,
         maps=textures.maps,
@@ -160,23 +165,23 @@ def config_for_words(
     most = min(plain.block_values, COEFFICIENTS + round(COEFFICIENTS_PER_WORD * words))
     if multiply_adds is not None:
         most = max(1, min(most, multiply_adds - plain.axis_numbers))
-    found = replace(plain, coefficients=most)
-    codes = 32.0 * words * block_count(textures.sizes, found)
+    config = replace(plain, coefficients=most)
+    codes = 32.0 * words * block_count(textures.sizes, config)
     # With fewer ones a code's bits find no coefficient that takes them.
     enough = max(FEWEST_COEFFICIENTS, round(1.5 * 32.0 * words / LARGEST_DEPTH))
-    while textures.groups and side_bits(replace(textures, sizes=()), found) > TABLE_SHARE * codes:
-        # Modes first: they are worth less than coefficients.
-        if found.modes > FEWEST_MODES:
-            found = replace(found, modes=found.modes // 2)
-        elif found.coefficients * 9 // 10 >= enough:
-            found = replace(found, coefficients=found.coefficients * 9 // 10)
+    while textures.groups and side_bits(replace(textures, sizes=()), config) > TABLE_SHARE * codes:
+        # Modes first: fewer modes cost less quality than fewer coefficients.
+        if config.modes > FEWEST_MODES:
+            config = replace(config, modes=config.modes // 2)
+        elif config.coefficients * 9 // 10 >= enough:
+            config = replace(config, coefficients=config.coefficients * 9 // 10)
         else:
             break
-    return found
+    return config
 
 
 def _stored_bits(words: float, textures: TextureSet, config: BlockConfig) -> float:
-    """All bits that are stored for codes of `words` words on average."""
+    """Return the total of stored bits for codes of `words` words on average."""
     return 32.0 * words * block_count(textures.sizes, config) + side_bits(textures, config)
 
 
@@ -204,8 +209,7 @@ def _settled_config(
 def config_for_bits(
     bits: float, textures: TextureSet, side: Literal[4, 8] = 8, multiply_adds: int | None = None
 ) -> BlockConfig:
-    """Settings with blocks of `side` texels, of at most `multiply_adds` a texel, that come to `bits` stored bits a texel of all
-    encoded mips.
+    """Return settings with blocks of `side` texels, of at most `multiply_adds` per texel, for `bits` stored bits per texel of mip 0.
 
     The least that is possible where textures are so small or so few that this is more. Raises InputError for bits that are not above
     0, or beyond what the largest codes take.
@@ -222,7 +226,7 @@ def config_for_bits(
 
 
 def config_for_bytes(stored_bytes: float, textures: TextureSet) -> BlockConfig:
-    """Settings that come to at most `stored_bytes` in all; the largest codes where even they take less.
+    """Return settings for at most `stored_bytes` in all; the largest codes where even they take less.
 
     Raises InputError for less than what the smallest codes take.
     """
@@ -236,7 +240,7 @@ def config_for_bytes(stored_bytes: float, textures: TextureSet) -> BlockConfig:
 
 
 def settings_for_target(known: TextureSet, target: Target) -> BlockConfig:
-    """The settings under which textures come to `target`; those of a quality are found while encoding, here are the largest.
+    """Return the settings for textures at `target`. For a quality these are the largest: the encoder chooses smaller ones.
 
     Raises InputError for bits or a size out of reach.
     """

@@ -11,18 +11,18 @@ from typing import Any, cast
 import numpy as np
 
 from ntc.codec.block.config import BlockConfig, BlockOptions
+from ntc.codec.block.encoding.bit_allocation import TextureWeights
 from ntc.codec.block.encoding.blocks import PreparedTexture, reduced
 from ntc.codec.block.encoding.groups import (
     FittedGroup,
+    allocated_words,
     encode_member,
     encoding_record,
     fitted_group,
-    shared_words,
 )
 from ntc.codec.block.encoding.measuring import finest_image, shown_channels
 from ntc.codec.block.encoding.progress import WorkCount
 from ntc.codec.block.encoding.rate import FEW_TEXTURES, fitting_work, has_preview, texture_work
-from ntc.codec.block.encoding.sharing import Sharing
 from ntc.codec.block.encoding.to_quality import CORRECTIONS, Member, Try, config_for_quality, with_mean_words
 from ntc.codec.block.model import BlockDecoder, BlockTexture, block_parts
 from ntc.codec.encoding import EncodedGroup, Encoder, EncodingProgress, EncodingTask, Piece
@@ -32,10 +32,10 @@ from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError
 from ntc.threads import PacedThreads, mapped, most_threads
 
-MOST_KEPT = 1 << 28
-"""Values of all textures of a task up to which they stay in blocks from when tables are fitted until they are encoded."""
+MOST_PREPARED = 1 << 28
+"""Most values of all textures of a task for which textures stay in blocks between fitting and encoding."""
 HIGHEST_PSNR_DB = 120.0
-"""What is reported of textures that are exact: curves have no room for infinity."""
+"""PSNR reported of exact textures, because curves cannot show infinity."""
 
 
 class BlockEncoder(Encoder):
@@ -46,24 +46,24 @@ class BlockEncoder(Encoder):
         self._task, self._options = task, cast(BlockOptions, task.options)
         self.settings = self._config = cast(BlockConfig, task.settings)
         self._given = fitted
-        self._sharing = Sharing(self._options.balance, self._options.worth)
+        self._weights = TextureWeights(self._options.balance, self._options.weights)
         self._fitted: dict[int, FittedGroup] = {}
         self._found: dict[int, BlockTexture] = {}
         self._work, self._step, self._steps = "", 0, 0
         self._count = WorkCount()
-        """In blocks, each counted once for each pass over it."""
+        """Work in blocks, each counted once for each pass over it."""
         self._threads_each = 1
         """Threads that encode one texture."""
-        self._kept: dict[SourceTexture, PreparedTexture] = {}
+        self._prepared: dict[SourceTexture, PreparedTexture] = {}
         """Textures in blocks that wait to be encoded."""
         self._ended: set[int] = set()
         self._previews: dict[int, EncodedGroup] = {}
         """Coarse groups to show until they are encoded."""
 
     def pieces(self) -> Generator[Piece]:
-        """Raises InputError for a quality under which no settings are possible."""
+        """Do the work (`Encoder.pieces`). Raises InputError for a quality that no settings reach."""
         if self._options.texture_words:
-            yield from self._anew(dict(self._options.texture_words))
+            yield from self._encode_again(dict(self._options.texture_words))
             return
         if self._options.quality_db is not None:
             yield from self._correct(self._options.quality_db)
@@ -81,16 +81,16 @@ class BlockEncoder(Encoder):
                 encode = partial(self._encoded, fitted)
                 parts = list(zip(fitted.members, words, strict=True))
                 sizes = self._pixels(fitted.members)
-                for index, found in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
-                    yield self._done(index, found)
+                for index, encoded in zip(fitted.members, paced.map(encode, parts, sizes), strict=True):
+                    yield self._done(index, encoded)
 
     @property
     def replaces(self) -> bool:
-        """True where textures are encoded anew with other words."""
+        """True where single textures are encoded again with other words."""
         return bool(self._options.texture_words)
 
-    def _anew(self, words: Mapping[int, float]) -> Iterator[Piece]:
-        """Encode the textures of `words` anew, with so many words a block, under the decoders that the task starts from."""
+    def _encode_again(self, words: Mapping[int, float]) -> Iterator[Piece]:
+        """Encode the textures of `words` again, with so many words per block, under the decoders that the task starts from."""
         assert self._task.start is not None
         start = block_parts(self._task.start)
         self._count.expect(self._textures_work(tuple(words)))
@@ -100,15 +100,15 @@ class BlockEncoder(Encoder):
             members = self._task.grouping.members(group)
             self._fitted[group] = FittedGroup(group, members, start.decoders[group], ())
             for index in members:
-                own = start.textures[index]
+                encoded = start.textures[index]
                 if index in words:
-                    own = self._encoded(self._fitted[group], (index, words[index]))
+                    encoded = self._encoded(self._fitted[group], (index, words[index]))
                     self._step += 1
-                self._found[index] = own
+                self._found[index] = encoded
             yield Piece(ended=(group,))
 
     def _preview(self, side: int) -> Iterator[Piece]:
-        """Encode reduced textures of the groups that have PREVIEW_TIMES as many texels, under tables of their own."""
+        """Encode reduced textures of the groups that have PREVIEW_TIMES as many texels, with tables fitted to them."""
         task = self._task
         small = tuple(reduced(texture, side) for texture in task.textures)
 
@@ -125,14 +125,14 @@ class BlockEncoder(Encoder):
         encoder._count = self._count
         self._work, self._step, self._steps = "coarse picture of group", 0, len(groups)
         for piece in encoder.pieces():
-            for found in encoder.encoded(piece.ended):
+            for coarse in encoder.encoded(piece.ended):
                 # Its quality is that of other textures.
                 unknown: dict[str, Any] = {"psnr_db": None, "map_psnr_db": (), "normal_degrees": None}
-                self._previews[found.group] = replace(
-                    found, textures=tuple(replace(texture, **unknown) for texture in found.textures)
+                self._previews[coarse.group] = replace(
+                    coarse, textures=tuple(replace(texture, **unknown) for texture in coarse.textures)
                 )
                 self._step += 1
-                yield Piece(groups=(found.group,), is_first=True)
+                yield Piece(groups=(coarse.group,), is_first=True)
 
     @property
     def _most_threads(self) -> int:
@@ -149,12 +149,12 @@ class BlockEncoder(Encoder):
         task, options = self._task, self._options
         if not options.groups_apart:
             fitted = self._given or self._fit(self._config, task.groups)
-            yield from zip(fitted, shared_words(fitted, self._config, self._sharing), strict=True)
+            yield from zip(fitted, allocated_words(fitted, self._config, self._weights), strict=True)
             return
-        # The smallest groups first: so the first picture is there at once, and the others change while the largest are encoded.
+        # The smallest groups first, so that the first picture appears at once.
         for number, group in enumerate(sorted(task.groups, key=self._texels_of)):
-            (own,) = self._fit(self._config, [group], number)
-            yield own, shared_words([own], self._config, self._sharing)[0]
+            (fitted_alone,) = self._fit(self._config, [group], number)
+            yield fitted_alone, allocated_words([fitted_alone], self._config, self._weights)[0]
 
     def _fit(self, config: BlockConfig, groups: Sequence[int], fitted: int = 0) -> list[FittedGroup]:
         task, most = self._task, self._most_threads
@@ -169,11 +169,13 @@ class BlockEncoder(Encoder):
 
             # Groups side by side, or the textures of one.
             threads = most if len(groups) == 1 else 1
-            few = sum(texture.pixels.size for texture in task.textures) <= MOST_KEPT
-            kept = self._kept if few and self._options.quality_db is None else None
-            found = fitted_group(task.textures, task.grouping, group, config, self._options.seed, worked, threads, kept)
+            few = sum(texture.pixels.size for texture in task.textures) <= MOST_PREPARED
+            prepared = self._prepared if few and self._options.quality_db is None else None
+            fitted_tables = fitted_group(
+                task.textures, task.grouping, group, config, self._options.seed, worked, threads, prepared
+            )
             self._step += 1
-            return found
+            return fitted_tables
 
         return mapped(fit, groups, most)
 
@@ -191,13 +193,13 @@ class BlockEncoder(Encoder):
             self._config,
             self._worked,
             self._threads_each,
-            self._kept.pop(source, None),
-            self._options.own_codes,
+            self._prepared.pop(source, None),
+            self._options.may_split_mips,
             self._count.expect,
         )
 
     def _worked(self, work: float) -> None:
-        """In the thread of a texture."""
+        """Count work; called in the thread of a texture."""
         self._count.add(work)
         self._task.interruption()
 
@@ -210,9 +212,9 @@ class BlockEncoder(Encoder):
         task = self._task
         return fitting_work([task.textures[index].size for index in task.grouping.members(group)], self._config)
 
-    def _done(self, index: int, found: BlockTexture) -> Piece:
-        """The piece of a texture that is finished."""
-        self._found[index] = found
+    def _done(self, index: int, encoded: BlockTexture) -> Piece:
+        """Return the piece of work that a finished texture ends."""
+        self._found[index] = encoded
         self._step += 1
         group = self._task.grouping.groups[index]
         whole = group not in self._ended and self._found.keys() >= set(self._task.grouping.members(group))
@@ -222,8 +224,8 @@ class BlockEncoder(Encoder):
         return Piece()
 
     def _correct(self, target_db: float) -> Iterator[Piece]:
-        """Encode each texture in the words that it seems to need; then correct those that miss the target. What is encoded stays where
-        the correction is interrupted."""
+        """Encode each texture in the words that it is expected to need; then correct those that miss the target. An interrupted
+        correction leaves the textures as they are."""
         task = self._task
         every = range(len(task.textures))
         # Tables are fitted twice, and each texture may be corrected.
@@ -256,9 +258,9 @@ class BlockEncoder(Encoder):
                     self._count.expect(CORRECTIONS * self._textures_work(due) - to_correct)
                 self._work, self._step, self._steps = work, 0, len(due)
                 try:
-                    for index, found in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):
-                        tries[index] = found
-                        yield self._done(index, found.texture)
+                    for index, encoded in zip(due, paced.map(once_more, due, self._pixels(due)), strict=True):
+                        tries[index] = encoded
+                        yield self._done(index, encoded.texture)
                 except TrainingCancelledError:
                     if len(tries) < len(members):
                         raise
@@ -272,10 +274,10 @@ class BlockEncoder(Encoder):
     def figures(self) -> EncodingProgress:
         by_group: dict[int, list[float]] = {}
         # A copy: the texture that is finished next is added in another thread.
-        found = {index: texture.psnr_db or 0.0 for index, texture in dict(self._found).items()}
-        for index, decibels in found.items():
+        psnrs = {index: texture.psnr_db or 0.0 for index, texture in dict(self._found).items()}
+        for index, decibels in psnrs.items():
             by_group.setdefault(self._task.grouping.groups[index], []).append(mse_of_psnr(decibels) / 255.0**2)
-        sizes = [self._task.textures[index].size for index in found]
+        sizes = [self._task.textures[index].size for index in psnrs]
         return EncodingProgress(
             share=self._count.share,
             passes=self._count.planned * self._config.block_side**2,
@@ -283,7 +285,7 @@ class BlockEncoder(Encoder):
             steps=self._steps,
             texels=sum(width * height for width, height in sizes),
             losses={group: float(np.mean(values)) for group, values in sorted(by_group.items())},
-            psnr_db={index: min(decibels, HIGHEST_PSNR_DB) for index, decibels in found.items()},
+            psnr_db={index: min(decibels, HIGHEST_PSNR_DB) for index, decibels in psnrs.items()},
             work=self._work,
         )
 

@@ -1,4 +1,11 @@
-"""Fitting what a group shares: basis and modes. Torch on the CPU, float32."""
+"""Fitting the tables of a group: basis, then modes, then edge parts.
+
+Modes are classes of blocks with similar variances of coefficients. They are fitted as in Lloyd's iteration: each block chooses the
+mode of least expected error, then each mode's scales become the standard deviations of its blocks' coefficients. Bits of
+coefficients follow from the scales (`trellis.share_out_bits`), so that only scales are stored. The first classes come from a few
+rounds of k-means over the logarithms of the strongest coefficients' energies. Blocks at the edge of a mask form classes of their own
+kind, with an edge part for alpha; the transform is fitted to what that part leaves.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -8,13 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.block.config import BlockConfig
+from ntc.codec.block.encoding.bit_allocation import RateCurve
 from ntc.codec.block.encoding.blocks import Array, Sample
 from ntc.codec.block.encoding.choices import block_choices
 from ntc.codec.block.encoding.edge_modes import with_edge_modes
 from ntc.codec.block.encoding.edges import fitted_edges
 from ntc.codec.block.encoding.masks import mixed_blocks
 from ntc.codec.block.encoding.quantizer import best_modes, expected_errors
-from ntc.codec.block.encoding.sharing import RateCurve
 from ntc.codec.block.encoding.transform import Tables, fitted_basis, one_thread, projected
 from ntc.codec.block.model import BlockDecoder, stored_scales
 from ntc.codec.block.trellis import scale_values
@@ -26,13 +33,13 @@ CLASS_ROUNDS = 12
 MODE_FEATURES = 64
 """Leading coefficients whose energies the first modes are clustered by."""
 CURVE_BLOCKS = 1024
-"""Of a texture, by which the worth of its words is estimated."""
+"""Blocks of a texture that its rate curve is estimated from."""
 FEWEST_BLOCKS = 16
-"""A mode that fewer blocks chose is fitted to all."""
+"""Least number of blocks that a mode is fitted to; a rarer mode is fitted to all blocks."""
 MASK_BITS = 1
 """Index bits of a texel at a mask's edge."""
 LEAST_MASK_SHARE, LARGEST_MASK_SHARE = 0.125, 0.5
-"""Of modes, for blocks at the edges of masks: as many as there are such blocks, within these limits."""
+"""Limits of the share of modes for blocks at the edges of masks, which otherwise is the share of such blocks."""
 
 
 def _fitted_scales(squares: Array, chosen: NDArray[np.int64], modes: int) -> NDArray[np.uint8]:
@@ -87,8 +94,8 @@ def _modes(
 def fit_decoder(
     samples: Sequence[Sample], config: BlockConfig, seed: int = 0, worked: Callable[[float], None] = lambda _share: None
 ) -> BlockDecoder:
-    """The tables of a group, from samples of its textures. `seed` decides where the search for modes begins. `worked` is told the
-    share of the work that was done since; what it raises ends the work."""
+    """Return the tables of a group, fitted to samples of its textures. `seed` decides where the search for modes begins. `worked` gets
+    the share of the work done since its last call; what it raises ends the work."""
     random = np.random.default_rng(seed)
     with one_thread():
         mixed, rests = _with_mask_parts(samples, config)
@@ -103,14 +110,14 @@ def fit_decoder(
         edges = np.zeros((config.modes, len(config.planes)), np.uint8)
         edges[config.modes - with_parts :, -1] = MASK_BITS
         decoder = BlockDecoder(basis.rows, basis.channels, basis.scale, scales, edges)
-        for own, modes in (
+        for selected, modes in (
             (~mixed, slice(0, config.modes - with_parts)),
             (mixed, slice(config.modes - with_parts, None)),
         ):
-            if own.any():
+            if selected.any():
                 part = replace(decoder, scales=scales[modes], edges=edges[modes])
-                of_blocks = coefficients if own.all() else coefficients[own]
-                done = partial(_part_done, worked, float(own.mean()) / 3.0)
+                of_blocks = coefficients if selected.all() else coefficients[selected]
+                done = partial(_part_done, worked, float(selected.mean()) / 3.0)
                 scales[modes] = _modes(of_blocks, part, config, random, done)
         decoder = with_edge_modes(decoder, samples, config)
         worked(1.0 / 3.0)
@@ -125,28 +132,28 @@ def _with_mask_parts(samples: Sequence[Sample], config: BlockConfig) -> tuple[ND
     """([blocks] which of all blocks of `samples` lie at the edge of a mask, `samples` of what an edge part leaves of these)."""
     mixed = [mixed_blocks(sample.blocks, sample.axes, config) for sample in samples]
     bits, rests = (*(0,) * (len(config.planes) - 1), MASK_BITS), list(samples)
-    for number, (sample, own) in enumerate(zip(samples, mixed, strict=True)):
-        if own.any():
+    for number, (sample, selected) in enumerate(zip(samples, mixed, strict=True)):
+        if selected.any():
             blocks = sample.blocks.copy()
-            blocks[own] = fitted_edges(blocks[own], sample.axes, bits, config).rest
+            blocks[selected] = fitted_edges(blocks[selected], sample.axes, bits, config).rest
             rests[number] = replace(sample, blocks=blocks)
     return np.concatenate(mixed), rests
 
 
 def rate_curve(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> RateCurve:
-    """What the words of a texture's blocks are worth under `decoder`."""
+    """Return the rate curve of a texture under `decoder`, from a sample of its blocks."""
     with one_thread():
         blocks = sample.blocks[:CURVE_BLOCKS]
         choices = block_choices(blocks, sample.axes, Tables.of(decoder, config), decoder, config)
-        # Curves tell errors of mip 0, but for what modes that suit it cost the next.
+        # Errors of mip 0, plus what its best modes cost the derived mip beyond other modes.
         expected = choices.errors - choices.unavoidable[:, None]
-    # In units of the texture's own values, for textures are compared.
+    # In units of values in [0, 1], because textures are compared.
     errors = expected * np.float32(sample.axes.contrast**2 / config.block_values)
     return RateCurve(errors, config.block_words, sample.block_count)
 
 
 def coefficient_energies(sample: Sample, decoder: BlockDecoder, config: BlockConfig) -> Array:
-    """[coefficients] float32: mean squared error of a texture's values that each coefficient stands for."""
+    """Return [coefficients] float32: the mean squared error of a texture's values without each coefficient."""
     with one_thread():
         values = Tables.of(decoder, config).project(sample.blocks)
     scale = np.float32(sample.axes.contrast**2 / config.block_values)

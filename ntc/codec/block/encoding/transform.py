@@ -1,4 +1,10 @@
-"""The transform as the encoder reads it: rows of the basis, fitted to blocks, and tables of a decoder. Torch on the CPU, float32."""
+"""The transform of an encoder: a basis fitted to blocks, and projections of blocks to its coefficients.
+
+The basis is a Karhunen-Loeve transform by channel: the principal directions of a channel's blocks (eigenvectors of their second
+moments), of which the strongest of all channels are kept. Rows are stored in 8 bits, so they are orthogonal only nearly;
+coefficients are therefore computed by least squares, with the inverse of the rows' Gram matrix. Rows of a plane lie together, and
+those that coarse mips show come first.
+"""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -18,15 +24,15 @@ from ntc.codec.block.trellis import SCALE_ORIGIN, SCALE_STEPS_PER_OCTAVE, scale_
 
 Array = NDArray[np.float32]
 LARGEST_NUMBER = 127.0
-"""Of a row of the basis."""
+"""Largest number in a row of the basis."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tables:
-    """A decoder's tables as the encoder reads them."""
+    """Tables of a decoder in the form that the encoder computes with."""
 
     projections: "tuple[Projection, ...]"
-    """By channel."""
+    """Projections by channel."""
     depths: NDArray[np.uint8]
     """[sizes, modes, coefficients]."""
     scales: Array
@@ -34,7 +40,7 @@ class Tables:
 
     @classmethod
     def of(cls, decoder: BlockDecoder, config: BlockConfig) -> "Tables":
-        """Those of `decoder`."""
+        """Return the tables of `decoder`."""
         return _tables(decoder, config)
 
     def project(self, blocks: Array) -> Array:
@@ -50,26 +56,26 @@ def _tables(decoder: BlockDecoder, config: BlockConfig) -> Tables:
 
 @dataclass(frozen=True, eq=False)
 class Basis:
-    """The rows of a transform, as `BlockDecoder` has them."""
+    """Rows of a transform, as `BlockDecoder` stores them."""
 
     rows: NDArray[np.int8]
     channels: NDArray[np.uint8]
     scale: NDArray[np.uint8]
 
     def projections(self, config: BlockConfig) -> "tuple[Projection, ...]":
-        """Those of all channels under the rounded rows."""
+        """Return the projections of all channels under the rounded rows."""
         rows = self.rows.astype(np.float64) * scale_values(self.scale)[:, None]
-        found = []
+        projections = []
         for channel in range(config.output_channels):
-            own = np.nonzero(self.channels == channel)[0]
+            rows_of_channel = np.nonzero(self.channels == channel)[0]
             # The rows are orthogonal but for their rounding.
-            matrix = np.linalg.solve(rows[own] @ rows[own].T, rows[own]).T
-            found.append(Projection(own, matrix.astype(np.float32)))
-        return tuple(found)
+            matrix = np.linalg.solve(rows[rows_of_channel] @ rows[rows_of_channel].T, rows[rows_of_channel]).T
+            projections.append(Projection(rows_of_channel, matrix.astype(np.float32)))
+        return tuple(projections)
 
 
 class Projection(NamedTuple):
-    """From a channel's texels to the coefficients of its rows."""
+    """A matrix from a channel's texels to the coefficients of its rows."""
 
     rows: NDArray[np.int64]
     """[rows] numbers of the channel's coefficients."""
@@ -81,23 +87,23 @@ def projected(blocks: Array, projections: Sequence[Projection]) -> Array:
     """[blocks, coefficients] float32 of `blocks` [blocks, texels x channels]."""
     images = blocks.reshape(len(blocks), -1, len(projections))
     values = np.empty((len(blocks), sum(len(each.rows) for each in projections)), np.float32)
-    for channel, own in enumerate(projections):
-        values[:, own.rows] = np.ascontiguousarray(images[..., channel]) @ own.matrix
+    for channel, projection in enumerate(projections):
+        values[:, projection.rows] = np.ascontiguousarray(images[..., channel]) @ projection.matrix
     return values
 
 
 def fitted_basis(samples: Sequence[Sample], config: BlockConfig) -> Basis:
-    """Leading principal directions of each channel's blocks about 0, rounded to 8 bits.
+    """Return the leading principal directions of each channel's blocks about 0, rounded to 8 bits.
 
-    Each row is of one channel: channels of different textures are alike in no common way.
+    Each row is of one channel: correlations between channels differ from texture to texture.
     """
     blocks = np.concatenate([sample.blocks for sample in samples])
     images = blocks.reshape(-1, config.block_texels, config.output_channels)
     variances, vectors = [], []
     for channel in range(config.output_channels):
         values = images[..., channel].astype(np.float64)
-        found, directions = np.linalg.eigh(values.T @ values / len(values))
-        variances.append(found)
+        energies, directions = np.linalg.eigh(values.T @ values / len(values))
+        variances.append(energies)
         vectors.append(directions.T)
     rows, variance = np.concatenate(vectors), np.concatenate(variances)
     return strongest_rows(rows, variance, config)[0]
@@ -108,28 +114,28 @@ def strongest_rows(
 ) -> tuple[Basis, NDArray[np.float64]]:
     """(a basis of the `rows` of greatest `variance`, rounded; their variances). `rows` [rows, texels] have a length of 1: those of the
     first channel, then those of the next."""
-    kept = np.argsort(-variance, kind="stable")[: config.coefficients]
-    rows = rows[kept] * np.where(rows[kept].sum(1, keepdims=True) < 0.0, -1.0, 1.0)
-    channels = kept // config.block_texels
+    strongest = np.argsort(-variance, kind="stable")[: config.coefficients]
+    rows = rows[strongest] * np.where(rows[strongest].sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+    channels = strongest // config.block_texels
     # Rows of a plane lie together; those come first that coarse mips show.
-    plane = np.array([place for place, own in enumerate(config.planes) for _ in own])[_in_planes(config)]
-    shown = np.square(averaged_rows(rows, config, config.mips - 1)).sum(1) * variance[kept]
-    order = np.lexsort((np.arange(len(kept)), -shown, plane[channels]))
+    plane = np.array([place for place, of_plane in enumerate(config.planes) for _ in of_plane])[_in_planes(config)]
+    shown = np.square(averaged_rows(rows, config, config.mips - 1)).sum(1) * variance[strongest]
+    order = np.lexsort((np.arange(len(strongest)), -shown, plane[channels]))
     whole = rows[order]
     largest = np.maximum(np.abs(whole).max(1) / LARGEST_NUMBER, 1e-6)
     scale = np.ceil(np.log2(largest) * SCALE_STEPS_PER_OCTAVE - 1e-9) + SCALE_ORIGIN
     stored = np.clip(scale, 0, 255).astype(np.uint8)
     rounded = np.clip(np.rint(whole / scale_values(stored)[:, None]), -LARGEST_NUMBER, LARGEST_NUMBER)
-    return Basis(rounded.astype(np.int8), channels[order].astype(np.uint8), stored), variance[kept][order]
+    return Basis(rounded.astype(np.int8), channels[order].astype(np.uint8), stored), variance[strongest][order]
 
 
 def _in_planes(config: BlockConfig) -> NDArray[np.int64]:
     """[channels] place of each channel among those of all planes, one plane after the other."""
-    return np.argsort([channel for own in config.planes for channel in own])
+    return np.argsort([channel for plane in config.planes for channel in plane])
 
 
 class _OneThread:
-    """The limit of numpy's products to one thread, which is the process's: it ends with the last of those that set it."""
+    """A limit of numpy's products to one thread in the whole process, which ends with its last user."""
 
     def __init__(self) -> None:
         self._lock, self._users = Lock(), 0
@@ -154,7 +160,7 @@ _ONE_THREAD = _OneThread()
 
 @contextmanager
 def one_thread() -> Iterator[None]:
-    """numpy's products on one thread: the same numbers whatever the cores, and the other cores are left alone."""
+    """Limit numpy's products to one thread: numbers do not depend on the number of cores, and other cores stay free."""
     _ONE_THREAD.begin()
     try:
         yield

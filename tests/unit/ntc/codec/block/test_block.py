@@ -13,7 +13,7 @@ from ntc.codec.block import reference
 from ntc.codec.block.codes import bit_places, bits_before_branches, unpacked_codes
 from ntc.codec.block.config import BlockConfig
 from ntc.codec.block.encoding.blocks import blocks_of
-from ntc.codec.block.encoding.compiled import coded
+from ntc.codec.block.encoding.compiled_trellis import coded
 from ntc.codec.block.encoding.encoder import encode_group
 from ntc.codec.block.encoding.measuring import coefficients_of
 from ntc.codec.block.model import BlockDecoder, BlockTexture, stored_scales

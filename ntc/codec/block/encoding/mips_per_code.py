@@ -1,4 +1,10 @@
-"""Textures whose derived mips are poor have codes of their own there: as many mips per code as make all mips as good as mip 0."""
+"""The choice of mips per code for a texture.
+
+A code of mip 0 also decodes to derived mips, as averages of its rows of the basis. Mips average colours in linear light, so textures
+of strong contrast have derived mips that are worse than mip 0. Such a texture may be encoded again with half the mips per code, in
+as many bytes: coarse mips then have codes, and mip 0 has fewer bits. The layout whose mips fall less short of mip 0 on average wins.
+Whether a second encoding is worthwhile is first estimated from the error of averages alone (`is_doubtful`).
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,15 +22,15 @@ from ntc.codec.quality import psnr_of_mse
 
 CodeMips = Literal[1, 2]
 SECOND_WORDS = 1.3
-"""Words a block of mip 1 where it has codes of its own, over the mean of all mips."""
+"""Words per block of mip 1 with separate codes, relative to the mean of all mips."""
 LEAST_GAIN_DB = 0.1
-"""Of the mean over mips, for which a texture has fewer mips per code: more of its codes are read then."""
+"""Least gain in mean PSNR over mips that justifies fewer mips per code, which read more codes."""
 LARGEST_LOSS_DB = 1.5
-"""Of mip 0."""
+"""Largest loss in PSNR of mip 0 for fewer mips per code."""
 MOST_DB = 50.0
-"""A mip that is better counts no more."""
+"""PSNR at which a mip counts as exact."""
 LEAST_SHORTFALL_DB = 0.5
-"""By which mips 0 to 3 are below mip 0 on average, where fewer mips per code are tried: mip 0 pays as much for them."""
+"""Mean shortfall of mips 0 to 3 below mip 0, from which on fewer mips per code are tried: mip 0 loses about as much."""
 
 
 @dataclass(frozen=True)
@@ -37,18 +43,18 @@ class MipQuality:
     def of(
         cls, texture: BlockTexture, prepared: PreparedTexture, decoder: BlockDecoder, config: BlockConfig
     ) -> "MipQuality":
-        """That of samples of `texture`, which `prepared` was encoded to. Alpha of a mask is left out."""
+        """Return the quality of samples of `texture`, the encoding of `prepared`. Alpha of a mask is left out."""
         places = texture.places(config)
         channels = [place for place in places if prepared.axes.cutoff is None or place != config.alpha]
-        found = []
+        psnrs = []
         for number, truth in enumerate(prepared.compared):
             level, stored = texture_levels(texture, config)[number], texture_codes(texture, config, number)
             rows = compared_blocks(level.cells)
             part = BlockCodes(stored.codes[rows], stored.sizes[rows])
             values = block_values(texture, part, decoder, config, level.mip_of_cell)[..., channels]
             shown = np.rint(np.clip(values, 0.0, 1.0) * 255.0)
-            found.append(psnr_of_mse(float(np.square(shown - truth[..., channels]).mean())))
-        return cls(tuple(found))
+            psnrs.append(psnr_of_mse(float(np.square(shown - truth[..., channels]).mean())))
+        return cls(tuple(psnrs))
 
     def fewer_mips(self, config: BlockConfig) -> CodeMips | None:
         """Return how many mips a code may have where derived ones are below mip 0: half as many; None where they are hardly."""
@@ -80,7 +86,7 @@ def is_doubtful(psnr_db: float, derived_errors: Sequence[float]) -> bool:
     return _shortfall(psnr_db, [psnr_db, *derived_db]) > 0.5 * LEAST_SHORTFALL_DB
 
 
-def own_words(words: float, least: float, config: BlockConfig) -> tuple[float, ...]:
+def coarse_words(words: float, least: float, config: BlockConfig) -> tuple[float, ...]:
     """Return the words a block at least of mip 1, and of coarser mips, in a texture with fewer mips per code: coarse mips have more
     detail in a texel, and few blocks."""
     return max(least, SECOND_WORDS * words), float(config.block_words[-1])

@@ -55,7 +55,7 @@ def test_a_texture_with_poor_derived_mips_has_codes_of_its_own_there(pack: Pack)
     assert [[level.mip_of_cell for level in own] for own in levels] == [[0, 1, 0, 1], [0, 1, 2, 3]]
     source = texture(bars(), "bars")
     (fitted,) = fitted_groups([source], Grouping("single", (0,)), (0,), pack.config, 0)  # type: ignore[arg-type]
-    shared = encode_member(source, 6.0, fitted, pack.config, lambda _: None, has_own_codes=False)  # type: ignore[arg-type]
+    shared = encode_member(source, 6.0, fitted, pack.config, lambda _: None, may_split_mips=False)  # type: ignore[arg-type]
     alone = encode_member(source, 6.0, fitted, pack.config, lambda _: None)  # type: ignore[arg-type]
     assert (shared.code_mips, alone.code_mips) == (None, 2)
     assert len(alone.words) <= 1.05 * len(shared.words)

@@ -1,4 +1,11 @@
-"""The search for a block's best path through the trellis and the writing of its code, compiled by numba, a block at a time."""
+"""The search for a block's best path through the trellis, and the writing of its code, compiled by numba.
+
+Dynamic programming (Viterbi's algorithm): for each of the eight states, the least squared error of any path that leads there is known;
+each coefficient extends all paths by its two branches and keeps the better one into each state. The level nearest to a value in each
+subset is read from a table over cells of the range. At the last coefficient the best state is followed back, and branch and level
+bits are written. What is minimised is the squared error of normalised values: rows of the basis are orthogonal but for rounding.
+Source: Marcellin and Fischer, IEEE Trans. Comm. 38(1), 1990; the trellis is in `ntc.codec.block.trellis`.
+"""
 
 from functools import lru_cache
 from typing import NamedTuple
@@ -15,12 +22,12 @@ from ntc.codec.block.trellis import BRANCHES, LARGEST_DEPTH, STATES, level_table
 from ntc.codec.compiling import Signatures, compiled_loop
 
 _SUBSETS = np.array([subset for branches in BRANCHES for _, subset in branches], np.int64)
-"""By state and branch."""
+"""Subset of the levels by state and branch."""
 _LOWER = STATES // 2
 
 
 class SearchTables(NamedTuple):
-    """What the search reads: for one size of codes, by mode, its coefficients with bits alone."""
+    """Tables that the search reads for one size of codes: by mode, the coefficients that have bits."""
 
     counts: NDArray[np.int64]
     """[modes]."""
@@ -40,7 +47,7 @@ class SearchTables(NamedTuple):
 
 @lru_cache(maxsize=64)
 def search_tables(decoder: BlockDecoder, config: BlockConfig, size: int) -> SearchTables:
-    """Tables for codes of size class `size`."""
+    """Return the tables for codes of size class `size`."""
     depths = decoder.depths(config)[size].astype(np.int64)
     scales = scale_values(decoder.scales).astype(np.float32)
     counts = (depths > 0).sum(1)
@@ -66,8 +73,10 @@ def nearest_levels(levels: NDArray[np.float64]) -> NDArray[np.uint8]:
     nearest = np.zeros((LARGEST_DEPTH + 1, LOOKUP_CELLS, 4), np.uint8)
     for depth in range(1, LARGEST_DEPTH + 1):
         for subset in range(4):
-            own = levels[depth, subset : 2 << depth : 4]
-            nearest[depth, :, subset] = np.searchsorted((own[1:] + own[:-1]) / 2.0, centres) * 4 + subset
+            subset_levels = levels[depth, subset : 2 << depth : 4]
+            nearest[depth, :, subset] = (
+                np.searchsorted((subset_levels[1:] + subset_levels[:-1]) / 2.0, centres) * 4 + subset
+            )
     return nearest
 
 
@@ -126,7 +135,7 @@ def _write(word: NDArray[np.uint32], place: int, value: int, width: int) -> None
 
 @compiled_loop()
 def _without_bits(value: NDArray[np.float32], rows: NDArray[np.int64]) -> float:
-    """Squares of the coefficients that have no bits and are decoded as 0."""
+    """Return the sum of squares of the coefficients that have no bits: they decode to 0."""
     total = np.float32(0.0)
     for k in range(len(value)):
         total += value[k] * value[k]
@@ -199,10 +208,10 @@ def coded(
 @compiled_loop()
 def _read(word: NDArray[np.uint32], place: int, width: int) -> int:
     """Return the number of `width` bits at `place`."""
-    found = np.uint64(word[place >> 5]) >> np.uint64(place & 31)
+    bits = np.uint64(word[place >> 5]) >> np.uint64(place & 31)
     if (place & 31) + width > 32:
-        found |= np.uint64(word[(place >> 5) + 1]) << np.uint64(32 - (place & 31))
-    return int(found & ((np.uint64(1) << np.uint64(width)) - np.uint64(1)))
+        bits |= np.uint64(word[(place >> 5) + 1]) << np.uint64(32 - (place & 31))
+    return int(bits & ((np.uint64(1) << np.uint64(width)) - np.uint64(1)))
 
 
 @compiled_loop()
