@@ -1,12 +1,12 @@
 // Codec `block`: trellis-coded coefficients of a transform that a group shares, and edge parts. Included by ntc/decode.glsl.
-// Tables lie as ntc/codec/block/gpu.py says, in blocks of four words. Always in single precision.
+// ntc/codec/block/gpu.py documents the layout of the tables, in blocks of four words. Always in single precision.
 #if WEIGHTS_IN_IMAGE
 layout(rgba32ui, binding = IMAGE_WEIGHTS) uniform readonly uimage2D table_image;
 uvec4 table_block(int block) {
     return imageLoad(table_image, ivec2(block & ((1 << WEIGHT_COLUMN_BITS) - 1), block >> WEIGHT_COLUMN_BITS));
 }
 #elif DECODES_TOGETHER
-// As words: work groups read them alone.
+// The same tables as single words, for work groups.
 layout(std430, binding = BINDING_WEIGHTS) readonly buffer Tables {
     uint table_words[];
 };
@@ -38,7 +38,7 @@ uint table_word(int word) {
 // 1: both mips of a footprint are read from a code at once. Software renderers have the registers.
 #define MERGES_MIPS (LATENTS_IN_IMAGE && CODE_MIPS > 1 && !FILTER_STOCHASTIC)
 
-// Which of the mips of a code a level shows, 0 to 3, whatever a damaged record says.
+// Number of the code's mip that a level is decoded from, limited to 0 to 3 for damaged records.
 int code_mip(LevelRecord level) {
     return level.mip_of_cell & 3;
 }
@@ -48,7 +48,7 @@ int block_side(LevelRecord level) {
     return BLOCK_SIDE >> code_mip(level);
 }
 
-// The same as a power of two: texels are divided by shifts.
+// Base-2 logarithm of that number: texels are divided by shifts.
 int block_shift(LevelRecord level) {
     return (BLOCK_SIDE == 8 ? 3 : 2) - code_mip(level);
 }
@@ -58,14 +58,14 @@ ivec2 block_of(ivec2 texel, int shift) {
     return ivec2(texel.x >> shift, texel.y >> shift);
 }
 
-// Where the code of a block lies, and how the plane is read from it.
+// Location of a block's code, and the head of the plane that is read from it.
 struct Code {
     int first_word;
     int last_word;
-    int mip;       // of those that the code holds
+    int mip;       // mip of the code
     int tables;    // first block of the decoder
     float srgb;    // 1 where base colours are sRGB-coded, else 0
-    uvec4 head;    // of its size, mode and plane
+    uvec4 head;    // head of the code's size, mode and plane
 };
 
 // The code of block `number` of a level.
@@ -170,7 +170,7 @@ vec4 row_square(Code code, int mip, uint entry, int texel) {
 #endif
 }
 
-// Of one texel of mip 0 of a code among those of its mip `mip`.
+// Weight of one texel of mip 0 of a code in a texel of its mip `mip`.
 float texel_share(int mip) {
 #if CODE_MIPS > 1
     return uintBitsToFloat(uint(127 - 2 * mip) << 23);
@@ -179,11 +179,11 @@ float texel_share(int mip) {
 #endif
 }
 
-// What parts of footprints add up to, by component of the plane.
+// Sums over the parts of a footprint, by component of the plane.
 struct Sum {
     vec4 transform;
     vec4 edges;
-    vec4 mean_weights;    // by mip of a code: of the means that count
+    vec4 mean_weights;    // weights of the means, by mip of a code
 };
 
 vec4 in_component(float value, uint entry) {
@@ -191,13 +191,13 @@ vec4 in_component(float value, uint entry) {
     return mix(vec4(0.0), vec4(value), equal(uvec4(component), uvec4(0u, 1u, 2u, 3u)));
 }
 
-// Four coefficients of a list and what the tables tell of them.
+// Four coefficients of a list with their entries in the tables.
 struct Four {
     uvec4 entries;
     vec4 values;
 };
 
-// Number `part` of a code's fours, which are read one after the other. `window`: bits that are kept from one to the next.
+// Number `part` of a code's fours, which are read one after the other. `window`: bits that pass from one call to the next.
 Four four_at(Code code, int part, inout uint window) {
     uvec4 entries = table_block(code.tables + int(code.head.x) + part);
     // 32 bits are enough for the states and branches of seven blocks of the list.
@@ -226,7 +226,7 @@ float shown_share(Code code, int mip, uint entry, Reading own) {
     return dot(row_square(code, mip, entry, own.texel), own.weights);
 }
 
-// What the transform shows in the code's own mip. Loops over lists end at their ends: a CPU, which cannot leave them in their middle, would
+// Value of the transform in the code's mip. Loops over lists end at their ends: a CPU, which cannot leave them in their middle, would
 // run what follows a test at their begin once more than needed.
 vec4 transform_square(Code code, Reading own) {
     vec4 sum = vec4(0.0);
@@ -245,7 +245,7 @@ vec4 transform_square(Code code, Reading own) {
     return sum;
 }
 
-// A texel of an edge part whose indices begin at `first`: between colour `one` and that which is `other` further.
+// A texel of an edge part whose indices begin at `first`, between the colours `one` and `one + other`.
 vec4 edge_texel(Code code, int first, uint width, int texel, vec4 one, vec4 other) {
     int side = BLOCK_SIDE >> code.mip;
     int count = 1 << code.mip;
@@ -270,7 +270,7 @@ vec4 edge_texel(Code code, int first, uint width, int texel, vec4 one, vec4 othe
     return mix(value, sqrt(value * value + spread * spread), EDGE_COLOURS(code.srgb));
 }
 
-// What a code shows where its transform shows `transform`: with the mean, or with an edge part in its place.
+// Value of a code whose transform has the value `transform`: plus the mean, or plus an edge part in its place.
 Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
     Sum sum = Sum(transform, vec4(0.0), vec4(0.0));
     float weight = dot(weights, vec4(1.0));
@@ -279,7 +279,7 @@ Sum with_base(Code code, int texel, vec4 weights, vec4 transform) {
         sum.mean_weights = vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) * weight;
         return sum;
     }
-    // How far the mean of a coarse mip is above that of mip 0 keeps a mask's coverage.
+    // The difference of the mean between a coarse mip and mip 0 preserves a mask's coverage.
     if (EDGE_MEANS == 1)
         sum.mean_weights = (vec4(equal(ivec4(code.mip), ivec4(0, 1, 2, 3))) - vec4(1.0, 0.0, 0.0, 0.0)) * weight;
     int at = int(code.head.z >> 16);
@@ -316,7 +316,7 @@ float shown_shares(Code code, uint entry, Reading near, Reading far) {
     return shown_share(code, code.mip, entry, near) + shown_share(code, code.mip + 1, entry, far);
 }
 
-// What the transform shows in the code's own mip and in the next one.
+// Values of the transform in the code's mip and in the next one.
 vec4 transform_squares(Code code, Reading near, Reading far) {
     vec4 sum = vec4(0.0);
     int parts = int(code.head.y);
@@ -335,7 +335,7 @@ vec4 transform_squares(Code code, Reading near, Reading far) {
     return sum;
 }
 
-// What a code shows in its own mip and, if `both`, in the next one: its coefficients are decoded once.
+// Value of a code in its mip and, if `both`, in the next one: its coefficients are decoded once.
 Sum block_squares(Code code, Reading near, Reading far, bool both) {
     // Pixels side by side run the same loop: one for both mips, and another for one, would be run after each other.
     if (!both) far.weights = vec4(0.0);
@@ -353,7 +353,7 @@ Sum block_squares(Code code, Reading near, Reading far, bool both) {
 }
 #endif
 
-// What the transform shows at four texels of a block.
+// Values of the transform at four texels of a block.
 struct Texels {
     Code code;
     ivec4 numbers;
@@ -363,7 +363,7 @@ struct Texels {
     vec4 fourth;
 };
 
-// What a code shows at one of four texels.
+// Value of a code at one of four texels.
 Sum texel_sum(Texels texels, int number) {
     ivec2 pair = number < 2 ? texels.numbers.xy : texels.numbers.zw;
     vec4 transform = number < 2
@@ -372,7 +372,7 @@ Sum texel_sum(Texels texels, int number) {
     return with_base(texels.code, (number & 1) == 0 ? pair.x : pair.y, vec4(1.0, 0.0, 0.0, 0.0), transform);
 }
 
-// What a coefficient shows at a texel and its neighbours is added to `sums`: a vector by component for each texel.
+// Add the contribution of a coefficient at a texel and its neighbours to `sums`: a vector by component for each texel.
 void add_texels(inout vec4 sums[4], Code code, uint entry, float value, int texel) {
     vec4 row = row_square(code, code.mip, entry, texel) * texel_share(code.mip);
     vec4 shown = in_component(value, entry);
@@ -416,7 +416,7 @@ Parts parts_of(LevelRecord level, Footprint footprint) {
     return parts;
 }
 
-// What a footprint reads in the block of a texel: the first one, or `other` along an axis, and those beside it.
+// Texels that a footprint reads in the block of a texel: the first one, or `other` along an axis, and its neighbours.
 struct BlockReading {
     ivec2 block;
     Reading reading;
@@ -435,13 +435,13 @@ BlockReading reading_at(LevelRecord level, Footprint footprint, Parts parts, bve
     return BlockReading(block_of(texel, shift), Reading((within.y << shift) + within.x, weights));
 }
 
-// The same for a part of a footprint.
+// Texels of a part of a footprint.
 BlockReading part_at(LevelRecord level, Footprint footprint, Parts parts, int part, float share) {
     bvec2 other = bvec2(part % parts.count.x == 1, part / parts.count.x == 1);
     return reading_at(level, footprint, parts, other, share);
 }
 
-// The texture's value for a sum over parts, without what the transform shows.
+// The texture's value for a sum over parts, without the transform.
 vec4 untransformed_value(TextureRecord record, Sum sum) {
     int mean = CODE_MIPS * PLANE_PLACE;
     vec4 value = sum.edges + record.mean[mean] * sum.mean_weights.x;
@@ -542,12 +542,12 @@ vec4 decode_at(TextureRecord record, uvec2 at, float lod, ivec2 wrap, bool wante
         if (both) {
             level = near;
             reading = finer.reading;
-            // Where no part of the finer mip lies in this block, its weights are 0.
+            // If no part of the finer mip lies in this block, its weights are 0.
             if (finer.block != own.block) reading.weights = vec4(0.0);
         }
         sum = added(sum, block_squares(code_of(record, level, own.block), reading, own.reading, both));
 #else
-        // A part finds its footprint again: to keep both through the loop takes more registers than some GPUs have.
+        // Each part computes its footprint again: keeping both through the loop needs more registers than some GPUs have.
         LevelRecord level = levels[record.first_level + (second ? next : lower)];
         Footprint footprint = footprint_at(level, at, wrap);
         BlockReading own = part_at(level, footprint, parts_of(level, footprint), part, part_share);

@@ -1,4 +1,4 @@
-// Codec `block` for pixels side by side: the codes that they read are found in a hash table, and squares of texels are decoded once.
+// Codec `block` for pixels side by side: a hash table holds the codes that they read, and squares of texels are decoded once.
 // Where shared memory does not hold all, further rounds decode the rest.
 #define SLOT_BITS 5
 #define SLOTS (1 << SLOT_BITS)
@@ -25,10 +25,10 @@ const int SLOT_MASK = SLOTS - 1;
 const int TAP_FOUND = 1 << (SLOT_BITS + TEXEL_BITS);
 
 shared uint slot_squares[SLOTS];          // a bit for each square that is read
-shared int slot_square[SLOTS];            // of its first square among those in shared memory; negative: not decoded in this round, `~` it
-shared vec4 texel_values[4 * MOST_SQUARES];    // by texel of a square
+shared int slot_square[SLOTS];            // first square of the slot in shared memory; negative: its complement, and not decoded in this round
+shared vec4 texel_values[4 * MOST_SQUARES];    // values by texel of a square
 
-// Whether shared memory holds the codes of all pixels: another plane that reads the same texels is decoded without finding them again.
+// Whether shared memory holds the codes of all pixels: another plane that reads the same texels reuses the slots.
 #if ANY_PLANE
 bool codes_held = false;
 #else
@@ -59,7 +59,7 @@ int kept_square(int place) {
     return int(square_codes[place]);
 }
 #else
-// Squares lie where the value of their first texel comes.
+// A square is stored at the place of the value of its first texel.
 shared int tap_places[TAPS * TOGETHER];
 
 void keep_tap(int lane, int mip, int corner, int place) {
@@ -90,7 +90,7 @@ int claimed_slot(uint number) {
     return -1;
 }
 
-// Place of a square of a slot among those in shared memory.
+// Place of a slot's square in shared memory.
 int square_place(int slot, int square) {
     return slot_square[slot] + bitCount(slot_squares[slot] & ((1u << uint(square)) - 1u));
 }
@@ -98,7 +98,7 @@ int square_place(int slot, int square) {
 // The texels that a pixel reads of one mip.
 struct MipTexels {
     int level;              // number of the mip among all
-    float weight;           // of the mip
+    float weight;           // weight of the mip
     Footprint footprint;
 };
 
@@ -132,7 +132,7 @@ int unread_corners(MipTexels mip) {
     return (mip.footprint.share.x == 0.0 ? 10 : 0) | (mip.footprint.share.y == 0.0 ? 12 : 0);
 }
 
-// What the column and the row of a texel of a block add to its number in the code.
+// Contributions of the column and the row of a texel of a block to its number in the code.
 ivec2 texel_numbers(ivec2 texel, int shift) {
     return ivec2((texel.x >> 1) << 2 | (texel.x & 1), (texel.y >> 1) << shift << 1 | (texel.y & 1) << 1);
 }

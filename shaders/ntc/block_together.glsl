@@ -1,7 +1,7 @@
 // Codec `block` for work groups: each code that the group's invocations read is decoded once, for all of them, in shared memory.
 // For work groups of TOGETHER invocations, which hold SLOTS codes at once, and USUAL_FOURS times four coefficients, if no code has more.
 // Each invocation decodes SQUARES_AT_ONCE times four texels at once.
-// Further ones wait for the next round. Every invocation of the group must call what has a barrier.
+// Further codes wait for the next round. Every invocation of the group must call what has a barrier.
 const int TOGETHER = 64;
 
 const uint NO_CODE = 0xFFFFFFFFu;
@@ -10,24 +10,19 @@ const int MOST_FOURS = max(USUAL_FOURS, LARGEST_FOURS);
 shared uint slot_code[SLOTS];         // the code's number among all on the GPU
 shared int slot_texture[SLOTS];
 shared int slot_level[SLOTS];         // a mip that is decoded from the code
-shared ivec4 slot_place[SLOTS];       // its first and last word, the first block of its list, and the first word of what is read of rows
+shared ivec4 slot_place[SLOTS];       // its first and last word, the first block of its list, and the first word of its rows
 shared uvec4 slot_head[SLOTS];
-shared uint slot_ends[SLOTS];         // of the coefficients of each component: as an order of the tables begins
-shared int slot_first[SLOTS];         // of its fours in shared memory
+shared uint slot_ends[SLOTS];         // ends of the coefficients of each component, as in the first word of an order
+shared int slot_first[SLOTS];         // its first four in shared memory
 shared uint four_slots[MOST_FOURS + 1];    // one more: with three numbers below, vectors stay aligned
 shared uvec2 coefficients[4 * MOST_FOURS];    // value, and word of the tables where the squares of the row begin
 
 shared int slot_fits[SLOTS];          // 1: it is decoded in this round
 shared uint room_asked;               // by all slots: fours in the lower half, squares of texels in the upper half
-shared uint room_taken;               // the same of slots that are decoded in this round
-shared uint waiting;                  // 1: some are for the next round
+shared uint room_taken;               // room of the slots that are decoded in this round
+shared uint waiting;                  // 1: some slots wait for the next round
 
-// Number of a code among all: no two levels with codes of their own begin within each other's words.
-uint code_number(LevelRecord level, ivec2 block) {
-    return uint(level.first_cell + block.y * level.width + block.x);
-}
-
-// Without the place of the decoder, and without the colour space.
+// Code of a slot, without the decoder's place and the colour space.
 Code slot_content(int slot, int mip) {
     Code code;
     ivec4 place = slot_place[slot];
@@ -39,7 +34,7 @@ Code slot_content(int slot, int mip) {
     return code;
 }
 
-// Notes a code in a slot.
+// Store a code in a slot.
 void fill_slot(int slot, Code code) {
     int rows = int(code.head.w >> 2) + 4 * code.tables + SQUARES_WORD;
     int list = code.tables + int(code.head.x);
@@ -48,7 +43,7 @@ void fill_slot(int slot, Code code) {
     slot_ends[slot] = table_word(4 * (list + int(code.head.y)));
 }
 
-// Finds the code of a slot whose texture, level and number are known.
+// Locate the code of a slot from its texture, level and number.
 void find_slot(int slot) {
     LevelRecord level = levels[slot_level[slot]];
     fill_slot(slot, numbered_code(textures[slot_texture[slot]], level, int(slot_code[slot]) - level.first_cell));
@@ -58,14 +53,14 @@ int slot_fours(int slot) {
     return int(slot_ends[slot] >> 24) & 127;
 }
 
-// Begins a round; a barrier must follow.
+// Begin a round; a barrier must follow.
 void begin_round(int lane) {
     if (lane < SLOTS) slot_fits[lane] = 0;
     if (lane == 0) room_asked = room_taken = waiting = 0u;
 }
 
-// Finds room for the code of a slot, and for `squares` of at most `most_squares`; gives the first of these, or -1 where it has to wait
-// for another round. Both are shared out at once, so that slots that fit lie before all others.
+// Allocate room for the code of a slot, and for `squares` of at most `most_squares`; return the first square, or -1 where the slot must
+// wait for another round. One atomic operation allocates both, so that slots that fit lie before all others.
 int share_room(int slot, int squares, int most_squares) {
     int fours = slot_fours(slot);
     uint own = uint(fours) | uint(squares) << 16;
@@ -82,13 +77,13 @@ int share_room(int slot, int squares, int most_squares) {
     return int(first >> 16);
 }
 
-// Finds the code of a slot, and room as `share_room` does.
+// Locate the code of a slot, and allocate room as `share_room` does.
 int take_room(int slot, int squares, int most_squares) {
     find_slot(slot);
     return share_room(slot, squares, most_squares);
 }
 
-// Writes the coefficients of all slots that fit to shared memory: four of a list in each invocation, to their places by component.
+// Write the coefficients of all slots that fit to shared memory: four of a list in each invocation, to their places by component.
 void decode_coefficients(int lane) {
     int fours = int(room_taken & 65535u);
     for (int number = lane; number < fours; number += TOGETHER) {
@@ -136,8 +131,8 @@ int mip_of_square(int square) {
     return mip;
 }
 
-// Where the words of the first column of a mip of four texels a side or more begin, of what work groups read of a row; those of its
-// first row lie STRIP_WORDS further.
+// First word of the first column of a mip of four or more texels a side, in the part of a row for work groups. Its first row begins
+// STRIP_WORDS further.
 int strips_word(int mip) {
     return STRIPS_WORD + (mip == 0 ? 0 : 2 * STRIP_WORDS);
 }
@@ -146,13 +141,13 @@ vec4 four_halves(int word) {
     return vec4(unpackHalf2x16(table_word(word)), unpackHalf2x16(table_word(word + 1)));
 }
 
-// Components of a code that are left to show: bits at the same places as in the ends of their coefficients.
+// Components of a code that remain to be added: bits at the same places as in the ends of their coefficients.
 struct Components {
     uint left;
-    int four;    // where the next one begins in shared memory
+    int four;    // start of the next component in shared memory
 };
 
-// Adds what the next component shows to values at texels whose words begin at `word` of what work groups read of a row.
+// Add the next component to the values of texels whose words begin at `word` of the part of a row for work groups.
 void add_component(int slot, int texture_id, int mip, int word, inout Components components, inout vec4 values[4 * SQUARES_AT_ONCE]) {
     int bit = findLSB(components.left);
     int end = slot_first[slot] + (int(slot_ends[slot] >> uint(bit)) & 127);
@@ -173,7 +168,7 @@ void add_component(int slot, int texture_id, int mip, int word, inout Components
     components = Components(components.left & (components.left - 1u), end);
 }
 
-// Values, not limited, at 4 * SQUARES_AT_ONCE texels of a slot's code, whose words begin at `word` of what work groups read of a row.
+// Values, not limited, at 4 * SQUARES_AT_ONCE texels of a slot's code, whose words begin at `word` of the part of a row for work groups.
 // Texel number `texel` of the code is the first; bit by bit their numbers add `steps`.
 void decode_texels(int slot, int texture_id, int mip, int word, int texel, ivec3 steps, out vec4 values[4 * SQUARES_AT_ONCE]) {
     vec4 mean = textures[texture_id].mean[CODE_MIPS * PLANE_PLACE + mip];
