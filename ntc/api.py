@@ -10,7 +10,7 @@ from ntc.codec.config import ColorSpace, GroupingConfig, WrapMode
 from ntc.codec.encoding import CancelQuestion, EncodingChoices, Target, texture_set
 from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.latents import texture_levels
-from ntc.codec.maps import CODED_MAPS, MapName, joint_maps, map_slices
+from ntc.codec.maps import CODED_MAPS, SRGB_MAPS, MapName, joint_maps, map_slices
 from ntc.codec.model import Grouping, Pack
 from ntc.codec.reference import decode_image, texel_centres
 from ntc.codec.registry import CodecName, codec_named, codec_of
@@ -121,7 +121,7 @@ def decode_to_moderngl(
     own = pack.textures[_checked(pack, texture, 0)]
     if map_name not in own.maps:
         raise InputError(f"{pack.name}: texture {texture} has no map {map_name}; it has {', '.join(own.maps)}")
-    is_srgb = map_name == "emissive" or (map_name == "base" and own.color_space == "srgb")
+    is_srgb = own.color_space == "srgb" if map_name == "base" else map_name in SRGB_MAPS
     mips = [_rgba(decode_maps(pack, texture, level)[map_name]) for level in range(mip_count(pack, texture))]
     made = gl.texture((own.width, own.height), 4, mips[0].tobytes(), internal_format=SRGB8_ALPHA8 if is_srgb else RGBA8)
     if len(mips) > 1:

@@ -5,7 +5,7 @@ planes of up to four channels, so that a view decodes only what it needs.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Final, Literal
 
@@ -17,36 +17,78 @@ MapName = Literal[ShownMap, "alpha"]
 """`base` and `emissive` are sRGB colours, `normal` the xy of a tangent-space normal as (n + 1) / 2; all others are linear."""
 Plane = Literal["base", "surface", "emission", "coverage"]
 
-MAPS: Final[tuple[ShownMap, ...]] = ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
-"""The maps that views show, in the order of their channels in a material set."""
-CODED_MAPS: Final[tuple[MapName, ...]] = (*MAPS, "alpha")
-"""All maps of a material set: MAPS, and alpha, which says what of a surface is there."""
-MAP_CHANNELS: Final[Mapping[MapName, int]] = MappingProxyType(
-    {"base": 3, "normal": 2, "roughness": 1, "metalness": 1, "emissive": 3, "occlusion": 1, "alpha": 1}
+
+@dataclass(frozen=True)
+class MaterialMap:
+    """A map: its channels, its place in the planes, how glTF names it, and how it is filtered and weighed."""
+
+    name: MapName
+    channels: int
+    plane: Plane
+    component: int
+    """First component of the plane that it takes, 0 to 3."""
+    color_space: Literal["srgb", "linear"] = "linear"
+    neutral: float = 1.0
+    """Value of all its channels, 0 to 1, where a texture lacks the map."""
+    is_direction: bool = False
+    """True if its channels are the xy of a unit vector, which is filtered as one."""
+    gltf: tuple[str, ...] = ()
+    """Places where a glTF material names its texture (glTF 2.0, Sec. 3.9); of several places the last one that is there."""
+    gltf_channels: tuple[int, ...] = ()
+    """Channels of that texture that hold it."""
+    picture: str = ""
+    """Picture that block formats store it in, together with the other maps of that picture; "" for a map that they do not store."""
+    weight: float = 1.0
+    """Weight of a squared error by how much it changes the lit picture."""
+
+
+_ORM = "pbrMetallicRoughness.metallicRoughnessTexture"
+_BASE = ("pbrMetallicRoughness.baseColorTexture", "extensions.KHR_materials_pbrSpecularGlossiness.diffuseTexture")
+MAP_TABLE: Final = (
+    MaterialMap("base", 3, "base", 0, "srgb", gltf=_BASE, gltf_channels=(0, 1, 2), picture="base"),
+    MaterialMap("normal", 2, "surface", 0, "linear", 0.5, True, ("normalTexture",), (0, 1), "normal", 2.5),
+    MaterialMap("roughness", 1, "surface", 2, gltf=(_ORM,), gltf_channels=(1,), picture="orm", weight=0.5),
+    MaterialMap("metalness", 1, "surface", 3, gltf=(_ORM,), gltf_channels=(2,), picture="orm"),
+    MaterialMap("emissive", 3, "emission", 0, "srgb", 1.0, False, ("emissiveTexture",), (0, 1, 2), "emissive"),
+    MaterialMap("occlusion", 1, "emission", 3, "linear", 1.0, False, ("occlusionTexture",), (0,), "orm", 0.5),
+    MaterialMap("alpha", 1, "coverage", 0),
 )
-"""Channels of each map. A texture that is no material set is a `base` of 1 to 4 channels, alpha last."""
-SRGB_MAPS: Final = frozenset[MapName](("base", "emissive"))
+"""All maps of a material set, in the order of their channels: what is said of maps elsewhere is made from it. `base` is 1 to 4
+channels, alpha last, in a texture that is no material set. ntc/c/ntc.c repeats names, channels and planes."""
+TABLE_OF_MAP: Final[Mapping[MapName, MaterialMap]] = MappingProxyType({each.name: each for each in MAP_TABLE})
+CODED_MAPS: Final[tuple[MapName, ...]] = tuple(TABLE_OF_MAP)
+"""All maps of a material set: MAPS, and alpha, which says what of a surface is there."""
+MAPS: Final[tuple[ShownMap, ...]] = tuple(name for name in CODED_MAPS if name != "alpha")
+"""The maps that views show."""
+MAP_CHANNELS: Final[Mapping[MapName, int]] = MappingProxyType({each.name: each.channels for each in MAP_TABLE})
+SRGB_MAPS: Final = frozenset(each.name for each in MAP_TABLE if each.color_space == "srgb")
 """Maps that hold colours in sRGB values."""
 BASE_ALONE: Final[tuple[MapName, ...]] = ("base",)
 """The maps of a texture that is no material set."""
-PLANES: Final[tuple[Plane, ...]] = ("base", "surface", "emission")
-"""The planes that views show, in their order on the GPU."""
-CODED_PLANES: Final[tuple[Plane, ...]] = (*PLANES, "coverage")
+PLANE_OF_MAP: Final[Mapping[MapName, Plane]] = MappingProxyType({each.name: each.plane for each in MAP_TABLE})
+CODED_PLANES: Final[tuple[Plane, ...]] = tuple(dict.fromkeys(PLANE_OF_MAP.values()))
 """All planes of a material set."""
+PLANES: Final[tuple[Plane, ...]] = tuple(plane for plane in CODED_PLANES if plane != "coverage")
+"""The planes that views show, in their order on the GPU."""
 PLANE_COMPONENTS: Final[Mapping[Plane, Mapping[MapName, int]]] = MappingProxyType(
     {
-        "base": MappingProxyType({"base": 0}),
-        "surface": MappingProxyType({"normal": 0, "roughness": 2, "metalness": 3}),
-        "emission": MappingProxyType({"emissive": 0, "occlusion": 3}),
-        "coverage": MappingProxyType({"alpha": 0}),
+        plane: MappingProxyType({each.name: each.component for each in MAP_TABLE if each.plane == plane})
+        for plane in CODED_PLANES
     }
 )
 """Maps of each plane, and the first of the plane's four components that each takes."""
-PLANE_OF_MAP: Final[Mapping[MapName, Plane]] = MappingProxyType(
-    {name: plane for plane, places in PLANE_COMPONENTS.items() for name in places}
-)
-LARGEST_CHANNELS: Final = 13
+LARGEST_CHANNELS: Final = sum(MAP_CHANNELS.values()) + 1
 """Channels of a material set at most: all maps, with a base of four channels."""
+
+
+def neutral_plane(plane: Plane) -> tuple[float, float, float, float]:
+    """Return the four components of a plane whose maps a texture lacks."""
+    values = [1.0] * 4
+    for each in MAP_TABLE:
+        if each.plane == plane:
+            values[each.component : each.component + each.channels] = [each.neutral] * each.channels
+    red, green, blue, alpha = values
+    return red, green, blue, alpha
 
 
 def ordered_maps(maps: Sequence[MapName]) -> bool:
@@ -137,28 +179,23 @@ LEAST_WEIGHT, LARGEST_WEIGHT = 0.01, 100.0
 class MapWeights:
     """Weights of the squared error of a stored value, by map. Only ratios matter. Decoding knows nothing of them."""
 
-    base: float = 1.0
-    normal: float = 1.0
-    roughness: float = 1.0
-    metalness: float = 1.0
-    emissive: float = 1.0
-    occlusion: float = 1.0
-    alpha: float = 1.0
+    weights: Mapping[MapName, float] = field(default_factory=dict)
+    """Maps that are not named have weight 1."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if not LEAST_WEIGHT <= getattr(self, field.name) <= LARGEST_WEIGHT:
-                raise ValueError(f"map_weights.{field.name} = {getattr(self, field.name)!r} is out of range")
+        for name, weight in self.weights.items():
+            if not LEAST_WEIGHT <= weight <= LARGEST_WEIGHT:
+                raise ValueError(f"map_weights.{name} = {weight!r} is out of range")
 
     def of_channels(self, maps: Sequence[MapName], channels: int) -> NDArray[np.float64]:
         """Return [channels] float64 of a texture of `maps`: their mean is 1."""
         found = np.ones(channels)
         for name, place in map_slices(maps, channels).items():
-            found[place] = getattr(self, name)
+            found[place] = self.weights.get(name, 1.0)
         return np.asarray(found / found.mean())
 
 
-SEEN_WEIGHTS: Final = MapWeights(base=1.0, normal=2.5, roughness=0.5, metalness=1.0, emissive=1.0, occlusion=0.5)
+SEEN_WEIGHTS: Final = MapWeights({each.name: each.weight for each in MAP_TABLE})
 EQUAL_WEIGHTS: Final = MapWeights()
 MAP_WEIGHTS: Final[Mapping[MapWeightsName, MapWeights]] = MappingProxyType(
     {"seen": SEEN_WEIGHTS, "equal": EQUAL_WEIGHTS}

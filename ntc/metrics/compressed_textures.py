@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.config import ColorSpace
-from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, MapName
+from ntc.codec.maps import BASE_ALONE, SRGB_MAPS, TABLE_OF_MAP, MapName
 from ntc.codec.mips import mip_chain
 from ntc.codec.quality import PsnrSummary, psnr_db
 from ntc.codec.textures import hash_pixels
@@ -112,7 +112,7 @@ class CompressionRequest:
 
 def kind_of(maps: tuple[MapName, ...]) -> AstcKind:
     """Return the kind of data that encoders take a picture of `maps` for."""
-    if maps == ("normal",):
+    if TABLE_OF_MAP[maps[0]].is_direction:
         return "normal"
     return "srgb" if maps[0] in SRGB_MAPS else "linear"
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal, get_args
 
-from ntc.codec.maps import MapName
+from ntc.codec.maps import MAPS, MapName
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
 from ntc.metrics.compressed_textures import CompressedTextures
@@ -91,7 +91,7 @@ class TextureRow:
 
     def key(self, column: TextureColumn) -> tuple[int, float | str]:
         """Return the key to sort rows by a column; unknown values come last in ascending order."""
-        values: dict[TextureColumn, float | str | None] = {
+        values: dict[str, float | str | None] = {
             "name": self.name.casefold(),
             "size": self.width * self.height,
             "category": self.category.casefold() or None,
@@ -101,12 +101,7 @@ class TextureRow:
             "kB": self.file_bytes,
             "normals": self.normal_degrees,
             "error %": self.error_share,
-            "base dB": self.map_psnr_db.get("base"),
-            "normal dB": self.map_psnr_db.get("normal"),
-            "roughness dB": self.map_psnr_db.get("roughness"),
-            "metalness dB": self.map_psnr_db.get("metalness"),
-            "emissive dB": self.map_psnr_db.get("emissive"),
-            "occlusion dB": self.map_psnr_db.get("occlusion"),
+            **{f"{name} dB": self.map_psnr_db.get(name) for name in MAPS},
             "on GPU": self.gpu_bytes,
         }
         value = values[column]

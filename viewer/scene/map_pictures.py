@@ -6,17 +6,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, MapName, Plane, map_slices
+from ntc.codec.maps import MAP_CHANNELS, MAP_TABLE, PLANE_COMPONENTS, MapName, Plane, map_slices
 from ntc.codec.mips import mip_chain
 from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.compressed_textures import CompressedTexture, CompressedTextures, CompressionRequest
 from viewer.scene.model import Scene, SceneTexture
 
-PICTURES: tuple[tuple[MapName, ...], ...] = (
-    ("base",),
-    ("normal",),
-    ("roughness", "metalness", "occlusion"),
-    ("emissive",),
+PICTURES: tuple[tuple[MapName, ...], ...] = tuple(
+    tuple(each.name for each in MAP_TABLE if each.picture == picture)
+    for picture in dict.fromkeys(each.picture for each in MAP_TABLE if each.picture)
 )
 """Maps that lie in one picture."""
 Requests = tuple[tuple[CompressionRequest, ...], ...]

@@ -13,9 +13,6 @@ layout(binding = UNIT_OTHER_EMISSION) uniform sampler2D other_emission;
 uniform int other_maps;
 #endif
 
-const vec4 NEUTRAL_SURFACE = vec4(0.5, 0.5, 1.0, 1.0);
-const vec4 NEUTRAL_EMISSION = vec4(1.0);
-
 struct Maps {
     vec3 base;      // linear, factor and vertex colour multiplied in
     vec4 surface;   // normal x and y as (n + 1) / 2, roughness, metalness
@@ -40,11 +37,11 @@ Maps read_maps(ivec2 pixel) {
     emission = texelFetch(other_emission, pixel, 0);
 #endif
     if ((other_maps & MAP_BASE) != 0) maps.base = texelFetch(other_base, pixel, 0).rgb;
-    if ((other_maps & MAP_NORMAL) != 0) maps.surface.xy = surface.xy;
-    if ((other_maps & MAP_ROUGHNESS) != 0) maps.surface.z = surface.z;
-    if ((other_maps & MAP_METALNESS) != 0) maps.surface.w = surface.w;
-    if ((other_maps & MAP_EMISSIVE) != 0) maps.emission.rgb = emission.rgb;
-    if ((other_maps & MAP_OCCLUSION) != 0) maps.emission.a = emission.a;
+    if ((other_maps & MAP_NORMAL) != 0) maps.surface.NORMAL_COMPONENTS = surface.NORMAL_COMPONENTS;
+    if ((other_maps & MAP_ROUGHNESS) != 0) maps.surface.ROUGHNESS_COMPONENTS = surface.ROUGHNESS_COMPONENTS;
+    if ((other_maps & MAP_METALNESS) != 0) maps.surface.METALNESS_COMPONENTS = surface.METALNESS_COMPONENTS;
+    if ((other_maps & MAP_EMISSIVE) != 0) maps.emission.EMISSIVE_COMPONENTS = emission.EMISSIVE_COMPONENTS;
+    if ((other_maps & MAP_OCCLUSION) != 0) maps.emission.OCCLUSION_COMPONENTS = emission.OCCLUSION_COMPONENTS;
 #endif
     return maps;
 }

@@ -92,16 +92,16 @@ vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
     const vec4 specular = vec4(vec3(0.04), 1.0);
 #endif
     Frame frame = unpack_frame(texelFetch(surface_frames, pixel, 0).xy);
-    vec3 normal = mapped_normal(frame, maps.surface.xy, factors.z);
+    vec3 normal = mapped_normal(frame, maps.surface.NORMAL_COMPONENTS, factors.z);
     Reflection surface = Reflection(
         maps.base * (1.0 - factors.w),
         maps.base,
         specular.rgb,
         specular.a,
-        clamp(maps.surface.w * factors.y, 0.0, 1.0),
-        clamp(maps.surface.z * factors.x, 0.0, 1.0)
+        clamp(maps.surface.METALNESS_COMPONENTS * factors.y, 0.0, 1.0),
+        clamp(maps.surface.ROUGHNESS_COMPONENTS * factors.x, 0.0, 1.0)
     );
-    float occlusion = 1.0 + materials[number].emissive.a * (maps.emission.a - 1.0);
+    float occlusion = 1.0 + materials[number].emissive.a * (maps.emission.OCCLUSION_COMPONENTS - 1.0);
     vec3 place = vec3(0.0);
 #if LIGHTS || SHADOWS
     vec4 homogeneous = from_clip * vec4(ndc, texelFetch(surface_depth, pixel, 0).x * 2.0 - 1.0, 1.0);
@@ -113,7 +113,7 @@ vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
 #endif
     vec3 radiance = reflected(surface, seen_along(normal, view, surface.roughness), occlusion, place, sun_share);
 #if EMISSIVE
-    radiance += maps.emission.rgb * materials[number].emissive.rgb;
+    radiance += maps.emission.EMISSIVE_COMPONENTS * materials[number].emissive.rgb;
 #endif
 #if CLEARCOAT
     float coat = materials[number].clearcoat;

@@ -18,12 +18,13 @@ void main() {
     }
     Maps maps = read_maps(pixel);
 #if VIEW == 0
-    vec2 xy = maps.surface.xy * 2.0 - 1.0;
+    vec2 normal = maps.surface.NORMAL_COMPONENTS;
+    vec2 xy = normal * 2.0 - 1.0;
     float z = sqrt(max(1.0 - dot(xy, xy), 0.0));
-    picture = vec4(srgb_to_linear(vec3(maps.surface.xy, z * 0.5 + 0.5)), 1.0);
+    picture = vec4(srgb_to_linear(vec3(normal, z * 0.5 + 0.5)), 1.0);
 #elif VIEW == 1
-    picture = vec4(srgb_to_linear(vec3(maps.emission.a, maps.surface.zw)), 1.0);
+    picture = vec4(srgb_to_linear(vec3(maps.emission.OCCLUSION_COMPONENTS, maps.surface.ROUGHNESS_COMPONENTS, maps.surface.METALNESS_COMPONENTS)), 1.0);
 #else
-    picture = vec4(clamp(maps.emission.rgb * materials[number].emissive.rgb, 0.0, 1.0), 1.0);
+    picture = vec4(clamp(maps.emission.EMISSIVE_COMPONENTS * materials[number].emissive.rgb, 0.0, 1.0), 1.0);
 #endif
 }

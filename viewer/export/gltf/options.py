@@ -5,28 +5,16 @@ from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
-from ntc.codec.maps import PLANE_OF_MAP, MapName, map_slices
+from ntc.codec.maps import PLANE_OF_MAP, TABLE_OF_MAP, MapName, map_slices
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.pack.match import PackMatch
 from viewer.export.gltf.document import GltfDocument
 from viewer.scene.gltf.container import GltfFile
-from viewer.scene.gltf.maps.images import CHANNELS
 from viewer.scene.gltf.materials import MaterialSource, read_materials
 from viewer.scene.gltf.packed_textures import NO_CHANNEL, PACK_MIME_TYPE, PIXEL_HASH, SWIZZLE
 from viewer.scene.gltf.textures import TextureReference
 from viewer.scene.model import Scene
 from viewer.scene.report import ReportNotes
-
-GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
-TEXTURE_PLACES: Mapping[MapName, tuple[tuple[str, ...], ...]] = {
-    "base": (("pbrMetallicRoughness", "baseColorTexture"), ("extensions", GLOSSINESS, "diffuseTexture")),
-    "normal": (("normalTexture",),),
-    "roughness": (("pbrMetallicRoughness", "metallicRoughnessTexture"),),
-    "metalness": (("pbrMetallicRoughness", "metallicRoughnessTexture"),),
-    "emissive": (("emissiveTexture",),),
-    "occlusion": (("occlusionTexture",),),
-}
-"""Places where a material may name the texture of each map (glTF 2.0, Sec. 3.9). The last place that exists is valid."""
 
 
 @dataclass(eq=False)
@@ -48,7 +36,7 @@ def _channels(texture: EncodedTexture, name: MapName) -> dict[int, int]:
     place = map_slices(texture.maps, texture.channels)[name]
     channels = range(place.start, place.stop)
     if name != "base":
-        return dict(zip(CHANNELS[name], channels, strict=True))
+        return dict(zip(TABLE_OF_MAP[name].gltf_channels, channels, strict=True))
     # One or two channels are grey, with alpha last.
     colors = list(channels[:3]) if len(channels) >= 3 else [channels[0]] * 3
     alpha = [texture.channels - 1] if "alpha" in texture.maps else [channels[-1]] if len(channels) in (2, 4) else []
@@ -165,9 +153,9 @@ def _uses(
 ) -> dict[_Options, list[tuple[int, MapName]]]:
     """Return the (material, map) pairs that read texture entry `number`, by their option in each pack."""
 
-    def place(reference: tuple[int, MapName]) -> tuple[int, tuple[tuple[str, ...], ...]]:
+    def place(reference: tuple[int, MapName]) -> tuple[int, tuple[str, ...]]:
         # Maps at one place of a material read one entry.
-        return reference[0], TEXTURE_PLACES[reference[1]]
+        return reference[0], TABLE_OF_MAP[reference[1]].gltf
 
     uses: dict[_Options, list[tuple[int, MapName]]] = {}
     options = [pack.get(number, []) for pack in packs]
@@ -194,9 +182,9 @@ def remove_packs(document: GltfDocument) -> None:
 def _texture_info(material: dict[str, Any], name: MapName) -> dict[str, Any]:
     """Return the JSON object in which `material` names the texture of a map."""
     info: dict[str, Any] = {}
-    for place in TEXTURE_PLACES[name]:
+    for place in TABLE_OF_MAP[name].gltf:
         owner: Any = material
-        for key in place:
+        for key in place.split("."):
             owner = owner.get(key) if isinstance(owner, dict) else None
         if isinstance(owner, dict):
             info = owner

@@ -12,11 +12,11 @@ from PIL import Image
 from ntc.errors import InputError
 from viewer.export.gltf.document import ALIGNMENT, GltfDocument, ImageFile
 from viewer.export.gltf.export import OpenedExport
-from viewer.export.gltf.options import GLOSSINESS
 from viewer.scene.gltf.buffers import COMPONENT_TYPES
 from viewer.scene.gltf.draco import EXTENSION as DRACO
 from viewer.scene.gltf.draco import DracoMesh, decode_draco
 from viewer.scene.gltf.maps.images import image_bytes
+from viewer.scene.gltf.materials import GLOSSINESS
 from viewer.scene.gltf.meshopt import EXTENSIONS as MESHOPT_EXTENSIONS
 from viewer.scene.gltf.textures import IMAGE_EXTENSIONS, texture_image
 from viewer.scene.images import decode_image, image_suffix

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.gpu import decoding_layout_glsl, glsl_codes, glsl_struct
-from ntc.codec.maps import MAPS, PLANES, MapName
+from ntc.codec.maps import MAPS, PLANES, TABLE_OF_MAP, MapName, neutral_plane
 from viewer.gl.limits import GROUPS_ACROSS
 from viewer.lighting.brdf import SMALLEST_COSINE, SMALLEST_ROUGHNESS
 from viewer.lighting.prefilter import ENVIRONMENT_LEVELS, MOST_SAMPLES
@@ -227,7 +227,11 @@ def scene_layout_glsl(groups_across: int = GROUPS_ACROSS) -> str:
             (SamplerFlag, "SAMPLER_"),
         ),
     ]
-    lines += [f"#define MAP_{name.upper()} {bit}" for name, bit in MAP_BITS.items()]
+    for name, bit in MAP_BITS.items():
+        place = TABLE_OF_MAP[name]
+        components = "rgba"[place.component : place.component + place.channels]
+        lines += [f"#define MAP_{name.upper()} {bit}", f"#define {name.upper()}_COMPONENTS {components}"]
+    lines += [f"#define NEUTRAL_{plane.upper()} vec4{neutral_plane(plane)}" for plane in PLANES]
     lines += [
         f"#define GROUP_SIDE {GROUP_SIDE}",
         f"#define ENVIRONMENT_LEVELS {ENVIRONMENT_LEVELS}",

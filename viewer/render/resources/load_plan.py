@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.latents import LatentLevel, texture_levels
-from ntc.codec.maps import PLANE_COMPONENTS, MapName, Plane, plane_channels
+from ntc.codec.maps import MAP_TABLE, MapName, Plane, plane_channels
 from ntc.codec.model import Pack
 from ntc.pack.match import PackMatch
 from viewer.gl.texture_arrays import BLOCK_BYTES, GpuBlockFormat
@@ -21,6 +21,9 @@ ARRAY_BYTES = 1 << 27
 """Size limit in bytes of an array of compressed textures, unless one layer takes more."""
 PIECE_TILES = 896
 """Most tiles of a piece of a mip, unless one row of tiles is longer: about as many as a layer of the atlas holds."""
+
+
+FORMAT_OF_CHANNELS: dict[int, GpuBlockFormat] = {1: "bc4", 2: "bc5", 3: "bc7"}
 
 
 @dataclass(frozen=True)
@@ -37,25 +40,17 @@ def stored_parts(plane: Plane, maps: Sequence[MapName], channels: int) -> tuple[
 
     Colours are in BC7, normals in BC5, roughness and metalness in BC5 or, where one of them is alone, in BC4, occlusion in BC4.
     """
-    held = plane_channels(maps, channels).get(plane, {})
-    if not held:
-        return ()
-    if plane == "base":
-        return (StoredPart("bc7", range(4)),)
-    parts = []
-    own = PLANE_COMPONENTS[plane]
-    if plane == "surface":
-        if own["normal"] in held:
-            parts.append(StoredPart("bc5", range(2)))
-        single = [component for component in (own["roughness"], own["metalness"]) if component in held]
-        if single:
-            block_format: GpuBlockFormat = "bc5" if len(single) == 2 else "bc4"
-            parts.append(StoredPart(block_format, range(single[0], single[-1] + 1)))
-    else:
-        if own["emissive"] in held:
-            parts.append(StoredPart("bc7", range(3)))
-        if own["occlusion"] in held:
-            parts.append(StoredPart("bc4", range(own["occlusion"], 4)))
+    components_held = plane_channels(maps, channels).get(plane, {})
+    held = [each for each in MAP_TABLE if each.plane == plane and each.component in components_held]
+    parts: list[StoredPart] = []
+    for each in held:
+        components = range(each.component, each.component + each.channels)
+        if plane == "base":
+            parts.append(StoredPart("bc7", range(4)))
+        elif each.channels == 1 and parts and parts[-1] == StoredPart("bc4", range(each.component - 1, each.component)):
+            parts[-1] = StoredPart("bc5", range(each.component - 1, each.component + 1))
+        else:
+            parts.append(StoredPart(FORMAT_OF_CHANNELS[each.channels], components))
     return tuple(parts)
 
 

@@ -58,13 +58,7 @@ class Node(Extensible, frozen=True):
     """A node of the graph."""
 
     children: tuple[Index, ...] = ()
-    matrix: (
-        tuple[
-            Number, Number, Number, Number, Number, Number, Number, Number,
-            Number, Number, Number, Number, Number, Number, Number, Number,
-        ]
-        | UnsetType
-    ) = UNSET  # fmt: skip
+    matrix: Annotated[tuple[Number, ...], Meta(min_length=16, max_length=16)] | UnsetType = UNSET
     """Columns one after another."""
     translation: Triple = (0.0, 0.0, 0.0)
     rotation: Quadruple = (0.0, 0.0, 0.0, 1.0)

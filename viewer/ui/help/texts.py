@@ -3,6 +3,7 @@
 import re
 from typing import Final
 
+from ntc.codec.maps import MAPS
 from ntc.codec.registry import SUMMARIES
 from viewer.commands import BY_ID, NEXT
 from viewer.commands.command import Command, Parameter
@@ -194,7 +195,7 @@ CONTROLS: Final = {
     "path": "Decode path of the slot: the choice of auto, else its own.",
     **{
         f"{name} alone dB": f"PSNR in dB with only the {name} map decoded and all other maps original: higher is better."
-        for name in ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
+        for name in MAPS
     },
     "column A": "Slot A.",
     "column B": "Slot B.",
@@ -208,8 +209,7 @@ CONTROLS: Final = {
     "column kB": "Latents of this texture in the file, in kilobytes. Click to sort.",
     "column normals": "Mean angle in degrees between decoded and original normals: lower is better. Click to sort.",
     **{
-        f"column {name} dB": f"PSNR of mip 0 of the {name} map in dB: higher is better. Click to sort."
-        for name in ("base", "normal", "roughness", "metalness", "emissive", "occlusion")
+        f"column {name} dB": f"PSNR of mip 0 of the {name} map in dB: higher is better. Click to sort." for name in MAPS
     },
     "rate curve": "PSNR of mip 0 in dB by bits per texel, measured on parts of the texture. The dot is the pack in slot A; its "
     "codes can hold the bitrates of the thick part. Drag to a bitrate to encode the texture again.",

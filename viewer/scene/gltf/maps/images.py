@@ -12,7 +12,7 @@ import numpy as np
 from msgspec import UnsetType
 from numpy.typing import NDArray
 
-from ntc.codec.maps import MapName
+from ntc.codec.maps import TABLE_OF_MAP, MapName
 from ntc.codec.mips import srgb_to_linear
 from ntc.codec.textures import hash_pixels
 from ntc.errors import InputError
@@ -34,14 +34,6 @@ from viewer.scene.images import (
 from viewer.scene.pixels import FactsFile, ImageFacts, MapFacts, PixelCache
 from viewer.scene.report import ReportNotes
 
-CHANNELS: dict[MapName, tuple[int, ...]] = {
-    "normal": (0, 1),
-    "roughness": (1,),
-    "metalness": (2,),
-    "emissive": (0, 1, 2),
-    "occlusion": (0,),
-}
-"""Channels of the image that hold each map (glTF 2.0, Sec. 3.9)."""
 FLAT = ((127, 127), (127, 128), (128, 127), (128, 128))
 """Normal xy that stand for an even surface: 0 lies between two of 256 steps."""
 MIDDLE = 127.5
@@ -81,7 +73,7 @@ def map_channels(name: MapName, image: NDArray[np.uint8]) -> tuple[NDArray[np.ui
     """Return ([H, W, channels] of map `name` of `image` [H, W, 3 or 4] uint8, or None where that is not usable; what was wrong
     with it)."""
     if name != "normal":
-        channels = CHANNELS[name]
+        channels = TABLE_OF_MAP[name].gltf_channels
         return np.ascontiguousarray(image[..., channels[0] : channels[-1] + 1]), ""
     if not is_constant(image[..., :3]) and all(bool((image[..., k] == image[..., 0]).all()) for k in (1, 2)):
         return None, "is grey, no normals are in it; left out"

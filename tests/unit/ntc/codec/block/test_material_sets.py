@@ -144,12 +144,12 @@ def test_what_is_worth_more_comes_nearer() -> None:
         difference = decode_image(pack, 0).astype(np.float64) - source.pixels
         return np.square(difference).mean((0, 1))
 
-    plain, seen = errors(EQUAL_WEIGHTS), errors(MapWeights(normal=8.0))
+    plain, seen = errors(EQUAL_WEIGHTS), errors(MapWeights({"normal": 8.0}))
     assert seen[normal].mean() < 0.8 * plain[normal].mean()
     assert seen.mean() > plain.mean()
     assert SEEN_WEIGHTS.of_channels(WHOLE, 8).mean() == pytest.approx(1.0)
     with pytest.raises(ValueError, match=r"map_weights\.normal"):
-        MapWeights(normal=0.0)
+        MapWeights({"normal": 0.0})
 
 
 def mixed_pack(side: int = 8) -> tuple[list[SourceTexture], Pack]:
