@@ -7,20 +7,18 @@ from pathlib import Path
 
 from ntc.codec.codec import Codec
 from ntc.codec.encoding import CancelQuestion, EncodingChoices, EncodingOptions, file_header_bytes, texture_set
-from ntc.codec.model import CodecSettings, Decoder, EncodedTexture, Grouping, Pack
+from ntc.codec.model import CodecSettings, Grouping, Pack
 from ntc.codec.textures import SourceTexture
 from ntc.errors import TrainingCancelledError, TrainingFailedError
-from ntc.training.messages import GroupSnapshot, ProgressListener, TrainingProgress, TrainingRequest, checked_request
+from ntc.training.messages import ProgressListener, TrainingProgress, TrainingRequest, checked_request
 from ntc.training.trainer import Trainer
 
 
 class _CallingHost:
-    """Host of a training in the caller's thread. It takes the final snapshots only."""
+    """Host of a training in the caller's thread."""
 
     def __init__(self, listener: ProgressListener | None, cancelled: CancelQuestion | None) -> None:
         self._listener, self._cancelled = listener, cancelled
-        self.textures: dict[int, EncodedTexture] = {}
-        self.decoders: dict[int, Decoder] = {}
 
     def interruption(self) -> None:
         if self._cancelled is not None and self._cancelled():
@@ -32,14 +30,6 @@ class _CallingHost:
     def progress(self, progress: TrainingProgress) -> None:
         if self._listener is not None:
             self._listener(progress)
-
-    def wants_snapshot(self, group: int) -> bool:
-        del group
-        return False
-
-    def snapshot(self, snapshot: GroupSnapshot) -> None:
-        self.textures.update(zip(snapshot.members, snapshot.textures, strict=True))
-        self.decoders[snapshot.group] = snapshot.decoder
 
 
 def encode_textures(
@@ -72,8 +62,7 @@ def encode_request(
     rescue: Path | None = None,
 ) -> Pack:
     """Return the pack of a request without a starting pack. Other parameters and errors are those of `encode_textures`."""
-    host = _CallingHost(progress, cancelled)
-    trainer = Trainer(checked_request(request), host, state)
+    trainer = Trainer(checked_request(request), _CallingHost(progress, cancelled), state)
     try:
         ended = trainer.run()
     except TrainingCancelledError:
@@ -89,9 +78,10 @@ def encode_request(
     if state is not None:
         with suppress(OSError):
             state.unlink(missing_ok=True)
-    encoded = tuple(host.textures[index] for index in range(len(request.textures)))
-    decoders = tuple(host.decoders[group] for group in range(request.grouping.group_count))
-    return Pack(trainer.settings, request.grouping, encoded, decoders, ended.record)
+    groups = [trainer.finished[group] for group in range(request.grouping.group_count)]
+    encoded = dict(pair for each in groups for pair in zip(each.members, each.textures, strict=True))
+    textures = tuple(encoded[index] for index in range(len(request.textures)))
+    return Pack(trainer.settings, request.grouping, textures, tuple(each.decoder for each in groups), ended.record)
 
 
 def chosen_request(

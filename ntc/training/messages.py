@@ -247,6 +247,10 @@ class TrainingHost(Protocol):
     def progress(self, progress: TrainingProgress) -> None:
         """Take a progress report, or drop it."""
 
+
+class SnapshotReceiver(Protocol):
+    """Receives groups of a training while it goes on."""
+
     def wants_snapshot(self, group: int) -> bool:
         """Return whether the host would take an intermediate snapshot of `group` now."""
 

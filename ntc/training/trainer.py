@@ -39,6 +39,7 @@ from ntc.training.messages import (
     EndReason,
     GroupOutcome,
     GroupSnapshot,
+    SnapshotReceiver,
     TrainingHost,
     TrainingProgress,
     TrainingRequest,
@@ -58,12 +59,21 @@ SECONDS_OF_SNAPSHOTS = 0.05
 class Trainer:
     """Trains the dirty groups of a request that `ntc.training.messages.checked_request` returned."""
 
-    def __init__(self, request: TrainingRequest, host: TrainingHost, state: Path | None = None) -> None:
-        """Prepare a training. `state` is a file to continue from, if it exists, and to save the state to every minute.
+    def __init__(
+        self,
+        request: TrainingRequest,
+        host: TrainingHost,
+        state: Path | None = None,
+        snapshots: SnapshotReceiver | None = None,
+    ) -> None:
+        """Prepare a training. `state` is a file to continue from, if it exists, and to save the state to every minute. `snapshots`
+        receives groups while they are trained and when they end; without it, `finished` has those that have ended.
 
         Raises InputError for a device that is missing, and for a file that is not a state of this training.
         """
-        self._request, self._host, self._state_path = request, host, state
+        self._request, self._host, self._snapshots, self._state_path = request, host, snapshots, state
+        self.finished: dict[int, EncodedGroup] = {}
+        """Groups that have ended, by number; empty where `snapshots` takes them."""
         self._groups = tuple(sorted(request.dirty or ()))
         self._lock = threading.RLock()
         self._last_report = math.inf
@@ -219,9 +229,8 @@ class Trainer:
         return TrainingProgress(**{**vars(figures), "share": self._share}, elapsed_seconds=elapsed, note=note)
 
     def _take_snapshots(self, piece: Piece) -> None:
-        """Send the snapshots that are due, within SECONDS_OF_SNAPSHOTS. Groups whose last one the host has not yet taken are
-        skipped."""
-        if not piece.groups:
+        """Send the snapshots that are due, within SECONDS_OF_SNAPSHOTS. Groups whose last one was not yet taken are skipped."""
+        if self._snapshots is None or not piece.groups:
             self._waiting = []
             return
         is_first = piece.is_first and self._shown != piece.groups
@@ -230,24 +239,26 @@ class Trainer:
         if not self._waiting:
             return
         began = time.perf_counter()
-        ready = [group for group in self._waiting if self._host.wants_snapshot(group)]
+        ready = [group for group in self._waiting if self._snapshots.wants_snapshot(group)]
         for encoded in self._encoder.encoded(tuple(ready)):
             ready.remove(encoded.group)
-            self._send(encoded, encoded.textures, encoded.decoder, final=False)
+            self._send(self._snapshots, encoded, final=False)
             if time.perf_counter() - began > SECONDS_OF_SNAPSHOTS:
                 break
         self._waiting = ready
         pause = max(self._request.seconds_between_snapshots, (time.perf_counter() - began) / SNAPSHOT_SHARE)
         self._next_snapshot = self._host.seconds() + pause
 
-    def _send(self, encoded: EncodedGroup, textures: tuple[EncodedTexture, ...], decoder: Decoder, final: bool) -> None:
+    def _send(self, snapshots: SnapshotReceiver, encoded: EncodedGroup, final: bool) -> None:
         self._versions[encoded.group] += 1
         version = self._versions[encoded.group]
         other = None if self.settings == self._request.codec else self.settings
-        self._host.snapshot(GroupSnapshot(version, encoded.group, encoded.members, textures, decoder, final, other))
+        snapshots.snapshot(
+            GroupSnapshot(version, encoded.group, encoded.members, encoded.textures, encoded.decoder, final, other)
+        )
 
     def _end_group(self, encoded: EncodedGroup) -> None:
-        """Measure a group and send its final snapshot: the better one of the result and the old group."""
+        """Measure a group and hand on its final state: the better one of the result and the old group."""
         textures, decoder, start, before = encoded.textures, encoded.decoder, self._request.start, None
         keeps_old = False
         if any(texture.psnr_db is None for texture in textures):
@@ -261,7 +272,11 @@ class Trainer:
             if keeps_old:
                 decoder, textures = old_decoder, tuple(replace(texture, group=encoded.group) for texture in old)
         textures = tuple(replace(texture, group=encoded.group) for texture in textures)
-        self._send(encoded, textures, decoder, final=True)
+        result = replace(encoded, textures=textures, decoder=decoder)
+        if self._snapshots is None:
+            self.finished[encoded.group] = result
+        else:
+            self._send(self._snapshots, result, final=True)
         before_db = None if before is None else psnr_of_mse(before)
         self._outcomes[encoded.group] = GroupOutcome(encoded.group, before_db, psnr_of_mse(after), keeps_old)
 

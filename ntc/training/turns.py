@@ -99,10 +99,10 @@ class TrainingInTurns:
         self._stale = set(range(self.request.grouping.group_count))
         """Groups without a snapshot since the last point of the curve."""
         self._next_point = 0.0
-        self._trainer = Trainer(self.request, self, state)
+        self._trainer = Trainer(self.request, self, state, self)
         self._pieces: Generator[None, None, Ended] = self._trainer.pieces()
 
-    # The host of the training (`ntc.training.messages.TrainingHost`).
+    # The training's host and receiver of snapshots (`ntc.training.messages`).
 
     def interruption(self) -> None:
         """End the training where it is cancelled."""

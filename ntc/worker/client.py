@@ -138,7 +138,7 @@ def _run(request: TrainingRequest, host: _WindowHost) -> Ended:
     try:
         host.interruption()
         _compiling_ahead(request.codec.kind).wait(host.progress, host.interruption)
-        ended = Trainer(request, host).run()
+        ended = Trainer(request, host, snapshots=host).run()
     except TrainingCancelledError:
         ended = Ended("cancelled")
     host.send_newest_progress()

@@ -169,6 +169,22 @@ class PixelCache:
             self._bytes -= oldest.nbytes
 
 
+@dataclass(frozen=True, eq=False)
+class ImageContent:
+    """The pixels of an image that materials read."""
+
+    pixels: NDArray[np.uint8] | None = None
+    """[H, W, 3] where a material reads it as base colour and it is not constant."""
+    alpha: NDArray[np.uint8] | None = None
+    maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
+    """[H, W, channels] of those that are not constant."""
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes of memory."""
+        return sum(part.nbytes for part in (self.pixels, self.alpha, *self.maps.values()) if part is not None)
+
+
 class TexturePixels(Protocol):
     """Pixels of one texture, that may have to be read from a file: any thread may ask. All raise InputError where that fails."""
 

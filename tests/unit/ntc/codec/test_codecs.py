@@ -220,7 +220,7 @@ def test_the_trainer_reports_and_goes_on_from_a_pack(codec: Codec) -> None:
     start = codec.starting_pack(TEXTURES, pack.grouping, pack.config)
     assert [t.blocks.shape for t in start.textures] == [t.blocks.shape for t in pack.textures]  # type: ignore[attr-defined]
     request = TrainingRequest(TEXTURES, pack.grouping, pack.config, options, start=pack, dirty=frozenset({1}))
-    ended = Trainer(checked_request(request), host).run()
+    ended = Trainer(checked_request(request), host, snapshots=host).run()
     assert host.shares == sorted(host.shares)
     assert host.shares[-1] == 1.0
     (last,) = host.snapshots

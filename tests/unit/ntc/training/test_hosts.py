@@ -48,7 +48,7 @@ class CountingHost:
 def test_a_budget_of_seconds_ends_in_time_with_rounded_latents() -> None:
     host = CountingHost(1.0 / 256.0)
     request = checked_request(replace(FROM_NOTHING, training=ENDLESS, budget=TimeBudget(3.0)))
-    ended = Trainer(request, host).run()
+    ended = Trainer(request, host, snapshots=host).run()
     assert host.last is not None
     assert 2.9 < host.last.elapsed_seconds < 3.1
     assert ended.record["steps"] == host.last.step == host.last.steps
@@ -64,5 +64,5 @@ def test_a_budget_of_seconds_ends_in_time_with_rounded_latents() -> None:
 def test_work_can_be_interrupted_many_times(request_: TrainingRequest, least: int, steps: int) -> None:
     host = CountingHost(cancelled_at=steps)
     with pytest.raises(TrainingCancelledError):
-        Trainer(checked_request(request_), host).run()
+        Trainer(checked_request(request_), host, snapshots=host).run()
     assert host.interruptions >= least * host.step

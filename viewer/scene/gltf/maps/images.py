@@ -31,7 +31,7 @@ from viewer.scene.images import (
     map_in_threads,
     split_alpha,
 )
-from viewer.scene.pixels import FactsFile, ImageFacts, MapFacts, PixelCache
+from viewer.scene.pixels import FactsFile, ImageContent, ImageFacts, MapFacts, PixelCache
 from viewer.scene.report import ReportNotes
 
 FLAT = ((127, 127), (127, 128), (128, 127), (128, 128))
@@ -115,22 +115,6 @@ FREE_PIXEL_BYTES = 1 << 29
 FREE_DECODED_BYTES = 1 << 32
 """The same for all that is decoded, constant images too, which are not kept but take time."""
 NO_FACTS = ImageFacts((0, 0), 0, 0)
-
-
-@dataclass(frozen=True, eq=False)
-class ImageContent:
-    """The pixels of an image that materials read."""
-
-    pixels: NDArray[np.uint8] | None = None
-    """[H, W, 3] where a material reads it as base colour and it is not constant."""
-    alpha: NDArray[np.uint8] | None = None
-    maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
-    """[H, W, channels] of those that are not constant."""
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of memory."""
-        return sum(part.nbytes for part in (self.pixels, self.alpha, *self.maps.values()) if part is not None)
 
 
 @dataclass(frozen=True, eq=False)
@@ -357,15 +341,14 @@ class ImageReader:
             texture = packed.find(option)
         except InputError as error:
             return SceneImage(name, name, failure=str(error))
-        maps = frozenset(use.maps)
         origin = f"{texture.encoded.name} in {texture.pack.name}"
-
-        def content() -> ImageContent:
-            decoded = packed.decoded(texture)
-            further = {own: pixels for own in maps - {"base"} if (pixels := decoded.channels(own)) is not None}
-            return ImageContent(decoded.channels("base") if "base" in maps else None, maps=further)
-
-        return SceneImage(name, origin, texture.facts(use.maps), read=content, packed_hash=texture.encoded.pixel_hash)
+        return SceneImage(
+            name,
+            origin,
+            texture.facts(use.maps),
+            read=lambda: packed.decoded(texture),
+            packed_hash=texture.encoded.pixel_hash,
+        )
 
 
 def find_images(

@@ -147,17 +147,8 @@ class _Draft:
         return any(name in self.maps for name in PLANE_COMPONENTS[plane])
 
 
-@dataclass(frozen=True, eq=False)
-class _PlaneMaps:
-    """Maps that a material reads in one plane."""
-
-    size: _Size
-    layout: _Layout
-    maps: dict[MapName, ImageMap]
-    image: SceneImage
-    """Image of the first map."""
-    category: str | None
-    packed_hash: str
+_PlacedMaps = tuple[_Draft, tuple[MapName, ...], _Layout]
+"""Texture that a plane of a material lies in, the maps that the material reads of it, and how it is sampled."""
 
 
 def _unique(name: str, taken: dict[str, int]) -> str:
@@ -220,9 +211,8 @@ class _Gathering:
         reference = source.maps.get("base")
         return None if reference is None else self._of_base.get(reference.image)
 
-    def planes(self, source: MaterialSource) -> tuple[dict[Plane, tuple[_Draft, _PlaneMaps]], SurfaceFactors]:
-        """Return (by plane besides the base colour: its texture, and what the material reads of it; factors with constants in
-        them)."""
+    def planes(self, source: MaterialSource) -> tuple[dict[Plane, _PlacedMaps], SurfaceFactors]:
+        """Return (maps by plane besides the base colour; factors with constants in them)."""
         factors = source.material.factors
         read: dict[Plane, list[tuple[MapName, TextureReference, MapFacts]]] = {}
         for name, reference in source.maps.items():
@@ -241,20 +231,23 @@ class _Gathering:
         base = self.base_of(source)
         if base is not None:
             near.append((base, (source.material.sampler, (False, IDENTITY))))
-        placed: dict[Plane, tuple[_Draft, _PlaneMaps]] = {}
+        placed: dict[Plane, _PlacedMaps] = {}
         for plane, maps in read.items():
             agreed = self._agreed(source, maps)
             if agreed is not None:
-                for name in agreed.maps:
+                wanted, layout = agreed
+                names = tuple(wanted.maps)
+                for name in names:
                     self._notes.honoured(f"{name} maps: materials")
-                placed[plane] = self._draft(plane, agreed, near), agreed
-                near.append((placed[plane][0], agreed.layout))
+                draft = self._draft(plane, wanted, layout, near)
+                placed[plane] = draft, names, layout
+                near.append((draft, layout))
         return placed, factors
 
     def _agreed(
         self, source: MaterialSource, maps: Sequence[tuple[MapName, TextureReference, MapFacts]]
-    ) -> _PlaneMaps | None:
-        """Return the maps of one plane that can be sampled together, at one size; None when none can."""
+    ) -> tuple[_Draft, _Layout] | None:
+        """Return (the maps of one plane that can be sampled together, at one size; how); None when none can."""
         layout: _Layout | None = None
         kept: list[tuple[MapName, TextureReference, MapFacts]] = []
         for name, reference, found in maps:
@@ -265,23 +258,21 @@ class _Gathering:
             if layout is None:
                 layout = reference.sampler, placement
             if (reference.sampler, placement) != layout:
-                first = kept[0][0]
-                self._notes.ignored(f"{name} maps whose UVs or sampler are not those of the {first} map: materials")
+                first_name = kept[0][0]
+                self._notes.ignored(
+                    f"{name} maps whose UVs or sampler are not those of the {first_name} map: materials"
+                )
                 continue
             kept.append((name, reference, found))
         if layout is None:
             return None
         sizes = [self._images[reference.image].facts.size for _, reference, _ in kept]
         size = max(sizes, key=lambda each: each[0] * each[1])
-        first_reference = kept[0][1]
-        return _PlaneMaps(
-            size,
-            layout,
-            {name: self._at_size(name, found, self._images[reference.image], size) for name, reference, found in kept},
-            self._images[first_reference.image],
-            first_reference.category or source.category,
-            first_reference.packed_hash,
-        )
+        first = kept[0][1]
+        image = self._images[first.image]
+        at_size = {name: self._at_size(name, found, self._images[each.image], size) for name, each, found in kept}
+        category = first.category or source.category
+        return _Draft(image.name, image.origin, size, category, None, at_size, first.packed_hash), layout
 
     def _at_size(self, name: MapName, found: MapFacts, image: SceneImage, size: _Size) -> ImageMap:
         cache = self._reader.cache
@@ -295,25 +286,23 @@ class _Gathering:
             self._resampled[key] = ImageMap(image, name, found.key, size, cache)
         return self._resampled[key]
 
-    def _draft(self, plane: Plane, wanted: _PlaneMaps, near: Sequence[tuple[_Draft, _Layout]]) -> _Draft:
-        """Return the texture that `wanted` lies in: one that has its maps, else one of the material's that it fits into, else a
-        new one."""
+    def _draft(self, plane: Plane, wanted: _Draft, layout: _Layout, near: Sequence[tuple[_Draft, _Layout]]) -> _Draft:
+        """Return the texture that the maps of `wanted` lie in: one that has them, else one of the material's that they fit into,
+        else `wanted`."""
         keys: list[_MapKey] = [(name, found.key, wanted.size) for name, found in wanted.maps.items()]
         for draft in self._holding.get(keys[0], ()):
             if all(draft in self._holding.get(key, ()) for key in keys):
                 return draft
-        chosen: _Draft | None = None
-        for draft, layout in near:
+        chosen = wanted
+        for draft, other in near:
             apart = draft.packed_hash and wanted.packed_hash and draft.packed_hash != wanted.packed_hash
-            if draft.size == wanted.size and layout == wanted.layout and not apart and not draft.has_plane(plane):
+            if draft.size == wanted.size and layout == other and not apart and not draft.has_plane(plane):
                 chosen = draft
+                chosen.maps |= wanted.maps
                 break
-        if chosen is None:
-            image = wanted.image
-            chosen = _Draft(image.name, image.origin, wanted.size, wanted.category, packed_hash=wanted.packed_hash)
-            self.drafts.append(chosen)
-        for key, (name, found) in zip(keys, wanted.maps.items(), strict=True):
-            chosen.maps[name] = found
+        else:
+            self.drafts.append(wanted)
+        for key in keys:
             self._holding.setdefault(key, []).append(chosen)
         return chosen
 
@@ -430,8 +419,8 @@ def _read(
         image = images.get(source.maps["base"].image) if "base" in source.maps else None
         material = _with_base(source.material, image, -1 if base is None else ids[id(base)])
         found = {
-            plane: PlaneTexture(ids[id(draft)], maps.layout[0], tuple(maps.maps), *maps.layout[1])
-            for plane, (draft, maps) in placed.items()
+            plane: PlaneTexture(ids[id(draft)], layout[0], names, *layout[1])
+            for plane, (draft, names, layout) in placed.items()
         }
         return replace(material, factors=factors, surface=found.get("surface"), emission=found.get("emission"))
 

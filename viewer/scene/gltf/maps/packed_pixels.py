@@ -1,11 +1,9 @@
 """Images that only a pack holds: found out about without decoding, decoded when their pixels are needed."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ntc.codec.maps import MapName, map_slices
 from ntc.codec.model import EncodedTexture, Pack
@@ -14,32 +12,7 @@ from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from viewer.scene.gltf.container import GltfFile
 from viewer.scene.gltf.packed_textures import PackOption, pack_path
-from viewer.scene.pixels import ImageFacts, MapFacts, PixelCache
-
-
-@dataclass(frozen=True, eq=False)
-class DecodedTexture:
-    """All channels of a texture of a pack."""
-
-    pixels: NDArray[np.uint8]
-    """[H, W, channels]."""
-    slices: Mapping[MapName, slice]
-    """Slice of the channels that each map has."""
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of memory."""
-        return self.pixels.nbytes
-
-    def channels(self, name: MapName) -> NDArray[np.uint8] | None:
-        """Return [H, W, channels of the map], None where the texture has no such map; base colours always have 3."""
-        place = self.slices.get(name)
-        if place is None:
-            return None
-        own = self.pixels[..., place]
-        if name == "base":
-            own = np.repeat(own[..., :1], 3, axis=2) if own.shape[2] < 3 else own[..., :3]
-        return np.ascontiguousarray(own)
+from viewer.scene.pixels import ImageContent, ImageFacts, MapFacts, PixelCache
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,10 +37,16 @@ class PackedTexture:
         kept = size[0] * size[1] * encoded.channels
         return ImageFacts(size, kept, kept, identity if "base" in own else "", maps=further)
 
-    def decode(self) -> DecodedTexture:
-        """Return the largest level, decoded."""
+    def decode(self) -> ImageContent:
+        """Return the largest level, decoded: all its maps; base colours have three channels."""
         encoded = self.encoded
-        return DecodedTexture(decode_image(self.pack, self.layer, 0), map_slices(encoded.maps, encoded.channels))
+        pixels = decode_image(self.pack, self.layer, 0)
+        slices = map_slices(encoded.maps, encoded.channels)
+        maps = {name: np.ascontiguousarray(pixels[..., place]) for name, place in slices.items()}
+        base = maps.pop("base", None)
+        if base is not None:
+            base = np.repeat(base[..., :1], 3, axis=2) if base.shape[2] < 3 else np.ascontiguousarray(base[..., :3])
+        return ImageContent(base, maps=maps)
 
 
 class PackedTextures:
@@ -92,6 +71,6 @@ class PackedTextures:
             raise InputError(f"{path}: does not hold the texture that the scene takes from it; export the scene again")
         return PackedTexture(pack, layer)
 
-    def decoded(self, texture: PackedTexture) -> DecodedTexture:
-        """Return all channels of `texture`, from memory or decoded."""
+    def decoded(self, texture: PackedTexture) -> ImageContent:
+        """Return all maps of `texture`, from memory or decoded."""
         return self._cache.get((texture.encoded.pixel_hash, "decoded"), texture.decode)
