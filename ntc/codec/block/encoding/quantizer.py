@@ -24,7 +24,8 @@ LEAST_SHARE = 0.5
 
 def cell_centres() -> NDArray[np.float64]:
     """[LOOKUP_CELLS] float64: value in the middle of each cell of the range, in units of its scale."""
-    return (np.arange(LOOKUP_CELLS) + 0.5) * (2.0 * LOOKUP_RANGE / LOOKUP_CELLS) - LOOKUP_RANGE
+    centres = (np.arange(LOOKUP_CELLS) + 0.5) * (2.0 * LOOKUP_RANGE / LOOKUP_CELLS) - LOOKUP_RANGE
+    return np.asarray(centres, np.float64)
 
 
 @lru_cache(maxsize=1)
@@ -68,7 +69,7 @@ def expected_errors(values: Array, depths: NDArray[np.integer], scales: Array) -
     rough += (constant * variances).sum(1)
     # Polynomials may fall below what the closest levels leave, and even below 0.
     np.maximum(rough, LEAST_SHARE * (np.maximum(constant, 0.0) * variances).sum(1), out=rough)
-    return rough.reshape(len(values), *depths.shape[:2])
+    return np.asarray(rough.reshape(len(values), *depths.shape[:2]))
 
 
 def best_modes(values: Array, expected: Array, depths: NDArray[np.integer], scales: Array) -> NDArray[np.int64]:
