@@ -15,7 +15,7 @@ from typing import Any
 import msgspec
 
 from ntc.errors import InputError, ProcessEndedError
-from ntc.worker.shared_arrays import Parcel, SharedBlock, inside, received, sent
+from ntc.worker.shared_arrays import Payload, SharedBlock, inside, received, sent
 
 SECONDS_TO_END = 0.5
 """Longest wait for a process that was killed."""
@@ -26,7 +26,7 @@ LONGEST_DETAILS = 8000
 class Call(msgspec.Struct, frozen=True, tag=True):
     """Command to the process: call its function, after the calls before."""
 
-    argument: Parcel
+    argument: Payload
 
 
 class Pause(msgspec.Struct, frozen=True, tag=True):
@@ -68,13 +68,13 @@ class Part(msgspec.Struct, frozen=True, tag=True):
 
     key: int | None
     """Group whose snapshot this is, in a training. None: progress."""
-    value: Parcel
+    value: Payload
 
 
 class Answer(msgspec.Struct, frozen=True, tag=True):
     """The return value of a call."""
 
-    value: Parcel
+    value: Payload
 
 
 class Failed(msgspec.Struct, frozen=True, tag=True):
@@ -158,7 +158,7 @@ class WindowEnd:
         except OSError:
             os._exit(0)
 
-    def send_part(self, key: int | None, value: Parcel) -> None:
+    def send_part(self, key: int | None, value: Payload) -> None:
         """Send a Part; its key `is_untaken` until the window has taken it."""
         with self._changed:
             self._untaken.add(key)
@@ -259,10 +259,10 @@ class WorkerProcess:
 
         Raises InputError where there is not enough shared memory, and ProcessEndedError after `end`.
         """
-        parcel, block = sent(argument)
+        payload, block = sent(argument)
         with self._lock:
             self._given.append(block)
-        self.send(Call(parcel))
+        self.send(Call(payload))
         if self._ended:
             self._release(len(self._given))
             raise ProcessEndedError("was ended")

@@ -28,7 +28,7 @@ def aligned(size: int) -> int:
     return -(-size // ALIGNMENT) * ALIGNMENT
 
 
-class Parcel(msgspec.Struct, frozen=True):
+class Payload(msgspec.Struct, frozen=True):
     """A value as it is sent."""
 
     data: bytes
@@ -92,7 +92,7 @@ class SharedBlock:
         block._remove_name()
         return block
 
-    def write(self, value: Pickled, start: int = 0, name: str = "") -> Parcel:
+    def write(self, value: Pickled, start: int = 0, name: str = "") -> Payload:
         """Copy the large arrays of a value into the block from byte `start` on. Raises ValueError where they do not fit."""
         buffer, position = self._buffer(), start
         if start < 0 or start + value.size > len(buffer):
@@ -100,17 +100,17 @@ class SharedBlock:
         for array in value.arrays:
             np.frombuffer(buffer, np.uint8, array.nbytes, position)[:] = np.frombuffer(array, np.uint8)
             position += aligned(array.nbytes)
-        return Parcel(value.data, tuple(array.nbytes for array in value.arrays), start, name)
+        return Payload(value.data, tuple(array.nbytes for array in value.arrays), start, name)
 
-    def read(self, parcel: Parcel) -> Any:
-        """Return the value of a parcel; its large arrays are read-only copies."""
-        copies, position = [], parcel.start
-        for size in parcel.sizes:
+    def read(self, payload: Payload) -> Any:
+        """Return the value of a payload; its large arrays are read-only copies."""
+        copies, position = [], payload.start
+        for size in payload.sizes:
             # numpy releases Python's lock while it copies.
             copies.append(np.frombuffer(self._buffer(), np.uint8, size, position).copy())
             copies[-1].flags.writeable = False
             position += aligned(size)
-        return pickle.loads(parcel.data, buffers=copies)
+        return pickle.loads(payload.data, buffers=copies)
 
     def _buffer(self) -> memoryview:
         buffer = None if self._memory is None else self._memory.buf
@@ -132,30 +132,30 @@ class SharedBlock:
             self._memory = None
 
 
-def inside(value: object) -> Parcel:
+def inside(value: object) -> Payload:
     """Return a value to be sent whole inside a message."""
-    return Parcel(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
+    return Payload(pickle.dumps(value, protocol=pickle.HIGHEST_PROTOCOL))
 
 
-def sent(value: object) -> tuple[Parcel, SharedBlock | None]:
+def sent(value: object) -> tuple[Payload, SharedBlock | None]:
     """Return a value to be sent, and the block of its large arrays, if it has any: to be kept until the other process has the value.
 
     Raises InputError where there is not enough shared memory.
     """
     pickled = Pickled(value)
     if not pickled.arrays:
-        return Parcel(pickled.data), None
+        return Payload(pickled.data), None
     block = SharedBlock.create(pickled.size)
     return block.write(pickled, name=block.name), block
 
 
-def received(parcel: Parcel) -> Any:
-    """Return the value of a parcel that the other process sent."""
-    if not parcel.block:
-        return pickle.loads(parcel.data)
-    block = SharedBlock.open(parcel.block)
+def received(payload: Payload) -> Any:
+    """Return the value of a payload that the other process sent."""
+    if not payload.block:
+        return pickle.loads(payload.data)
+    block = SharedBlock.open(payload.block)
     try:
-        return block.read(parcel)
+        return block.read(payload)
     finally:
         block.close()
 

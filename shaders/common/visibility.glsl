@@ -33,9 +33,4 @@ Surface read_surface(ivec2 pixel) {
 
 #if FRAME
 layout(binding = UNIT_SURFACE_FRAME) uniform usampler2D surface_frames;
-
-// Frame of a pixel that shows a surface; undefined elsewhere.
-Frame read_frame(ivec2 pixel) {
-    return unpack_frame(texelFetch(surface_frames, pixel, 0).xy);
-}
 #endif

@@ -11,15 +11,15 @@ from viewer.commands import run_or_notify
 from viewer.commands.command import Context
 from viewer.gl.context import GraphicsContext
 from viewer.locations import unsaved_runs_folder
+from viewer.script.host import ScriptHost, Turn
 from viewer.script.script import Script, play_script
-from viewer.script.stage import Stage, Turn
 from viewer.state.session import Session
 from viewer.training.run_store import UnsavedRuns
 from viewer.ui.theme import Appearance
 from viewer.ui.widgets import WidgetRects
 
 
-class App(Stage):
+class App(ScriptHost):
     """Session that is shown and driven by commands. An ImGui context is current in all calls."""
 
     prepares_ahead = False

@@ -16,7 +16,7 @@ from viewer.gl.ui_textures import NamedImages
 from viewer.inspect.comparison import LiveFigures
 from viewer.inspect.measurement import MeasuredPicture, error_of_each_map, measure
 from viewer.inspect.memory_table import scene_memory
-from viewer.inspect.place_content import BlockContent, PixelContent, PlaceReader, read_block, read_pixel
+from viewer.inspect.picking import BlockContent, PixelContent, PlaceReader, read_block, read_pixel
 from viewer.render.frames import FrameFigures, FrameTimes
 from viewer.render.renderer import Renderer
 from viewer.render.viewport import Viewport

@@ -27,8 +27,8 @@ from viewer.app.imgui_window import (
 from viewer.gl.context_loss import ContextLostError, SimulatedLosses
 from viewer.locations import config_folder
 from viewer.scene.model import Scene
+from viewer.script.host import Turn
 from viewer.script.script import Script
-from viewer.script.stage import Turn
 from viewer.state.event_handlers import notify
 from viewer.state.open_files import InitialView, new_session
 from viewer.state.settings import LAYOUT_FILE, load_settings, make_config_folder, save_settings

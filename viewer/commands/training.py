@@ -17,7 +17,7 @@ from viewer.state.event_handlers import point_out
 from viewer.state.pack_files import base_pack_name, match_scene
 from viewer.state.view_state import REFERENCE, Side, is_image_source
 from viewer.training.live_training import LiveTraining
-from viewer.training.preparation import EncodeAnew, EncodeScene, MoveTexture, Regroup, RetrainGroups, TrainingJob
+from viewer.training.preparation import EncodeScene, MoveTexture, ReencodeTexture, Regroup, RetrainGroups, TrainingJob
 from viewer.training.settings import (
     ALL,
     AUTO,
@@ -188,7 +188,7 @@ def reencode_texture(
     pack = _base(context)
     index = read_texture(texture, pack)
     codec_of(pack.config).anew_options(pack, index, bits)
-    effect = _start(context, EncodeAnew(_DEFAULT, index, bits, pack.textures[index].name))
+    effect = _start(context, ReencodeTexture(_DEFAULT, index, bits, pack.textures[index].name))
     _show_where(context, pack, (), {index})
     return effect
 

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial, reduce
 
 from ntc.codec.maps import Plane, plane_channels
@@ -50,7 +50,7 @@ class OpenPack:
     match: PackMatch
     version: int
     """Number that differs from that of every other pack of the renderer."""
-    coverage: Mapping[int, PackedCoverage]
+    coverage: Mapping[int, PackedCoverage] = field(default_factory=dict)
     """What textures cover, by their number in the scene; those without the map `alpha` are left out."""
 
 

@@ -8,9 +8,9 @@ from ntc.errors import InputError
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ShaderError
 from viewer.render.gpu_packs import GpuPacks, on_load_refusal
-from viewer.render.picture_targets import PictureTargets, PlaneKey, ShownMaterials
+from viewer.render.picture_targets import PictureTargets, PlaneKey
 from viewer.render.render_context import RenderContext
-from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityTarget
+from viewer.render.resources.visibility_buffer import ShownMaterials, SurfaceContent, VisibilityTarget
 from viewer.render.scene_drawer import SceneDrawer
 from viewer.render.slot_drawer import SlotDrawer
 from viewer.state.navigation import turned

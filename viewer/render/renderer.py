@@ -16,8 +16,8 @@ from viewer.gl.context_loss import checks_context
 from viewer.gl.read_back import PicturePart
 from viewer.gl.timer import PassTimer
 from viewer.render.compositor import Compositor
-from viewer.render.frames import DrawnPair, FrameResult, PairKey, UploadCounts
-from viewer.render.gpu_packs import GpuPacks, PackMemory
+from viewer.render.frames import DrawnPair, FrameResult, PackMemory, PairKey, UploadCounts
+from viewer.render.gpu_packs import GpuPacks
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, PassScheduler, Pending, largest_of_each
@@ -170,7 +170,7 @@ class Renderer:
         asked = (view.slot_a, view.slot_b)
         view = replace(view, slot_a=self.paths.chosen(view.slot_a, view), slot_b=self.paths.chosen(view.slot_b, view))
         self._view = view
-        self._drawer.stand_in(view.pose)
+        self._drawer.set_pose(view.pose)
         targets, composite = self._targets_for(view)
         self._draw_visibility(view, targets)
         slots = tuple(dict.fromkeys(shown_slots(view)))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from viewer.render.pass_scheduler import Output
 from viewer.render.passes.cull import CameraView, ClusterCulling, Culled, CullPass
 from viewer.render.passes.pose_vertices import PosePass, VertexMover
-from viewer.render.passes.visibility import CulledScene, VisibilityPass
+from viewer.render.passes.visibility import VisibilityPass
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.clusters import (
     CLUSTER_RECORD,
@@ -17,6 +17,7 @@ from viewer.render.resources.clusters import (
     cluster_count,
 )
 from viewer.render.resources.culling import Culling, DrawCounts, DrawList, PosedScene
+from viewer.render.resources.scene_buffers import CulledScene
 from viewer.render.resources.visibility_buffer import SurfaceContent, VisibilityInputs, VisibilityTarget
 from viewer.scene.model import Camera, Pose, Scene
 
@@ -62,7 +63,7 @@ class SceneDrawer:
         self.pose = Output(0)
         """Output of the pass that poses the scene."""
 
-    def stand_in(self, pose: Pose | None) -> None:
+    def set_pose(self, pose: Pose | None) -> None:
         """Pose the scene; None: as it was read.
 
         Raises GpuMemoryError, and InputError for a pose of an animation that the scene has not.

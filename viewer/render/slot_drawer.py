@@ -8,10 +8,10 @@ from viewer.render.gpu_packs import GpuPack, GpuPacks, naming_memory_errors
 from viewer.render.image_sources import ImageSources
 from viewer.render.light_drawer import LightDrawer
 from viewer.render.pass_scheduler import Output, PassTarget
-from viewer.render.passes.blend_samples import BlendInputs, BlendSamplesPass
+from viewer.render.passes.blend_samples import BlendInputs, BlendMean, BlendSamplesPass
 from viewer.render.passes.shade import ShadeInputs, ShadePass
 from viewer.render.passes.visible_latents import VisibleLatents
-from viewer.render.picture_targets import BlendMean, Picture, PictureTargets, PlaneKey
+from viewer.render.picture_targets import Picture, PictureTargets, PlaneKey
 from viewer.render.render_context import RenderContext
 from viewer.render.resources.color_target import ColorTarget
 from viewer.render.resources.visibility_buffer import VisibilityInputs, VisibilityTarget

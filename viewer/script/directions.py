@@ -1,4 +1,4 @@
-"""Stage directions: the lines of a script that are not commands. All are parsed before the script starts."""
+"""Directions: the lines of a script that are not commands. All are parsed before the script starts."""
 
 import difflib
 import math
@@ -14,7 +14,7 @@ from ntc.errors import InputError
 from viewer.commands.command import typed_path
 from viewer.commands.effects import Effect, TakeFilm, TakePicture
 from viewer.commands.keys import Chord, parse_chord
-from viewer.script.stage import PROPERTIES, Stage, Turn, expect
+from viewer.script.host import PROPERTIES, ScriptHost, Turn, expect
 from viewer.ui.picture_input import imgui_key
 from viewer.ui.user_interface import SETTLING_FRAMES
 
@@ -30,10 +30,10 @@ def rest() -> Iterator[Turn]:
         yield "frame"
 
 
-def opened(stage: Stage) -> Iterator[Turn]:
+def opened(host: ScriptHost) -> Iterator[Turn]:
     """Yield the next frame, and then wait until all files are open."""
     yield "frame"
-    while stage.is_opening:
+    while host.is_opening:
         yield "rest"
 
 
@@ -71,9 +71,9 @@ def _button(down: bool, button: int) -> Iterator[Turn]:
     yield "frame"
 
 
-def click(label: str, stage: Stage) -> Iterator[Turn]:
+def click(label: str, host: ScriptHost) -> Iterator[Turn]:
     """Click on the widget `label` when its panel has come to the front, at most LAYOUT_FRAMES later. Raises InputError without it."""
-    items = stage.widgets
+    items = host.widgets
     for _ in range(LAYOUT_FRAMES):
         if label in items.labels():
             break
@@ -112,7 +112,7 @@ def type_text(text: str) -> Iterator[Turn]:
     yield from rest()
 
 
-Play = Callable[[Stage], Iterator[Turn]]
+Play = Callable[[ScriptHost], Iterator[Turn]]
 """Function that plays a line. It yields once for each frame that it needs, and while it waits. Raises InputError."""
 
 MOST_FRAMES = 100_000
@@ -161,8 +161,8 @@ def _place(text: str) -> tuple[float, bool]:
     return (number / 100.0, True) if is_share else (number, False)
 
 
-def _pixels(place: tuple[tuple[float, bool], ...], stage: Stage) -> tuple[float, float]:
-    x, y = (number * side if is_share else number for (number, is_share), side in zip(place, stage.size, strict=True))
+def _pixels(place: tuple[tuple[float, bool], ...], host: ScriptHost) -> tuple[float, float]:
+    x, y = (number * side if is_share else number for (number, is_share), side in zip(place, host.size, strict=True))
     return x, y
 
 
@@ -192,8 +192,8 @@ def _wait_seconds(seconds: float) -> Iterator[Turn]:
         yield "rest"
 
 
-def _trained(stage: Stage) -> Iterator[Turn]:
-    training = stage.context.training
+def _trained(host: ScriptHost) -> Iterator[Turn]:
+    training = host.context.training
     if training.active is None and not training.saving and not training.log.runs:
         raise InputError("wait trained: no training has begun; training.encode begins a run")
     end = time.monotonic() + LONGEST_WAIT
@@ -207,11 +207,11 @@ def _trained(stage: Stage) -> Iterator[Turn]:
     yield from rest()
 
 
-def _settle(stage: Stage) -> Iterator[Turn]:
+def _settle(host: ScriptHost) -> Iterator[Turn]:
     end = time.monotonic() + SETTLING_SECONDS
     yield from rest()
-    while not stage.is_settled:
-        if stage.session.is_moving:
+    while not host.is_settled:
+        if host.session.is_moving:
             raise InputError(
                 "wait settled: the camera moves by itself, or an animation plays; camera.stop or animation.play ends that"
             )
@@ -225,21 +225,21 @@ def _size(arguments: Sequence[str]) -> Play:
     width, _, height = arguments[0].lower().partition("x")
     size = _whole(width, SMALLEST_SIDE, LARGEST_SIDE), _whole(height, SMALLEST_SIDE, LARGEST_SIDE)
 
-    def play(stage: Stage) -> Iterator[Turn]:
-        stage.resize(size)
+    def play(host: ScriptHost) -> Iterator[Turn]:
+        host.resize(size)
         end = time.monotonic() + RESIZING_SECONDS
         yield "frame"
-        while stage.size != size:
+        while host.size != size:
             if time.monotonic() > end:
-                raise InputError("size: the window system gave {}x{}".format(*stage.size))
+                raise InputError("size: the window system gave {}x{}".format(*host.size))
             yield "frame"
         yield from rest()
 
     return play
 
 
-def _perform(effect: Effect, stage: Stage) -> Iterator[Turn]:
-    stage.context.perform(effect)
+def _perform(effect: Effect, host: ScriptHost) -> Iterator[Turn]:
+    host.context.perform(effect)
     yield "frame"
 
 
@@ -247,22 +247,22 @@ def _screenshot(arguments: Sequence[str]) -> Play:
     file = Path(arguments[0])
     if file.suffix.lower() != ".png":
         raise InputError(f"{arguments[0]!r}: must end with .png")
-    return lambda stage: _perform(TakePicture(file=file, quiet=True), stage)
+    return lambda host: _perform(TakePicture(file=file, quiet=True), host)
 
 
 def _film(arguments: Sequence[str]) -> Play:
     file = None if arguments == ("end",) else Path(arguments[0])
     if file is not None and file.suffix.lower() != ".webp":
         raise InputError(f"{arguments[0]!r}: must end with .webp, or be `end`")
-    return lambda stage: _perform(TakeFilm(file), stage)
+    return lambda host: _perform(TakeFilm(file), host)
 
 
 def _drop(arguments: Sequence[str]) -> Play:
     paths = [typed_path(text) for text in arguments]
 
-    def play(stage: Stage) -> Iterator[Turn]:
-        stage.open_files(paths)
-        yield from opened(stage)
+    def play(host: ScriptHost) -> Iterator[Turn]:
+        host.open_files(paths)
+        yield from opened(host)
 
     return play
 
@@ -282,12 +282,12 @@ def _held(arguments: Sequence[str], down: bool) -> Play:
 
 def _click(arguments: Sequence[str]) -> Play:
     label = " ".join(arguments)
-    return lambda stage: click(label, stage)
+    return lambda host: click(label, host)
 
 
 def _move(arguments: Sequence[str]) -> Play:
     place = tuple(_place(text) for text in arguments)
-    return lambda stage: move(*_pixels(place, stage))
+    return lambda host: move(*_pixels(place, host))
 
 
 def _drag(arguments: Sequence[str]) -> Play:
@@ -295,7 +295,7 @@ def _drag(arguments: Sequence[str]) -> Play:
     name = arguments[4] if len(arguments) == 5 else "left"
     if name not in BUTTONS:
         raise InputError(f"{name!r}: must be one of {', '.join(BUTTONS)}")
-    return lambda stage: drag(_pixels(start, stage), _pixels(end, stage), BUTTONS[name])
+    return lambda host: drag(_pixels(start, host), _pixels(end, host), BUTTONS[name])
 
 
 def _wheel(arguments: Sequence[str]) -> Play:
@@ -313,8 +313,8 @@ def _expect(arguments: Sequence[str]) -> Play:
     if name not in PROPERTIES:
         raise InputError(f"{name!r}: must be one of {', '.join(PROPERTIES)}")
 
-    def play(stage: Stage) -> Iterator[Turn]:
-        expect(name, value, stage)
+    def play(host: ScriptHost) -> Iterator[Turn]:
+        expect(name, value, host)
         return iter(())
 
     return play

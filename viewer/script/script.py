@@ -10,7 +10,7 @@ from ntc.io import read_file
 from viewer.commands import COMMANDS, find_command, run
 from viewer.commands.command import words
 from viewer.script.directions import DIRECTIONS, Play, opened
-from viewer.script.stage import Stage, Turn
+from viewer.script.host import ScriptHost, Turn
 from viewer.state.event_handlers import notify
 
 LARGEST_SCRIPT = 1 << 20
@@ -39,9 +39,9 @@ Script = tuple[Step, ...]
 def _command(command_id: str, arguments: Sequence[str]) -> Play:
     values = find_command(command_id).parse(arguments)
 
-    def play(stage: Stage) -> Iterator[Turn]:
-        run(stage.context, command_id, *values)
-        yield from opened(stage)
+    def play(host: ScriptHost) -> Iterator[Turn]:
+        run(host.context, command_id, *values)
+        yield from opened(host)
 
     return play
 
@@ -113,27 +113,27 @@ def parse_exec(text: str) -> Script:
     return _steps(split_lines(text.replace("\n", ";")), "--exec")
 
 
-def play_script(script: Script, stage: Stage) -> Iterator[Turn]:
-    """Play `script` on `stage` until its end or until a command closes the window. Yields for each frame and while it waits.
+def play_script(script: Script, host: ScriptHost) -> Iterator[Turn]:
+    """Play `script` on `host` until its end or until a command closes the window. Yields for each frame and while it waits.
 
     Raises InputError with file and line where a line fails, where an expectation does not hold, and where the window shows an error
     message that the next line does not check.
     """
     for step, following in zip(script, (*script[1:], None), strict=True):
-        known = _errors(stage)
+        known = _errors(host)
         try:
-            yield from step.play(stage)
+            yield from step.play(host)
         except InputError as error:
             if following is None or not following.expects_message:
                 raise InputError(f"{step.where}: {error}") from error
-            notify(stage.session, str(error), "error")
+            notify(host.session, str(error), "error")
             yield "frame"
-        new = [text for text in _errors(stage) if text not in known]
+        new = [text for text in _errors(host) if text not in known]
         if new and not (following is not None and following.expects_message):
             raise InputError(f"{step.where}: {new[0]}")
-        if stage.is_closing:
+        if host.is_closing:
             return
 
 
-def _errors(stage: Stage) -> list[str]:
-    return [toast.text for toast in stage.session.window.toasts if toast.kind == "error"]
+def _errors(host: ScriptHost) -> list[str]:
+    return [toast.text for toast in host.session.window.toasts if toast.kind == "error"]

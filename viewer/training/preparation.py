@@ -38,7 +38,7 @@ class RetrainGroups:
 
 
 @dataclass(frozen=True)
-class EncodeAnew:
+class ReencodeTexture:
     """Encode one texture of a pack with other bits, under the decoder that it has; all others stay."""
 
     settings: TrainingSettings
@@ -68,7 +68,7 @@ class Regroup:
     settings: TrainingSettings
 
 
-TrainingJob = EncodeScene | RetrainGroups | EncodeAnew | MoveTexture | Regroup
+TrainingJob = EncodeScene | RetrainGroups | ReencodeTexture | MoveTexture | Regroup
 
 
 def job_title(job: TrainingJob) -> str:
@@ -79,7 +79,7 @@ def job_title(job: TrainingJob) -> str:
         case RetrainGroups():
             numbers = ", ".join(map(str, sorted(job.groups)[:6])) + (" ..." if len(job.groups) > 6 else "")
             return f"retrain {counted(len(job.groups), 'group')} ({numbers})"
-        case EncodeAnew():
+        case ReencodeTexture():
             return f"{job.name or f'texture {job.texture}'} at {job.bits:.2g} bits"
         case MoveTexture():
             return f"move texture {job.texture} to group {job.group}"
@@ -90,7 +90,7 @@ def job_title(job: TrainingJob) -> str:
 def settings_text(job: TrainingJob) -> str:
     """Return the settings that the title does not name: size, codec, recipe, budget."""
     settings, budget = job.settings, budget_text(job.settings.budget)
-    if isinstance(job, EncodeAnew):
+    if isinstance(job, ReencodeTexture):
         return f"{job.bits:.2f} bits per texel"
     if not isinstance(job, EncodeScene):
         return f"{settings.recipe}, {budget}"
@@ -134,7 +134,7 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
             )
     else:
         textures = _textures_of(base, scene, report)
-    if isinstance(job, EncodeAnew):
+    if isinstance(job, ReencodeTexture):
         own = codec_of(base.config).anew_options(base, job.texture, job.bits)
         group = base.textures[job.texture].group
         return TrainingRequest(textures, grouping, base.config, own, None, base, frozenset({group}))

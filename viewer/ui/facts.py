@@ -12,7 +12,7 @@ from ntc.metrics.block_compression import BlockFormat
 from ntc.metrics.divergence import DivergenceStatistics
 from ntc.pack.match import PackMatch
 from viewer.inspect.comparison import LiveFigures
-from viewer.inspect.place_content import BlockContent, PixelContent
+from viewer.inspect.picking import BlockContent, PixelContent
 from viewer.render.frames import FrameFigures, FrameHistory, PackMemory
 from viewer.state.session import Session
 from viewer.state.view_state import Slot

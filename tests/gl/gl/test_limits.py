@@ -51,7 +51,7 @@ def test_storage_buffers_larger_than_shaders_can_read_are_refused_in_one_line(sm
 def test_latents_keep_to_what_shaders_can_read(small: GraphicsContext) -> None:
     pack = square_pack(4, 1, 256, CODEC)
     buffers = PackBuffers(small, pack, range(4), "fp32", variant=SOFTWARE, on_demand=LatentBudget())
-    buffers.need(buffers.latent_store.all_levels())
+    buffers.ensure_resident(buffers.latent_store.all_levels())
     counts = buffers.latent_store.counts
     assert buffers.latent_store.buffer.size <= 40_000
     assert counts.levels_without_room > 0

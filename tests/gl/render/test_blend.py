@@ -16,9 +16,10 @@ from tests.support.picture_scenes import QUAD, WHITE, Part, scene_of, texture
 from viewer.gl.allocation import GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
+from viewer.render.passes.blend_samples import BlendSamplesPass
 from viewer.render.renderer import Renderer
 from viewer.render.resources.accumulator import SAMPLES
-from viewer.render.slot_drawer import BlendSamplesPass, dithered_materials
+from viewer.render.slot_drawer import dithered_materials
 from viewer.scene.model import Camera, Material, Scene
 from viewer.state.navigation import turned
 from viewer.state.view_state import MaterialView, Overlay, Slot, ViewState
@@ -239,7 +240,7 @@ def test_without_memory_for_samples_the_first_stays(textured: Renderer, monkeypa
     textured.render(PLAIN)
     first = shown(textured, Slot())
     with monkeypatch.context() as patch:
-        patch.setattr(BlendSamplesPass, "_draw_visibility", fail)
+        patch.setattr(BlendSamplesPass, "_add", fail)
         frame = textured.render(PLAIN)
     assert (frame.blend_samples, frame.is_complete) == ({}, True)
     assert textured.render(PLAIN).timings_ms.keys() <= {"composite"}

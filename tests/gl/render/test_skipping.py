@@ -146,7 +146,7 @@ def test_only_the_mips_that_are_read_are_uploaded(graphics: GraphicsContext, pat
         slot = Slot("p", path)
         complete.render(view(path, camera))
         on_gpu = complete._packs.on_gpu(slot)
-        on_gpu.buffers.need({0: 0, 1: 0})
+        on_gpu.buffers.ensure_resident({0: 0, 1: 0})
         complete.render(view(path, turned(camera, 90.0)))
         complete.render(view(path, camera))
         np.testing.assert_array_equal(renderer.picture(slot), complete.picture(slot))

@@ -28,7 +28,7 @@ def agrees(image: LatentImage, store: LatentStore) -> bool:
 def test_an_image_follows_what_is_loaded_and_replaced(store: LatentStore) -> None:
     image = LatentImage(store)
     for wanted in ({0: 4}, {1: 0}, {0: 0}, {2: 3}, {2: 0}):
-        assert store.need(wanted)
+        assert store.ensure_resident(wanted)
         assert agrees(image, store), wanted
     assert image.size >= store.buffer.size
     # Of the same sizes, so that they are replaced in place.

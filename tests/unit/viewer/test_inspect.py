@@ -9,8 +9,8 @@ import pytest
 
 from lab.bench.random_pack import random_pack
 from ntc.pack.match import PackMatch
+from viewer.inspect.picking import BlockPlace, block_content
 from viewer.inspect.picture_warnings import picture_warnings, scene_warnings
-from viewer.inspect.place_content import BlockPlace, block_content
 from viewer.locations import assets_folder
 from viewer.scene.load import load_scene
 from viewer.state.view_state import Slot

@@ -23,7 +23,7 @@ from viewer.render.resources.layout import (
     TextureUnit,
     TileBinding,
 )
-from viewer.render.resources.load_plan import LoadedKey, LoadPlan, Piece, tile_grid
+from viewer.render.resources.load_plan import LoadedKey, LoadPlan, MipRows, tile_grid
 from viewer.render.resources.pack_buffers import DecoderRanges, PackBuffers
 from viewer.render.resources.tile_cache.budget import TileBudget
 from viewer.render.resources.tile_cache.tile_decoder import TileDecoder
@@ -151,7 +151,7 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         """Texture arrays that shaders sample, by number."""
         self._finest: dict[LoadedKey, int] = {}
         """Finest mip of each texture from which on all are there."""
-        self._pieces: dict[LoadedKey, list[Piece]] = {}
+        self._pieces: dict[LoadedKey, list[MipRows]] = {}
         """Pieces that are still to be compressed."""
         self._places = np.zeros(max(1, plan.materials), PLACE)
         self._tile_ms: float | None = None
@@ -242,12 +242,12 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
             self._blocks.release()
             self._blocks = self._context.memory.buffer(WHAT, reserve=16)
 
-    def _order(self, piece: Piece) -> tuple[int, int]:
+    def _order(self, piece: MipRows) -> tuple[int, int]:
         """Return the key by which pieces are sorted: those of small mips first."""
         level = self._plan.levels[piece.key.texture][piece.level]
         return level.texel_width * level.texel_height, piece.top
 
-    def _take(self, pending: Sequence[Piece], whole: bool) -> list[Piece]:
+    def _take(self, pending: Sequence[MipRows], whole: bool) -> list[MipRows]:
         """Return the pieces to compress in this frame."""
         milliseconds = None if whole else self._budget.milliseconds
         if milliseconds is None:
@@ -285,8 +285,8 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
             )
         self.arrays[number] = own, LoadedArray(parts)
 
-    def _compress(self, pieces: Sequence[Piece]) -> None:
-        batch: list[Piece] = []
+    def _compress(self, pieces: Sequence[MipRows]) -> None:
+        batch: list[MipRows] = []
         for piece in pieces:
             if batch and sum(own.tiles for own in batch) + piece.tiles > BATCH_TILES:
                 self._compress_batch(batch)
@@ -301,7 +301,7 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
             self._finest[piece.key] = min(self._finest[piece.key], finest)
         self._write_places()
 
-    def _compress_batch(self, batch: Sequence[Piece]) -> None:
+    def _compress_batch(self, batch: Sequence[MipRows]) -> None:
         tiles = sum(piece.tiles for piece in batch)
 
         def note(milliseconds: float) -> None:
@@ -313,7 +313,7 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
             self._decode(batch, tiles)
             self._compress_tiles(batch)
 
-    def _decode(self, batch: Sequence[Piece], count: int) -> None:
+    def _decode(self, batch: Sequence[MipRows], count: int) -> None:
         """Decode the tiles of a batch into the first pages of the atlas, piece by piece, row by row."""
         memory = self._context.memory
         records = np.zeros(count, TILE_RECORD)
@@ -324,7 +324,7 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
             own["tile_x"], own["tile_y"] = tile_grid(piece)
             start += piece.tiles
         records["page"] = records["entry"] = np.arange(count)
-        self._buffers.need(finest_levels(records))
+        self._buffers.ensure_resident(finest_levels(records))
         too_coarse: NDArray[np.bool_] = self._buffers.latent_store.finest[records["texture_id"]] > records["level"]
         for key in {piece.key for piece in batch}:
             (self._coarse.add if np.any(too_coarse[records["texture_id"] == key.texture]) else self._coarse.discard)(
@@ -343,7 +343,7 @@ class LoadedTextures(RenderPass[Sequence[int], object]):
         self._entries.bind_to_storage_buffer(int(TileBinding.TILE_ENTRIES))
         self._decoder.run(decoders[order], too_coarse[order], self._atlas)
 
-    def _compress_tiles(self, batch: Sequence[Piece]) -> None:
+    def _compress_tiles(self, batch: Sequence[MipRows]) -> None:
         """Compress the first pages of the atlas, and copy the blocks to their textures."""
         parts = self._plan.parts
         needed = sum(blocks_bytes(piece.size, part.block_format) for piece in batch for part in parts)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ntc.codec.maps import PLANES, MapName, Plane
-from viewer.gl.allocation import replace_content
+from viewer.gl.allocation import repicking
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.lighting.sky import SUN_RADIUS
@@ -205,7 +205,7 @@ class ShadePass(RenderPass[ShadeInputs, ColorTarget]):
             if self._lights is None:
                 size = MOST_LIGHTS * LIGHT_RECORD.itemsize
                 self._lights = self._context.memory.buffer("lights", reserve=size, dynamic=True)
-            replace_content(self._lights, light_records(light.lights, rays.eye).tobytes())
+            repicking(self._lights, light_records(light.lights, rays.eye).tobytes())
             self._lights.bind_to_uniform_block(int(UniformBinding.LIGHTS))
         set_uniforms(drawn.program, values)
         return drawn

@@ -70,12 +70,14 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
             self._ask(inputs)
             self._take(inputs, target, step.budget)
         else:
-            self._buffers.need({index: int(min(store.finest[index], self._coarse[index])) for index in textures})
+            self._buffers.ensure_resident(
+                {index: int(min(store.finest[index], self._coarse[index])) for index in textures}
+            )
             self._take(inputs, target, step.budget)
             if target.needed is None and not self._back.is_pending:
                 self._ask(inputs)
         if target.needed is not None:
-            self._buffers.need(target.needed)
+            self._buffers.ensure_resident(target.needed)
         left = len(textures) if target.needed is None else 0
         pending = (Pending("textures", left, len(textures)),) if left else ()
         return Progress(self._is_finer(textures, target), pending)
@@ -118,7 +120,7 @@ class VisibleLatentsPass(RenderPass[VisibilityInputs, VisibleLatents]):
         if found[1] == inputs:
             target.needed = levels
         else:
-            self._buffers.need(levels)
+            self._buffers.ensure_resident(levels)
 
     def release(self) -> None:
         """Free the pass's buffers."""

@@ -150,10 +150,10 @@ class LatentStore:
             self.rows[index] = self._rows_of(texture)
         self._cells_from = self._counted_cells()
         self.finest[:], self._used = self._mips, 0
-        self.need(there)
+        self.ensure_resident(there)
         return int(self.bytes_by_texture.sum())
 
-    def need(self, wanted: Mapping[int, int]) -> bool:
+    def ensure_resident(self, wanted: Mapping[int, int]) -> bool:
         """Upload what is missing of these mips and all coarser ones, given as finest mip by texture; return whether anything changed.
 
         Where the budget is full all that is not wanted goes; where that is not enough, the finest mips of the largest

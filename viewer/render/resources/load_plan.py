@@ -63,7 +63,7 @@ class LoadedKey:
 
 
 @dataclass(frozen=True)
-class Piece:
+class MipRows:
     """Rows of tiles of a mip."""
 
     key: LoadedKey
@@ -141,7 +141,7 @@ class LoadPlan:
         """Return the textures of these materials, each once, in their order."""
         return dict.fromkeys(self.keys[number] for number in materials if number in self.keys)
 
-    def pieces(self, key: LoadedKey) -> list[Piece]:
+    def pieces(self, key: LoadedKey) -> list[MipRows]:
         """Return the pieces of all mips of a texture, the coarsest mip first."""
         found = []
         for number, level in reversed(list(enumerate(self.levels[key.texture]))):
@@ -151,11 +151,11 @@ class LoadPlan:
             for top in range(0, down, rows):
                 own = min(rows, down - top)
                 size = (width, min(own * TILE_SIDE, height - top * TILE_SIDE))
-                found.append(Piece(key, number, top, own, across, size))
+                found.append(MipRows(key, number, top, own, across, size))
         return found
 
 
-def tile_grid(piece: Piece) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def tile_grid(piece: MipRows) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return [tiles] columns and rows of a piece's tiles in their mip, row by row."""
     number = np.arange(piece.tiles)
     return number % piece.across, piece.top + number // piece.across

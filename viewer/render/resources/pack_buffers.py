@@ -10,7 +10,7 @@ from ntc.codec.gpu import WEIGHT_COLUMN_BITS, DecoderVariant, DecodingBinding, D
 from ntc.codec.maps import PLANES, Plane
 from ntc.codec.model import EncodedTexture, Pack
 from ntc.codec.registry import codec_of
-from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
+from viewer.gl.allocation import GpuMemory, GpuMemoryError, repicking
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, ShaderLibrary
 from viewer.locations import shaders_folder
@@ -81,7 +81,7 @@ class PackBuffers:
                 ),
             }
             if on_demand is None:
-                self.need(self.latent_store.all_levels())
+                self.ensure_resident(self.latent_store.all_levels())
                 if not self.latent_store.has(self.latent_store.all_levels()):
                     # Measurements need all of them: coarser mips in their place would give wrong numbers.
                     raise GpuMemoryError(self.latent_store.refusal)
@@ -145,7 +145,7 @@ class PackBuffers:
             self._weights.release()
             self._weights = weights
             self._fill_records()
-            replace_content(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
+            repicking(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
             return self._records.nbytes + self._weight_bytes
         self._fill_records()
         uploaded = 0
@@ -183,9 +183,9 @@ class PackBuffers:
         parts = {"latents": self.latent_store.buffer.size, "decoders": self._weight_bytes, "tables": tables}
         return parts if self._latent_image is None else {**parts, "image of latents": self._latent_image.size}
 
-    def need(self, wanted: Mapping[int, int]) -> bool:
+    def ensure_resident(self, wanted: Mapping[int, int]) -> bool:
         """Upload what is missing of these mips, given as finest mip by texture; return whether anything was. Raises GpuMemoryError."""
-        changed = self.latent_store.need(wanted)
+        changed = self.latent_store.ensure_resident(wanted)
         if changed:
             self.note_latents()
         return changed
@@ -195,8 +195,8 @@ class PackBuffers:
         finest = self.latent_store.finest
         last = np.maximum(self._records["levels"][: len(finest)] - 1, 0)
         self._records["finest_level"][: len(finest)] = np.minimum(finest, last)
-        replace_content(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
-        replace_content(self._record_buffers[DecodingBinding.LEVELS], self.latent_store.levels.tobytes())
+        repicking(self._record_buffers[DecodingBinding.TEXTURES], self._records.tobytes())
+        repicking(self._record_buffers[DecodingBinding.LEVELS], self.latent_store.levels.tobytes())
         if self._latent_image is not None:
             self._latent_image.update()
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from ntc.codec.gpu import WRAP_CODES
 from ntc.codec.maps import MAP_CHANNELS, PLANE_COMPONENTS, PLANES, MapName, Plane
 from ntc.errors import InputError
-from viewer.gl.allocation import ALL_MIPS, replace_content
+from viewer.gl.allocation import ALL_MIPS, repicking
 from viewer.gl.context import GraphicsContext
 from viewer.gl.functions import GL_TRIANGLES, GL_UNSIGNED_INT, GL_UNSIGNED_SHORT
 from viewer.render.resources.coverage import PackedCoverage
@@ -288,7 +288,7 @@ class SceneBuffers:
                 if self._commands is not None:
                     self._commands.release()
                 self._commands = made
-            replace_content(self._commands, data)
+            repicking(self._commands, data)
 
     def bind_materials(self) -> None:
         """Bind the materials to their storage binding."""

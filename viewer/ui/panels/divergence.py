@@ -4,7 +4,7 @@ import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
 
 from ntc.metrics.divergence import DivergenceStatistics, cut_percent
-from viewer.inspect.place_content import BlockContent
+from viewer.inspect.picking import BlockContent
 from viewer.state.view_state import is_image_source
 from viewer.ui.controls import command_button, control
 from viewer.ui.facts import UiFrame

@@ -2,7 +2,7 @@
 
 from imgui_bundle import ImVec2, imgui
 
-from viewer.inspect.place_content import REACH, PixelContent, PixelPatch
+from viewer.inspect.picking import REACH, PixelContent, PixelPatch
 from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame

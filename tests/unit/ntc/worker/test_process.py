@@ -181,12 +181,12 @@ def value() -> _Value:
 
 def test_what_is_sent_arrives_and_the_memory_has_no_name_once_it_is_open() -> None:
     given = value()
-    parcel, block = sent(given)
+    payload, block = sent(given)
     assert block is not None
     assert blocks() == [block.name]
     large = (given.parts[2].values.nbytes, given.bytes.nbytes)
-    assert parcel.sizes == large, "what is small, and what is not contiguous, goes inside the message"
-    found = received(parcel)
+    assert payload.sizes == large, "what is small, and what is not contiguous, goes inside the message"
+    found = received(payload)
     assert blocks() == []
     block.close()
     block.close()
@@ -201,7 +201,7 @@ def test_values_lie_side_by_side_in_a_block() -> None:
     first, second = (Pickled(np.full(LARGEST_INSIDE + 1, number, np.uint8)) for number in (1, 2))
     block = SharedBlock.create(first.size + second.size)
     parcels = [block.write(first), block.write(second, first.size)]
-    assert [int(block.read(parcel).max()) for parcel in parcels] == [1, 2]
+    assert [int(block.read(payload).max()) for payload in parcels] == [1, 2]
     with pytest.raises(ValueError, match="arrays end at byte"):
         block.write(second, first.size + 8192)
     block.close()

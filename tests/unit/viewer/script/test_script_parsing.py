@@ -7,8 +7,8 @@ import pytest
 from ntc.errors import InputError
 from viewer.commands import COMMANDS
 from viewer.script.directions import DIRECTIONS
+from viewer.script.host import PROPERTIES
 from viewer.script.script import LARGEST_SCRIPT, MOST_LINES, parse_exec, parse_script, read_script, split_lines
-from viewer.script.stage import PROPERTIES
 
 SCRIPTS_PAGE = Path(__file__).resolve().parents[4] / "docs" / "reference" / "commands.md"
 

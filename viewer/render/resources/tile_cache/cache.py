@@ -6,7 +6,7 @@ import moderngl
 import numpy as np
 from numpy.typing import NDArray
 
-from viewer.gl.allocation import GpuMemory, GpuMemoryError, replace_content
+from viewer.gl.allocation import GpuMemory, GpuMemoryError, repicking
 from viewer.gl.context import GraphicsContext
 from viewer.gl.program import ProgramFactory, set_uniforms
 from viewer.gl.read_back import ReadBack
@@ -257,7 +257,7 @@ class TileCache:
     def _place(self, entries: NDArray[np.int64]) -> int:
         """Decode the first of these missing tiles into pages, as many as there is room for; return their number."""
         # Whatever may fail for want of memory comes before tiles get their pages.
-        self._buffers.need(finest_levels(self._table.tiles(entries)))
+        self._buffers.ensure_resident(finest_levels(self._table.tiles(entries)))
         if not self._atlas.grow(-(-self._pool.reach(len(entries)) // LAYER_PAGES)):
             # The budget was more than there is: go on with what there is.
             self._pool.shrink(self._atlas.layers * LAYER_PAGES)
@@ -286,7 +286,7 @@ class TileCache:
     def _decode_into(self, entries: NDArray[np.int64], pages: NDArray[np.int64]) -> None:
         tiles = self._table.tiles(entries)
         tiles["page"] = pages
-        self._buffers.need(finest_levels(tiles))
+        self._buffers.ensure_resident(finest_levels(tiles))
         too_coarse = self._buffers.latent_store.finest[tiles["texture_id"]] > tiles["level"]
         self._coarse = np.union1d(np.setdiff1d(self._coarse, tiles["entry"]), tiles["entry"][too_coarse])
         decoders = self._buffers.decoder_of_texture[tiles["texture_id"]]
@@ -325,7 +325,7 @@ class TileCache:
         self._tile_decoder.run(decoders, too_coarse, self._atlas)
 
     def _write_tiles(self, data: bytes) -> None:
-        replace_content(self._tiles, data)
+        repicking(self._tiles, data)
         self._tiles.bind_to_storage_buffer(int(StorageBinding.REQUESTS))
 
     def _invalidate_entries(self, entries: NDArray[np.int64]) -> None:

@@ -1,4 +1,4 @@
-"""Stage of a script: the program that plays it, and the properties that it can check."""
+"""Host of a script: the program that plays it, and the properties that it can check."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -13,7 +13,7 @@ Turn = Literal["frame", "rest"]
 """Turn of a script: `frame` needs the next frame; `rest` waits, and a frame is drawn only where something changes."""
 
 
-class Stage(Protocol):
+class ScriptHost(Protocol):
     """Program that plays a script: the window, or its content without a window."""
 
     session: Session
@@ -57,38 +57,38 @@ def _switch(value: bool) -> str:
     return "on" if value else "off"
 
 
-PROPERTIES: dict[str, Callable[[Stage], str]] = {
-    "source": lambda stage: stage.session.view.slot_a.source,
-    "source-b": lambda stage: stage.session.view.slot_b.source,
-    "path": lambda stage: stage.session.view.slot_a.path,
-    "path-b": lambda stage: stage.session.view.slot_b.path,
-    "precision": lambda stage: stage.session.view.slot_a.precision,
-    "precision-b": lambda stage: stage.session.view.slot_b.precision,
-    "filter": lambda stage: stage.session.view.slot_a.filter,
-    "filter-b": lambda stage: stage.session.view.slot_b.filter,
-    "mode": lambda stage: stage.session.view.compare,
-    "divider": lambda stage: f"{stage.session.view.wipe_position:.2f}",
-    "overlay": lambda stage: stage.session.view.overlay.kind,
-    "camera": lambda stage: stage.session.view.camera.name,
-    "scene": lambda stage: stage.session.scene.name,
-    "resolution": lambda stage: f"{stage.session.resolution:g}",
-    "size": lambda stage: "{}x{}".format(*stage.size),
-    "panels": lambda stage: _switch(stage.session.window.show_panels),
-    "help": lambda stage: _switch(stage.session.window.show_help),
-    "palette": lambda stage: _switch(stage.session.window.palette is not None),
-    "moving": lambda stage: _switch(stage.session.is_moving),
-    "training": lambda stage: stage.context.training.state,
-    "waiting": lambda stage: _switch(not stage.is_settled),
-    "toast": lambda stage: " | ".join(toast.text for toast in stage.session.window.toasts),
-    "label": lambda stage: " | ".join(stage.widgets.labels()),
+PROPERTIES: dict[str, Callable[[ScriptHost], str]] = {
+    "source": lambda host: host.session.view.slot_a.source,
+    "source-b": lambda host: host.session.view.slot_b.source,
+    "path": lambda host: host.session.view.slot_a.path,
+    "path-b": lambda host: host.session.view.slot_b.path,
+    "precision": lambda host: host.session.view.slot_a.precision,
+    "precision-b": lambda host: host.session.view.slot_b.precision,
+    "filter": lambda host: host.session.view.slot_a.filter,
+    "filter-b": lambda host: host.session.view.slot_b.filter,
+    "mode": lambda host: host.session.view.compare,
+    "divider": lambda host: f"{host.session.view.wipe_position:.2f}",
+    "overlay": lambda host: host.session.view.overlay.kind,
+    "camera": lambda host: host.session.view.camera.name,
+    "scene": lambda host: host.session.scene.name,
+    "resolution": lambda host: f"{host.session.resolution:g}",
+    "size": lambda host: "{}x{}".format(*host.size),
+    "panels": lambda host: _switch(host.session.window.show_panels),
+    "help": lambda host: _switch(host.session.window.show_help),
+    "palette": lambda host: _switch(host.session.window.palette is not None),
+    "moving": lambda host: _switch(host.session.is_moving),
+    "training": lambda host: host.context.training.state,
+    "waiting": lambda host: _switch(not host.is_settled),
+    "toast": lambda host: " | ".join(toast.text for toast in host.session.window.toasts),
+    "label": lambda host: " | ".join(host.widgets.labels()),
 }
 """Properties by name. `toast` and `label` need only contain the expected text."""
 CONTAIN = ("toast", "label")
 
 
-def expect(name: str, value: str, stage: Stage) -> None:
+def expect(name: str, value: str, host: ScriptHost) -> None:
     """Check that a property has, or contains, `value`. Raises InputError where it does not."""
-    actual = PROPERTIES[name](stage)
+    actual = PROPERTIES[name](host)
     if (value not in actual) if name in CONTAIN else (value != actual):
         verb = "contains" if name in CONTAIN else "is"
         raise InputError(f"expected that {name} {verb} {value!r}; it is {actual[:300]!r}")
