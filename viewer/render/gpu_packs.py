@@ -66,18 +66,6 @@ class PackUpdate:
     latents: LatentUpdate
 
 
-@dataclass(frozen=True, eq=False)
-class OnLoadPath:
-    """Path `on-load` of one plane of a pack."""
-
-    textures: LoadedTextures
-    drawing: ReferencePass[LoadedTextures]
-
-    def release(self) -> None:
-        """Free the textures, and what draws them."""
-        self.drawing.release()
-
-
 def on_load_refusal(context: GraphicsContext) -> str:
     """Return why a driver without compute shaders cannot compress textures."""
     version = context.info.version
@@ -114,7 +102,7 @@ class GpuPack:
         self._passes: dict[tuple[PathChoice, TexelFilter, Plane | None], PixelDecoder] = {}
         """Passes of the paths that decode every pixel."""
         self._caches: dict[Plane, DecodeCachedPass] = {}
-        self._loaded: dict[Plane, OnLoadPath] = {}
+        self._loaded: dict[Plane, ReferencePass[LoadedTextures]] = {}
         self._next: OpenPack | None = None
         """Version that waits until the update under way is done."""
         self._update: PackUpdate | None = None
@@ -132,13 +120,13 @@ class GpuPack:
     @property
     def loads(self) -> LoadCounts | None:
         """State of the compressed textures of all planes together; None without path `on-load`."""
-        counts = [path.textures.counts for path in self._loaded.values()]
+        counts = [path.uploads.counts for path in self._loaded.values()]
         return reduce(LoadCounts.plus, counts) if counts else None
 
     def measure_loads(self) -> None:
         """Read the errors of compression, for `loads`. Waits for the GPU."""
         for path in self._loaded.values():
-            path.textures.measure()
+            path.uploads.measure()
 
     @property
     def ranges(self) -> DecoderRanges:
@@ -154,7 +142,7 @@ class GpuPack:
             self._caches[plane] = DecodeCachedPass(self.tile_cache(plane), context.scheduler.timer, context.tile_budget)
         return self._caches[plane]
 
-    def on_load(self, plane: Plane) -> OnLoadPath:
+    def on_load(self, plane: Plane) -> ReferencePass[LoadedTextures]:
         """Return path `on-load` of a plane; made when first asked for. Raises GpuMemoryError, ShaderError, InputError."""
         if plane not in self._loaded:
             self._loaded[plane] = self._on_load(plane)
@@ -182,14 +170,14 @@ class GpuPack:
         table, reading = TileTable.of(context.scene.materials, self.pack, self.match, plane), self.reading(plane)
         return TileCache(graphics, self.programs, self.buffers, self.ranges, table, reading, context.tile_budget)
 
-    def _on_load(self, plane: Plane) -> OnLoadPath:
+    def _on_load(self, plane: Plane) -> ReferencePass[LoadedTextures]:
         if not self.context.graphics.features.compute:
             raise InputError(f"path on-load {on_load_refusal(self.context.graphics)}")
         context, graphics, reading = self.context, self.context.graphics, self.reading(plane)
         plan = LoadPlan.of(context.scene.materials, self.pack, self.match, plane)
         shared = (context.scheduler.timer, context.tile_budget)
         textures = LoadedTextures(graphics, self.programs, self.buffers, self.ranges, plan, reading, *shared)
-        return OnLoadPath(textures, ReferencePass(graphics, self.programs, textures, "decode_on-load", reading))
+        return ReferencePass(graphics, self.programs, textures, "decode_on-load", reading)
 
     def latents(self, plane: Plane = "base") -> VisibleLatentsPass:
         """Return the pass that uploads the mips that the pixels of a view read."""
@@ -210,8 +198,8 @@ class GpuPack:
                 + sum(path.cache.bytes_on_gpu for path in self._caches.values())
             )
             kept += 0 if self._ranges is None else self._ranges.bytes_on_gpu
-            textures = sum(path.textures.texture_bytes for path in self._loaded.values())
-            working = sum(path.textures.bytes_on_gpu for path in self._loaded.values()) - textures
+            textures = sum(path.uploads.texture_bytes for path in self._loaded.values())
+            working = sum(path.uploads.bytes_on_gpu for path in self._loaded.values()) - textures
             return PackMemory(
                 {"compressed textures": textures, "tables": working}, kept, self.buffers.latent_store.bytes_by_texture
             )
@@ -220,7 +208,7 @@ class GpuPack:
         idle = sum(of_passes.values()) - used
         others = [("tile cache", of_caches)] if name == "cached" and self._caches else [("tables", used)]
         idle += 0 if name == "cached" else of_caches
-        idle += sum(path.textures.bytes_on_gpu for path in self._loaded.values())
+        idle += sum(path.uploads.bytes_on_gpu for path in self._loaded.values())
         if self._ranges is not None:
             others.append(("decoders", self._ranges.bytes_on_gpu))
         others += [("tables", levels.bytes_on_gpu) for levels in self._latents.values()]
@@ -288,7 +276,7 @@ class GpuPack:
         for path in self._caches.values():
             path.cache.mark_stale(textures)
         for loaded in self._loaded.values():
-            loaded.textures.mark_stale(textures)
+            loaded.uploads.mark_stale(textures)
         if regrouped:
             # Passes depend on which decoders there are.
             self._release_passes()

@@ -282,6 +282,13 @@ class Renderer:
         known = {slot: self.paths.known(slot) for slot in slots}
         return drawn | {slot: drawn[own] for slot, own in known.items() if own in drawn}
 
+    @property
+    def _drawn(self) -> tuple[PictureTargets, ViewState]:
+        """Targets of the last view, and the view. Raises RuntimeError before the first."""
+        if self._targets is None or self._view is None:
+            raise RuntimeError("render a view first")
+        return self._targets, self._view
+
     @checks_context
     def drawing_ms(self, slot: Slot) -> float:
         """Draw what `slot` shows of the last view several times on targets of its own; return the median time in ms.
@@ -289,14 +296,13 @@ class Renderer:
         The slot must have been drawn before: drivers compile when a program first draws. With the stochastic filter a drawing is one
         sample. Raises GpuMemoryError.
         """
-        if self._targets is None or self._view is None:
-            raise RuntimeError("render a view first")
-        slot, content = self.paths.chosen(slot, self._view), self._targets.visibility.content
+        shown, view = self._drawn
+        slot, content = self.paths.chosen(slot, view), shown.visibility.content
         with self._context.memory.transaction():
-            targets = PictureTargets(VisibilityTarget(self._context, self._view.size, content))
+            targets = PictureTargets(VisibilityTarget(self._context, view.size, content))
         drawn: list[float] = []
         try:
-            self._draw_visibility(self._view, targets)
+            self._draw_visibility(view, targets)
             while len(drawn) < DRAWINGS_TIMED and sum(drawn) < LONGEST_TIMING_MS:
                 for target in (*targets.planes.values(), *targets.shaded.values()):
                     self._scheduler.invalidate(target)
@@ -363,13 +369,12 @@ class Renderer:
     @checks_context
     def picture(self, slot: Slot) -> NDArray[np.float32]:
         """Return [H, W, 3] float32 linear, row 0 on top: what `slot` shows of the last view; drawn now if it was not."""
-        if self._targets is None or self._view is None:
-            raise RuntimeError("render a view first")
-        slot = self.paths.chosen(slot, self._view)
+        targets, view = self._drawn
+        slot = self.paths.chosen(slot, view)
         with self._scheduler.drawing(whole=True):
-            self._draw_visibility(self._view, self._targets)
-            picture = self._blend.show(slot, self._targets)
-        self._forget_frame(self._targets)
+            self._draw_visibility(view, targets)
+            picture = self._blend.show(slot, targets)
+        self._forget_frame(targets)
         return picture.target.read()
 
     def decoded_planes(self, slot: Slot) -> tuple[Plane, ...]:
@@ -384,9 +389,7 @@ class Renderer:
     def planes(self, slot: Slot) -> dict[Plane, NDArray[np.float32]]:
         """Return the planes that `slot` shows of the last view: [H, W, 4] float32, row 0 on top (docs/explanation/lighting.md)."""
         self.picture(slot)
-        targets, view = self._targets, self._view
-        if targets is None or view is None:
-            raise RuntimeError("render a view first")
+        targets, view = self._drawn
         keys = self._slots.keys(self.paths.chosen(slot, view), targets)
         return {plane: targets.planes[key].read_all() for plane, key in keys.items()}
 

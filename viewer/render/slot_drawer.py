@@ -134,11 +134,11 @@ class SlotDrawer:
             self.prepared.add(key.slot)
             return {key: scheduler.advance(cached, inputs, target, (version,), key)}
         if key.slot.path == "on-load":
-            path = pack.on_load(key.plane)
+            images = pack.on_load(key.plane)
             self.prepared.add(key.slot)
-            textures = path.textures
+            textures = images.uploads
             loaded = scheduler.advance(textures, inputs.visible_materials, textures, (version,))
-            return {key: scheduler.advance(path.drawing, inputs, target, (loaded,), key)}
+            return {key: scheduler.advance(images, inputs, target, (loaded,), key)}
         return self._decode_pixels((key,), pack, targets)
 
     def _decode_pixels(
