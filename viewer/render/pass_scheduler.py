@@ -18,6 +18,8 @@ Target = TypeVar("Target")
 Timing = Callable[[str], AbstractContextManager[None]]
 """Function that takes the time of a block under a name."""
 Part = Literal["textures", "images", "tiles", "loads", "samples", "packs", "statistics", "environment"]
+NOT_OWNED = nullcontext()
+"""Context of a pass whose time counts for no slot or plane alone."""
 SENTENCES: dict[Part, str] = {
     "textures": "{} being read",
     "images": "{} being read",
@@ -134,9 +136,9 @@ class PassTarget(Generic[Inputs, Target]):
 
     inputs: Inputs
     target: Target
-    reads: Sequence[Output] = ()
-    owner: Hashable = None
-    """Owner of its share of the time (`PassTimer.owned_by`); None for none."""
+    reads: Sequence[Output]
+    owner: Hashable
+    """Owner of its share of the time (`PassTimer.owned_by`)."""
 
 
 @dataclass(frozen=True)
@@ -197,34 +199,34 @@ class PassScheduler:
         A target that was made from equal inputs and the same versions of `reads` stays. `timing`: how the time is taken; None:
         `PassTimer.measure`.
         """
-        return self.advance_all(render_pass, [PassTarget(inputs, target, reads, owner)], timing)[0]
+        before = self._take(inputs, target, reads)
+        if isinstance(before, Output):
+            return before
+        step = self._step(before, inputs, reads)
+        with (
+            self.timer.owned_by(owner) if owner is not None else NOT_OWNED,
+            (timing or self.timer.measure)(render_pass.name),
+        ):
+            done = render_pass.advance(inputs, target, step)
+        return self._note(inputs, target, reads, before, step, done)
 
     def advance_all(
-        self,
-        render_pass: RenderPass[Inputs, Target],
-        wanted: Sequence[PassTarget[Inputs, Target]],
-        timing: Timing | None = None,
+        self, render_pass: RenderPass[Inputs, Target], wanted: Sequence[PassTarget[Inputs, Target]]
     ) -> list[Output]:
         """Do `advance` for several targets: those that have something to do are drawn at once, and share the time."""
-        outputs: list[Output | None] = []
-        stale: list[tuple[PassTarget[Inputs, Target], _Record | None]] = []
-        for part in wanted:
-            before = self._take(part.inputs, part.target, part.reads)
-            outputs.append(before if isinstance(before, Output) else None)
-            if not isinstance(before, Output):
-                stale.append((part, before))
+        found = [self._take(part.inputs, part.target, part.reads) for part in wanted]
+        outputs = {part.owner: taken for part, taken in zip(wanted, found, strict=True) if isinstance(taken, Output)}
+        stale = [
+            (part, before, self._step(before, part.inputs, part.reads))
+            for part, before in zip(wanted, found, strict=True)
+            if not isinstance(before, Output)
+        ]
         if stale:
-            owners = [part.owner for part, _ in stale if part.owner is not None]
-            steps = [(part.inputs, part.target, self._step(before, part.inputs, part.reads)) for part, before in stale]
-            with (
-                self.timer.owned_by(*owners) if owners else nullcontext(),
-                (timing or self.timer.measure)(render_pass.name),
-            ):
-                done = render_pass.advance_all(steps)
-            drawn = iter(
-                [self._note(part, before, progress) for (part, before), progress in zip(stale, done, strict=True)]
-            )
-        return [next(drawn) if output is None else output for output in outputs]
+            with self.timer.owned_by(*(part.owner for part, _, _ in stale)), self.timer.measure(render_pass.name):
+                done = render_pass.advance_all([(part.inputs, part.target, step) for part, _, step in stale])
+            for (part, before, step), progress in zip(stale, done, strict=True):
+                outputs[part.owner] = self._note(part.inputs, part.target, part.reads, before, step, progress)
+        return [outputs[part.owner] for part in wanted]
 
     def _take(self, inputs: object, target: object, reads: Sequence[Output]) -> Output | _Record | None:
         """Return the output where nothing is to be done; else the record of `target`, which is forgotten until the pass has run."""
@@ -246,11 +248,19 @@ class PassScheduler:
         is_same = before is not None and before.inputs == inputs
         return Step(self.budget, is_same, before is not None and before.reads != _versions_of(reads))
 
-    def _note(self, part: PassTarget[Inputs, Target], before: _Record | None, done: Progress) -> Output:
-        stays = before is not None and before.inputs == part.inputs and not done.has_changed
+    def _note(
+        self,
+        inputs: object,
+        target: object,
+        reads: Sequence[Output],
+        before: _Record | None,
+        step: Step,
+        done: Progress,
+    ) -> Output:
+        stays = before is not None and step.is_same_view and not done.has_changed
         version = before.version if before is not None and stays else next(self._versions)
-        record = self._records[part.target] = _Record(part.inputs, _versions_of(part.reads), version, done.pending)
-        return _output(record, part.reads)
+        record = self._records[target] = _Record(inputs, _versions_of(reads), version, done.pending)
+        return _output(record, reads)
 
     def invalidate(self, target: object) -> None:
         """Forget the content of `target`: it is made again."""
