@@ -143,7 +143,7 @@ def test_the_status_bar_shows_an_encoding_and_ends_it(driven: DrivenApp, helpers
     assert "work" not in driven.widgets.labels()
     driven.run("slot.source", "a", "bc1")
     driven.frame(3)
-    assert driven.widgets.explanation("work") == "encoding bc1: 0 %"
+    assert driven.widgets.tips["work"] == "encoding bc1: 0 %"
     driven.click("cancel work")
     assert driven.session.awaited_formats == {}
     assert "work" not in driven.widgets.labels()

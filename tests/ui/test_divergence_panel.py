@@ -50,12 +50,12 @@ def wheel(app: DrivenApp, at: tuple[float, float], notches: int) -> None:
 
 
 def test_a_widget_is_explained_and_grey_with_the_reason(mapped: DrivenApp, monkeypatch: pytest.MonkeyPatch) -> None:
-    about = mapped.widgets.explanation("block")
+    about = mapped.widgets.tips["block"]
     assert about.startswith("Shape of the blocks")
     assert about.endswith("Key: B")
     monkeypatch.setattr(frontend, "why_not", lambda _context, _command_id: "the map is locked")
     mapped.settle()
-    assert mapped.widgets.explanation("block") == f"{about}\nNot now: the map is locked"
+    assert mapped.widgets.tips["block"] == f"{about}\nNot now: the map is locked"
     mapped.click("block")
     assert "block: 8x4" not in labels(mapped)
     left, top, right, bottom = mapped.widgets.rectangle("opacity")

@@ -1,4 +1,4 @@
-"""Every widget, column and figure says what it is: a tooltip by its label, also in a window at rest."""
+"""Every widget, column and figure says what it is: it has a tooltip, also in a window at rest."""
 
 import sys
 import time
@@ -25,11 +25,6 @@ MAKE_WIDGETS = (
     *("tree_node", "tree_node_ex", "collapsing_header", "table_headers_row", "progress_bar"),
 )
 """ImGui's functions after which `rects.note(LABEL)` is due."""
-WHERE_TO_ADD = (
-    "draw what runs a command with viewer/ui/controls.py, or add it to viewer/ui/help/texts.py: CONTROLS for any other "
-    "control, figure, column or plot (a sentence), VALUES for an entry of a list; "
-    "or give note() a text of its own. # stands for any number, first words do for labels that go on"
-)
 VIEWS = (
     (),
     ("compare.mode difference", "overlay.toggle", "pixel.panel", "errors.panel", "histogram.panel"),
@@ -88,7 +83,7 @@ def shared(scene: Scene, scene_path: Path, tmp_path_factory: pytest.TempPathFact
 
 
 def unexplained(rects: WidgetRects) -> set[str]:
-    return {label for label in rects.labels() if not rects.explanation(label)}
+    return {label for label, tip in rects.tips.items() if not tip}
 
 
 @pytest.mark.parametrize("commands", VIEWS)
@@ -104,7 +99,7 @@ def test_every_label_of_every_panel_is_explained(
         monkeypatch.setattr(imgui, name, watch.made(getattr(imgui, name)))
     for name in ("menu_item_ex", "begin_menu_ex"):
         monkeypatch.setattr(imgui.internal, name, watch.made(getattr(imgui.internal, name)))
-    for name in ("note", "tip", "explain"):
+    for name in ("note", "tip"):
         monkeypatch.setattr(WidgetRects, name, watch.labelled(getattr(WidgetRects, name)))
     missing: dict[str, str] = {}
     for title in shared.frontend.interface.panel_titles:
@@ -118,7 +113,7 @@ def test_every_label_of_every_panel_is_explained(
     if watch.unlabelled:
         pytest.fail(f"widgets without ui.rects.note(LABEL) after them: {sorted(watch.unlabelled)}", pytrace=False)
     if missing:
-        pytest.fail(f"labels (and their panels) without an explanation: {missing}; {WHERE_TO_ADD}", pytrace=False)
+        pytest.fail(f"labels (and their panels) without an explanation: {missing}", pytrace=False)
 
 
 @pytest.mark.parametrize("menu", MENUS)
@@ -140,7 +135,7 @@ def test_other_windows_are_explained(app: DrivenApp) -> None:
         missing |= unexplained(app.widgets)
         app.run(command)
     if missing:
-        pytest.fail(f"labels without an explanation: {missing}; {WHERE_TO_ADD}", pytrace=False)
+        pytest.fail(f"labels without an explanation: {missing}", pytrace=False)
 
 
 def test_a_tooltip_appears_where_the_mouse_rests_and_says_when_it_is_due(app: DrivenApp) -> None:

@@ -16,7 +16,6 @@ from viewer.state.framing import frame_all
 from viewer.state.settings import SETTINGS_FILE, ViewerSettings, parse_settings
 from viewer.ui.widgets import Area
 
-"""Along each wall of the court."""
 CLOSED_AT_ONCE = "wait frames 3; expect label 'Got it'; click 'Got it'; wait frames 2; file.quit"
 
 

@@ -135,7 +135,7 @@ def test_frames_go_on_while_a_scene_is_read(app: DrivenApp, tmp_path: Path, monk
     assert reading.began.wait(60.0)
     app.frame(3)
     assert app.session.scene is before
-    assert app.widgets.explanation("work").startswith("opening scene.glb: 25 %")
+    assert app.widgets.tips["work"].startswith("opening scene.glb: 25 %")
     assert not app.is_settled
     run_or_notify(app.context, "view.magnify", 2.0)
     assert app.session.view.zoom.factor == 2.0
@@ -168,7 +168,7 @@ def test_a_scene_is_exported_beside_the_frames(app: DrivenApp, scene_path: Path,
     folder = tmp_path / "exported"
     app.run("file.export", "gltf", folder)
     app.frame()
-    assert app.widgets.explanation("work").startswith("exporting clustered as glTF with the pack")
+    assert app.widgets.tips["work"].startswith("exporting clustered as glTF with the pack")
     with pytest.raises(InputError, match="another export is under way"):
         run(app.context, "file.export", "page")
     app.until(lambda: not app.effects.exporting.is_under_way)

@@ -123,7 +123,7 @@ def test_a_drag_on_the_rate_curve_encodes_a_texture_anew(app: DrivenApp) -> None
     app.click("texture 1")
     wait(app, lambda t: not t.rates.is_busy)
     app.settle()
-    assert "bits, " in app.widgets.explanation("rate answer")
+    assert "bits, " in app.widgets.tips["rate answer"]
     sides = [0.8, 0.1]
     for number, side in enumerate(sides, 2):
         left, top, right, bottom = app.widgets.rectangle("rate curve")
@@ -345,11 +345,11 @@ def test_what_cannot_be_is_said(app: DrivenApp) -> None:
 def test_the_status_bar_shows_a_run_and_cancels_it(app: DrivenApp) -> None:
     run_line(app.context, "training.encode category auto 32 60s paper")
     app.settle()
-    assert "run 1: encode category" in app.widgets.explanation("work")
+    assert "run 1: encode category" in app.widgets.tips["work"]
     place = app.widgets.centre("cancel work")
     wait(app, lambda t: t.active is None or t.active.progress)
     app.frame()
-    assert " of " in app.widgets.explanation("work"), "the phase with its count"
+    assert " of " in app.widgets.tips["work"], "the phase with its count"
     assert app.widgets.centre("cancel work") == place, "a button stays where it is"
     app.click("cancel work")
     wait(app, lambda t: t.active is None)

@@ -43,7 +43,7 @@ def test_paths_that_the_driver_lacks_are_grey_with_the_reason_and_left_out_by_th
     app.run("slot.path", "a", "forward")
     app.click("A path")
     for path in reasons:
-        assert "needs compute shaders" in app.widgets.explanation(f"A path: {path}")
+        assert "needs compute shaders" in app.widgets.tips[f"A path: {path}"]
         with pytest.raises(InputError, match=rf"{path}: needs compute shaders"):
             run(app.context, "slot.path", "a", path)
     app.click("A path: binned")

@@ -76,8 +76,8 @@ def _list(
     if fits:
         imgui.set_next_item_width(list_width(*map(name, choices)))
     chosen = combo(
-        *(label, typed(value), choices, ui.rects, lambda text: parameter.refusal(ui.session, text), shown, name),
-        *(tip, lambda text: choice_text(parameter, text)),
+        *(label, typed(value), choices, ui.rects, tip, lambda text: parameter.refusal(ui.session, text), shown, name),
+        lambda text: choice_text(parameter, text),
     )
     return parameter.parse(chosen) if chosen != typed(value) else value
 
@@ -109,6 +109,7 @@ def command_button(
     command_id: str,
     *values: object,
     label: str = "",
+    tip: str = "",
     missing: str = "",
     size: ImVec2 | None = None,
     small: bool = False,
@@ -116,25 +117,25 @@ def command_button(
 ) -> None:
     """Draw a button that runs a command with `values`; it is grey, with the reason as tooltip, while the command cannot run.
 
-    `label` names it for scripts and tooltips, where that is not its title. `missing` says what else is missing to run it. `icon`
-    replaces that of the command.
+    `label` names it for scripts, where that is not its title. `tip` is the tooltip in place of the command's help. `missing` says
+    what else is missing to run it. `icon` replaces that of the command.
     """
     reason, label = missing or ui.why_not(command_id), label or title
     title = with_icon(icon or BY_ID[command_id].icon, title)
     imgui.begin_disabled(bool(reason))
     clicked = imgui.small_button(title) if small else imgui.button(title, size or ImVec2(0, 0))
     imgui.end_disabled()
-    text = command_text(BY_ID[command_id], bindings(ui.session.settings.keys), ui.rects.explanation(label))
+    text = command_text(BY_ID[command_id], bindings(ui.session.settings.keys), tip)
     ui.rects.note(label, explained(text, reason))
     if clicked and not reason:
         ui.emit(command_id, *values)
 
 
-def copy_button(ui: UiFrame, title: str, label: str, text: Callable[[], str]) -> None:
+def copy_button(ui: UiFrame, title: str, label: str, tip: str, text: Callable[[], str]) -> None:
     """Draw a button that copies a text to the clipboard."""
     if imgui.small_button(title):
         imgui.set_clipboard_text(text())
-    ui.rects.note(label)
+    ui.rects.note(label, tip)
 
 
 def select_texture(ui: UiFrame, texture: int) -> None:

@@ -191,7 +191,7 @@ class FileDialog:
     def _field(self, entries: Sequence[FolderEntry], ui: UiFrame) -> str | None:
         """Draw the line that filters or takes a path, and return its text on Enter."""
         imgui.text_wrapped(printable(str(self._folder)))
-        ui.rects.note("folder")
+        ui.rects.note("folder", "The folder that is listed.")
         imgui.set_next_item_width(-1.0)
         if self._focus:
             imgui.set_keyboard_focus_here()
@@ -278,7 +278,7 @@ class FileDialog:
     def _buttons(self, ui: UiFrame) -> bool:
         """Draw the buttons at the lower edge, and return True where Open was pressed."""
         pressed = imgui.button("Open")
-        ui.rects.note("Open file")
+        ui.rects.note("Open file", "Open what is typed or selected; Enter does the same.")
         imgui.same_line()
         if imgui.button("Open folder"):
             self._open(self._folder, ui)
@@ -286,12 +286,12 @@ class FileDialog:
         imgui.same_line()
         if imgui.button("Cancel"):
             ui.emit("window.close-layer", "window.file_dialog")
-        ui.rects.note("Cancel opening")
+        ui.rects.note("Cancel opening", "Close the dialog; Escape does the same.")
         if self.system.is_available:
             imgui.same_line()
             if imgui.button("System dialog..."):
                 self.system.ask(self._folder)
-            ui.rects.note("System dialog...")
+            ui.rects.note("System dialog...", "Choose the file in the desktop's own dialog.")
         imgui.same_line()
         imgui.text_disabled(".gltf .glb .zip .obj .ply .stl .off .ntc .hdr .exr")
         return pressed

@@ -55,10 +55,10 @@ class FirstRunCard:
             imgui.separator()
             for number, ((do, why), done) in enumerate(zip(_steps(ui.session), self._done, strict=True), 1):
                 self._row(f"{number}. {do}", why, done)
-                ui.rects.note(f"first step {number}")
+                ui.rects.note(f"first step {number}", "One of three things to try in the first minute.")
             if imgui.button("Got it"):
                 ui.emit("window.close-layer", "window.show_first_steps")
-            ui.rects.note("Got it")
+            ui.rects.note("Got it", "Close the card for good; Help > First steps shows it again.")
             imgui.same_line()
             imgui.text_disabled("Help > First steps shows this again.")
             top = imgui.get_window_pos().y

@@ -18,11 +18,16 @@ from viewer.inspect.flat_texture import (
 from viewer.jobs.job import Background, Job, JobReport
 from viewer.state.view_state import REFERENCE
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import value_text
 from viewer.ui.theme import INKS, side_ink
 from viewer.ui.widgets import combo, grid, packed
 
 Arrangement = Literal["side by side", "wipe"]
-ARRANGEMENTS: tuple[Arrangement, ...] = ("side by side", "wipe")
+ARRANGEMENTS: dict[Arrangement, str] = {
+    "side by side": "Both sides in full, one beside the other.",
+    "wipe": "One picture with a divider: A left of it, B right of it.",
+}
+"""Arrangements with their tooltips."""
 LARGEST_ZOOM = 64.0
 ZOOM_STEP = 1.25
 GRAB = 8.0
@@ -71,7 +76,9 @@ class FlatWindow:
             imgui.WindowFlags_.no_scroll_with_mouse | imgui.WindowFlags_.no_docking | imgui.WindowFlags_.no_collapse
         )
         opened, stays = imgui.begin(f"{texture.name}###flat", True, flags)
-        ui.rects.note("flat texture")
+        ui.rects.note(
+            "flat texture", "One texture without the scene: its original, and the result of packs and block formats."
+        )
         if opened:
             width, height = texture.size
             self._controls(ui)
@@ -80,7 +87,7 @@ class FlatWindow:
                 imgui.text_colored(side_ink(side), side.upper())
                 imgui.same_line()
                 imgui.text(caption)
-                ui.rects.note(f"flat caption {side}")
+                ui.rects.note(f"flat caption {side}", "Source of this side, and its PSNR in dB against the original.")
             self._picture(sides, (width, height), ui)
         imgui.end()
         if not stays:
@@ -112,16 +119,20 @@ class FlatWindow:
             if self._sources[side] not in ui.session.open_sources:
                 self._sources[side] = REFERENCE
             imgui.set_next_item_width(width)
-            self._sources[side] = combo(f"flat {side.upper()}", self._sources[side], ui.session.open_sources, ui.rects)
+            self._sources[side] = combo(
+                *(f"flat {side.upper()}", self._sources[side], ui.session.open_sources, ui.rects),
+                f"Source of the {'first' if side == 'a' else 'second'} side.",
+                about=value_text,
+            )
             imgui.same_line()
-        for arrangement in ARRANGEMENTS:
+        for arrangement, tip in ARRANGEMENTS.items():
             if imgui.radio_button(arrangement, self._arrangement == arrangement):
                 self._arrangement = arrangement
-            ui.rects.note(f"flat {arrangement}")
+            ui.rects.note(f"flat {arrangement}", tip)
             imgui.same_line()
         if imgui.small_button("fit"):
             self._zoom, self._centre = 1.0, (0.5, 0.5)
-        ui.rects.note("flat fit")
+        ui.rects.note("flat fit", "Fit the whole texture into the window again.")
         imgui.same_line()
         imgui.text_disabled(f"{self._zoom:.2f} x; wheel zooms, drag moves")
 
@@ -174,7 +185,7 @@ class FlatWindow:
         if room.x < 8.0 or room.y < 8.0:
             return
         imgui.invisible_button("flat picture", room)
-        ui.rects.note("flat picture")
+        ui.rects.note("flat picture", "Wheel: zoom. Drag: move.")
         wipes = self._arrangement == "wipe"
         gap = 0.0 if wipes else grid(1)
         width = room.x if wipes else (room.x - gap) / 2.0

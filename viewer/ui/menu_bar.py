@@ -8,7 +8,7 @@ from viewer.commands.keys import Bindings
 from viewer.commands.menus import MENUS
 from viewer.ui.controls import explained
 from viewer.ui.facts import UiFrame
-from viewer.ui.help.texts import choice_text, command_text
+from viewer.ui.help.texts import FIGURES, choice_text, command_text
 from viewer.ui.theme import icon
 
 LABEL = "menu: "
@@ -26,7 +26,7 @@ def draw_menu_bar(ui: UiFrame) -> float:
     height = imgui.get_window_size().y
     for menu, sections in MENUS.items():
         opened = imgui.begin_menu(menu)
-        ui.rects.note(f"{LABEL}{menu}", is_open=opened)
+        ui.rects.note(f"{LABEL}{menu}", FIGURES[f"{LABEL}{menu}"], opened)
         if opened:
             for number, section in enumerate(sections):
                 if number:

@@ -206,7 +206,7 @@ class Palette:
         if not rows:
             if self._parameter is None or self._parameter.is_choice:
                 imgui.text_disabled("nothing found")
-                ui.rects.note("nothing found")
+                ui.rects.note("nothing found", "No entry has all these words.")
             return None
         line = imgui.get_text_line_height_with_spacing()
         imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + grid(1), height)))

@@ -40,7 +40,7 @@ def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x)
     if not len(log):
         imgui.text("")
-        ui.rects.note("status")
+        ui.rects.note("status", "Work in the background, and the last message.")
         return
     last = log[-1]
     text = " ".join(last.text.split())

@@ -22,7 +22,6 @@ from viewer.ui.file_dialog import FileDialog
 from viewer.ui.first_run_card import FirstRunCard
 from viewer.ui.flat_window import FlatWindow
 from viewer.ui.help.sheets import make_sheets
-from viewer.ui.help.texts import explanation
 from viewer.ui.menu_bar import draw_menu_bar
 from viewer.ui.palette import Palette
 from viewer.ui.panels import make_panels
@@ -112,7 +111,7 @@ class UserInterface:
     def draw(self, ui: UiFrame, picture: imgui.ImTextureRef | None) -> None:
         """Draw the user interface, between `handle_input` and ImGui's render. `picture` is a texture with row 0 at the bottom."""
         session = ui.session
-        ui.rects.begin(explanation)
+        ui.rects.begin()
         # Before the panels: a list that this frame's Escape closes is open still.
         popup_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         display = imgui.get_io().display_size
@@ -184,7 +183,7 @@ class UserInterface:
             opened, stays = imgui.begin(
                 panel.title, None if panel.shown is None else True, imgui.WindowFlags_.no_collapse
             )
-            ui.rects.note(panel.title)
+            ui.rects.note(panel.title, panel.tip)
             shown.append(panel.title)
             if opened:
                 in_front.append(panel.title)

@@ -4,7 +4,7 @@ import bisect
 import math
 import re
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
@@ -227,42 +227,30 @@ class WidgetRects:
 
     def __init__(self) -> None:
         self._rects: dict[str, tuple[float, float, float, float]] = {}
-        self._texts: dict[str, str] = {}
-        """Tooltips that widgets brought along."""
-        self._explain: Callable[[str], str] = lambda _label: ""
+        self.tips: dict[str, str] = {}
+        """Tooltips of the last frame's widgets by label."""
         self.tooltips = Tooltips()
 
-    def begin(self, explain: Callable[[str], str]) -> None:
-        """Begin a frame and forget the last one. `explain` gives the tooltip of a label, "" for none."""
+    def begin(self) -> None:
+        """Begin a frame and forget the last one."""
         self._rects.clear()
-        self._texts.clear()
-        self._explain = explain
+        self.tips.clear()
         self.tooltips.begin()
 
-    def note(self, label: str, text: str = "", is_open: bool = False, image: imgui.ImTextureRef | None = None) -> None:
-        """Record the last widget's rectangle, and show its tooltip.
+    def note(self, label: str, tip: str, is_open: bool = False, image: imgui.ImTextureRef | None = None) -> None:
+        """Record the last widget's rectangle, and show its tooltip: `tip`, below `image`.
 
-        The tooltip is `text`; without one, that of the label (viewer/ui/help/texts.py). A menu that `is_open` has none:
-        it would hide the items. The tooltip shows `image` above the text.
+        `label` names the widget for scripts. A menu that `is_open` shows no tooltip: it would hide the items.
         """
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rects[label] = (low.x, low.y, high.x, high.y)
-        if text:
-            self._texts[label] = text
+        self.tips[label] = tip
         if not is_open:
-            self.tooltips.show(lambda: self.explanation(label), image)
-
-    def explain(self, label: str) -> None:
-        """Show the tooltip of `label` for the last widget, without a rectangle: for figures beside their name."""
-        self.tooltips.show(lambda: self.explanation(label))
+            self.tooltips.show(lambda: tip, image)
 
     def tip(self, text: str) -> None:
         """Show `text` as the tooltip of the last widget, which has no label."""
         self.tooltips.show(lambda: text)
-
-    def explanation(self, label: str) -> str:
-        """Return the tooltip of a label; "" without one."""
-        return self._texts.get(label) or self._explain(label)
 
     def note_rectangle(self, label: str, left: float, top: float, right: float, bottom: float) -> None:
         """Record a rectangle that is not a widget."""
@@ -291,14 +279,14 @@ def combo(
     current: str,
     choices: tuple[str, ...],
     items: WidgetRects,
+    tip: str,
     refusal: Callable[[str], str] = _allowed,
     shown: Callable[[str], str] | None = None,
     name: Callable[[str], str] = str,
-    tip: str = "",
     about: Callable[[str], str] = _allowed,
 ) -> str:
     """Draw a drop-down list, and return the chosen text. `refusal` says why a choice is grey; `name` gives the text of a choice,
-    `shown` that in the opened list. `tip` is the tooltip of the list, `about` that of a choice; by default they follow the labels."""
+    `shown` that in the opened list. `tip` is the tooltip of the list, `about` that of a choice; "" takes that of the list."""
     chosen = current
     opened = imgui.begin_combo(f"##{label}", name(current))
     items.note(label, tip)
@@ -316,10 +304,10 @@ def combo(
 
 
 @contextmanager
-def branch(items: WidgetRects, title: str, label: str, is_open: bool = False) -> Iterator[bool]:
+def branch(items: WidgetRects, title: str, label: str, tip: str, is_open: bool = False) -> Iterator[bool]:
     """Draw a heading that unfolds what follows; yields True where it is unfolded. `is_open` unfolds it at first."""
     unfolded = imgui.tree_node_ex(title, imgui.TreeNodeFlags_.default_open if is_open else 0)
-    items.note(label)
+    items.note(label, tip)
     yield unfolded
     if unfolded:
         imgui.tree_pop()
@@ -371,24 +359,24 @@ def two_lines(text: str, width: float) -> str:
     return f"{text[: ends[-1]]}\n{shortened(text[ends[-1] :], width, 0.5)}"
 
 
-def named_cells(items: WidgetRects, name: str, *texts: str) -> None:
-    """Draw a figure's name and its texts in the next columns of a table's row, all with the tooltip of the name."""
+def named_cells(items: WidgetRects, name: str, tip: str, *texts: str) -> None:
+    """Draw a figure's name and its texts in the next columns of a table's row, all with the tooltip `tip`."""
     imgui.table_next_column()
     imgui.text(name)
-    items.note(name)
+    items.note(name, tip)
     for text in texts:
         imgui.table_next_column()
         imgui.text(text)
-        items.explain(name)
+        items.tip(tip)
 
 
-def headings(columns: tuple[str, ...], items: WidgetRects) -> None:
-    """Draw the headings of a table with the tooltips of `column NAME`, after its columns are set up."""
+def headings(columns: Mapping[str, str], items: WidgetRects) -> None:
+    """Draw the headings of a table, given with their tooltips, after its columns are set up."""
     imgui.table_next_row(imgui.TableRowFlags_.headers)
-    for number, name in enumerate(columns):
+    for number, (name, tip) in enumerate(columns.items()):
         if imgui.table_set_column_index(number):
             imgui.table_header(name)
-            items.note(f"column {name.partition('##')[0] or 'picture'}")
+            items.note(f"column {name.partition('##')[0] or 'picture'}", tip)
 
 
 def em(count: float) -> float:

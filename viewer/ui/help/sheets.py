@@ -28,11 +28,12 @@ class Sheet:
         is_open: Callable[[Session], bool],
         layer: str,
         hint: str,
+        tip: str,
     ) -> None:
-        """Make a sheet. `label` names it for scripts, `rows` gives (word, meaning) and ("", heading), `layer` is one of
-        `commands.closing.LAYERS`."""
+        """Make a sheet. `label` names it for scripts, `tip` is the tooltip of its title, `rows` gives (word, meaning) and
+        ("", heading), `layer` is one of `commands.closing.LAYERS`."""
         self._title, self._label, self._rows = title, label, rows
-        self._is_open, self._layer, self._hint = is_open, layer, hint
+        self._is_open, self._layer, self._hint, self._tip = is_open, layer, hint, tip
         self._text = ""
         self._was_open = False
         self._typing = False
@@ -50,7 +51,7 @@ class Sheet:
             imgui.set_next_window_focus()
         opened, stays = imgui.begin(self._title, True, DIALOG_FLAGS)
         # The title: a tooltip over the rows would hide them.
-        ui.rects.note(self._label)
+        ui.rects.note(self._label, self._tip)
         if opened:
             self._search(opening, ui)
             self._table(self._rows(ui.session))
@@ -84,7 +85,7 @@ class Sheet:
             imgui.set_keyboard_focus_here()
         _, self._text = imgui.input_text_with_hint("##search", "search", self._text)
         self._typing = imgui.is_item_active() or imgui.is_item_deactivated()
-        ui.rects.note(f"search {self._label}")
+        ui.rects.note(f"search {self._label}", "Shows only lines with this text.")
         imgui.same_line()
         imgui.text_disabled(self._hint)
 
@@ -111,6 +112,7 @@ def make_sheets() -> tuple[Sheet, ...]:
             lambda session: session.window.show_help,
             "window.show_help",
             "F1 closes this",
+            "All keys and mouse gestures.",
         ),
         Sheet(
             "Glossary",
@@ -119,5 +121,6 @@ def make_sheets() -> tuple[Sheet, ...]:
             lambda session: session.window.show_glossary,
             "window.show_glossary",
             "Escape closes this",
+            "Terms of this program.",
         ),
     )

@@ -27,6 +27,8 @@ class Panel:
     """Panel of the window."""
 
     title: str
+    tip: str
+    """Tooltip of its tab."""
     place: Place
     """Place at first; panels of one place are tabs, the first in front."""
     draw: Callable[[UiFrame], None]
@@ -44,17 +46,56 @@ def make_panels(background: Background) -> tuple[Panel, ...]:
     textures, groups, memory, log = TexturesPanel(), GroupsPanel(background), MemoryPanel(), LogPanel()
     training = TrainingPanel()
     return (
-        Panel("Compare", "upper", ComparePanel().draw),
-        Panel("Training", "upper", training.draw),
-        Panel("Scene", "upper", lambda ui: draw_scene_panel(ui, lists)),
-        Panel("Textures", "upper", textures.draw),
-        Panel("Groups", "upper", groups.draw),
-        Panel("Light", "lower", draw_light_panel),
-        Panel("Memory", "lower", memory.draw),
-        Panel("Timings", "lower", lambda ui: draw_timings_panel(ui, plot)),
-        Panel("Divergence", "lower", draw_divergence_panel, lambda session: session.view.overlay.kind == "divergence"),
-        Panel("Pixel", "lower", draw_pixel_panel, _on_request("Pixel")),
-        Panel("Errors", "lower", draw_errors_panel, _on_request("Errors")),
-        Panel("Histogram", "lower", histogram.draw, _on_request("Histogram")),
-        Panel("Log", "lower", log.draw, _on_request("Log")),
+        Panel(
+            "Compare",
+            "What slots A and B show, how the picture compares them, and the figures of both.",
+            "upper",
+            ComparePanel().draw,
+        ),
+        Panel("Training", "Encode the scene, or continue training its pack while you look.", "upper", training.draw),
+        Panel(
+            "Scene",
+            "The open file: cameras, nodes, materials, and what is missing or ignored.",
+            "upper",
+            lambda ui: draw_scene_panel(ui, lists),
+        ),
+        Panel("Textures", "All textures of the scene, with their figures in slot A's pack.", "upper", textures.draw),
+        Panel("Groups", "Groups of slot A's pack: the textures that share one decoder.", "upper", groups.draw),
+        Panel("Light", "View of the materials, and the light of the scene.", "lower", draw_light_panel),
+        Panel("Memory", "Bytes of the original textures, and of what slots A and B show.", "lower", memory.draw),
+        Panel(
+            "Timings",
+            "Time of each step of drawing in milliseconds, over the last 300 frames.",
+            "lower",
+            lambda ui: draw_timings_panel(ui, plot),
+        ),
+        Panel(
+            "Divergence",
+            "Number of different decoders in each block of pixels: the map, its colours and its figures.",
+            "lower",
+            draw_divergence_panel,
+            lambda session: session.view.overlay.kind == "divergence",
+        ),
+        Panel(
+            "Pixel",
+            "Pixels around the mouse, enlarged, with their values in A and B.",
+            "lower",
+            draw_pixel_panel,
+            _on_request("Pixel"),
+        ),
+        Panel(
+            "Errors",
+            "Textures or decoders by the difference between A and B, worst first.",
+            "lower",
+            draw_errors_panel,
+            _on_request("Errors"),
+        ),
+        Panel(
+            "Histogram",
+            "Number of pixels by the difference between A and B.",
+            "lower",
+            histogram.draw,
+            _on_request("Histogram"),
+        ),
+        Panel("Log", "All messages of this session with their times.", "lower", log.draw, _on_request("Log")),
     )

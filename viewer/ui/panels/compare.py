@@ -9,6 +9,7 @@ from viewer.state.pack_files import source_label
 from viewer.state.view_state import Side, Slot, is_image_source
 from viewer.ui.controls import command_button, control, radio_buttons
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import FIGURES
 from viewer.ui.widgets import (
     beside,
     box_width,
@@ -23,6 +24,8 @@ from viewer.ui.widgets import (
 )
 
 FIGURES_IN_A_ROW = 3
+COPY_FIGURES = "Copy the figures to the clipboard, as a table in Markdown."
+SAVE_FIGURES = "Save the figures as JSON, with the picture and a chart of the costs as PNGs."
 
 
 def figures_state(ui: UiFrame) -> str:
@@ -57,7 +60,7 @@ def draw_live_figures(ui: UiFrame) -> None:
     """Draw PSNR, SSIM, FLIP, and the perceptual measures that are installed, of A against B."""
     control(ui, "compare.live", label="live figures", title="A against B")
     disabled_beside(figures_state(ui))
-    ui.rects.note("figures state")
+    ui.rects.note("figures state", "Which picture the figures below belong to, or why there are none.")
     live = ui.facts.live
     found = live.comparison
     texts = (
@@ -71,14 +74,14 @@ def draw_live_figures(ui: UiFrame) -> None:
         for name, text in texts:
             imgui.table_next_column()
             imgui.text_disabled(name)
-            ui.rects.note(name)
+            ui.rects.note(name, FIGURES[name])
             imgui.table_next_column()
             if live.is_current:
                 imgui.text(text)
             else:
                 imgui.text_disabled(text)
         imgui.end_table()
-    ui.rects.note("live table")
+    ui.rects.note("live table", "A against B over the pixels that show the scene, in 8-bit sRGB.")
     if found is not None and found.problem:
         imgui.text_wrapped(found.problem)
 
@@ -99,7 +102,10 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     waits = ui.session.awaited_formats.get(side)
     if waits is not None:
         disabled_beside(f"{waits}: encoding {ui.facts.encoding.get(waits, 0.0):.0%}")
-        ui.rects.note(f"{letter} encoding")
+        ui.rects.note(
+            f"{letter} encoding",
+            "The textures are being encoded in this format. The slot shows it when all are done.",
+        )
     elif not is_image_source(slot.source):
         if fits:
             imgui.same_line()
@@ -164,18 +170,18 @@ def _figures(ui: UiFrame) -> None:
         disabled_beside("PSNR, size, memory, time")
         return
     imgui.same_line()
-    command_button(ui, "Copy", "compare.copy-figures", small=True, label="copy figures")
+    command_button(ui, "Copy", "compare.copy-figures", small=True, label="copy figures", tip=COPY_FIGURES)
     imgui.same_line()
-    command_button(ui, "Save", "compare.save-figures", small=True, label="save figures")
+    command_button(ui, "Save", "compare.save-figures", small=True, label="save figures", tip=SAVE_FIGURES)
     disabled_beside("in this view" if inspection.measured_view == ui.session.view else "in an earlier view")
     if not imgui.begin_table("figures", 3, imgui.TableFlags_.borders_inner_v | imgui.TableFlags_.sizing_stretch_prop):
         return
     for heading in ("", "A", "B"):
         imgui.table_setup_column(heading)
-    headings(("##figure", "A", "B"), ui.rects)
+    headings({name: FIGURES[f"column {name}"] for name in ("figure", "A", "B")}, ui.rects)
     for name, values in figure_rows(inspection.measurements).items():
         imgui.table_next_row()
-        named_cells(ui.rects, name, *values)
+        named_cells(ui.rects, name, FIGURES[name], *values)
     imgui.end_table()
     imgui.begin_group()
     for kind, bars in cost_bars(inspection.measurements, ui.session.compressed).items():
@@ -185,7 +191,10 @@ def _figures(ui: UiFrame) -> None:
     for line in absent_formats():
         wrapped_disabled(line)
     imgui.end_group()
-    ui.rects.note("costs")
+    ui.rects.note(
+        "costs",
+        "Costs of each source beside the largest. PSNR of A and B is of the picture, of other formats of textures.",
+    )
 
 
 class ComparePanel:

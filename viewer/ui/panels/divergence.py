@@ -8,6 +8,7 @@ from viewer.inspect.picking import BlockContent
 from viewer.state.view_state import is_image_source
 from viewer.ui.controls import command_button, control
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import FIGURES
 from viewer.ui.theme import side_ink
 from viewer.ui.widgets import beside, counted, list_width, named_cells
 
@@ -53,9 +54,9 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) ->
             imgui.text_colored(side_ink(side), side.upper())
         for name, texts in rows.items():
             imgui.table_next_row()
-            named_cells(ui.rects, name, *texts)
+            named_cells(ui.rects, name, FIGURES[name], *texts)
         imgui.end_table()
-        ui.rects.note("divergence figures")
+        ui.rects.note("divergence figures", "Divergence of the decoders for A and B.")
     if len(sides) == 2:
         first, second = (figures.excess for _, figures in sides.values())
         cut = cut_percent(first, second)
@@ -89,7 +90,7 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> N
                     shift = 0.4 * (number - (len(sides) - 1) / 2.0)
                     implot.plot_bars(label, counts + shift, shares, 0.38, spec)
             implot.end_plot()
-        ui.rects.note(title)
+        ui.rects.note(title, FIGURES[title])
         if not cumulative:
             imgui.same_line()
 
@@ -99,7 +100,7 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
     imgui.text(f"block {block.place.column}, {block.place.row}")
     imgui.same_line()
     if kept:
-        command_button(ui, "release", "block.keep-at", None, small=True)
+        command_button(ui, "release", "block.keep-at", None, tip="Follow the mouse again.", small=True)
     else:
         imgui.text_disabled("click to keep")
     slots = {"A": ui.session.view.slot_a.source, "B": ui.session.view.slot_b.source}
@@ -117,7 +118,10 @@ def _block(block: BlockContent, ui: UiFrame) -> None:
         imgui.text(texture.name)
         imgui.text_disabled(", ".join([counted(texture.pixels, "pixel"), *of_texture]))
         imgui.end_group()
-        ui.rects.note(f"block texture {texture.texture_id}")
+        ui.rects.note(
+            f"block texture {texture.texture_id}",
+            "A texture in this block, with its pixels and its decoder in A and B.",
+        )
     if len(block.textures) > TEXTURES_SHOWN:
         imgui.text_disabled(f"and {len(block.textures) - TEXTURES_SHOWN} more")
 

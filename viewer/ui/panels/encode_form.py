@@ -40,7 +40,7 @@ def _list(label: str, current: str, choices: tuple[str, ...], arg: Arg, ui: UiFr
         return sentence(arg.values[text]) if text in arg.values else value_text(text)
 
     imgui.set_next_item_width(list_width(*map(name, choices)))
-    return combo(label, current, choices, ui.rects, name=name, tip=sentence(arg.help), about=about)
+    return combo(label, current, choices, ui.rects, sentence(arg.help), name=name, about=about)
 
 
 class Field:
@@ -137,7 +137,7 @@ class GroupingFields:
         """Draw why a typed value is not taken."""
         if self.problem:
             imgui.text_wrapped(self.problem)
-            ui.rects.note("form problem")
+            ui.rects.note("form problem", "A value above is wrong.")
 
 
 class EncodeForm(GroupingFields):
@@ -204,7 +204,7 @@ class EncodeForm(GroupingFields):
         whole = [index for index, texture in enumerate(scene.textures) if has_source(texture, plan.chosen_maps)]
         title = f"{len(ids)} of {counted(len(whole), 'texture')}###which textures"
         opened = imgui.tree_node(title)
-        ui.rects.note("which textures")
+        ui.rects.note("which textures", "Textures to encode: open the list to leave some out.")
         if not opened:
             return
         if imgui.begin_child("list of textures", imgui.ImVec2(0, em(MOST_LISTED)), imgui.ChildFlags_.borders):
@@ -227,7 +227,11 @@ class EncodeForm(GroupingFields):
             wrapped_disabled("The scene has no textures to encode.")
             return
         imgui.text_wrapped(forecast.line())
-        ui.rects.note("forecast")
+        ui.rects.note(
+            "forecast",
+            "What this choice gives: file size, PSNR of all textures, and the time. Parts of the largest textures "
+            "were encoded to know that; the result differs a little.",
+        )
         if rates.is_busy:
             imgui.text_disabled("measuring rate curves ...")
         elif forecast.psnr_db is None and codec_named(plan.codec_kind).default_target is not None:

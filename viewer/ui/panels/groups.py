@@ -11,11 +11,13 @@ from viewer.jobs.job import Background
 from viewer.state.session import Session
 from viewer.ui.controls import command_button, select_texture
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import FIGURES
 from viewer.ui.widgets import cells, counted, decibels, headings, sort_order
 
 THUMBNAIL_LINES = 1.6
 LIST_LINES = 6.5
 """Largest height of the list of groups, in rows."""
+TRAIN_GROUP = "Continue training this group alone; all others stay unchanged."
 COLUMNS = ("group", "members", "mip 0 dB", "worst dB")
 
 
@@ -112,7 +114,7 @@ class GroupsPanel:
         imgui.table_setup_scroll_freeze(0, 1)
         for number, name in enumerate(COLUMNS):
             imgui.table_setup_column(name, 0, 0.0, number)
-        headings(COLUMNS, ui.rects)
+        headings({name: FIGURES[f"column {name}"] for name in COLUMNS}, ui.rects)
         self._sort()
         clipper = imgui.ListClipper()
         clipper.begin(len(self._shown))
@@ -124,7 +126,7 @@ class GroupsPanel:
                 span = imgui.SelectableFlags_.span_all_columns
                 if imgui.selectable(str(row.group), row.group == self._chosen, span)[0]:
                     self._chosen = row.group
-                ui.rects.note(f"group {row.group}")
+                ui.rects.note(f"group {row.group}", "Click: list the members of this group below.")
                 absent = f" + {row.absent} not here" if row.absent else ""
                 cells(f"{len(row.members)}{absent}", decibels(row.psnr_db), decibels(row.worst_db))
         imgui.end_table()
@@ -148,8 +150,14 @@ class GroupsPanel:
     def _group(self, ui: UiFrame, pack: Pack, decoders: tuple[int, ...]) -> None:
         row = self._rows[self._chosen]
         imgui.text(quality_text(row))
-        ui.rects.note("group PSNR")
-        command_button(ui, f"Train group {row.group}", "training.retrain", str(row.group), label="Train group")
+        ui.rects.note(
+            "group PSNR",
+            "PSNR in dB of the mean square error of mip 0 of the group's textures: higher is better. Left of an arrow "
+            "is the PSNR in the pack that training replaced.",
+        )
+        command_button(
+            ui, f"Train group {row.group}", "training.retrain", str(row.group), label="Train group", tip=TRAIN_GROUP
+        )
         distances = self._distances(ui, pack, decoders)
         by_texture = distances.by_texture if isinstance(distances, GroupDistances) else {}
         members = sorted(row.members, key=lambda texture: -by_texture.get(texture, 0.0))
@@ -174,7 +182,11 @@ class GroupsPanel:
         )[0]:
             select_texture(ui, texture)
             self._followed = texture
-        ui.rects.note(f"member {texture}")
+        ui.rects.note(
+            f"member {texture}",
+            "A texture of the group. Click selects it in all panels; double-click opens the flat view. The bar is its "
+            "distance from the group's centroid, in features.",
+        )
         imgui.set_cursor_pos(at)
         if ui.facts.thumbnail is not None:
             imgui.image(ui.facts.thumbnail(texture), ImVec2(side, side))

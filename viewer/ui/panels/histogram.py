@@ -48,4 +48,7 @@ class HistogramPanel:
                 spec = implot.Spec(line_color=ink(name), line_weight=1.5)
                 implot.plot_stairs(name, steps - 0.5, counts, spec)
             implot.end_plot()
-        ui.rects.note("histogram")
+        ui.rects.note(
+            "histogram",
+            "Number of pixels by difference, for red, green and blue. Across: steps of 8-bit sRGB. Up: pixels, logarithmic.",
+        )

@@ -23,7 +23,7 @@ def _draw_environment(ui: UiFrame) -> None:
     imgui.set_next_item_width(-1.0)
     shown = Path(environment).name
     tip = f"{field_text(Lighting, 'environment')} You can drop a panorama on the window."
-    chosen = combo("environment", shown, tuple(dict.fromkeys((*OWN_ENVIRONMENTS, shown))), ui.rects, tip=tip)
+    chosen = combo("environment", shown, tuple(dict.fromkeys((*OWN_ENVIRONMENTS, shown))), ui.rects, tip)
     if chosen != shown:
         ui.emit("light.environment", Path(chosen))
     if environment != SKY:

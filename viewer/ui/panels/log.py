@@ -20,10 +20,10 @@ class LogPanel:
     def draw(self, ui: UiFrame) -> None:
         """Draw the content of the panel."""
         log = ui.session.window.log
-        copy_button(ui, "copy all", "copy log", log.text)
+        copy_button(ui, "copy all", "copy log", "Copy all messages to the clipboard.", log.text)
         imgui.same_line()
         _, self._errors_only = imgui.checkbox("errors only", self._errors_only)
-        ui.rects.note("errors only")
+        ui.rects.note("errors only", "Show only errors.")
         imgui.same_line()
         imgui.text_disabled(counted(len(log), "message"))
         if imgui.begin_child("lines"):
@@ -42,7 +42,9 @@ class LogPanel:
         at, width = imgui.get_cursor_pos(), imgui.get_content_region_avail().x
         height = imgui.calc_text_size(text, wrap_width=width).y
         chosen = imgui.selectable(f"##{entry.number}", self._expanded == entry.number, size=ImVec2(0, height))[0]
-        ui.rects.note(f"log {entry.number}")
+        ui.rects.note(
+            f"log {entry.number}", "A message with its time. A click shows the details of a line that begins with +."
+        )
         if imgui.is_item_visible():
             imgui.set_cursor_pos(at)
             wrapped(text, color if entry.kind == "error" else imgui.get_style().color_(imgui.Col_.text))
@@ -51,6 +53,12 @@ class LogPanel:
         if self._expanded != entry.number:
             return
         imgui.indent()
-        copy_button(ui, f"copy##{entry.number}", f"copy log {entry.number}", entry.whole)
+        copy_button(
+            ui,
+            f"copy##{entry.number}",
+            f"copy log {entry.number}",
+            "Copy this message with its details to the clipboard.",
+            entry.whole,
+        )
         imgui.text_wrapped(entry.details or entry.text)
         imgui.unindent()

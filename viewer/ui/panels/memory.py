@@ -64,11 +64,14 @@ class MemoryPanel:
     def draw(self, ui: UiFrame) -> None:
         """Draw the content of the panel."""
         self._update(ui)
-        copy_button(ui, "copy", "copy memory", self.text)
+        copy_button(ui, "copy", "copy memory", "Copy the table to the clipboard.", self.text)
         disabled_beside("ratio to RGBA8 of equal size")
         for note in self._notes:
             imgui.text_wrapped(note)
-            ui.rects.note("encoded smaller")
+            ui.rects.note(
+                "encoded smaller",
+                "Fewer texels are not compression: a pack is compared with originals of its own size.",
+            )
         self._bars(ui)
         if not imgui.begin_table("memory", 3, imgui.TableFlags_.row_bg):
             return
@@ -106,7 +109,7 @@ class MemoryPanel:
             draw.add_rect_filled(at, end, imgui.get_color_u32(faded), 2.0)
             name = row.name if title == row.name else f"{title.split(':')[0]} {row.name}"
             imgui.text(f"{name}  {megabytes(row.bytes)}")
-        ui.rects.note("memory bars")
+        ui.rects.note("memory bars", "Bytes of the original textures, of BC7, and of what A and B show.")
         imgui.separator()
 
 

@@ -6,6 +6,7 @@ from viewer.inspect.picking import REACH, PixelContent, PixelPatch
 from viewer.state.view_state import Slot, is_image_source
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import FIGURES
 from viewer.ui.theme import side_ink
 from viewer.ui.widgets import cells, em, grid
 
@@ -49,9 +50,13 @@ def _values(pixel: PixelContent, ui: UiFrame) -> None:
             continue
         linear, srgb = patch.middle
         cells(" ".join(f"{value:3d}" for value in srgb))
-        ui.rects.note(f"{side.upper()} 8-bit sRGB")
+        ui.rects.note(
+            f"{side.upper()} 8-bit sRGB", "Red, green and blue of the pixel in this slot in 8-bit sRGB, 0 to 255."
+        )
         cells("  ".join(f"{value:.4f}" for value in linear))
-        ui.rects.note(f"{side.upper()} linear")
+        ui.rects.note(
+            f"{side.upper()} linear", "Red, green and blue of the pixel in this slot in linear light, 0 to 1."
+        )
     if pixel.a is not None and pixel.b is not None:
         first, second = pixel.a.middle, pixel.b.middle
         imgui.table_next_row()
@@ -96,9 +101,10 @@ def _facts(pixel: PixelContent, ui: UiFrame) -> None:
             imgui.table_next_row()
             imgui.table_next_column()
             imgui.text_disabled(name)
-            ui.rects.note(f"pixel {name}")
+            tip = FIGURES[f"pixel {name.partition(' of ')[0]}"]
+            ui.rects.note(f"pixel {name}", tip)
             cells(text)
-            ui.rects.explain(f"pixel {name}")
+            ui.rects.tip(tip)
         imgui.end_table()
 
 
@@ -112,16 +118,18 @@ def draw_pixel_panel(ui: UiFrame) -> None:
     imgui.text(f"{place.x}, {place.y} of {place.picture[0]} x {place.picture[1]}")
     imgui.same_line()
     if ui.session.inspection.pixel is not None:
-        command_button(ui, "release", "pixel.let-go", label="let the pixel go", small=True)
+        command_button(
+            ui, "release", "pixel.let-go", label="let the pixel go", tip="Follow the mouse again.", small=True
+        )
     else:
         imgui.text_disabled("click to keep")
     cell = min(em(LARGEST_CELL), (imgui.get_content_region_avail().x - grid(2)) / (2 * SIDE))
     cell = max(2.0, float(int(cell)))
     _patch(pixel.a, place.inside, cell)
-    ui.rects.note("pixels of A")
+    ui.rects.note("pixels of A", "Pixels around the mouse, enlarged, with a frame around the middle one.")
     imgui.same_line()
     _patch(pixel.b, place.inside, cell)
-    ui.rects.note("pixels of B")
+    ui.rects.note("pixels of B", "Pixels around the mouse, enlarged, with a frame around the middle one.")
     _values(pixel, ui)
     _facts(pixel, ui)
-    ui.rects.note("pixel")
+    ui.rects.note("pixel", "Values of the middle pixel.")

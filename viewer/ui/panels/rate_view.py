@@ -68,7 +68,7 @@ class RateView:
             imgui.text_disabled("measuring further points ...")
         else:
             wrapped_disabled(reason or "Drag to a bitrate to encode the texture again with it.")
-        ui.rects.note("rate text")
+        ui.rects.note("rate text", "What the bitrate under the mouse gives.")
 
     @staticmethod
     def _missing(row: TextureRow, ui: UiFrame) -> None:
@@ -81,7 +81,7 @@ class RateView:
             wrapped_disabled("measuring PSNR at several bitrates ...")
         elif imgui.small_button("Measure PSNR at several bitrates"):
             ui.emit("training.measure-rates", str(row.texture_id))
-        ui.rects.note("rate text")
+        ui.rects.note("rate text", "What the bitrate under the mouse gives.")
 
     def _draw_question(self, curve: RateCurve, ui: UiFrame) -> None:
         """Draw the question how many bits a quality needs, and its answer."""
@@ -134,7 +134,11 @@ class RateView:
             spec = implot.Spec(line_color=ink("a"), line_weight=1.5)
             implot.plot_inf_lines("dragged", np.array([self._dragged]), spec)
         implot.end_plot()
-        ui.rects.note("rate curve")
+        ui.rects.note(
+            "rate curve",
+            "PSNR of mip 0 in dB by bits per texel, measured on parts of the texture. The dot is the pack in slot A; "
+            "its codes can hold the bitrates of the thick part. Drag to a bitrate to encode the texture again.",
+        )
 
     def _follow_mouse(self, reach: tuple[float, float] | None, index: int, ui: UiFrame) -> None:
         """Follow a drag over the plot, and encode the texture anew where it ends."""

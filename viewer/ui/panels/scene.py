@@ -8,14 +8,25 @@ from viewer.scene.report import KINDS, report_lines
 from viewer.state.motion import chosen_animation
 from viewer.ui.controls import command_button, control, copy_button, select_texture
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import FIGURES
 from viewer.ui.widgets import branch
+
+NODES = "Nodes of the file, with the meshes that they place."
+MATERIALS = "Materials of the file, each with its texture."
+LOAD_REPORT = "What of the file is shown, ignored, missing or repaired."
 
 
 def draw_time_line(ui: UiFrame) -> None:
     """Draw the time line of the animations: play, time, speed."""
     session = ui.session
     animations = session.scene.animations
-    with branch(ui.rects, f"animations ({len(animations)})###animations", "animations", True) as unfolded:
+    with branch(
+        ui.rects,
+        f"animations ({len(animations)})###animations",
+        "animations",
+        "Time line of the scene's animations.",
+        True,
+    ) as unfolded:
         if unfolded and animations:
             _draw(ui)
         elif unfolded:
@@ -40,7 +51,7 @@ def _draw(ui: UiFrame) -> None:
     at = pose.seconds if pose is not None else 0.0
     label = f"%.2f of {shown.seconds:.2f} s" if pose is not None else f"at rest; {shown.seconds:.2f} s"
     moved, seconds = imgui.slider_float("##time", at, 0.0, shown.seconds, label, imgui.SliderFlags_.always_clamp)
-    ui.rects.note("time")
+    ui.rects.note("time", "Time in the animation, in seconds from its beginning.")
     if moved:
         ui.emit("animation.time", max(0.0, seconds), shown.name)
 
@@ -62,13 +73,13 @@ class SceneLists:
             self._find(scene, self._tree)
         imgui.set_next_item_width(-1)
         changed, self._filter = imgui.input_text_with_hint("##nodes", "find nodes and materials", self._filter)
-        ui.rects.note("scene filter")
+        ui.rects.note("scene filter", "Shows nodes and materials whose names have all these words.")
         if changed:
             self._find(scene, self._tree)
-        with branch(ui.rects, f"nodes ({self._tree.node_count:,})###nodes", "nodes") as unfolded:
+        with branch(ui.rects, f"nodes ({self._tree.node_count:,})###nodes", "nodes", NODES) as unfolded:
             if unfolded:
                 self._nodes(self._tree, ui)
-        with branch(ui.rects, f"materials ({len(self._materials):,})###materials", "materials") as unfolded:
+        with branch(ui.rects, f"materials ({len(self._materials):,})###materials", "materials", MATERIALS) as unfolded:
             if unfolded:
                 self._material_rows(ui)
 
@@ -93,13 +104,15 @@ class SceneLists:
                     sign = "-" if tree.is_expanded(row.node) else "+"
                     if imgui.selectable(f"{sign} {row.label}##node {row.node}", False)[0]:
                         toggled = row.node
-                    ui.rects.note(f"node {row.node}")
+                    ui.rects.note(f"node {row.node}", "Click expands or collapses the node.")
                     continue
                 imgui.set_cursor_pos_x(imgui.get_cursor_pos_x() + indent)
                 chosen = 0 <= row.texture_id == ui.session.inspection.selected_texture
                 if imgui.selectable(f"{row.label}##instance {row.instance}", chosen)[0] and row.texture_id >= 0:
                     ui.emit("texture.select", str(row.texture_id))
-                ui.rects.note(f"instance {row.instance}")
+                ui.rects.note(
+                    f"instance {row.instance}", "A mesh of this node. Click selects its texture in all panels."
+                )
         if toggled is not None:
             # After the loop: the rows must not change under the clipper.
             tree.toggle(toggled)
@@ -117,20 +130,29 @@ class SceneLists:
                 chosen = imgui.selectable(
                     f"{text}##material {number}", 0 <= texture == ui.session.inspection.selected_texture, flags
                 )[0]
-                ui.rects.note(f"material {number}")
+                ui.rects.note(
+                    f"material {number}",
+                    "Click selects the material's texture in all panels; double-click opens its flat view.",
+                )
                 if chosen and texture >= 0:
                     select_texture(ui, texture)
 
 
 def _report(scene: Scene, ui: UiFrame) -> None:
-    with branch(ui.rects, "load report", "load report", True) as unfolded:
+    with branch(ui.rects, "load report", "load report", LOAD_REPORT, True) as unfolded:
         if not unfolded:
             return
-        copy_button(ui, "copy report", "copy report", lambda: "\n".join(report_lines(scene)))
+        copy_button(
+            ui,
+            "copy report",
+            "copy report",
+            "Copy the whole report to the clipboard.",
+            lambda: "\n".join(report_lines(scene)),
+        )
         for name in KINDS:
             lines: tuple[str, ...] = getattr(scene.report, name)
             if lines:
-                with branch(ui.rects, f"{name} ({len(lines)})", name, name == "missing") as shown:
+                with branch(ui.rects, f"{name} ({len(lines)})", name, FIGURES[name], name == "missing") as shown:
                     for line in lines if shown else ():
                         imgui.text_wrapped(line)
 
@@ -148,12 +170,18 @@ def draw_scene_panel(ui: UiFrame, lists: SceneLists) -> None:
     command_button(ui, "Open...", "file.open")
     imgui.same_line()
     command_button(ui, "Frame all", "camera.frame-all")
-    with branch(ui.rects, f"cameras ({len(scene.cameras)})", "cameras", True) as unfolded:
+    with branch(
+        ui.rects,
+        f"cameras ({len(scene.cameras)})",
+        "cameras",
+        "Cameras of the file. Keys 1 to 9 go to the first nine.",
+        True,
+    ) as unfolded:
         for number, camera in enumerate(scene.cameras if unfolded else ()):
             label = f"{number + 1}  {camera.name}"
             if imgui.selectable(label, ui.session.view.camera == camera)[0]:
                 ui.emit("camera.set", camera)
-            ui.rects.note(f"camera {camera.name}")
+            ui.rects.note(f"camera {camera.name}", "Go to this camera of the scene. Keys 1 to 9 go to the first nine.")
     draw_time_line(ui)
     lists.draw(ui)
     _report(scene, ui)

@@ -16,6 +16,7 @@ from viewer.inspect.texture_table import (
 from viewer.state.pack_files import pack_figures
 from viewer.ui.controls import select_texture
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import FIGURES
 from viewer.ui.panels.rate_view import RateView
 from viewer.ui.widgets import decibels, em, headings, sort_order, two_lines
 
@@ -75,7 +76,10 @@ class TexturesPanel:
         source = ui.session.view.slot_a.source
         imgui.set_next_item_width(-1)
         _, self._filter = imgui.input_text_with_hint("##filter", "filter by name, category or group:3", self._filter)
-        ui.rects.note("texture filter")
+        ui.rects.note(
+            "texture filter",
+            "Shows textures whose name or category has all these words; group:3 shows those of a group.",
+        )
         flags = (
             imgui.TableFlags_.sortable
             | imgui.TableFlags_.hideable
@@ -118,7 +122,7 @@ class TexturesPanel:
             imgui.table_setup_column(
                 column, flags, name if column == "name" else em(WIDTHS.get(column, MAP_WIDTH)), number
             )
-        headings(("##picture", *COLUMNS), ui.rects)
+        headings({name: FIGURES[f"column {name.strip('#')}"] for name in ("##picture", *COLUMNS)}, ui.rects)
 
     def _update(self, ui: UiFrame, source: str) -> None:
         """Update the rows where something about them has changed."""
@@ -178,7 +182,7 @@ class TexturesPanel:
         clicked = imgui.selectable(f"##{row.texture_id}", is_selected, flags, ImVec2(0, side))[0]
         label = f"texture {row.texture_id}"
         image = ui.facts.thumbnail(row.texture_id) if ui.facts.thumbnail is not None else None
-        about = f"{row.name}, {row.width} x {row.height}\n{ui.rects.explanation('texture #')}"
+        about = f"{row.name}, {row.width} x {row.height}\nClick selects the texture in all panels; double-click opens the flat view."
         ui.rects.note(label, about, image=image)
         if clicked:
             select_texture(ui, row.texture_id)

@@ -67,7 +67,7 @@ class TimingsPlot:
             line = implot.Spec(line_color=imgui.get_style_color_vec4(imgui.Col_.text), line_weight=1.5)
             implot.plot_line("frame", self._frames, self._wall, line)
             implot.end_plot()
-        ui.rects.note("times")
+        ui.rects.note("times", "Time of each frame in ms: areas are steps of drawing, the line is the whole frame.")
         if self._beyond:
             imgui.text_disabled(self._beyond)
 
@@ -113,7 +113,9 @@ def draw_timings_panel(ui: UiFrame, plot: TimingsPlot) -> None:
     imgui.text_wrapped(ui.facts.renderer)
     imgui.text_disabled(f"medians by {ui.facts.frame.timer}")
     imgui.same_line()
-    copy_button(ui, "copy", "copy timings", lambda: timings_text(ui.facts))
+    copy_button(
+        ui, "copy", "copy timings", "Copy all figures of this panel to the clipboard.", lambda: timings_text(ui.facts)
+    )
     if ui.facts.history is not None:
         plot.draw(ui.facts.history, ui)
     if imgui.begin_table("timings", 2, imgui.TableFlags_.sizing_stretch_prop):

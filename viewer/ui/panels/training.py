@@ -19,6 +19,7 @@ from viewer.training.run_figures import figures_of_run, figures_under_way, loss_
 from viewer.training.run_log import ActiveRun, Curves, Run
 from viewer.ui.controls import command_button
 from viewer.ui.facts import UiFrame
+from viewer.ui.help.texts import FIGURES
 from viewer.ui.panels.encode_form import EncodeForm
 from viewer.ui.panels.training_forms import TrainingForms
 from viewer.ui.theme import INKS, ink
@@ -65,7 +66,10 @@ class TrainingCurves:
                 spec = implot.Spec(line_color=ink("a"), line_weight=1.5)
                 implot.plot_line(_name(texture, names), seconds, curves.array(curves.psnr_db[texture]), spec)
             implot.end_plot()
-        ui.rects.note("PSNR curve")
+        ui.rects.note(
+            "PSNR curve",
+            "PSNR in dB over the training: the thick line is the mean of all textures, the blue one the chosen texture.",
+        )
         imgui.text_wrapped(
             "thick line: mean" + (f"; blue line: {_name(texture, names)}" if texture is not None else "")
         )
@@ -84,7 +88,7 @@ class TrainingCurves:
             for group, curve in sorted(curves.losses.items()):
                 implot.plot_line(f"{group}", seconds, curves.array(curve), implot.Spec(line_weight=1.5))
             implot.end_plot()
-        ui.rects.note("loss by group")
+        ui.rects.note("loss by group", "Loss that training minimises, for each group: lower is better.")
 
     def _chosen(self, curves: Curves) -> int | None:
         if self._texture in curves.psnr_db:
@@ -96,13 +100,20 @@ class TrainingCurves:
         choices = {WORST: None, **{_name(texture, names): texture for texture in sorted(curves.psnr_db)}}
         current = next((label for label, texture in choices.items() if texture == self._texture), WORST)
         imgui.set_next_item_width(-1)
-        self._texture = choices[combo("curve of", current, tuple(choices), ui.rects)]
+        self._texture = choices[
+            combo("curve of", current, tuple(choices), ui.rects, "Texture whose PSNR is drawn in blue.")
+        ]
 
 
 def _name(texture: int, names: Sequence[str]) -> str:
     return f"{texture} {names[texture]}" if texture < len(names) else str(texture)
 
 
+CURVES = "Loss and PSNR over the last run."
+SHOW_RUN = "Show the pack of this run in this slot."
+SHOW_UNSAVED_RUN = "Show the pack of the last run of this scene that was neither kept nor discarded."
+KEEP_RUN = "Write the pack of this run beside the scene; for a built-in scene into the user's data folder."
+DISCARD_RUN = "Delete the pack of this run. Until the window closes, Keep still writes it."
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
 STATES = {
     "preparing": "preparing textures and groups",
@@ -134,7 +145,7 @@ class TrainingPanel:
             name = base_pack_name(ui.session.view, ui.session.packs)
             self._forms.draw(ui.session.packs[name] if name is not None else None, name or "", ui)
             if ui.training.curves is not None and len(ui.training.curves.seconds) > 1:
-                with branch(ui.rects, "curves of the last run", "curves of the last run") as opened:
+                with branch(ui.rects, "curves of the last run", "curves of the last run", CURVES) as opened:
                     pack = log.runs[-1].pack if log.runs and opened else None
                     names = [texture.name for texture in pack.textures] if pack is not None else []
                     kind = pack.config.kind if pack is not None else None
@@ -171,7 +182,11 @@ class TrainingPanel:
         command_button(ui, "Discard", "training.discard", missing=under_way, size=size)
         for line in figures_under_way(run) if run is not None else figures_of_run(ended) if ended is not None else ():
             imgui.text_wrapped(line)
-            ui.rects.note("training figure")
+            ui.rects.note(
+                "training figure",
+                "PSNR in dB of the mean square error: higher is better. Mip 0 is the largest mip; codec grid trains on "
+                "samples of all mips, whose PSNR is higher or lower. Left of an arrow is the PSNR before.",
+            )
         if run is not None and run.notes:
             imgui.text_wrapped(run.notes[-1])
 
@@ -185,7 +200,7 @@ def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
     # The text stands below: over the bar it would be hard to read.
     imgui.progress_bar(min(1.0, share), ImVec2(-1, grid(1.5)), "")
     imgui.pop_style_color()
-    ui.rects.note("progress")
+    ui.rects.note("progress", "Share of the work that is done.")
 
 
 def _state(run: ActiveRun | None, ended: Run | None) -> str:
@@ -209,7 +224,7 @@ def _log(ui: UiFrame) -> None:
         return
     for name in RUN_COLUMNS:
         imgui.table_setup_column(name, imgui.TableColumnFlags_.width_stretch if name == "what" else 0)
-    headings(RUN_COLUMNS, ui.rects)
+    headings({name: FIGURES[f"column {name}"] for name in RUN_COLUMNS}, ui.rects)
     shown = {"a": ui.session.view.slot_a.source, "b": ui.session.view.slot_b.source}
     for run in reversed(ui.training.log.runs):
         imgui.table_next_row()
@@ -237,7 +252,14 @@ def _log(ui: UiFrame) -> None:
             label = f"run {run.number} into {name}"
             values = (run.number, side)
             command_button(
-                ui, f"{name}##{run.number}", "training.show", *values, label=label, missing=missing, small=True
+                ui,
+                f"{name}##{run.number}",
+                "training.show",
+                *values,
+                label=label,
+                tip=SHOW_RUN,
+                missing=missing,
+                small=True,
             )
             imgui.same_line()
         imgui.new_line()
@@ -248,11 +270,15 @@ def _decision(run: Run, ui: UiFrame) -> None:
     """Draw the buttons that keep or discard a run, below its title."""
     if run.has_pack and run.saved is None:
         label = f"keep run {run.number}"
-        command_button(ui, f"Keep##{run.number}", "training.keep", Path(), run.number, label=label, small=True)
+        command_button(
+            ui, f"Keep##{run.number}", "training.keep", Path(), run.number, label=label, tip=KEEP_RUN, small=True
+        )
     if run.is_unsaved:
         imgui.same_line()
         label = f"discard run {run.number}"
-        command_button(ui, f"Discard##{run.number}", "training.discard", run.number, label=label, small=True)
+        command_button(
+            ui, f"Discard##{run.number}", "training.discard", run.number, label=label, tip=DISCARD_RUN, small=True
+        )
 
 
 OFFER_WIDTH, OFFER_HEIGHT = 21.0, 14.0
@@ -301,13 +327,13 @@ class EncodeOffer:
             imgui.text_wrapped("This scene has no pack.")
             if unsaved := ui.training.log.unsaved_runs:
                 title, values = f"Show the unsaved run {unsaved[-1].title}", (unsaved[-1].number, "a")
-                command_button(ui, title, "training.show", *values, label="Show unsaved run")
+                command_button(ui, title, "training.show", *values, label="Show unsaved run", tip=SHOW_UNSAVED_RUN)
             self._form.draw(ui)
             command_button(ui, "Encode it now", "training.encode", missing=self._form.problem)
             imgui.same_line()
             if imgui.button("Not now"):
                 self._answered_for = ui.session.scene
-            ui.rects.note("Not now")
+            ui.rects.note("Not now", "Close this card. The panel Training offers the same.")
             top = imgui.get_window_pos().y
         return replace(area, bottom=top) if self._corner[1] else area
 

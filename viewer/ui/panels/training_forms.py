@@ -13,6 +13,8 @@ from viewer.ui.widgets import combo, counted, em, labelled, list_width, wrapped_
 
 LIST_HEIGHT = 8.5
 """Height of the list of groups in font sizes."""
+TO_GROUP = "Group that the texture joins; new makes a group of its own."
+SHOW_TEXTURES = "Bring the panel Textures to the front."
 
 
 class TrainingForms:
@@ -46,14 +48,19 @@ class TrainingForms:
             self._pack = pack
         if imgui.begin_tab_bar("training forms"):
             trains = codec_named(pack.config.kind).trains
-            for label, form in (
-                ("Retrain" if trains else "Bits", self._retrain if trains else _bits),
-                ("Move", self._move),
-                ("Regroup", self._regroup),
-                ("Encode", self._encode_anew),
+            first = (
+                ("Retrain", self._retrain, "Continue training chosen groups of the pack.")
+                if trains
+                else ("Bits", _bits, "Encode single textures with more or fewer bits.")
+            )
+            for label, form, tip in (
+                first,
+                ("Move", self._move, "Move a texture into another group."),
+                ("Regroup", self._regroup, "Make new groups, and train those that changed."),
+                ("Encode", self._encode_anew, "Encode the scene into a new pack."),
             ):
                 shown = imgui.begin_tab_item(label)[0]
-                ui.rects.note(f"tab {label}")
+                ui.rects.note(f"tab {label}", tip)
                 if shown:
                     if label not in ("Encode", "Bits"):
                         wrapped_disabled(f"Continues from {name}: {counted(pack.grouping.group_count, 'group')}.")
@@ -99,11 +106,11 @@ class TrainingForms:
             ui.emit("training.point-out", frozenset(hovered))
         if imgui.small_button("all"):
             self._groups = set(range(pack.grouping.group_count))
-        ui.rects.note("all groups")
+        ui.rects.note("all groups", "Choose all groups.")
         imgui.same_line()
         if imgui.small_button("none"):
             self._groups = set()
-        ui.rects.note("no groups")
+        ui.rects.note("no groups", "Choose no group.")
         length = self._length(pack.config.kind, ui)
         groups = ",".join(map(str, sorted(self._groups)))
         title = f"Retrain {counted(len(self._groups), 'group')}" if self._groups else "Choose groups to retrain"
@@ -114,14 +121,14 @@ class TrainingForms:
         labels = tuple(f"{index} {t.name} (group {t.group})" for index, t in enumerate(pack.textures))
         labelled("texture")
         imgui.set_next_item_width(-1)
-        self._texture = labels.index(combo("texture", labels[self._texture], labels, ui.rects))
+        self._texture = labels.index(combo("texture", labels[self._texture], labels, ui.rects, "Texture to move."))
         own = pack.textures[self._texture].group
         targets = (*(str(group) for group in range(pack.grouping.group_count) if group != own), "new")
         if self._group not in targets:
             self._group = targets[0]
         labelled("to group")
         imgui.set_next_item_width(list_width(*targets))
-        self._group = combo("to group", self._group, targets, ui.rects)
+        self._group = combo("to group", self._group, targets, ui.rects, TO_GROUP)
         values = (str(self._texture), self._group, *self._length(pack.config.kind, ui))
         self._button(ui, "Move and train both groups", "training.move", *values)
 
@@ -137,7 +144,9 @@ def _bits(_pack: Pack, ui: UiFrame) -> None:
     wrapped_disabled(
         "Choose a texture in the panel Textures to see its PSNR by bits per texel, and to encode it with other bits."
     )
-    command_button(ui, "Show the panel Textures", "window.panel", "Textures", True, size=ImVec2(-1, 0))
+    command_button(
+        ui, "Show the panel Textures", "window.panel", "Textures", True, tip=SHOW_TEXTURES, size=ImVec2(-1, 0)
+    )
 
 
 def _group_lines(pack: Pack) -> list[str]:
