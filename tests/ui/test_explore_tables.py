@@ -21,7 +21,7 @@ from viewer.inspect.frame_times import axis_top, beyond_text, frame_ticks
 from viewer.inspect.group_table import centroid_distances, group_distances, group_rows, grouping_features
 from viewer.inspect.memory_table import pack_memory, scene_memory, size_pairs, smaller_note
 from viewer.inspect.scene_tree import SceneTree
-from viewer.inspect.texture_table import TextureRow, filtered, ordered, short_names, texture_rows, with_error_shares
+from viewer.inspect.texture_table import TextureRow, filtered, ordered, texture_rows, with_error_shares
 from viewer.jobs.job import JobReport
 from viewer.render.frames import FRAMES, FrameHistory
 from viewer.scene.model import Instances, Material, Scene
@@ -60,23 +60,6 @@ def test_sorting_puts_unknown_values_last_both_ways() -> None:
     assert [row.texture_id for row in ordered(rows(), "name", False)] == [3, 2, 0, 1]
     assert [row.texture_id for row in ordered(rows(), "size", True)] == [3, 0, 1, 2]
     assert [row.texture_id for row in ordered(rows(), "group", False)] == [1, 0, 2, 3]
-
-
-@pytest.mark.parametrize(
-    ("names", "short"),
-    [
-        (("Helmet_Metal_base", "Helmet_Glass_base"), ("Metal", "Glass")),
-        (("wall_a", "wall_b", "roof"), ("wall_a", "wall_b", "roof")),
-        (("metal_1", "metal_12"), ("1", "12")),
-        (("same_", "same_"), ("same_", "same_")),
-        (("alone_name",), ("alone_name",)),
-        ((), ()),
-        (("wood/oak_a", "wood/ash_b", "tiles/red_c"), ("oak_a", "ash_b", "red_c")),
-        (("wood/a", "tiles/a"), ("wood", "tiles")),
-    ],
-)
-def test_names_are_shown_without_what_all_share(names: tuple[str, ...], short: tuple[str, ...]) -> None:
-    assert short_names(names) == short
 
 
 @pytest.fixture(scope="module")

@@ -32,32 +32,6 @@ TextureColumn = Literal[
     "on GPU",
 ]
 COLUMNS: tuple[TextureColumn, ...] = get_args(TextureColumn)
-SEPARATORS = "_- ./\\"
-"""Characters between the words of a name."""
-
-
-def _common_start(names: Sequence[str]) -> str:
-    first, last = min(names), max(names)
-    count = next((place for place, pair in enumerate(zip(first, last, strict=False)) if pair[0] != pair[1]), len(first))
-    return first[:count]
-
-
-def short_names(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names without the words that all of them begin or end with, and without folders where they still differ.
-
-    Names stay as they are where one of them would become empty.
-    """
-    if len(names) < 2:
-        return tuple(names)
-    files = [name.rpartition("/")[2] for name in names]
-    names = files if all(files) and len(set(files)) == len(set(names)) else names
-    front = _common_start(names)
-    front = front[: max((front.rfind(mark) for mark in SEPARATORS), default=-1) + 1]
-    back = _common_start([name[::-1] for name in names])[::-1]
-    starts = [place for mark in SEPARATORS if (place := back.find(mark)) >= 0]
-    back = back[min(starts) :] if starts else ""
-    short = tuple(name[len(front) : len(name) - len(back)] for name in names)
-    return short if all(short) else tuple(names)
 
 
 @dataclass(frozen=True)
@@ -84,8 +58,6 @@ class TextureRow:
     """Mean angle in degrees between decoded and original normals of a material set."""
     error_share: float | None = None
     """Share of the squared error of the picture, 0 to 1; None where the texture is not in it."""
-    short_name: str = ""
-    """Name without the words that all names of the scene begin or end with."""
     gpu_bytes: int | None = None
     """Bytes of the latents on the GPU, None before the pack is drawn; in a block format, bytes of the blocks."""
 
@@ -113,7 +85,6 @@ def texture_rows(
 ) -> tuple[TextureRow, ...]:
     """Return the rows of all textures by id; `gpu_bytes` has the bytes of their latents on the GPU, by texture id."""
     rows: list[TextureRow] = []
-    short = short_names([texture.name for texture in scene.textures])
     for number, texture in enumerate(scene.textures):
         width, height = texture.size
         index = match.texture_index[number] if match is not None else -1
@@ -136,7 +107,6 @@ def texture_rows(
                 file_bytes=stored,
                 map_psnr_db=_by_map(encoded) if encoded is not None else {},
                 normal_degrees=encoded.normal_degrees[0] if encoded is not None and encoded.normal_degrees else None,
-                short_name=short[number],
                 gpu_bytes=gpu_bytes[number] if gpu_bytes is not None and encoded is not None else None,
             )
         )

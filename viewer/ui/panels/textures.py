@@ -41,7 +41,7 @@ MAP_WIDTH = 4.2
 
 def _texts(row: TextureRow) -> tuple[str, ...]:
     return (
-        row.short_name or row.name,
+        row.name,
         f"{row.width} x {row.height}",
         row.category or "-",
         str(row.group) if row.group >= 0 else "-",
