@@ -1,15 +1,14 @@
 """Every widget, column and figure says what it is: it has a tooltip, also in a window at rest."""
 
-import sys
+import ast
 import time
-from collections.abc import Callable, Iterator
-from functools import wraps
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 from imgui_bundle import imgui
 
+import viewer.ui
 from tests.support.driven_app import DrivenApp
 from tests.ui.conftest import SIZE
 from viewer.commands.menus import MENUS
@@ -22,9 +21,16 @@ MAKE_WIDGETS = (
     *("button", "small_button", "arrow_button", "image_button", "invisible_button", "checkbox", "radio_button"),
     *("selectable", "menu_item", "menu_item_simple", "begin_menu", "begin_combo", "begin_tab_item", "table_header"),
     *("slider_float", "slider_int", "drag_float", "input_text", "input_text_with_hint", "input_int", "input_float"),
-    *("tree_node", "tree_node_ex", "collapsing_header", "table_headers_row", "progress_bar"),
+    *(
+        "tree_node",
+        "tree_node_ex",
+        "collapsing_header",
+        "table_headers_row",
+        "menu_item_ex",
+        "begin_menu_ex",
+    ),
 )
-"""ImGui's functions after which `rects.note(LABEL)` is due."""
+"""ImGui's functions after which `rects.note` or `rects.tip` is due."""
 VIEWS = (
     (),
     ("compare.mode difference", "overlay.toggle", "pixel.panel", "errors.panel", "histogram.panel"),
@@ -33,42 +39,29 @@ VIEWS = (
 """Commands before panels are drawn: between them they show all that panels can show at rest."""
 
 
-class Widgets:
-    """Watches which widgets are made, and which of them get a label."""
+def without_tooltip(tree: ast.AST) -> list[str]:
+    """Widgets of a module that are drawn before another one, or the end of their function, without a tooltip after them."""
+    found = list[str]()
+    for function in (node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)):
+        calls = [
+            node for node in ast.walk(function) if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
+        ]
+        last: str | None = None
+        for call in sorted(calls, key=lambda call: (call.lineno, call.col_offset)):
+            name = call.func.attr if isinstance(call.func, ast.Attribute) else ""
+            if name in MAKE_WIDGETS:
+                # One line may draw one of two.
+                found += [last] if last and last != f"line {call.lineno}" else []
+                last = f"line {call.lineno}"
+            elif name in ("note", "tip"):
+                last = None
+        found += [last] if last else []
+    return found
 
-    def __init__(self) -> None:
-        self.unlabelled: set[str] = set()
-        self._last: str | None = None
 
-    def made(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """`function`, watched."""
-
-        @wraps(function)
-        def call(*arguments: Any, **named: Any) -> Any:
-            self.finish()
-            frame = sys._getframe(1)
-            result = function(*arguments, **named)
-            place = f"{Path(frame.f_code.co_filename).name}:{frame.f_lineno}"
-            self._last = f"{place}: imgui.{function.__name__}({', '.join(map(repr, arguments[:1]))})"
-            return result
-
-        return call
-
-    def labelled(self, function: Callable[..., Any]) -> Callable[..., Any]:
-        """`WidgetRects.note` or one of its kind, watched."""
-
-        @wraps(function)
-        def call(*arguments: Any, **named: Any) -> Any:
-            self._last = None
-            return function(*arguments, **named)
-
-        return call
-
-    def finish(self) -> None:
-        """Nothing more comes for the last widget."""
-        if self._last is not None:
-            self.unlabelled.add(self._last)
-        self._last = None
+@pytest.mark.parametrize("path", sorted(Path(viewer.ui.__file__).parent.rglob("*.py")), ids=lambda path: path.stem)
+def test_every_widget_has_a_tooltip(path: Path) -> None:
+    assert without_tooltip(ast.parse(path.read_text())) == []
 
 
 @pytest.fixture(scope="module")
@@ -87,31 +80,18 @@ def unexplained(rects: WidgetRects) -> set[str]:
 
 
 @pytest.mark.parametrize("commands", VIEWS)
-def test_every_label_of_every_panel_is_explained(
-    shared: DrivenApp, commands: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_label_of_every_panel_is_explained(shared: DrivenApp, commands: tuple[str, ...]) -> None:
     for line in commands:
         name, *values = line.split()
         shared.run(name, *values)
     shared.settle()
-    watch = Widgets()
-    for name in MAKE_WIDGETS:
-        monkeypatch.setattr(imgui, name, watch.made(getattr(imgui, name)))
-    for name in ("menu_item_ex", "begin_menu_ex"):
-        monkeypatch.setattr(imgui.internal, name, watch.made(getattr(imgui.internal, name)))
-    for name in ("note", "tip"):
-        monkeypatch.setattr(WidgetRects, name, watch.labelled(getattr(WidgetRects, name)))
     missing: dict[str, str] = {}
     for title in shared.frontend.interface.panel_titles:
         shared.show_panel(title)
-        watch.finish()
         missing |= dict.fromkeys(unexplained(shared.widgets), title)
         for label in [label for label in shared.widgets.labels() if label.startswith("tab ")]:
             shared.click(label)
             missing |= dict.fromkeys(unexplained(shared.widgets), f"{title}, {label}")
-    watch.finish()
-    if watch.unlabelled:
-        pytest.fail(f"widgets without ui.rects.note(LABEL) after them: {sorted(watch.unlabelled)}", pytrace=False)
     if missing:
         pytest.fail(f"labels (and their panels) without an explanation: {missing}", pytrace=False)
 

@@ -50,8 +50,7 @@ def control(
             current, value = value, _list(ui, label, parameter, value, tip, width is None, names, shown)
             changed = value != current
         else:
-            changed, value = _slider(label, parameter.arg, value)
-            ui.rects.note(label, tip)
+            changed, value = _slider(ui, label, parameter.arg, value, tip)
     imgui.end_disabled()
     if changed:
         ui.emit(command_id, *chosen, *((value,) if command.parameters else ()))
@@ -82,10 +81,11 @@ def _list(
     return parameter.parse(chosen) if chosen != typed(value) else value
 
 
-def _slider(label: str, arg: Arg, value: float) -> tuple[bool, float]:
+def _slider(ui: UiFrame, label: str, arg: Arg, value: float, tip: str) -> tuple[bool, float]:
     low, high = arg.ends or (arg.minimum or 0.0, arg.maximum or 1.0)
     flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if arg.logarithmic else 0)
     moved, found = imgui.slider_float(f"##{label}", value, low, high, arg.text, flags)
+    ui.rects.note(label, tip)
     return moved, round(found, 3)
 
 
