@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -148,10 +148,11 @@ class GltfFile:
 
     def entry(self, key: str, index: int, schema: type[_Schema]) -> _Schema:
         """Return entry `index` of the top-level array `key`, checked against `schema`."""
-        known = key, index, schema
-        if known not in self._checked:
-            self._checked[known] = self.read(self.entries(key)[index], schema, f"{key}[{index}]")
-        return cast(_Schema, self._checked[known])
+        found: _Schema | None = self._checked.get((key, index, schema))
+        if found is None:
+            found = self.read(self.entries(key)[index], schema, f"{key}[{index}]")
+            self._checked[key, index, schema] = found
+        return found
 
     def read(self, content: Any, schema: type[_Schema], where: str) -> _Schema:
         """Return the JSON value `content` of the field `where`, checked against `schema`."""

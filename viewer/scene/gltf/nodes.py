@@ -70,7 +70,9 @@ def local_matrices(file: GltfFile, indices: Sequence[int], animated: NodeValues 
     nodes = [file.entry("nodes", index, Node) for index in indices]
 
     def values(path: AnimatedPath, components: int) -> NDArray[np.float64]:
-        rows = [animated.get((index, path), getattr(node, path)) for index, node in zip(indices, nodes, strict=True)]
+        rows = [getattr(node, path) for node in nodes]
+        if animated:
+            rows = [animated.get((index, path), row) for index, row in zip(indices, rows, strict=True)]
         return np.array(rows, np.float64).reshape(len(rows), components)
 
     composed = compose(values("translation", 3), values("rotation", 4), values("scale", 3))
@@ -122,9 +124,12 @@ def _visible(file: GltfFile, order: Sequence[int], parents: Sequence[int], notes
     """Return whether each node is visible: neither it nor a node above it is hidden (KHR_node_visibility). In depth-first order."""
     visible: list[bool] = []
     for index, parent in zip(order, parents, strict=True):
-        extension = file.extension(file.entry("nodes", index, Node), VISIBILITY, Visibility, f"nodes[{index}]")
-        hidden = extension is not None and extension.visible is False
-        notes.honoured(f"{VISIBILITY}: hidden nodes", int(hidden))
+        node, hidden = file.entry("nodes", index, Node), False
+        # Most nodes have no extensions, and there may be a million nodes.
+        if node.extensions:
+            extension = file.extension(node, VISIBILITY, Visibility, f"nodes[{index}]")
+            hidden = extension is not None and extension.visible is False
+            notes.honoured(f"{VISIBILITY}: hidden nodes", int(hidden))
         visible.append(not hidden and (parent < 0 or visible[parent]))
     return visible
 
@@ -152,7 +157,10 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
         order.append(index)
         parents.append(parent)
         depths.append(depth)
-        where, children = f"nodes[{index}].children", file.entry("nodes", index, Node).children
+        children = file.entry("nodes", index, Node).children
+        if not children:
+            continue
+        where = f"nodes[{index}].children"
         # As many children again as there are nodes left would be reached twice: no need to stack them all.
         if len(children) > count:
             raise file.fail(where, f"has {len(children)} entries for {count} nodes")
@@ -179,14 +187,14 @@ def _world_matrices(
     return worlds
 
 
-def _weights(file: GltfFile, index: int, mesh: int | None, animated: NodeValues) -> tuple[float, ...]:
+def _weights(file: GltfFile, node: Node, index: int, mesh: int | None, animated: NodeValues) -> tuple[float, ...]:
     """Return the weights of the morph targets at a node: those that are animated, else the node's, else the mesh's.
     Raises InputError."""
     if mesh is None:
         return ()
-    if (index, "weights") in animated:
+    if animated and (index, "weights") in animated:
         return tuple(animated[index, "weights"].tolist())
-    weights = file.entry("nodes", index, Node).weights
+    weights = node.weights
     return file.entry("meshes", mesh, Mesh).weights if isinstance(weights, UnsetType) else weights
 
 
@@ -209,7 +217,7 @@ def walk_nodes(
         mesh = file.index(node.mesh, mesh_count, f"{where}.mesh") if has_mesh else None
         camera = file.index(node.camera, camera_count, f"{where}.camera") if node.camera != ABSENT else None
         mesh_worlds = worlds[place : place + 1]
-        instancing = file.extension(node, INSTANCING, Instancing, where)
+        instancing = file.extension(node, INSTANCING, Instancing, where) if node.extensions else None
         if instancing is not None and mesh is not None:
             field = f"{where}.extensions.{INSTANCING}"
             matrices = _instance_matrices(file, accessors, instancing.attributes, field, notes)
@@ -218,6 +226,6 @@ def walk_nodes(
             if not (np.abs(mesh_worlds) < 1e38).all():
                 raise file.fail(where, "has instance transforms that overflow; check their scales")
             notes.honoured(f"{INSTANCING}: instances", len(matrices))
-        weights = _weights(file, index, mesh, animated)
+        weights = _weights(file, node, index, mesh, animated)
         placements.append(NodePlacements(index, world, mesh, mesh_worlds, camera, visible[place], weights))
     return tuple(placements)

@@ -5,6 +5,8 @@ is only reported, or has no effect. Indices are checked against the arrays that 
 """
 
 import math
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, Literal
 
 from msgspec import UNSET, Meta, Struct, UnsetType
@@ -31,7 +33,7 @@ Attributes = dict[str, Any]
 class Extensible(Struct, frozen=True, rename="camel"):
     """Object that may have extensions, by their names."""
 
-    extensions: dict[str, Any] = {}
+    extensions: Mapping[str, Any] = MappingProxyType({})
 
 
 class Asset(Struct, frozen=True, rename="camel"):
@@ -54,8 +56,8 @@ class Scene(Struct, frozen=True):
     nodes: tuple[Index, ...] = ()
 
 
-class Node(Extensible, frozen=True):
-    """A node of the graph."""
+class Node(Extensible, frozen=True, gc=False):
+    """A node of the graph. There may be a million: without cycles they need no garbage collection."""
 
     children: tuple[Index, ...] = ()
     matrix: Annotated[tuple[Number, ...], Meta(min_length=16, max_length=16)] | UnsetType = UNSET
