@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -28,6 +29,7 @@ from ntc.training.messages import (
     checked_request,
     ended_pack,
 )
+from ntc.worker.helpers import IDLE_SECONDS
 from ntc.worker.process import (
     Answer,
     Cancel,
@@ -226,13 +228,19 @@ class _Training:
 
 
 class TrainingWorker:
-    """Runs one training at a time in a separate process, which is kept for the next one. Use in a `with` block, from one thread.
+    """Runs one training at a time in a separate process. Use in a `with` block, from one thread.
+
+    The process waits for the next training, and ends when none begins for a while: it holds hundreds of megabytes.
 
     `poll` must be called often (each frame): it takes the reports of the process. Only `close` waits for the process, for half
     a second at most. The process ends with this one, however this one ends.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, idle_seconds: float = IDLE_SECONDS) -> None:
+        """Make it without a process, which ends `idle_seconds` after the last training."""
+        self._idle_seconds = idle_seconds
+        self._idle: threading.Timer | None = None
+        """Timer that ends the process."""
         self._process: WorkerProcess | None = None
         self._warming = False
         """True if the process is still importing what trains."""
@@ -331,7 +339,15 @@ class TrainingWorker:
         self._end_process()
         self._ended = []
 
+    def _stay(self) -> None:
+        """Keep the process from ending by the timer."""
+        if self._idle is not None:
+            self._idle.cancel()
+            self._idle.join()
+            self._idle = None
+
     def _started(self) -> WorkerProcess:
+        self._stay()
         if self._process is None or not self._process.is_alive:
             self._end_process()
             self._process = WorkerProcess(run_training, "ntc-training")
@@ -340,6 +356,7 @@ class TrainingWorker:
         return self._process
 
     def _end_process(self) -> None:
+        self._stay()
         self._warming = False
         if self._process is not None:
             self._process.end()
@@ -380,6 +397,10 @@ class TrainingWorker:
         if training is None:
             return []
         training.snapshots.close()
+        if self._process is not None:
+            self._idle = threading.Timer(self._idle_seconds, self._process.end)
+            self._idle.daemon = True
+            self._idle.start()
         return [last]
 
     def _lost(self, how: str) -> list[Report]:

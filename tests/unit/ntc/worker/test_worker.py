@@ -27,6 +27,7 @@ from ntc.training.compiling import COMPILING
 from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
 from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
 from ntc.worker.process import Failed, Paused, Resumed
+from tests.support.processes import wait_for_end
 from tests.support.training_workers import (
     BLOCK_CODEC,
     BLOCKS_FROM_NOTHING,
@@ -330,6 +331,17 @@ def test_without_a_process_or_shared_memory_it_says_so(shared: TrainingWorker, m
         assert not worker.busy
         assert worker.process_id is None
     assert blocks() == []
+
+
+def test_an_idle_process_ends_without_a_report() -> None:
+    with TrainingWorker(idle_seconds=0.1) as worker:
+        worker.start(BLOCKS_FROM_NOTHING)
+        process = worker.process_id
+        assert process is not None
+        assert isinstance(until(worker, (Finished, Failed))[-1], Finished)
+        wait_for_end(process)
+        assert worker.poll() == []
+        assert worker.process_id is None
 
 
 @pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.guards("training"))])

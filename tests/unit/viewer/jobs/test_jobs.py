@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 
 from ntc.errors import InputError
-from tests.support.processes import assert_ends_with_its_parent, state_of, wait_for_end
 from tests.support.shuffled_workers import ShuffledWorkers
 from viewer.jobs import executor
 from viewer.jobs.executor import MOST_ATTEMPTS, local_workers, ray_workers, run_jobs
@@ -194,32 +193,6 @@ def test_jobs_of_a_killed_worker_are_done_by_another(tmp_path: Path) -> None:
     assert os.getpid() not in found
     assert sum("gave no answer" in line for line in again) == 3
     assert again.count("not yet") == 3
-
-
-@pytest.mark.process
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
-def test_workers_end_in_the_middle_of_a_job_where_the_block_ends() -> None:
-    with local_workers(eval, 1) as workers:
-        process = workers.submit("__import__('os').getpid()").result(SECONDS)
-        assert isinstance(process, int)
-        workers.submit("__import__('time').sleep(600)")
-        time.sleep(0.2)
-        assert state_of(process) not in ("", "Z")
-    wait_for_end(process)
-
-
-@pytest.mark.process
-@pytest.mark.skipif(not Path("/proc").is_dir(), reason="needs /proc")
-def test_workers_end_with_a_program_that_was_killed() -> None:
-    code = (
-        "from viewer.jobs.executor import local_workers\n"
-        "if __name__ == '__main__':\n"
-        "    with local_workers(eval, 2) as workers:\n"
-        "        processes = [workers.submit('__import__(\"os\").getpid()').result() for _ in range(2)]\n"
-        "        print(processes[0], flush=True)\n"
-        "        workers.submit('__import__(\"time\").sleep(600)').result()\n"
-    )
-    assert_ends_with_its_parent(code)
 
 
 def test_what_cannot_be_is_said_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
