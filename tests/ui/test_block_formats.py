@@ -28,7 +28,7 @@ class HeldHelpers:
     """Encode in the caller's thread, and not before they may."""
 
     def __init__(self) -> None:
-        self.function = compress_texture
+        self.function: Callable[[CompressionRequest], CompressedTexture] = compress_texture
         self.may_go = True
         self.calls = 0
 
