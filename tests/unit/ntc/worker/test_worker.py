@@ -24,9 +24,9 @@ from ntc.codec.reference import decode_image
 from ntc.errors import InputError
 from ntc.pack.file import read_pack, write_pack
 from ntc.training.compiling import COMPILING
-from ntc.training.messages import GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
-from ntc.worker.client import Finished, Report, TrainingWorker, starting_pack
-from ntc.worker.process import Failed, Paused, Resumed
+from ntc.training.messages import Ended, GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
+from ntc.worker.client import Finished, Report, TrainingOrder, TrainingWorker, starting_pack
+from ntc.worker.process import Failed, Paused, Resumed, WindowEnd
 from tests.support.processes import wait_for_end
 from tests.support.training_workers import (
     BLOCK_CODEC,
@@ -333,15 +333,24 @@ def test_without_a_process_or_shared_memory_it_says_so(shared: TrainingWorker, m
     assert blocks() == []
 
 
-def test_an_idle_process_ends_without_a_report() -> None:
+def end_at_once(order: TrainingOrder | None, _window: WindowEnd) -> Ended | None:
+    """Train nothing."""
+    return None if order is None else Ended("cancelled")
+
+
+def test_an_idle_process_ends_without_a_report(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ntc.worker.client.run_training", end_at_once)
     with TrainingWorker(idle_seconds=0.1) as worker:
-        worker.start(BLOCKS_FROM_NOTHING)
+        worker.start(FROM_NOTHING)
         process = worker.process_id
         assert process is not None
-        assert isinstance(until(worker, (Finished, Failed))[-1], Finished)
+        assert until(worker, Finished)
         wait_for_end(process)
         assert worker.poll() == []
         assert worker.process_id is None
+        worker.start(FROM_NOTHING)
+        assert worker.process_id != process
+        assert until(worker, Finished)
 
 
 @pytest.mark.parametrize("kills", [2, pytest.param(20, marks=pytest.mark.guards("training"))])
