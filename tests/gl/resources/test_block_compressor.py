@@ -9,8 +9,6 @@ import pytest
 from numpy.typing import NDArray
 
 from ntc.codec.mips import srgb_to_linear
-from ntc.codec.quality import psnr_of_mse
-from ntc.metrics.block_compression import decode_bc, encode_bc5, encode_bc7, missing_packages
 from tests.support.block_texels import block_texels
 from viewer.gl.context import GraphicsContext
 from viewer.gl.texture_arrays import STORED_COMPONENTS, BlockArray, GpuBlockFormat
@@ -138,19 +136,3 @@ def test_the_hardware_reads_what_the_twin_reads(
     assert not found[..., : components.start].any()
     for made in (array, blocks, texels):
         made.release()
-
-
-@pytest.mark.skipif(bool(missing_packages("bc7")), reason="the extra lab is not installed")
-def test_blocks_are_as_good_as_those_of_offline_encoders(compressor: ImageCompressor) -> None:
-    pixels = soft()
-    side = len(pixels)
-
-    def quality(texels: NDArray[np.generic]) -> float:
-        components = min(3, texels.shape[2])
-        error = texels[..., :components].astype(np.float64) - pixels[..., :components]
-        return psnr_of_mse(float((error**2).mean()))
-
-    found = block_texels(compressor.blocks(pixels, "bc7"), (side, side), "bc7")
-    assert quality(found) > quality(decode_bc(encode_bc7(pixels, "thorough"), side, side, 7)) - 0.4
-    found = block_texels(compressor.blocks(pixels, "bc5"), (side, side), "bc5")
-    assert quality(found) > quality(block_texels(encode_bc5(pixels), (side, side), "bc5")) - 0.2

@@ -96,7 +96,7 @@ def decoded_mips(pack: Pack, texture: int, wrap: tuple[WrapMode, WrapMode]) -> l
     levels = latent_levels(*SIZES[texture], pack.config)
     decode = partial(reference.decode_texels, pack, wrap=wrap)
     images = [reference.image_of_texels(pack, texture, level, decode) for level in range(len(levels))]
-    return [srgb_to_linear(image / 255.0) for image in images]
+    return [np.asarray(srgb_to_linear(image / 255.0), np.float64) for image in images]
 
 
 @pytest.mark.parametrize("name", CASES)

@@ -43,18 +43,6 @@ def test_five_textures_in_each_category(scene: Scene) -> None:
     assert min(float(texture.pixels.std()) for texture in scene.textures) > 5.0
 
 
-def test_it_uses_what_the_renderer_has_to_show(scene: Scene) -> None:
-    materials = scene.materials
-    assert {material.alpha_mode for material in materials} == {"opaque", "mask"}
-    assert any(material.double_sided for material in materials)
-    assert {material.sampler.wrap for material in materials} == {("repeat", "repeat"), ("clamp", "clamp")}
-    assert scene.geometry.colors is not None
-    assert (np.linalg.det(scene.instances.transform[:, :3, :3]) < 0).any()
-    assert max(Counter(scene.instances.primitive.tolist()).values()) > 1
-    assert any("KHR_texture_transform" in line for line in scene.report.honoured)
-    assert not scene.report.missing
-
-
 @pytest.mark.parametrize("grouping", ["baseline", "clustered"])
 def test_packs_hold_every_texture(scene: Scene, grouping: str) -> None:
     (path,) = [path for path in packs_beside(builtin_scene_path()) if path.name == f"courtyard.{grouping}.ntc"]
