@@ -14,6 +14,7 @@ from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, exi
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
+from viewer.render.pass_scheduler import Step
 from viewer.render.renderer import Renderer
 from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
@@ -253,3 +254,36 @@ def test_auto_takes_a_path_that_there_is_memory_for(
     assert np.abs(read_picture(frame.image).astype(int) - truth[0]["forward"]).max() <= ONE_STEP
     renderer.release()
     assert memory.objects_given == 0
+
+
+def test_images_out_of_sight_make_room(graphics: GraphicsContext, scene: Scene) -> None:
+    memory = ForgetfulMemory(graphics.gl, "nothing yet")
+    renderer = Renderer(replace(graphics, memory=memory), scene)
+    whole = read_picture(renderer.render(VIEWS["reference"]).image)
+    held = memory.objects_given
+    # Images of one size are one array: the second is refused while another one is there.
+    reference = renderer.images.of("reference", "base").uploads
+    places = reference._places
+    sizes = {plan.size for plan in places.plans.values()}
+    assert len(sizes) > 1
+
+    def allows(what: str, _size: int) -> bool:
+        return "source images" not in what or not reference.arrays
+
+    array = next(iter(reference.arrays))
+    materials = [index for index in range(len(scene.materials)) if places.of([index])]
+    material = next(index for index in materials if {place.array for place in places.of([index])} == {array})
+    reference._drop(array)
+    memory.allows = allows  # type: ignore[method-assign, assignment]
+    step = Step(whole=True, is_same_view=False, is_stale=False)
+    reference.advance([material], reference, step)
+    assert set(reference.arrays) == {array}
+    others = [index for index in materials if index != material]
+    with pytest.raises(GpuMemoryError):
+        reference.advance([material, *others], reference, step)
+    del memory.allows
+    renderer._scheduler.invalidate(reference)
+    renderer.render(replace(VIEWS["reference"], size=LARGER))
+    np.testing.assert_array_equal(read_picture(renderer.render(VIEWS["reference"]).image), whole)
+    assert memory.objects_given == held
+    renderer.release()

@@ -103,3 +103,12 @@ def test_reading_and_decoding_take_neither_torch_nor_a_display(pack: ntc.Pack, t
         [sys.executable, "-c", FRESH.format(path=str(path))], capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_codec_grid_is_trained_as_asked(pictures: list[NDArray[np.uint8]]) -> None:
+    textures = [ntc.texture(own, f"picture {number}") for number, own in enumerate(pictures)]
+    settings = ntc.TrainingConfig(steps=3, device="cpu")
+    grouping = ntc.Grouping("single", (0, 0, 0))
+    packs = [ntc.encode(textures, codec="grid", grouping=grouping, training=settings) for _ in range(2)]
+    assert packs[0].config.kind == "grid"
+    assert (ntc.decode(packs[0], 2) == ntc.decode(packs[1], 2)).all()

@@ -1,6 +1,9 @@
 """CLIP's features, with a stand-in for open_clip: what weights are asked for, and what is said without them."""
 
+import importlib.abc
+import importlib.machinery
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -199,3 +202,23 @@ def test_a_file_that_does_not_fit(open_clip: OpenClip, weights: Path, tmp_path: 
     assert message.startswith(f"{path}: ")
     assert "give open_clip_model.safetensors" in message
     assert not touched.exists()
+
+
+class _Mismatch(importlib.abc.MetaPathFinder, importlib.abc.Loader):
+    """An open_clip whose torchvision was built for another torch."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> importlib.machinery.ModuleSpec | None:
+        return importlib.machinery.ModuleSpec(fullname, self) if fullname == "open_clip" else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        raise RuntimeError("operator torchvision::nms does not exist")
+
+
+def test_a_torchvision_for_another_torch_is_named(weights: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delitem(sys.modules, "open_clip", raising=False)
+    monkeypatch.setattr(sys, "meta_path", [_Mismatch(), *sys.meta_path])
+    message = refused(FeatureOptions(clip_weights=str(weights)))
+    assert "operator torchvision::nms does not exist" in message
+    assert message.endswith(f"install the torchvision that belongs to torch {torch.__version__}")

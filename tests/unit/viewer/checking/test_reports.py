@@ -128,3 +128,10 @@ def test_a_wrong_record_is_refused_in_one_line(tmp_path: Path, text: str) -> Non
         read_record(path)
     assert str(raised.value).startswith(f"{path}: ")
     assert "\n" not in str(raised.value)
+
+
+def test_a_record_of_another_format_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "report.json"
+    path.write_bytes(msgspec.json.encode(msgspec.structs.replace(record(), format=99)))
+    with pytest.raises(InputError, match="has format 99"):
+        read_record(path)

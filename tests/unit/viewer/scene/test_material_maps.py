@@ -24,6 +24,7 @@ from viewer.scene.map_pictures import (
     plane_mips,
 )
 from viewer.scene.model import Material, Sampler, Scene, SceneTexture, SurfaceFactors
+from viewer.scene.report import report_json, report_lines
 from viewer.scene.source_textures import source_textures, without_alpha
 
 
@@ -406,3 +407,21 @@ def test_hardware_reads_every_map_back(block_format: BlockFormat, maps: tuple[Ma
         assert [mip.shape for mip in read] == [mip.shape for mip in original]
         for mine, theirs in zip(read[:2], original[:2], strict=True):
             assert np.abs(mine.astype(int) - theirs).mean() < 9.0, plane
+
+
+def test_reports_name_the_maps() -> None:
+    maps = Maps()
+    maps.material(baseColorTexture=maps.info(noise()), normalTexture=maps.info(normals()))
+    _, (texture,), scene = one(maps)
+    assert any("base + normal" in line for line in report_lines(scene))
+    report = report_json(scene)
+    assert report["textures"][0]["maps"] == ["base", "normal"]
+    assert report["textures"][0]["set_hash"] == texture.set_hash
+    assert report["materials"][0]["planes"]["surface"]["maps"] == ("normal",)
+    assert "normal maps: materials" in report["honoured"]
+
+
+def test_resampling_keeps_constants_ends_and_means() -> None:
+    ramp = np.array([0, 50, 100, 150, 200], np.uint8)[None, :, None]
+    np.testing.assert_array_equal(resampled(ramp, 10, 1)[0, :, 0], [0, 13, 38, 63, 88, 113, 138, 163, 188, 200])
+    assert (resampled(np.full((3, 5, 2), 77, np.uint8), 7, 4) == 77).all()

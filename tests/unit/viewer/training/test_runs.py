@@ -17,6 +17,7 @@ import pytest
 from ntc.codec.encoding import TimeBudget
 from ntc.codec.grid.model import grid_parts
 from ntc.codec.model import Pack
+from ntc.errors import InputError
 from ntc.pack.file import read_pack
 from tests.support.spoilt_files import (
     SECONDS,
@@ -418,3 +419,16 @@ def test_a_kept_pack_lies_in_the_data_folder_and_is_opened_with_the_scene(instal
     assert packs_beside(scene_path) == (installed / "scene.single.ntc", *written)
     run_or_notify(context, "file.open", scene_path)
     assert {pack.path for pack in context.session.packs.values()} == set(packs_beside(scene_path))
+
+
+@pytest.mark.parametrize(
+    ("line", "use"),
+    [
+        ("training.accept", "use training.keep"),
+        ("training.kept-back open 1", "use training.show, training.keep or training.discard"),
+        ("window.close", "use file.quit"),
+    ],
+)
+def test_commands_of_earlier_versions_say_what_to_use(context: Context, line: str, use: str) -> None:
+    with pytest.raises(InputError, match=use):
+        run_line(context, line)
