@@ -26,6 +26,7 @@ SETS: Final[dict[str, tuple[str, ...]]] = {
         "tests/end_to_end/export/",
         "viewer/export/",
     ),
+    "lab": ("lab/", "ntc/"),
     "notebook": ("docs/guide/library.ipynb", "ntc/api/", "ntc/__init__.py"),
     "rest": (
         "shaders/",

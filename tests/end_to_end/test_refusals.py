@@ -149,6 +149,8 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("{scene} --pack {pack} --out scene.txt", ".gltf or .glb"),
         ("{scene} --pack {pack} --out {scene}", "the scene itself"),
         ("{scene}", "--out"),
+        ("{bare} --out o.gltf", "no pack lies beside it"),
+        ("{scene} --pack {pack} --as png --out {images}/o.gltf", "o.losses.csv"),
         ("{scene} --pack none.ntc --out o.glb", "none.ntc"),
         ("none.glb --pack {pack} --out o.glb", "none.glb"),
         ("--pack {pack} --out o.glb", "another scene"),
@@ -198,6 +200,7 @@ def places(tmp_path_factory: pytest.TempPathFactory) -> Places:
     found = {name: folder / name for name in ("images", "library", "bad", "other")}
     for place in found.values():
         place.mkdir()
+    (found["images"] / "o.losses.csv").mkdir()
     scene, other = write_scene(folder), write_scene(found["other"], seed=99)
     for number in range(2):
         noise = np.random.default_rng(number).integers(0, 256, (16, 16, 3), np.uint8)

@@ -27,10 +27,11 @@ def rendered(scene: Path, out: Path, *arguments: str) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("path", "grouping"), [("deferred", "single"), ("forward", "baseline"), ("binned", "baseline")]
+    ("path", "grouping", "overlay"),
+    [("deferred", "single", "divergence"), ("forward", "baseline", "divergence"), ("binned", "baseline", "error")],
 )
-def test_files_and_statistics(encoded_scene: Path, tmp_path: Path, path: str, grouping: str) -> None:
-    stats = rendered(encoded_scene, tmp_path, "--grouping", grouping, "--path", path, "--overlay", "divergence")
+def test_files_and_statistics(encoded_scene: Path, tmp_path: Path, path: str, grouping: str, overlay: str) -> None:
+    stats = rendered(encoded_scene, tmp_path, "--grouping", grouping, "--path", path, "--overlay", overlay)
     color = read_image(tmp_path / "color.png")
     assert color.shape == (60, 100, 3)
     assert read_image(tmp_path / "overlay.png").shape == (60, 100, 3)

@@ -82,7 +82,7 @@ def take_pictures(app: WindowApp, name: str) -> str:
     return app.context.read_clipboard()
 
 
-def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
+def same_picture(app: WindowApp) -> dict[str, Any]:
     """Pictures before and after a loss; the handles of what must live on, and of what must not."""
     session = app.session
     app.show(FRAMES)
@@ -112,7 +112,7 @@ def same_picture(app: WindowApp, _losses: int) -> dict[str, Any]:
     }
 
 
-def in_a_panel(app: WindowApp, _losses: int) -> dict[str, Any]:
+def in_a_panel(app: WindowApp) -> dict[str, Any]:
     """One loss in the midst of a table, which ends the frame with an error of moderngl's."""
     session, errors = app.session, [moderngl.Error("cannot make the texture")]
 
@@ -143,14 +143,14 @@ DEEDS = {deed.__name__: deed for deed in (same_picture, in_a_panel)}
 
 
 def main() -> None:
-    """Arguments: what to do, scene, folder of pictures, losses."""
-    what, scene_path, pictures, losses = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3]), int(sys.argv[4])
+    """Arguments: what to do, scene, folder of pictures."""
+    what, scene_path, pictures = sys.argv[1], Path(sys.argv[2]), Path(sys.argv[3])
     if what == fail_in_a_panel.__name__:
         fail_in_a_panel(scene_path, pictures)
         return
     hours = count(0.0, 3600.0)
     app = open_app(scene_path, pictures, lambda: next(hours))
-    found = DEEDS[what](app, losses)
+    found = DEEDS[what](app)
     app.close()
     found["imgui_contexts_left"] = sum(
         get() is not None for get in (imgui.get_current_context, implot.get_current_context)

@@ -28,9 +28,9 @@ pytestmark = pytest.mark.process
 ROOT = Path(__file__).resolve().parents[2]
 
 
-def lose(display: str, folder: Path, deed: str, scene_path: Path, losses: int = 1) -> dict[str, Any]:
+def lose(display: str, folder: Path, deed: str, scene_path: Path) -> dict[str, Any]:
     """What a deed of lost_windows.py finds."""
-    command = ("-m", "tests.ui.lost_windows", deed, str(scene_path), str(folder / "out"), str(losses))
+    command = ("-m", "tests.ui.lost_windows", deed, str(scene_path), str(folder / "out"))
     ran = run_window(display, folder, *command, cwd=ROOT, timeout=280, variables={LOSE_VARIABLE: ""})
     assert ran.returncode == 0, ran.stderr
     assert "Traceback" not in ran.stderr

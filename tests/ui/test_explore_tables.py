@@ -171,6 +171,14 @@ def test_a_flat_texture_is_what_the_reference_decoder_says(scene: Scene) -> None
     assert not flat.reduced
 
 
+def test_a_reduced_texture_is_compared_with_the_reduced_original(scene: Scene) -> None:
+    pack = random_pack(((16, 16),), (0,), hashes=[scene.textures[3].pixel_hash])
+    flat = decode_flat(scene.textures[3], pack, 0, JobReport())
+    assert flat.mips[0].shape == (16, 16, 3)
+    assert flat.reduced
+    assert flat.psnr_db is not None
+
+
 def test_a_large_texture_is_shown_coarse_first() -> None:
     large = texture(512, 300, 9)
     pack = random_pack(((512, 300),), (0,), hashes=[large.pixel_hash])

@@ -76,6 +76,26 @@ def test_a_scene_is_refused_and_the_old_one_stays(app: DrivenApp, tmp_path: Path
     np.testing.assert_array_equal(picture(app), before)
 
 
+def test_a_window_without_any_memory_stays_open(app: DrivenApp, tmp_path: Path, refuse: Refuse) -> None:
+    before = picture(app)
+    other = two_squares(9).write(tmp_path / "other.glb")
+    refuse(app, "draw commands")
+    app.run("file.open", other)
+    app.frame()
+    refuse(app, "")
+    for _ in range(5):
+        app.frame()
+    assert len(app.session.window.log) <= 5
+    assert not app.frontend.needs_frame(SIZE)
+    refuse(app, "nothing any more")
+    app.run("compare.mode", "a")
+    app.run("compare.mode", "wipe")
+    app.resize((SIZE[0] + 1, SIZE[1]))
+    app.settle()
+    app.resize(SIZE)
+    np.testing.assert_array_equal(picture(app), before)
+
+
 def test_a_larger_window_shows_the_smaller_picture(app: DrivenApp, refuse: Refuse) -> None:
     before = picture(app)
     larger = (SIZE[0] + 100, SIZE[1] + 60)

@@ -67,7 +67,7 @@ def test_a_script_plays_in_the_window_and_closes_it(display: str, scene_path: Pa
 
 
 def test_a_mistake_in_a_panel_ends_with_its_traceback(display: str, scene_path: Path, tmp_path: Path) -> None:
-    command = ("-m", "tests.ui.lost_windows", "fail_in_a_panel", str(scene_path), str(tmp_path / "out"), "0")
+    command = ("-m", "tests.ui.lost_windows", "fail_in_a_panel", str(scene_path), str(tmp_path / "out"))
     result = run_window(display, tmp_path, *command, cwd=ROOT)
     assert result.returncode == 1, result.stderr
     assert result.stderr.splitlines()[-1] == "RuntimeError: a mistake of this program"

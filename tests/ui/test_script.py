@@ -119,6 +119,8 @@ def test_a_view_with_a_source_that_is_not_open(app: DrivenApp) -> None:
 @pytest.mark.parametrize(
     ("lines", "message"),
     [
+        (("camera.turntable 90", "wait settled"), "test:2: wait settled: the camera moves"),
+        (("wait trained",), "test:1: wait trained: no training has begun"),
         (("wait frames 1", "click Nothing"), "test:2: click: nothing is called 'Nothing'"),
         (("click 'A sourc'",), "there are A source"),
         (("slot.source a missing",), "test:1: slot.source: source 'missing': must be one of reference"),

@@ -26,6 +26,7 @@ def folder(scene_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
         camera = Camera(name, (0.0, 1.0, 5.0), (0.0, 1.0, 0.0))
         (tmp_path / name / "cameras.json").write_text(cameras_json((camera,)))
     (tmp_path / "half" / "scene.clustered.ntc").write_bytes(b"")
+    (tmp_path / "half" / "cameras.json").write_text("[{}]")
     (tmp_path / "path.json").write_text(cameras_json(PATH))
     shutil.copy(scene_path.with_name("scene.single.ntc"), tmp_path / "mine.ntc")
     for name in ("broken.glb", "broken.ntc", "words.txt"):
