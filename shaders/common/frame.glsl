@@ -1,15 +1,15 @@
 // A surface's normal and tangent in world space, in two words: octahedral coordinates (Cigolle et al. 2014).
 
 struct Frame {
-    vec3 normal;      // unit, on the side that is seen
+    vec3 normal;      // unit, on the visible side
     vec3 tangent;     // unit, along u
     float handedness; // 1 or -1: bitangent = handedness * cross(normal, tangent), along -v (glTF 2.0, Sec. 3.7.2.1)
 };
 
-// Even, so that the axes are exact.
+// An even number of steps makes the axes exact.
 const float TANGENT_STEPS = 32766.0;
 
-// Never 0: octahedra know no centre.
+// `direction` must not be 0.
 vec2 to_octahedron(vec3 direction) {
     vec3 flat_direction = direction / max(abs(direction.x) + abs(direction.y) + abs(direction.z), 1e-30);
     vec2 folded = (1.0 - abs(flat_direction.yx)) * mix(vec2(-1.0), vec2(1.0), greaterThanEqual(flat_direction.xy, vec2(0.0)));

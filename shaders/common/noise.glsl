@@ -1,8 +1,13 @@
-// Noise by which shaders choose. Whole numbers have the same bits with every driver; floats would be rounded and contracted differently.
-// Thresholds are in units of 2^-32. tests/support/noise.py is the same in numpy.
+// Noise for stochastic choices: the stochastic filter and alpha hashing (docs/explanation/filtering.md#stochastic-filter).
+//
+// A pixel has one threshold in [0, 1). A choice takes its second option if the threshold is below that option's weight, so each option is
+// taken as often as its weight says. Thresholds of neighbouring pixels differ most, which makes the error fine-grained. From sample to sample
+// the threshold moves by the golden ratio modulo 1, a low-discrepancy sequence: 16 samples average to nearly the exact filter.
+// Thresholds are whole numbers in units of 2^-32. So all drivers get the same bits, whereas they round and contract floats differently.
+// Twin in numpy: tests/support/noise.py.
 
 // Interleaved gradient noise: neighbouring pixels differ most (Jimenez 2014, Next generation post processing in Call of Duty). The formula
-// is fract(52.9829189 * fract(0.06711056 * x + 0.00583715 * y)); words that overflow drop what fract drops.
+// is fract(52.9829189 * fract(0.06711056 * x + 0.00583715 * y)). Overflow of 32-bit words takes the place of fract.
 uint pixel_noise(uvec2 pixel) {
     uint gradient = pixel.x * 288237660u + pixel.y * 25070368u;
     uint high, low;
@@ -10,18 +15,18 @@ uint pixel_noise(uvec2 pixel) {
     return (high << 6) | (low >> 26);
 }
 
-// Threshold of a sample of the stochastic filter. From sample to sample it moves by the golden ratio, so that each texel is taken about
-// as often as its weight says.
+// Threshold of sample `number` of the stochastic filter. 2654435769 is the golden ratio's fraction in units of 2^-32.
 uint filter_threshold(uvec2 pixel, uint number) {
     return pixel_noise(pixel) + number * 2654435769u;
 }
 
-// True where the second of two choices is taken, whose weight is `share`. `threshold` is below `range`; a range of 0 counts as 2^32.
-// Both are narrowed for the next choice, by products: drivers approximate quotients.
+// Chooses the second of two options, whose weight is `share`. `threshold` must be below `range`; a range of 0 means 2^32.
+// Both become those of the chosen option, so the next choice uses the rest of the threshold. Products are used, because drivers
+// approximate quotients.
 bool second_taken(inout uint threshold, inout uint range, uint share) {
     uint second, rest;
     umulExtended(range, share, second, rest);
-    // Not 2^32 - 1 as the first range: LLVM 15, which llvmpipe of Mesa 22 uses, crashes at a product with that constant.
+    // The first range is 0, not 2^32 - 1: LLVM 15, in llvmpipe of Mesa 22, crashes at a product with that constant.
     if (range == 0u) second = share;
     bool taken = threshold < second;
     threshold -= taken ? 0u : second;
@@ -54,19 +59,19 @@ uint permuted(uint number, uint seed) {
     return (number + seed) & 15u;
 }
 
-// Threshold of a sample of BLEND surfaces, 0 to 15. Further samples move the first one by all other sixteenths, in an order that differs from
-// `layer` to layer: of what one surface lets through, one behind it covers its own share.
+// Threshold of sample `number` (0 to 15) of BLEND surfaces. Samples 1 to 15 move the first threshold by all other sixteenths. Their order
+// differs by `layer`, so the coverage of surfaces behind each other is independent.
 uint blend_threshold(uvec2 pixel, uint layer, uint number) {
     uint noise = pixel_noise(pixel);
     if (number == 0u) return noise;
     uint seed = hash(layer + hash(pixel.x + hash(pixel.y)));
     uint moved = permuted(number, seed);
-    // The first sample is the same everywhere, so that number 0 is taken.
+    // Offset 0 is used by sample 0 in all layers; the sample that drew it takes the offset that sample 0 would have had.
     if (moved == 0u) moved = permuted(0u, seed);
     return noise + (moved << 28u);
 }
 
-// `alpha` covers a pixel: 0 covers none, 1 all. The middles of 2^23 steps need 24 bits, which a float has.
+// Whether `alpha` covers a pixel: 0 covers none, 1 covers all. The centres of 2^23 steps need 24 bits, which a float has.
 bool is_covered(float alpha, uint threshold) {
     return alpha >= float((threshold >> 9u) * 2u + 1u) * (1.0 / 16777216.0);
 }

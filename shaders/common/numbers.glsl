@@ -1,4 +1,4 @@
-// Tests for NaN and infinity by bits: compilers that take all numbers to be finite drop isnan and isinf.
+// Tests for NaN and infinity by bits: compilers that assume finite numbers remove isnan and isinf.
 
 const uint INFINITE_BITS = 0x7F800000u;
 

@@ -1,13 +1,13 @@
-// The planes of materials' maps (ntc/codec/maps.py): where a surface reads one, and what a plane's target holds.
+// The planes of materials' maps (ntc/codec/maps.py): where a surface reads them, and the content of their targets.
 #include "common/materials.glsl"
 #include "common/surface.glsl"
 
-// The plane that is drawn.
+// The plane to draw.
 #ifndef PLANE
 #define PLANE PLANE_BASE
 #endif
 
-// uv of a plane's maps, and the footprint there.
+// uv at which a plane's maps are read (xy), and the footprint there (z).
 vec3 place_on_plane(PlaneRecord plane, Surface surface) {
     vec3 place = vec3(surface.uv, surface.footprint);
     if (PLANE == PLANE_BASE) return place;
@@ -18,7 +18,7 @@ vec3 place_on_plane(PlaneRecord plane, Surface surface) {
     return vec3(plane_uv(plane, place.xy), place.z * sqrt(area));
 }
 
-// Squares that stand for an image that could not be read: MISSING_SQUARES along each side of it, of one colour where a pixel holds many.
+// Checkerboard in place of an image that could not be read, with MISSING_SQUARES squares a side. It fades to one colour with distance.
 const float MISSING_SQUARES = 8.0;
 vec3 missing_image(Surface surface) {
     vec2 square = floor(surface.uv * MISSING_SQUARES);
@@ -27,15 +27,15 @@ vec3 missing_image(Surface surface) {
     return mix(vec3(0.05), vec3(0.45, 0.03, 0.45), odd);
 }
 
-// Factor of a surface's base colour, linear: the base colour itself where there is no texture. Black for the background.
+// Linear factor of a surface's base colour; without a texture it is the base colour. Black for the background.
 vec3 base_factor(Surface surface) {
     if (surface.material < 0) return vec3(0.0);
     vec3 factor = materials[surface.material].factor.rgb * surface.color;
     return materials[surface.material].missing_base == 0 ? factor : factor * missing_image(surface);
 }
 
-// Content of the plane's target for a texel in linear light. `components` has a bit for each component that the texel tells; the others
-// are neutral.
+// Content of the plane's target for a texel in linear light. `components` has a bit for each component that the texel holds; the others
+// become neutral.
 vec4 plane_content(Surface surface, int components, vec4 texel) {
     if (PLANE == PLANE_BASE) {
         vec3 factor = base_factor(surface);

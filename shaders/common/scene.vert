@@ -17,7 +17,7 @@ layout(location = 2) in vec4 vertex_color;
 layout(location = 8) in vec2 second_texture_coordinate;
 #endif
 #if FRAME
-// 0 where the file gives none.
+// 0 if the file has none.
 layout(location = 9) in vec3 normal;
 layout(location = 10) in vec4 tangent;
 #endif
@@ -31,7 +31,7 @@ layout(location = 7) in float instance_aspect;
 
 uniform mat4 view_projection;
 
-// u, v, and v times the aspect: two outputs instead of four make triangles cheaper to set up on a software renderer.
+// u, v, and v times the aspect. Fewer outputs make triangles cheaper to set up on a software renderer.
 out vec3 place;
 #if VERTEX_COLORS
 out vec4 color;
@@ -59,7 +59,7 @@ void main() {
 #endif
 #if FRAME
     world_position = world.xyz;
-    // Normals go by the cofactors of the matrix, which are its inverse transposed times its determinant.
+    // Normals are transformed by the cofactor matrix: the transposed inverse times the determinant.
     vec3 cofactor_x = cross(transform_y.xyz, transform_z.xyz);
     vec3 cofactors = vec3(dot(cofactor_x, normal), dot(cross(transform_z.xyz, transform_x.xyz), normal),
                           dot(cross(transform_x.xyz, transform_y.xyz), normal));

@@ -1,4 +1,4 @@
-// A visible surface, and its encoding in the visibility buffer. All shaders read and write that encoding through this file.
+// A visible surface, and its encoding in the visibility buffer. Only this file knows the encoding.
 #include "generated/layout.glsl"
 
 // 1: the scene has vertex colours.
@@ -10,7 +10,7 @@
 #define GRADIENTS 0
 #endif
 
-// 1: surfaces have another UV set, which some maps are found by.
+// 1: some maps use a second UV set.
 #ifndef SECOND_UVS
 #define SECOND_UVS 0
 #endif
@@ -22,12 +22,12 @@ struct Surface {
     float footprint;     // longer side of the pixel's footprint, in widths of the texture's image
     vec3 color;          // linear vertex colour, 1 without
 #if SECOND_UVS
-    vec3 second_uv;      // of the other UV set; z: the footprint there
+    vec3 second_uv;      // xy: second UV set; z: the footprint there
 #endif
 };
 
 uint pack_color(vec3 color) {
-    // Square roots in 10 bits a channel: steps are about equally visible.
+    // Square roots in 10 bits per channel make steps about equally visible.
     uvec3 bits = uvec3(sqrt(clamp(color, 0.0, 1.0)) * 1023.0 + 0.5);
     return bits.r | (bits.g << 10) | (bits.b << 20);
 }
@@ -37,7 +37,7 @@ vec3 unpack_color(uint bits) {
     return root * root;
 }
 
-// The longer of the changes of uv to the next pixel on the right and above; uv in widths of the image.
+// Longer side of a pixel's footprint: the larger change of uv to the next pixel on the right or above, in widths of the image.
 float pixel_footprint(vec2 gradient_x, vec2 gradient_y) {
     return sqrt(max(dot(gradient_x, gradient_x), dot(gradient_y, gradient_y)));
 }
@@ -50,7 +50,7 @@ int surface_material(uint ids) {
     return int(ids >> MATERIAL_SHIFT) - 1;
 }
 
-// `ids` is the instance's word from SceneBuffers.
+// `ids` is the instance's word of texture and material id (SceneBuffers).
 uvec4 pack_surface(uint ids, vec2 uv, float footprint) {
     return uvec4(ids, floatBitsToUint(uv), floatBitsToUint(footprint));
 }
@@ -65,7 +65,7 @@ Surface unpack_surface(uvec4 words, vec3 color) {
     return surface;
 }
 
-// Level of detail for a texture `width` texels wide: log2 of the footprint's longer side in texels.
+// Level of detail of a texture that is `width` texels wide: log2 of the footprint's longer side in texels.
 float footprint_lod(float footprint, float width) {
     return log2(max(footprint * width, 1e-10));
 }

@@ -1,8 +1,8 @@
-// Work groups of a dispatch in one row or several (viewer/gl/limits.py), counted row by row.
+// Numbers of the work groups of a dispatch with one or several rows (viewer/gl/limits.py).
 
 #include "generated/layout.glsl"
 
-// Number of this invocation's work group; some beyond the last wanted one fill up the last row.
+// Number of this work group, row by row. The last row may hold surplus groups, with numbers beyond the last wanted one.
 uint work_group_number() {
     return gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
 }

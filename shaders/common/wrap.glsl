@@ -1,4 +1,4 @@
-// Wrapping of texture coordinates (docs/reference/codecs.md, steps 1 and 2).
+// Wrapping of texture coordinates (docs/reference/codecs.md#from-u-v-lod-to-levels, steps 1 and 3).
 #include "generated/decoding.glsl"
 #include "common/numbers.glsl"
 
@@ -6,7 +6,7 @@
 float wrap_coordinate(float coordinate, int mode) {
     if (!is_finite(coordinate)) coordinate = 0.0;
     float repeated = coordinate - floor(coordinate);
-    // Distance to the nearest even number: exact in fp32, where folding [0, 2) is not for small negative coordinates.
+    // Distance to the nearest even number. In fp32 it is exact; folding [0, 2) is not, for small negative coordinates.
     float mirrored = abs(coordinate - 2.0 * roundEven(coordinate * 0.5));
     return mode == WRAP_REPEAT ? repeated : (mode == WRAP_MIRROR ? mirrored : clamp(coordinate, 0.0, 1.0));
 }

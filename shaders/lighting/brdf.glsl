@@ -1,15 +1,15 @@
 // The reflection of a surface: metallic-roughness as in glTF 2.0, appendix B (viewer/lighting/brdf.py is the same in float64).
 
 struct Reflection {
-    vec3 diffuse;             // albedo below a dielectric's surface, without what is transmitted
+    vec3 diffuse;             // albedo below a dielectric's surface, without transmitted light
     vec3 metal;               // reflectance of the metal at normal incidence
-    vec3 dielectric;          // of the dielectric's surface
+    vec3 dielectric;          // reflectance of the dielectric's surface at normal incidence
     float dielectric_grazing;
     float metalness;
     float roughness;          // perceptual
 };
 
-// Values that do not depend on the light: cosine to the viewer, and the specular lobe's directional albedo as f0 * x + f90 * y.
+// The view of a surface, the same for all lights: cosine to the viewer, and the specular lobe's directional albedo f0 * x + f90 * y.
 struct Seen {
     vec3 normal;
     vec3 view;
@@ -35,7 +35,7 @@ vec3 light_response(Reflection surface, Seen seen, vec3 light) {
     vec3 between = seen.view + light;
     vec3 halfway = between * inversesqrt(max(dot(between, between), 1e-20));
     float half_cosine = clamp(dot(seen.normal, halfway), 0.0, 1.0);
-    // 1 - cosine^2 loses its digits where lobes are narrow: the sine does not.
+    // In narrow lobes 1 - cosine^2 loses its digits; the sine does not.
     vec3 across = cross(seen.normal, halfway);
     float spread = half_cosine * half_cosine * a2 + dot(across, across);
     float visible = light_cosine * sqrt(seen.cosine * seen.cosine * (1.0 - a2) + a2)

@@ -4,11 +4,12 @@
 
 layout(binding = UNIT_ENVIRONMENT) uniform sampler2D environment_maps;
 layout(binding = UNIT_BRDF_TABLE) uniform sampler2D brdf_table;
-// Place of the cube map of each roughness, and of irradiance: left, top, width and height of the first face, as shares of the texture.
+// Tiles of the cube maps, one for each roughness and one for irradiance: left, top, width and height of the first face, relative to the
+// texture.
 uniform vec4 environment_tiles[ENVIRONMENT_LEVELS + 1];
-// Between faces, two borders.
+// Distance between faces: two borders.
 uniform float face_gap;
-// Cosine and sine of the environment's turn about the vertical axis.
+// Cosine and sine of the environment's rotation about the vertical axis.
 uniform vec2 environment_turn;
 
 vec3 to_environment(vec3 direction) {
@@ -29,7 +30,7 @@ vec3 specular_radiance(vec3 direction, float roughness) {
     return mix(read_map(lower, place), read_map(lower + 1, place), level - float(lower));
 }
 
-// Irradiance over pi.
+// Irradiance divided by pi.
 vec3 irradiance_around(vec3 normal) {
     return read_map(ENVIRONMENT_LEVELS, cube_place(to_environment(normal)));
 }

@@ -2,9 +2,9 @@
 #include "generated/layout.glsl"
 
 struct Light {
-    vec4 color;     // linear RGB times intensity; w: 1 / reach^2, 0 without an end
-    vec4 position;  // relative to the eye; w: 0 for lights that are infinitely far away
-    vec4 direction; // that it shines along; w: -cosine of the outer cone times the scale
+    vec4 color;     // linear RGB times intensity; w: 1 / range^2, 0 for an infinite range
+    vec4 position;  // relative to the eye; w: 0 for directional lights
+    vec4 direction; // in which it shines; w: -cosine of the outer cone times the scale
     vec4 cone;      // x: scale of the cosine between the cones
 };
 

@@ -1,4 +1,4 @@
-// All directions as pictures: equirectangular, octahedral, cubes (viewer/lighting/directions.py). Y is up, north is -Z.
+// Maps of all directions: equirectangular, octahedral, cube (viewer/lighting/directions.py). Y is up, north is -Z.
 
 const float PI = 3.14159265358979;
 
@@ -24,8 +24,8 @@ vec3 map_direction(vec2 place) {
     return normalize(vec3(across.x, y, across.y));
 }
 
-// Faces of a cube: 0 to 5 are +X, +Y, +Z, -X, -Y, -Z; a place runs along the two axes that follow the face's own.
-// x: the face, yz: the place in [0, 1].
+// x: face of a cube; yz: place on it, in [0, 1]. Faces 0 to 5 are +X, +Y, +Z, -X, -Y, -Z. The two coordinates run along the next two axes,
+// cyclically: y and z on +X.
 vec3 cube_place(vec3 direction) {
     vec3 size = abs(direction);
     bool is_x = size.x >= size.y && size.x >= size.z;

@@ -1,5 +1,5 @@
-// From radiance to a picture, linear in [0, 1] (viewer/lighting/tone_maps.py is the same in float64).
-// TONE_MAP: 0 clipping alone, 1 Khronos PBR Neutral, 2 AgX.
+// Tone mapping: from radiance to linear light in [0, 1]. Twin in float64: viewer/lighting/tone_maps.py.
+// TONE_MAP: 0 only clips, 1 Khronos PBR Neutral, 2 AgX.
 
 // KhronosGroup/ToneMapping, PBR_Neutral.
 vec3 neutral_tones(vec3 radiance) {

@@ -1,9 +1,9 @@
-// The codecs (docs/reference/codecs.md): latents, and `decode_texture` of the codec whose shader generated/decoder.glsl includes.
+// Decoding of textures (docs/reference/codecs.md): access to latents, and `decode_texture`. generated/decoder.glsl includes the codec's shader.
 #include "ntc/records.glsl"
 #include "common/numbers.glsl"
 #include "ntc/position.glsl"
 
-// 1: what decoders hold, or the latents, are stored in an image, which a software renderer reads several times faster than a buffer.
+// 1: decoders or latents are stored in an image. A software renderer reads it several times faster than a buffer.
 #ifndef WEIGHTS_IN_IMAGE
 #define WEIGHTS_IN_IMAGE 0
 #endif
@@ -28,7 +28,7 @@ uint stored_word(int word) {
 // Length of the codec's loops (`GpuTables.loop_length`): a uniform, so that compilers do not unroll them.
 uniform int network_blocks;
 
-// `part` of a side of `parts` cells or texels by the wrap mode: at most one before the first, or one beyond the last.
+// Wraps the number of a cell or texel, `part`, on a side of `parts`. It may be one before the first, or one beyond the last.
 int from_first(int part, int parts, int mode) {
     return mode == WRAP_REPEAT && part < 0 ? part + parts : max(part, 0);
 }
@@ -38,7 +38,7 @@ int to_last(int part, int parts, int mode) {
 
 const uint HALF_A_PART = 0x80000000u;
 
-// Share of the second of two texels of a bilinear lookup at `coordinate` along a side, in units of 2^-32.
+// Weight of the second of two texels of a bilinear lookup at `coordinate` along a side, in units of 2^-32.
 uint second_share(uint coordinate, int texels) {
     return place_along(coordinate, texels).within - HALF_A_PART;
 }
@@ -46,8 +46,8 @@ uint second_share(uint coordinate, int texels) {
 // The 2 x 2 texels of a bilinear lookup in one mip.
 struct Footprint {
     ivec2 first;     // texel on the left and top
-    ivec2 second;    // texel on the right and bottom, by the wrap mode
-    vec2 share;      // of the second one along u and v
+    ivec2 second;    // texel on the right and bottom, wrapped
+    vec2 share;      // weight of the second texel along u and v
 };
 
 // `uv` is wrapped and in units of 2^-32.
@@ -64,27 +64,27 @@ Footprint footprint_at(LevelRecord level, uvec2 uv, ivec2 wrap) {
     return footprint;
 }
 
-// Clamped to the mips that are on the GPU; not finite counts as 0.
+// Clamps `lod` to the mips that are on the GPU; a value that is not finite counts as 0.
 float present_lod(TextureRecord record, float lod) {
     if (!is_finite(lod)) lod = 0.0;
     return clamp(lod, float(record.finest_level), float(record.levels - 1));
 }
 
-// A decoder's output limited to [0, 1], NaN as 0: sums that overflow can give NaN, for which clamp is undefined.
+// Limits a decoder's output to [0, 1]; NaN becomes 0. Sums that overflow can give NaN, for which clamp is undefined.
 vec4 limit_output(vec4 result) {
     return mix(clamp(result, 0.0, 1.0), vec4(0.0), are_nan(result));
 }
 
-// 1: of the texels of a trilinear footprint one is decoded, chosen at random (ntc/decode_plane.glsl).
+// 1: one texel of a trilinear footprint is decoded, chosen at random (ntc/decode_plane.glsl).
 #ifndef FILTER_STOCHASTIC
 #define FILTER_STOCHASTIC 0
 #endif
 
-// `decode_at` of the codec at hand.
+// The codec's `decode_at`.
 #include "generated/decoder.glsl"
 
 // Decodes the texture of `record` at `uv` and `lod` into [0, 1], in its colour space.
-// Where `wanted` is false nothing is decoded and the result is undefined.
+// If `wanted` is false, nothing is decoded and the result is undefined.
 vec4 decode_texture(TextureRecord record, vec2 uv, float lod, ivec2 wrap, bool wanted) {
     return decode_at(record, fixed_coordinates(uv, wrap), lod, wrap, wanted);
 }

@@ -1,26 +1,26 @@
-// Decoding several pixels of one decoder in one invocation.
+// Decoding of several pixels of one decoder in one invocation, which fetches each weight once for all of them.
 #include "common/visibility.glsl"
 #include "ntc/decode_plane.glsl"
 #include "generated/shared_decoder.glsl"
 
 layout(rgba32f, binding = IMAGE_TARGET) uniform writeonly image2D target;
 
-// Pixel number `p` of this invocation; `inside` says whether there is one. Defined by the shader that includes this.
-ivec2 own_pixel(int p, out bool inside);
+// Pixel number `p` of this invocation; `inside` is false if there is none. The including shader defines it.
+ivec2 pixel_of(int p, out bool inside);
 
 #if SHARES_DECODERS
-// Decodes pixels 0 to PIXELS - 1. Pixels without a decoder get what their material's factor says.
+// Decodes pixels 0 to PIXELS - 1. Pixels without a decoder show their material's factor.
 void decode_pixels() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
     vec4 decoded[PIXELS];
     bool any_wanted = false;
-    // Compilers unroll loops of constant length, which takes long to compile: the length depends on a uniform.
-    // Results are stored by conditional assignments: a CPU stores to arrays with a varying index lane by lane.
+    // The loop's length depends on a uniform: compilers would unroll a constant one, and take long.
+    // Results are stored by conditional assignments: with a varying index, a CPU stores to an array lane by lane.
     int count = min(network_blocks * PIXELS, PIXELS);
     for (int p = 0; p < count; ++p) {
         bool inside;
-        ivec2 pixel = own_pixel(p, inside);
+        ivec2 pixel = pixel_of(p, inside);
         WantedTexel wanted = wanted_texel(read_surface(pixel));
         int id = max(wanted.texture_id, 0);
         float inputs[DECODER_INPUTS];
@@ -39,22 +39,22 @@ void decode_pixels() {
     run_decoders(adapters, x, any_wanted ? network_blocks : 0, decoded);
     for (int p = 0; p < count; ++p) {
         bool inside;
-        ivec2 pixel = own_pixel(p, inside);
+        ivec2 pixel = pixel_of(p, inside);
         if (!inside) continue;
-        vec4 own = decoded[0];
-        for (int q = 1; q < PIXELS; ++q) own = q == p ? decoded[q] : own;
+        vec4 value = decoded[0];
+        for (int q = 1; q < PIXELS; ++q) value = q == p ? decoded[q] : value;
         Surface surface = read_surface(pixel);
         WantedTexel wanted = wanted_texel(surface);
-        imageStore(target, pixel, shown_plane(surface, wanted.texture_id, wanted.components, limit_output(own)));
+        imageStore(target, pixel, shown_plane(surface, wanted.texture_id, wanted.components, limit_output(value)));
     }
 }
 #else
-// Pixels share nothing but what decoders hold: one after the other.
+// The codec shares no fetched weights between pixels, so they are decoded one by one.
 void decode_pixels() {
     int count = min(network_blocks * PIXELS, PIXELS);
     for (int p = 0; p < count; ++p) {
         bool inside;
-        ivec2 pixel = own_pixel(p, inside);
+        ivec2 pixel = pixel_of(p, inside);
         if (!inside) continue;
         Surface surface = read_surface(pixel);
         imageStore(target, pixel, decoded_plane(surface, pixel));

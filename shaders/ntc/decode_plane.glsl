@@ -1,8 +1,8 @@
-// Decoding a plane of a surface's maps.
+// Decoding of one plane of a surface's maps.
 #include "ntc/plane.glsl"
 #include "ntc/decode.glsl"
 
-// Place at which a pixel's texture is decoded: that of the exact filter, or the texel that the stochastic filter takes.
+// Place at which a pixel's texture is decoded: the place of the exact filter, or the texel that the stochastic filter chose.
 struct Lookup {
     uvec2 at;      // wrapped, in units of 2^-32
     float lod;
@@ -13,8 +13,10 @@ struct Lookup {
 
 uniform int sample_number;
 
+// Stochastic filter: chooses one of the eight texels of a trilinear lookup, with its weight as probability. The weight is a product of those of
+// mip, column and row, so three choices between two options suffice; one threshold serves all three (common/noise.glsl).
+// Derivation and measurements: docs/explanation/filtering.md#stochastic-filter.
 Lookup lookup_of(TextureRecord record, vec2 uv, float lod, ivec2 wrap, ivec2 pixel) {
-    // One threshold serves all three choices: mip, column, row.
     uint threshold = filter_threshold(uvec2(pixel), uint(sample_number));
     uint range = 0u;
     lod = present_lod(record, lod);
@@ -49,7 +51,7 @@ vec4 decoded_plane(Surface surface, ivec2 pixel) {
 #if DECODES_TOGETHER && PIXELS_TOGETHER
 #include "generated/together.glsl"
 
-// As `decoded_plane`, for all invocations of a work group; `inside`: whether this one has a pixel.
+// Does the same as `decoded_plane`, for all invocations of a work group together. `inside`: whether this one has a pixel.
 vec4 decoded_plane_together(Surface surface, ivec2 pixel, bool inside) {
     WantedTexel wanted = wanted_texel(surface);
     bool decodes = inside && wanted.texture_id >= 0;

@@ -1,5 +1,5 @@
-// The weights of one decoder: its range of the uniform buffer of all decoders, or its place among all weights.
-// DECODER_PLACE 0: the range holds the weights. 1: it holds the place, and weights are read from there.
+// The weights of one decoder, bound as a range of a uniform buffer.
+// DECODER_PLACE 0: the range holds the weights. 1: it holds the decoder's place among all weights, which are read there.
 #ifndef DECODER_PLACE
 #define DECODER_PLACE 0
 #endif

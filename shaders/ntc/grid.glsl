@@ -1,4 +1,4 @@
-// Codec `grid`: latents, positional encoding, decoder network. Included by ntc/decode.glsl.
+// Codec `grid` (docs/reference/codec-grid.md): latents, positional encoding, network. ntc/decode.glsl includes it.
 #include "ntc/half.glsl"
 
 #if WEIGHTS_IN_IMAGE
@@ -11,7 +11,7 @@ WEIGHT_T weight(int block) {
     return WEIGHT_T(imageLoad(weight_image, ivec2(block & ((1 << WEIGHT_COLUMN_BITS) - 1), block >> WEIGHT_COLUMN_BITS)));
 }
 #else
-// A block of four weights as it is stored.
+// A stored block of four weights.
 #if PRECISION_FP16
 #define STORED_T uvec2
 #define AS_WEIGHT(stored) unpacked(stored)
@@ -29,10 +29,10 @@ WEIGHT_T weight(int block) {
 
 #include "generated/network.glsl"
 
-// Channels 4 word to 4 word + 3 of a cell, as stored integers.
+// Stored integers of channels 4 * word to 4 * word + 3 of a cell.
 vec4 stored_latents(int cell, int word) {
 #if LATENT_BITS == 4
-    // Two channels to each byte: GPUs turn bytes into numbers at once.
+    // Spread to one channel per byte, because GPUs convert bytes to floats in one instruction.
     uint bits = stored_word(cell * CELL_WORDS + (word >> 1));
     uint even = (bits & 0x0F0F0F0Fu) >> ((word & 1) * 16);
     uint odd = ((bits >> 4) & 0x0F0F0F0Fu) >> ((word & 1) * 16);
@@ -70,7 +70,7 @@ void add_level(inout float x[DECODER_INPUTS], TextureRecord record, LevelRecord 
     int position = LATENT_CHANNELS;
     for (int axis = 0; axis < 2; ++axis) {
         Place texel = place_along(uv[axis], axis == 0 ? level.texel_width : level.texel_height);
-        // Whole periods of the longest wave have no effect, but would take bits that the fraction of a texel needs.
+        // Whole periods of the longest wave are dropped: they have no effect, and take bits from the fraction of a texel.
         float turns = float(texel.part & ((1u << POSITIONAL_OCTAVES) - 1u)) + as_fraction(texel.within);
         for (int octave = 0; octave < POSITIONAL_OCTAVES; ++octave) {
             turns *= 0.5;

@@ -1,7 +1,6 @@
-// The arithmetic of the network. HALF_ARITHMETIC 0: single precision. 1: products are halves, sums are single precision.
-// 2: sums of hidden layers are halves, too. HALF_EMULATED 1: single precision, rounded to halves after each step.
-// Outputs are always computed in single precision: those are few products, whose rounding would be the most visible, and which GPUs
-// take of halves as they are.
+// Arithmetic of the network (docs/reference/codec-grid.md#precision). HALF_ARITHMETIC 0: single precision. 1: products are halves, sums are
+// single precision. 2: sums of hidden layers are halves too. HALF_EMULATED 1: single precision, rounded to halves after each step.
+// The output layer is always computed in single precision: it has few products, and their rounding would be the most visible.
 // MUL_T and ACC_T are the vector types of factors and of sums, MUL_SCALAR and ACC_SCALAR those of their components.
 #ifndef HALF_ARITHMETIC
 #define HALF_ARITHMETIC 0
@@ -11,13 +10,13 @@
 #endif
 
 #if HALF_ARITHMETIC && HALF_EMULATED
-// Rounds to the nearest half, ties to even. packHalf2x16 may round in another way.
+// Rounds to the nearest half, ties to even. packHalf2x16 may round differently.
 float to_half(float value) {
     uint bits = floatBitsToUint(abs(value));
-    uint kept = (bits + 0xFFFu + ((bits >> 13) & 1u)) & ~0x1FFFu;
-    // Below 2^-14 halves lie 2^-24 apart.
-    float rounded = bits < 0x38800000u ? roundEven(abs(value) * 16777216.0) / 16777216.0 : uintBitsToFloat(kept);
-    rounded = kept > 0x477FE000u ? uintBitsToFloat(0x7F800000u) : rounded;
+    uint half_bits = (bits + 0xFFFu + ((bits >> 13) & 1u)) & ~0x1FFFu;
+    // Halves below 2^-14 are 2^-24 apart.
+    float rounded = bits < 0x38800000u ? roundEven(abs(value) * 16777216.0) / 16777216.0 : uintBitsToFloat(half_bits);
+    rounded = half_bits > 0x477FE000u ? uintBitsToFloat(0x7F800000u) : rounded;
     if (bits > 0x7F800000u) return value;
     return value < 0.0 ? -rounded : rounded;
 }
@@ -41,8 +40,8 @@ float to_half(float value) {
 #define MUL_SCALAR float
 #define MUL_T vec4
 #endif
-// Four weights as they are multiplied. Halves that are computed with are read as they are stored: to unpack them into single precision
-// and round them back would cost more than the products.
+// Four weights in the type of factors. Stored halves are not converted to single precision and back, which would cost more than the
+// products.
 #define WEIGHT_T MUL_T
 WEIGHT_T unpacked(uvec2 halves) {
 #if HALF_ARITHMETIC && !HALF_EMULATED
@@ -83,7 +82,7 @@ WEIGHT_T unpacked(uvec2 halves) {
 
 #define PRODUCT_SUM(values, w) dot(vec4(values), vec4(w))
 
-// Half sums are kept apart for inputs with even and odd numbers, so that half as many roundings accumulate in each.
+// In half precision, inputs with even and with odd numbers have separate sums: each accumulates half as many roundings.
 #if HALF_ARITHMETIC == 2
 #define ODD_ACCUMULATOR(odd) ACC_T odd = ACC_T(0.0);
 #define ADD_ODD_PRODUCT(sum, odd, w, value) ADD_PRODUCT(odd, w, value)

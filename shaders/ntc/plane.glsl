@@ -1,11 +1,11 @@
-// What a surface shows of one plane of its maps (ntc/codec/maps.py): the texel to decode for it, and what the decoded texel gives.
+// One plane of a surface's maps (ntc/codec/maps.py): which texel to decode, and how it enters the plane's target.
 #include "common/color.glsl"
 #include "common/numbers.glsl"
 #include "common/planes.glsl"
 #include "ntc/records.glsl"
 
 struct WantedTexel {
-    int components;    // a bit for each component that is read; the others are neutral
+    int components;    // a bit for each component to read; the others are neutral
     int texture_id;    // -1: nothing is decoded
     vec2 uv;
     float lod;
@@ -19,17 +19,17 @@ void apply_sampler(inout vec2 uv, inout float lod, int flags, ivec2 size, int la
     if ((flags & SAMPLER_MIPMAP_NONE) != 0) lod = 0.0;
     if ((flags & SAMPLER_MIPMAP_NEAREST) != 0) lod = clamp(ceil(lod + 0.5) - 1.0, 0.0, float(last_level));
     bool nearest = (flags & (magnified ? SAMPLER_MAGNIFY_NEAREST : SAMPLER_MINIFY_NEAREST)) != 0;
-    // Shifts, for exp2 of a whole number need not be exact.
+    // A shift, because exp2 of a whole number need not be exact.
     int level = is_finite(lod) ? int(clamp(floor(lod), 0.0, 31.0)) : 0;
     vec2 texels = vec2(max(size >> level, 1));
     if (nearest) uv = (floor(uv * texels) + 0.5) / texels;
 }
 
-// The texture of a surface in this plane; -1 for none, also where it is not in the pack.
+// The texture of a surface in this plane; -1 for none, and for one that is not in the pack.
 int decoded_texture(Surface surface) {
     if (surface.material < 0) return -1;
     int texture_id = materials[surface.material].planes[PLANE].texture_id;
-    // A base colour is what the visibility buffer names.
+    // The visibility buffer has the texture of the base colour.
     if (PLANE == PLANE_BASE && texture_id >= 0) texture_id = surface.texture_id;
     return texture_id >= 0 && textures[texture_id].decoder >= 0 ? texture_id : -1;
 }
@@ -40,12 +40,12 @@ int surface_decoder(Surface surface) {
     return texture_id >= 0 ? textures[texture_id].decoder : -1;
 }
 
-// The first plane that is read from the same texture at the same texels as this one.
+// The first plane that reads the same texture at the same texels as this one.
 int first_alike(Surface surface) {
     return (materials[max(surface.material, 0)].alike >> (2 * PLANE)) & 3;
 }
 
-// A bit for each component of this plane that a material reads of a texture.
+// Components of this plane, as bits, that a material reads and the texture has.
 int wanted_components(PlaneRecord plane, int texture_id) {
     return plane.components & (textures[texture_id].components >> (4 * PLANE));
 }
@@ -70,7 +70,7 @@ WantedTexel wanted_texel(Surface surface) {
     return wanted;
 }
 
-// A decoded texel in linear light.
+// Converts a decoded texel to linear light.
 vec4 linear_texel(int texture_id, vec4 decoded) {
     bool is_base = PLANE == PLANE_BASE;
     vec3 rgb = is_base && textures[texture_id].channels < 3 ? decoded.rrr : decoded.rgb;
@@ -78,7 +78,7 @@ vec4 linear_texel(int texture_id, vec4 decoded) {
     return vec4(rgb, is_base ? 1.0 : decoded.a);
 }
 
-// Content of the plane's target where `decoded` was decoded.
+// Content of the plane's target for a decoded texel.
 vec4 shown_plane(Surface surface, int texture_id, int components, vec4 decoded) {
     return plane_content(surface, components, linear_texel(max(texture_id, 0), decoded));
 }

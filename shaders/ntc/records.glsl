@@ -1,6 +1,6 @@
 // Records of a pack's textures and their mips; latents and decoders are not declared here.
 #include "generated/decoding.glsl"
-// The plane of maps that is decoded (ntc/codec/maps.py).
+// The plane of maps to decode (ntc/codec/maps.py).
 #ifndef PLANE
 #define PLANE PLANE_BASE
 #endif

@@ -1,12 +1,12 @@
 #version 430
-// One more sample of a picture; blending adds it to the mean of those before it.
+// Adds a sample of the picture to the mean of the previous ones, by blending.
 #include "generated/layout.glsl"
 
 layout(binding = UNIT_PICTURE_A) uniform sampler2D sample_picture;
-uniform float weight;   // of the sample
+uniform float weight;   // weight of this sample
 
 layout(location = 0, index = 0) out vec4 mean;
-// Not the constant blend colour: zink of Mesa 22.3 does not set a new one before the next draw.
+// Dual-source blending, because zink of Mesa 22.3 ignores a changed constant blend colour until the next draw.
 layout(location = 0, index = 1) out vec4 weights;
 
 void main() {

@@ -1,8 +1,8 @@
 #version 430
-// Slots A and B as one 8-bit sRGB picture.
+// Combines slots A and B to one 8-bit sRGB picture.
 // SPLIT 1: A on one side of a line, B on the other. DIFFERENCE 1: gain |A - B| of sRGB values, 2: |A - B| / max(A, floor) of
-// linear light, 3: the FLIP map. Neither: slot A alone.
-// OVERLAY 1: decoders per block over it. MARKS 1: textures coloured or dimmed. ZOOM 1: a part of the picture, larger.
+// linear light, 3: the FLIP map. If both are 0: slot A alone.
+// OVERLAY 1: shows decoders per block. MARKS 1: colours or dims textures. ZOOM 1: enlarges a part of the picture.
 #include "common/color.glsl"
 #include "common/visibility.glsl"
 #include "generated/layout.glsl"
@@ -61,7 +61,7 @@ ivec2 block_of(ivec2 pixel) {
 
 layout(location = 0) out vec4 color;
 
-// A macro, because a palette as a parameter would be copied.
+// A macro: a function would copy the palette.
 #define ON_PALETTE(colors, place) mix( \
     colors[min(int(place), PALETTE_STEPS - 2)], \
     colors[min(int(place), PALETTE_STEPS - 2) + 1], \
@@ -121,7 +121,7 @@ void main() {
     shown = mix(shown, heat, decoders > 0u ? opacity : 0.0);
 #if ZOOM
     if (float(min(block.x, block.y)) * zoom >= GRID_FROM) {
-        // The last window pixels of a block, to the right and below.
+        // The window pixels along the right and lower edge of a block.
         bool edge = block_of(picture_pixel(shown_pixel + vec2(1.0, 0.0))) != at
             || block_of(picture_pixel(shown_pixel - vec2(0.0, 1.0))) != at;
         if (edge) shown = mix(shown, GRID, GRID_OPACITY);

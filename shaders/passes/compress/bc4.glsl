@@ -1,7 +1,9 @@
-// BC4 of 16 values: the ends of the palette's eight values that fit best, or of its six between 0 and 1. As ntc/c/ntc.c, with ends
-// found by least squares first.
+// Compresses 16 values to BC4: two ends, and for each value the index of an entry of the palette between them.
+// With first > second the palette has eight values, else six values, 0 and 255. Tries: the smallest and largest value as ends; the ends with
+// the least squared error for the indices of that try, and their eight neighbours, because the palette is rounded; then the palette of six.
+// ntc/c/ntc.c is the twin in C. Results: docs/explanation/decode-paths.md#path-on-load-block-compression-on-the-gpu.
 
-// Values by row: whole numbers from 0 to 255. Returns the squared error times 25 * 49, a whole number but for rounding.
+// Sets the indices of `values` (by row, whole numbers from 0 to 255). Returns the squared error times 25 * 49, which makes it a whole number.
 float bc4_error(vec4 values[4], float first, float second, out vec4 indices[4]) {
     bool six = first <= second;
     float last = six ? 5.0 : 7.0;
@@ -14,7 +16,7 @@ float bc4_error(vec4 values[4], float first, float second, out vec4 indices[4]) 
         vec4 away = (values[row] - first) * last - index * way;
         vec4 squared = away * away;
         if (six) {
-            // The two values beside the six.
+            // The values 0 and 255.
             vec4 dark = values[row] * last, bright = (255.0 - values[row]) * last;
             index = mix(index, vec4(6.0), lessThan(dark * dark, squared));
             squared = min(squared, dark * dark);
@@ -27,7 +29,7 @@ float bc4_error(vec4 values[4], float first, float second, out vec4 indices[4]) 
     return error * (six ? 49.0 : 25.0);
 }
 
-// The stored number of a place along the palette.
+// Converts a position along the palette to a stored index.
 uint bc4_code(float place, bool six) {
     if (six && place >= 6.0) return uint(place);
     float last = six ? 5.0 : 7.0;
@@ -37,10 +39,10 @@ uint bc4_code(float place, bool six) {
 uvec2 compress_bc4(vec4 values[4], out float error) {
     float low = 255.0, high = 0.0, inner_low = 255.0, inner_high = 0.0;
     for (int row = 0; row < 4; ++row) {
-        vec4 own = values[row];
-        low = min(low, min(min(own.x, own.y), min(own.z, own.w)));
-        high = max(high, max(max(own.x, own.y), max(own.z, own.w)));
-        vec4 above = mix(own, vec4(255.0), equal(own, vec4(0.0))), below = mix(own, vec4(0.0), equal(own, vec4(255.0)));
+        vec4 row_values = values[row];
+        low = min(low, min(min(row_values.x, row_values.y), min(row_values.z, row_values.w)));
+        high = max(high, max(max(row_values.x, row_values.y), max(row_values.z, row_values.w)));
+        vec4 above = mix(row_values, vec4(255.0), equal(row_values, vec4(0.0))), below = mix(row_values, vec4(0.0), equal(row_values, vec4(255.0)));
         inner_low = min(inner_low, min(min(above.x, above.y), min(above.z, above.w)));
         inner_high = max(inner_high, max(max(below.x, below.y), max(below.z, below.w)));
     }
@@ -48,10 +50,10 @@ uvec2 compress_bc4(vec4 values[4], out float error) {
     vec2 ends = vec2(high, low);
     vec4 indices[4], best_indices[4];
     for (int row = 0; row < 4; ++row) best_indices[row] = vec4(0.0);
-    // Eight neighbouring numbers need no rounding.
+    // A palette of eight neighbouring numbers is exact.
     if (high - low < 7.0) ends = vec2(min(low, 248.0) + 7.0, min(low, 248.0));
     vec2 centre = ends;
-    // The ends as they are, those that suit the indices best, their neighbours, and six values.
+    // Tries 0: the range. 1: least squares. 2 to 10: its neighbours. 11: six values.
     bool has_six = inner_low <= inner_high;
     int tries = BC4_TRIES;
     for (int number = 0; number < tries; ++number) {
@@ -63,14 +65,14 @@ uvec2 compress_bc4(vec4 values[4], out float error) {
         if (number == 11) tried = vec2(inner_low, inner_high);
         tried = clamp(tried, 0.0, 255.0);
         bool fits = number == 11 ? has_six : tried.x > tried.y;
-        float found = bc4_error(values, tried.x, tried.y, indices);
-        if (fits && found < best) {
-            best = found;
+        float tried_error = bc4_error(values, tried.x, tried.y, indices);
+        if (fits && tried_error < best) {
+            best = tried_error;
             ends = tried;
             best_indices = indices;
         }
         if (number == 0) {
-            // The ends that suit these indices best.
+            // The ends with the least squared error for these indices.
             float first_squared = 0.0, mixed = 0.0, second_squared = 0.0, firsts = 0.0, seconds_sum = 0.0;
             for (int row = 0; row < 4; ++row) {
                 vec4 weight = best_indices[row], rest = 7.0 - weight;

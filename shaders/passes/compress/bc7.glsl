@@ -1,28 +1,31 @@
-// BC7 of 16 texels: the best of mode 6 (one line through RGBA), mode 1 (opaque: two lines), and modes 7 (two lines) and 5 (a line
-// through RGB, another through alpha). As ntc/c/ntc.c, with fewer tries.
-// All sums of texels are whole numbers below 2^24, so that every driver finds the same block.
+// Compresses 16 texels to BC7. Each mode approximates texels by points on a line: two quantised ends and an index for each texel.
+// 1. The line starts along the principal axis of the texels (power iteration on their covariance), between the extreme projections.
+// 2. Each texel takes the nearest point. Least squares then gives better ends for these indices.
+// 3. Mode 6, one line through RGBA, comes first; a block with a small error ends there. Then two lines compete (mode 1 if opaque, else 7), in
+//    the two of 16 partitions with the smallest squared distance from two principal axes; and mode 5, lines through RGB and through alpha.
+// All sums of texels are whole numbers below 2^24, which floats hold exactly. So all drivers get the same block.
+// ntc/c/ntc.c is the twin in C, with more tries. Results: docs/explanation/decode-paths.md#path-on-load-block-compression-on-the-gpu.
 
-// The texels by channel, a row of the block in each element: whole numbers from 0 to 255.
+// Texels by channel, one row of the block per element: whole numbers from 0 to 255.
 vec4 channels[16];    // row + 4 * channel
 // 1 where a texel belongs to the second line.
 vec4 seconds[4];
 
-// How a mode stores a line: the bits of an end's channel with its p bit, the p bits (2: one for each end, 1: one for both, 0: none),
-// the last index, and the channels that the line goes through.
+// How a mode stores a line.
 struct LineKind {
-    int total;
-    int p_bits;
-    float last;
-    vec4 through;
+    int total;       // bits of an end's channel, with its p bit
+    int p_bits;      // 2: one for each end, 1: one for both, 0: none
+    float last;      // largest index
+    vec4 through;    // 1 for each channel that the line goes through
 };
 
 struct Lines {
-    vec4 ends[4];     // of the first line, then of the second: as stored, the p bit lowest
+    vec4 ends[4];     // of the first line, then of the second: stored integers, the p bit lowest
     vec4 indices[4];  // by row
-    float error;      // squared, in steps of 1/255
+    float error;      // squared error in steps of 1/255
 };
 
-// Texels of the second line for the 16 partitions that are tried, texel 0 in the lowest bit. Both anchors are texel 0 and texel 15.
+// Texels of the second line in the 16 partitions that are tried, as bits, texel 0 lowest. The anchors are texels 0 and 15.
 const uint PARTITIONS[16] = uint[](
     0xCCCCu, 0x8888u, 0xEEEEu, 0xECC8u, 0xC880u, 0xFEECu, 0xFEC8u, 0xEC80u,
     0xC800u, 0xFFECu, 0xFE80u, 0xE800u, 0xFFE8u, 0xFF00u, 0xFFF0u, 0xF000u
@@ -39,8 +42,8 @@ float sum_of(vec4 values) {
     return (values.x + values.y) + (values.z + values.w);
 }
 
-// The value that hardware reads for a stored end of `total` bits.
-vec4 shown_end(vec4 stored, int total) {
+// Expands a stored end of `total` bits to 8 bits, as hardware does.
+vec4 expanded_end(vec4 stored, int total) {
     float scale = float(1 << (8 - total));
     return total == 8 ? stored : stored * scale + floor(stored / float(1 << (2 * total - 8)));
 }
@@ -54,12 +57,12 @@ vec4 stored_end(vec4 value, LineKind kind, float p) {
 }
 
 float end_error(vec4 value, vec4 stored, LineKind kind) {
-    precise vec4 away = (shown_end(stored, kind.total) - value) * kind.through;
+    precise vec4 away = (expanded_end(stored, kind.total) - value) * kind.through;
     precise vec4 squared = away * away;
     return sum_of(squared);
 }
 
-// Stores both ends of a line with the p bits that are nearest.
+// Quantises both ends of a line with the nearer p bits.
 void store_ends(vec4 low, vec4 high, LineKind kind, out vec4 stored_low, out vec4 stored_high) {
     vec4 low_0 = stored_end(low, kind, 0.0);
     vec4 low_1 = stored_end(low, kind, 1.0);
@@ -74,7 +77,7 @@ void store_ends(vec4 low, vec4 high, LineKind kind, out vec4 stored_low, out vec
     stored_high = high_p ? high_1 : high_0;
 }
 
-// The principal axis from sums of products about the mean, each `count` times too large.
+// Principal axis by power iteration. The arguments are the covariance matrix, times any factor.
 vec4 axis_of(vec4 squares, vec4 mixed_red, vec2 mixed_green, float mixed_blue) {
     vec4 rows[4];
     rows[0] = vec4(squares.x, mixed_red.xyz);
@@ -93,7 +96,7 @@ vec4 axis_of(vec4 squares, vec4 mixed_red, vec2 mixed_green, float mixed_blue) {
     return largest > 0.0 ? axis / largest : vec4(0.0);
 }
 
-// Sums over the texels of one line: of the channels, and of their products.
+// Sums over the texels of one line: of channels, and of products of channels.
 struct Sums {
     float count;
     vec4 values;
@@ -109,18 +112,18 @@ Sums sums_over(bool is_second, vec4 through) {
         vec4 share = is_second ? seconds[row] : 1.0 - seconds[row];
         vec4 r = channels[row] * through.r, g = channels[row + 4] * through.g;
         vec4 b = channels[row + 8] * through.b, a = channels[row + 12] * through.a;
-        vec4 own_r = r * share, own_g = g * share, own_b = b * share, own_a = a * share;
+        vec4 line_r = r * share, line_g = g * share, line_b = b * share, line_a = a * share;
         sums.count += sum_of(share);
-        sums.values += vec4(sum_of(own_r), sum_of(own_g), sum_of(own_b), sum_of(own_a));
-        sums.squares += vec4(dot(own_r, r), dot(own_g, g), dot(own_b, b), dot(own_a, a));
-        sums.mixed_red += vec3(dot(own_r, g), dot(own_r, b), dot(own_r, a));
-        sums.mixed_green += vec2(dot(own_g, b), dot(own_g, a));
-        sums.mixed_blue += dot(own_b, a);
+        sums.values += vec4(sum_of(line_r), sum_of(line_g), sum_of(line_b), sum_of(line_a));
+        sums.squares += vec4(dot(line_r, r), dot(line_g, g), dot(line_b, b), dot(line_a, a));
+        sums.mixed_red += vec3(dot(line_r, g), dot(line_r, b), dot(line_r, a));
+        sums.mixed_green += vec2(dot(line_g, b), dot(line_g, a));
+        sums.mixed_blue += dot(line_b, a);
     }
     return sums;
 }
 
-// The same about the mean, `count` times too large: whole numbers.
+// Returns the sums of products about the mean, times `count`: whole numbers.
 Sums centred(Sums sums) {
     vec4 values = sums.values;
     sums.squares = sums.squares * sums.count - values * values;
@@ -130,7 +133,7 @@ Sums centred(Sums sums) {
     return sums;
 }
 
-// The ends of the line through the texels of a subset.
+// Ends of the line along the principal axis of a subset's texels.
 void line_through(bool is_second, vec4 through, out vec4 low, out vec4 high) {
     Sums sums = sums_over(is_second, through);
     precise vec4 mean = sums.values / max(sums.count, 1.0);
@@ -150,17 +153,17 @@ void line_through(bool is_second, vec4 through, out vec4 low, out vec4 high) {
     precise vec4 step = length_squared > 0.0 ? axis / length_squared : vec4(0.0);
     precise vec4 from = mean + step * (length_squared > 0.0 ? least : 0.0);
     precise vec4 to = mean + step * (length_squared > 0.0 ? most : 0.0);
-    // Channels that the line does not go through are alpha of opaque texels.
+    // A channel that the line does not go through is alpha of opaque texels.
     low = mix(vec4(255.0), from, through);
     high = mix(vec4(255.0), to, through);
 }
 
-// The nearest indices for the ends of `lines`, and the error.
+// Sets the indices of `lines` to the nearest points of their ends, and the error.
 void find_indices(LineKind kind, inout Lines lines) {
-    vec4 low = shown_end(lines.ends[0], kind.total);
-    vec4 way = (shown_end(lines.ends[1], kind.total) - low) * kind.through;
-    vec4 other_low = shown_end(lines.ends[2], kind.total);
-    vec4 other_way = (shown_end(lines.ends[3], kind.total) - other_low) * kind.through;
+    vec4 low = expanded_end(lines.ends[0], kind.total);
+    vec4 way = (expanded_end(lines.ends[1], kind.total) - low) * kind.through;
+    vec4 other_low = expanded_end(lines.ends[2], kind.total);
+    vec4 other_way = (expanded_end(lines.ends[3], kind.total) - other_low) * kind.through;
     vec4 low_step = other_low - low, way_step = other_way - way;
     float scale = dot(way, way);
     scale = scale > 0.0 ? kind.last / scale : 0.0;
@@ -178,7 +181,7 @@ void find_indices(LineKind kind, inout Lines lines) {
         precise vec4 place = along * mix(vec4(scale), vec4(other_scale), second) + 0.5;
         vec4 index = clamp(floor(place), 0.0, kind.last);
         lines.indices[row] = index;
-        // Weights are the nearest whole numbers; all values are, so nothing is rounded but by `floor`.
+        // BC7's weights are whole numbers in 1/64. All values are whole numbers too, so only `floor` rounds.
         precise vec4 weight = floor(index * per_index + 0.5) / 64.0;
         r -= floor(way_r * weight + 0.5);
         g -= floor(way_g * weight + 0.5);
@@ -190,7 +193,7 @@ void find_indices(LineKind kind, inout Lines lines) {
     lines.error = error;
 }
 
-// Weighted sums of a line's texels, for the ends that suit its indices best (least squares). Weights are in 1/64.
+// Sums for least squares: the ends of a line with the least error for its indices. Weights are in 1/64.
 struct Fit {
     float both_low;
     float mixed;
@@ -227,20 +230,20 @@ void refit(Fit fit, LineKind kind, inout vec4 low, inout vec4 high) {
     high = mix(vec4(255.0), clamp(last, 0.0, 255.0), kind.through);
 }
 
-// The high end that suits a stored low one best.
+// The high end with the least error for a stored low end.
 vec4 high_for(Fit fit, vec4 stored_low, LineKind kind, vec4 high) {
     if (fit.both_high < 1.0) return high;
-    precise vec4 found = (fit.highs * 64.0 - fit.mixed * shown_end(stored_low, kind.total)) / fit.both_high;
-    return mix(vec4(255.0), clamp(found, 0.0, 255.0), kind.through);
+    precise vec4 end = (fit.highs * 64.0 - fit.mixed * expanded_end(stored_low, kind.total)) / fit.both_high;
+    return mix(vec4(255.0), clamp(end, 0.0, 255.0), kind.through);
 }
 
 vec4 low_for(Fit fit, vec4 stored_high, LineKind kind, vec4 low) {
     if (fit.both_low < 1.0) return low;
-    precise vec4 found = (fit.lows * 64.0 - fit.mixed * shown_end(stored_high, kind.total)) / fit.both_low;
-    return mix(vec4(255.0), clamp(found, 0.0, 255.0), kind.through);
+    precise vec4 end = (fit.lows * 64.0 - fit.mixed * expanded_end(stored_high, kind.total)) / fit.both_low;
+    return mix(vec4(255.0), clamp(end, 0.0, 255.0), kind.through);
 }
 
-// The lines through both subsets of `seconds`.
+// Fits the lines of both subsets of `seconds`.
 Lines fit_lines(LineKind kind, bool are_two, int rounds) {
     Lines best, made;
     best.error = 1e30;
@@ -254,7 +257,7 @@ Lines fit_lines(LineKind kind, bool are_two, int rounds) {
             refit(fit, kind, low, high);
             if (are_two) refit(fit_of(true, kind, best), kind, other_low, other_high);
         }
-        // All pairs of p bits in mode 6; in others those that are nearest.
+        // Mode 6 tries all pairs of p bits; other modes take the nearest.
         int pairs = kind.p_bits == 2 && !are_two ? (round > 0 ? MODE_6_PAIRS : 4) : 1;
         for (int pair = 0; pair < pairs; ++pair) {
             if (pairs > 1) {
@@ -276,7 +279,8 @@ Lines fit_lines(LineKind kind, bool are_two, int rounds) {
     return best;
 }
 
-// The squares away from the line through the texels of these sums, about: what the largest of their eigenvalues leaves of the trace.
+// Estimate of the sum of squared distances from the principal axis: the covariance's trace without its largest eigenvalue. The Frobenius norm
+// stands in for that eigenvalue, which it equals if the others are 0.
 float away_from_line(Sums sums) {
     if (sums.count < 1.0) return 0.0;
     sums = centred(sums);
@@ -297,7 +301,7 @@ Sums without(Sums all, Sums part) {
     );
 }
 
-// The partitions with the least squares away from two lines, the best first.
+// The two partitions with the smallest squared distances from two lines, the best first.
 ivec2 best_partitions(vec4 through) {
     ivec2 best = ivec2(0);
     vec2 least = vec2(1e30);
@@ -318,7 +322,7 @@ ivec2 best_partitions(vec4 through) {
     return best;
 }
 
-// Turns the first or second line where the index of its anchor has its highest bit, which is not stored.
+// Swaps the ends of a line if the highest bit of its anchor's index is 1: that bit is not stored.
 void turn(bool is_second, float last, inout Lines lines) {
     float anchor = is_second ? lines.indices[3].w : lines.indices[0].x;
     if (anchor <= last * 0.5) return;
@@ -353,15 +357,15 @@ void put_bits(uint value, int count) {
 
 void put_indices(vec4 indices[4], int bits, bool has_second_anchor) {
     for (int row = 0; row < 4; ++row) {
-        uvec4 own = uvec4(indices[row]);
-        put_bits(own.x, bits - (row == 0 ? 1 : 0));
-        put_bits(own.y, bits);
-        put_bits(own.z, bits);
-        put_bits(own.w, bits - (has_second_anchor && row == 3 ? 1 : 0));
+        uvec4 row_indices = uvec4(indices[row]);
+        put_bits(row_indices.x, bits - (row == 0 ? 1 : 0));
+        put_bits(row_indices.y, bits);
+        put_bits(row_indices.z, bits);
+        put_bits(row_indices.w, bits - (has_second_anchor && row == 3 ? 1 : 0));
     }
 }
 
-// `stored` has the p bit lowest, which is left out where there is one.
+// Writes one channel of both ends. With `has_p`, the lowest bit is a p bit, which `put_p` writes.
 void put_ends(float first, float last, int bits, bool has_p) {
     uint shift = has_p ? 1u : 0u;
     put_bits(uint(first) >> shift, bits);
@@ -430,11 +434,11 @@ uvec4 mode_5_block(Lines lines, Lines alpha) {
 
 const vec4 RGB = vec4(1.0, 1.0, 1.0, 0.0);
 
-// Mode 6 is good enough below this error of a block, squared, in steps of 1/255.
+// Squared error of a block, in steps of 1/255, up to which no other mode is tried.
 const float GOOD_ENOUGH = 8.0;
 const int MODE_6 = 0, TWO_LINES = 1, OTHER_TWO_LINES = 2, MODE_5_RGB = 3, MODE_5_ALPHA = 4;
 
-// The block of `channels`; `error` is squared, in steps of 1/255.
+// Returns the block of `channels`, and its squared error in steps of 1/255.
 uvec4 compress_bc7(out float error) {
     bool is_opaque = true;
     for (int row = 0; row < 4; ++row) is_opaque = is_opaque && all(equal(channels[row + 12], vec4(255.0)));
@@ -450,20 +454,20 @@ uvec4 compress_bc7(out float error) {
     int taken = MODE_6;
     ivec2 partitions = ivec2(0);
     int division = 0;
-    // A loop, so that its body is compiled once, and left where all that remains would be for nothing.
+    // A loop, so the body is compiled once. It ends early if the remaining modes cannot help.
     int tries = 5;
     for (int number = 0; number < tries; ++number) {
         LineKind kind = kinds[number];
         bool are_two = number == TWO_LINES || number == OTHER_TWO_LINES;
         if (number == TWO_LINES) partitions = best_partitions(kind.through);
-        int own = number == OTHER_TWO_LINES ? partitions.y : partitions.x;
-        split_by(are_two ? PARTITIONS[own] : 0u);
+        int candidate = number == OTHER_TWO_LINES ? partitions.y : partitions.x;
+        split_by(are_two ? PARTITIONS[candidate] : 0u);
         Lines made = fit_lines(kind, are_two, number == MODE_6 ? MODE_6_ROUNDS : ROUNDS);
         if (number < MODE_5_RGB) {
             if (made.error < best.error) {
                 best = made;
                 taken = number;
-                division = own;
+                division = candidate;
             }
         } else if (number == MODE_5_RGB) {
             other = made;
@@ -475,7 +479,7 @@ uvec4 compress_bc7(out float error) {
             other.indices = made.indices;
         }
         if (best.error <= GOOD_ENOUGH) tries = 0;
-        // Another division may be better only where one is better than none.
+        // The second partition is tried only if the first one improved the block.
         else if (is_opaque) tries = number == TWO_LINES && taken == MODE_6 ? 0 : 3;
     }
     error = best.error;

@@ -1,5 +1,5 @@
 #version 430
-// Compresses texels to blocks that hardware samples, one block in each invocation: BC7 (BLOCK_FORMAT 7), BC5 (5) or BC4 (4).
+// Compresses texels to blocks, one in each invocation: BC7 (BLOCK_FORMAT 7), BC5 (5) or BC4 (4).
 #include "generated/layout.glsl"
 layout(local_size_x = TEXEL_GROUP) in;
 #include "common/work_groups.glsl"
@@ -7,20 +7,20 @@ layout(local_size_x = TEXEL_GROUP) in;
 layout(std430, binding = BINDING_RESULTS) writeonly buffer Blocks {
     uint blocks[];
 };
-// Squared errors of all blocks, in steps of 1/255: the sums of their low 11 bits, and of the bits above.
+// Sums of the blocks' squared errors, in steps of 1/255: one of their low 11 bits, one of the higher bits.
 layout(std430, binding = BINDING_DECODERS) buffer Errors {
     uint errors[];
 };
-uniform ivec2 size;           // of the part of a mip that is compressed, in texels
-uniform int first_component;  // of BC5 and BC4
-uniform int has_alpha;        // of BC7; 0: all texels are opaque
-uniform int first_word;       // of the blocks
+uniform ivec2 size;           // of the compressed part of a mip, in texels
+uniform int first_component;  // for BC5 and BC4
+uniform int has_alpha;        // for BC7; 0: all texels are opaque
+uniform int first_word;       // first word of the blocks
 uniform int error_place;
-uniform ivec2 tiles;          // page of the first, and tiles in a row
+uniform ivec2 tiles;          // x: page of the first tile; y: tiles in a row
 layout(binding = UNIT_ATLAS) uniform sampler2DArray source;
 #if FROM_TILES
 
-// Tiles lie on pages one after the other, row by row.
+// Tiles are on consecutive pages, row by row.
 vec4 source_texel(ivec2 texel) {
     ivec2 tile = texel / TILE_SIDE;
     int page = tiles.x + tile.y * tiles.y + tile.x;

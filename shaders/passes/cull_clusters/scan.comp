@@ -1,6 +1,6 @@
 #version 430
-// Where each item's draws begin among those of its bucket, and how many the bucket has. One work group for each bucket.
-// The order is that of the items, whatever ran first: which of two surfaces at the same depth is seen must not change.
+// Computes where each item's draw commands begin in its bucket, and how many the bucket has: a prefix sum, one work group per bucket.
+// Commands are in the order of items, not of execution. So the same one of two surfaces at equal depth is always visible.
 #include "passes/cull_clusters/clusters.glsl"
 layout(local_size_x = SCAN_GROUP) in;
 
@@ -16,18 +16,18 @@ void main() {
     uint each = (count + uint(SCAN_GROUP) - 1u) / uint(SCAN_GROUP);
     uint begin = buckets[bucket].first_item + min(lane * each, count);
     uint end = buckets[bucket].first_item + min((lane + 1u) * each, count);
-    uint own = 0u;
-    uint own_clusters = 0u;
-    uint own_triangles = 0u;
+    uint runs = 0u;
+    uint cluster_count = 0u;
+    uint triangle_count = 0u;
     for (uint item = begin; item < end; ++item) {
-        own += items[item].runs;
-        own_clusters += uint(bitCount(items[item].seen_low) + bitCount(items[item].seen_high));
-        own_triangles += items[item].triangles;
+        runs += items[item].runs;
+        cluster_count += uint(bitCount(items[item].seen_low) + bitCount(items[item].seen_high));
+        triangle_count += items[item].triangles;
     }
-    sums[lane] = own;
+    sums[lane] = runs;
     barrier();
-    atomicAdd(clusters_seen, own_clusters);
-    atomicAdd(triangles_seen, own_triangles);
+    atomicAdd(clusters_seen, cluster_count);
+    atomicAdd(triangles_seen, triangle_count);
     uint first = buckets[bucket].first_command;
     for (uint other = 0u; other < lane; ++other) first += sums[other];
     for (uint item = begin; item < end; ++item) {
@@ -43,7 +43,7 @@ void main() {
         buckets[bucket].triangles = triangles_seen;
     }
 #if PADDED
-    // The CPU draws as many as there may be.
+    // The CPU draws the largest possible number of commands, so the rest are empty.
     uint place = buckets[bucket].first_command;
     for (uint empty = total + lane; empty < buckets[bucket].capacity; empty += uint(SCAN_GROUP))
         for (uint word = 0u; word < COMMAND_WORDS; ++word) commands[(place + empty) * COMMAND_WORDS + word] = 0u;

@@ -1,6 +1,11 @@
 #version 430
-// Which clusters may be seen: in the frustum, not turned away as a whole, and over the centre of at least one pixel.
-// Twin: tests/gl/cluster_twin.py. All doubt is for the cluster: what is dropped covers no pixel.
+// Tests which clusters may be visible. A cluster is dropped if one of three tests proves that it covers no pixel:
+// 1. Frustum: its bounding box is outside one of the six planes, in clip space. The box's extents along u, v and w are added to its centre.
+// 2. Cone: all its triangles face away from the eye. Their normals lie in a cone around `axis`; the test is that of Shirman and Abi-Ezzi
+//    1993, "The cone of normals technique", widened by the size of the box.
+// 3. Size: the box on the screen holds no pixel centre.
+// Rounding errors are bounded and counted in favour of the cluster, so culling never changes the picture.
+// Twin in numpy: tests/gl/cluster_twin.py.
 #include "passes/cull_clusters/clusters.glsl"
 #include "common/work_groups.glsl"
 layout(local_size_x = ITEM_CLUSTERS) in;
@@ -20,7 +25,7 @@ bool may_be_seen(ClusterRecord cluster, PlacementRecord placement, vec3 eye) {
     vec4 u = view_projection * vec4(rows[0].x * extent.x, rows[1].x * extent.x, rows[2].x * extent.x, 0.0);
     vec4 v = view_projection * vec4(rows[0].y * extent.y, rows[1].y * extent.y, rows[2].y * extent.y, 0.0);
     vec4 w = view_projection * vec4(rows[0].z * extent.z, rows[1].z * extent.z, rows[2].z * extent.z, 0.0);
-    // The largest numbers on the way to a vertex's place bound the rounding, here and in the vertex shader.
+    // Bound of the rounding errors, here and in the vertex shader, from the largest intermediate numbers.
     vec4 largest = vec4(abs(middle.xyz) + extent, 1.0);
     vec4 reach = vec4(dot(abs(rows[0]), largest), dot(abs(rows[1]), largest), dot(abs(rows[2]), largest), 1.0);
     vec4 error = ROUNDING * (mat4(abs(view_projection[0]), abs(view_projection[1]), abs(view_projection[2]),
@@ -76,7 +81,7 @@ void main() {
         items[number].seen_low = low;
         items[number].seen_high = high;
         items[number].triangles = triangles;
-        // Neighbouring clusters are one draw.
+        // A run of neighbouring clusters is one draw.
         items[number].runs = uint(bitCount(low & ~(low << 1u)) + bitCount(high & ~(high << 1u | low >> 31u)));
     }
 }

@@ -1,5 +1,5 @@
 #version 430
-// Writes the draw command of each run of seen clusters (DrawElementsIndirectCommand; OpenGL 4.3, Sec. 10.4).
+// Writes the draw command of each run of visible clusters (DrawElementsIndirectCommand; OpenGL 4.3, Sec. 10.4).
 #include "passes/cull_clusters/clusters.glsl"
 #include "common/work_groups.glsl"
 layout(local_size_x = ITEM_CLUSTERS) in;

@@ -1,5 +1,5 @@
 #version 430
-// Counts the pixels of each decoder, and writes what pixels without one show.
+// Counts the pixels of each decoder, and writes the colour of pixels without one.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "common/visibility.glsl"
 #include "ntc/plane.glsl"

@@ -1,5 +1,5 @@
 #version 430
-// Decodes the pixels of one decoder, several in each invocation; dispatched once for each decoder with its own arguments.
+// Decodes the pixels of one decoder, several in each invocation. Each decoder has a dispatch.
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "ntc/decode_pixels.glsl"
@@ -9,7 +9,7 @@ layout(local_size_x = BIN_GROUP) in;
 uniform int bin;
 
 // Neighbouring invocations read neighbouring entries of the list.
-ivec2 own_pixel(int p, out bool inside) {
+ivec2 pixel_of(int p, out bool inside) {
     uint count = bins[bin].pixels;
     uint place = work_group_number() * uint(BIN_GROUP * PIXELS) + gl_LocalInvocationID.x + uint(p * BIN_GROUP);
     inside = place < count;

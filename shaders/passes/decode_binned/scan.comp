@@ -1,5 +1,5 @@
 #version 430
-// Prefix sum over the pixel counts: where each decoder's pixels begin in the list. One work group for all bins.
+// Prefix sum over the pixel counts, which gives the begin of each decoder's pixels in the list. One work group handles all bins.
 #include "passes/decode_binned/bins.glsl"
 #include "common/work_groups.glsl"
 layout(local_size_x = SCAN_GROUP) in;
@@ -14,9 +14,9 @@ void main() {
     int each = (bin_count + SCAN_GROUP - 1) / SCAN_GROUP;
     int begin = min(lane * each, bin_count);
     int end = min(begin + each, bin_count);
-    uint own = 0u;
-    for (int bin = begin; bin < end; ++bin) own += bins[bin].counted;
-    sums[lane] = own;
+    uint count_of_lane = 0u;
+    for (int bin = begin; bin < end; ++bin) count_of_lane += bins[bin].counted;
+    sums[lane] = count_of_lane;
     barrier();
     uint first = 0u;
     for (int other = 0; other < lane; ++other) first += sums[other];

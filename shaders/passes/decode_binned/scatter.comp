@@ -7,7 +7,7 @@ layout(local_size_x = 8, local_size_y = 8) in;
 #include "passes/decode_binned/group_bins.glsl"
 
 #if SHARED_SUMS
-shared uint group_first[GROUP_PIXELS];    // place in the list of each slot's first pixel
+shared uint group_first[GROUP_PIXELS];    // place of each slot's first pixel in the list
 #endif
 
 void main() {

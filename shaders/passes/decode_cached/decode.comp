@@ -1,5 +1,5 @@
 #version 430
-// Decodes the tiles of one decoder, with their borders, into their pages of the atlas: several texels in each invocation.
+// Decodes the tiles of one decoder into their pages of the atlas, borders included. Each invocation decodes several texels.
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "common/work_groups.glsl"
@@ -17,8 +17,8 @@ layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
-// Texel number `p` of this invocation: its tile and its place on the page; `inside` says whether there is one.
-TileRecord own_tile(int p, out ivec2 place, out bool inside) {
+// Tile of texel number `p` of this invocation, and its place on the page. `inside` is false if there is no such texel.
+TileRecord tile_of_texel(int p, out ivec2 place, out bool inside) {
     int texels = tile_count * PAGE_TEXELS;
     int number = int(work_group_number()) * BIN_GROUP * PIXELS + int(gl_LocalInvocationID.x) + p * BIN_GROUP;
     inside = number < texels;
@@ -36,7 +36,7 @@ void store_texel(TileRecord tile, ivec2 place, vec4 value) {
 #if BY_SQUARES
 #include "passes/decode_cached/squares.glsl"
 
-// Run along both axes of square `number`: first those inside, in groups of four by four, which lie in few blocks, then those of the border.
+// Runs of square `number` along both axes. Inner squares come first, in groups of 4x4, which lie in few blocks; then those of the border.
 ivec2 square_run(int shift, int number) {
     int runs = TILE_SIDE >> shift;
     int outside = number - runs * runs;
@@ -55,39 +55,39 @@ void main() {
     Axis across = Axis(corner.x, level.texel_width);
     Axis down = Axis(corner.y, level.texel_height);
     int side = block_side(level);
-    // Squares of one texel where the mip of a code has no more.
+    // Squares have one texel if a code has no more in this mip.
     int shift = min(side - 1, 1);
     int squares = run_count(shift) * run_count(shift);
-    int own = int(gl_WorkGroupID.y) * BIN_GROUP + int(gl_LocalInvocationID.x);
-    // Loops end at their ends: a CPU would run what follows a test at their begin once more than needed.
-    if (own < squares) do {
-        Part square = part_at(across, down, shift, square_run(shift, own));
-        if (is_kept(square, square.texel)) {
+    int number = int(gl_WorkGroupID.y) * BIN_GROUP + int(gl_LocalInvocationID.x);
+    // Loops test at their ends: with a test at the beginning, a CPU would run the body once more.
+    if (number < squares) do {
+        Part square = part_at(across, down, shift, square_run(shift, number));
+        if (is_stored(square, square.texel)) {
             ivec2 block = square.read / side;
             ivec2 within = square.read - block * side;
             int texel = within.y * side + within.x;
             Texels texels = block_texels(code_of(record, level, block), texel + ivec4(0, 1, side, side + 1));
-            int number = 0;
+            int part = 0;
             do {
-                ivec2 place = square.texel + ivec2(number & 1, number >> 1);
-                if (is_kept(square, place)) store_texel(tile, place - corner, block_value(record, texel_sum(texels, number)));
-                ++number;
-            } while (number < 4 * network_blocks);
+                ivec2 place = square.texel + ivec2(part & 1, part >> 1);
+                if (is_stored(square, place)) store_texel(tile, place - corner, block_value(record, texel_sum(texels, part)));
+                ++part;
+            } while (part < 4 * network_blocks);
         }
-        own += int(gl_NumWorkGroups.y) * BIN_GROUP;
-    } while (own < squares);
+        number += int(gl_NumWorkGroups.y) * BIN_GROUP;
+    } while (number < squares);
 }
 #elif SHARES_DECODERS
 void main() {
     int adapters[PIXELS];
     float x[PIXELS][DECODER_INPUTS];
     vec4 decoded[PIXELS];
-    // As in decode_pixels.glsl: no loops of constant length over pixels, no array with a varying index.
+    // As in decode_pixels.glsl, loops have no constant length and arrays no varying index.
     int count = min(network_blocks * PIXELS, PIXELS);
     for (int p = 0; p < count; ++p) {
         ivec2 place;
         bool inside;
-        TileRecord tile = own_tile(p, place, inside);
+        TileRecord tile = tile_of_texel(p, place, inside);
         TextureRecord record = textures[tile.texture_id];
         ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
         float inputs[DECODER_INPUTS];
@@ -101,7 +101,7 @@ void main() {
     for (int p = 0; p < count; ++p) {
         ivec2 place;
         bool inside;
-        TileRecord tile = own_tile(p, place, inside);
+        TileRecord tile = tile_of_texel(p, place, inside);
         if (!inside) continue;
         vec4 value = decoded[0];
         for (int q = 1; q < PIXELS; ++q) value = q == p ? decoded[q] : value;
@@ -114,7 +114,7 @@ void main() {
     for (int p = 0; p < count; ++p) {
         ivec2 place;
         bool inside;
-        TileRecord tile = own_tile(p, place, inside);
+        TileRecord tile = tile_of_texel(p, place, inside);
         if (!inside) continue;
         ivec2 wrap = ivec2(tile.wrap_u, tile.wrap_v);
         TextureRecord record = textures[tile.texture_id];

@@ -1,11 +1,11 @@
 #version 430
-// Decodes tiles, with their borders, into their pages of the atlas, one in each work group: each code once for all its texels.
+// Decodes tiles into their pages of the atlas, borders included. A work group decodes one tile, and each code once for all its texels.
 #include "generated/layout.glsl"
 layout(local_size_x = BIN_GROUP) in;
 #include "ntc/decode.glsl"
 #include "passes/decode_cached/page.glsl"
 #include "passes/decode_cached/squares.glsl"
-// Most tiles of mips of eight texels in each code have no more codes and coefficients.
+// These limits suffice for most tiles of mips with eight texels a side per code. Larger tiles take several rounds.
 #define SLOTS 32
 #define USUAL_FOURS 320
 #define SQUARES_AT_ONCE 2
@@ -21,21 +21,21 @@ layout(rgba8, binding = IMAGE_ATLAS) uniform writeonly image2DArray atlas;
 uniform int first_tile;
 uniform int tile_count;
 
-// An invocation decodes a unit at once, eight texels of a code: four by two inside the tile, a strip along its border.
+// An invocation decodes one unit at a time: eight texels of a code, 4x2 inside the tile or a strip along its border.
 const int MOST_UNITS = TILE_SIDE * TILE_SIDE / 8 + TILE_SIDE / 4 + 1;
-// How far the second, third and fifth texel of a unit lie from the first: STEP_BITS for each number.
+// Offsets of the second, third and fifth texel of a unit from the first, x and y of each in STEP_BITS bits.
 const int STEP_BITS = 3;
 const uint WIDE_STEPS = 1u | 1u << (3 * STEP_BITS) | 2u << (4 * STEP_BITS);
 const uint ROW_STEPS = 1u | 2u << (2 * STEP_BITS) | 4u << (4 * STEP_BITS);
 const uint COLUMN_STEPS = ROW_STEPS << STEP_BITS;
-// Codes are ordered by the fours of their coefficients, most first: invocations side by side wait for the longest. From LENGTHS - 1 on
-// they count as equal.
+// Codes are sorted by their number of coefficients (in fours), longest first, because neighbouring invocations wait for the longest. Lengths
+// from LENGTHS - 1 on count as equal.
 const int LENGTHS = 16;
 
-// First texel of a slot on its layer, and the end of its texels, 16 bits for each number; steps; the word of the first unit.
+// x: first texel of a slot on its layer; y: end of its texels (16 bits for each coordinate); z: steps; w: word of the first unit.
 shared uvec4 slot_part[SLOTS];
-shared uint units[MOST_UNITS];                   // the slot, and above 8 bits which word of the slot's the unit begins with
-shared uint units_before[2 * LENGTHS - 1];       // units of codes that are longer; of no use from LENGTHS on
+shared uint units[MOST_UNITS];                   // the slot in the low 8 bits; above, the slot's word that the unit begins with
+shared uint units_before[2 * LENGTHS - 1];       // units of longer codes; unused from LENGTHS on
 shared uint units_of_length[LENGTHS];
 
 uint packed_place(ivec2 place) {
@@ -69,18 +69,18 @@ void main() {
     if (lane == 0) tile_entries[tile.entry] = uint(tile.page + 1);
     for (int begin = 0; begin < codes; begin += SLOTS) {
         bool waits = false;
-        int own_units = 0;
+        int unit_count = 0;
         int number = begin + lane;
         if (lane < SLOTS && number < codes) {
             ivec2 run = in_rows(number, across_codes);
             Part part = part_at(across, down, shift, run);
-            waits = is_kept(part, part.texel);
+            waits = is_stored(part, part.texel);
             bool in_row = is_border(shift, run.y);
             bool in_column = is_border(shift, run.x) && !in_row;
-            own_units = in_row || in_column ? 1 : 1 << max(2 * shift - 3, 0);
+            unit_count = in_row || in_column ? 1 : 1 << max(2 * shift - 3, 0);
             uint steps = WIDE_STEPS;
             int word = 2 * mip_square(mip);
-            // Mips of fewer texels have no strips: of a square those at its begin are kept.
+            // Mips with fewer texels per code have no strips; the first texels of a square are stored there.
             if (shift > 1 && (in_row || in_column)) {
                 steps = in_row ? ROW_STEPS : COLUMN_STEPS;
                 word = strips_word(mip) + (in_row ? STRIP_WORDS : 0);
@@ -90,41 +90,41 @@ void main() {
             if (waits) fill_slot(lane, code_of(textures[tile.texture_id], level, block));
         }
         uint again = 1u;
-        // Each round decodes one code at least.
+        // Each round decodes at least one code.
         for (int round = 0; round < SLOTS && again != 0u; ++round) {
             begin_round(lane);
             if (lane < LENGTHS) units_before[lane] = units_of_length[lane] = 0u;
             barrier();
             int length = 0;
             uint first_unit = 0u;
-            bool fits = waits && share_room(lane, own_units, MOST_UNITS) >= 0;
+            bool fits = waits && share_room(lane, unit_count, MOST_UNITS) >= 0;
             if (fits) {
                 length = LENGTHS - 1 - min(slot_fours(lane), LENGTHS - 1);
-                first_unit = atomicAdd(units_of_length[length], uint(own_units));
-                for (int shorter = 1; shorter < LENGTHS; ++shorter) atomicAdd(units_before[length + shorter], uint(own_units));
+                first_unit = atomicAdd(units_of_length[length], uint(unit_count));
+                for (int shorter = 1; shorter < LENGTHS; ++shorter) atomicAdd(units_before[length + shorter], uint(unit_count));
             }
             barrier();
             decode_coefficients(lane);
             if (fits) {
                 waits = false;
                 first_unit += units_before[length];
-                for (int own = 0; own < own_units; ++own) units[first_unit + uint(own)] = uint(lane | own << (8 + 2));
+                for (int unit = 0; unit < unit_count; ++unit) units[first_unit + uint(unit)] = uint(lane | unit << (8 + 2));
             }
             barrier();
             int count = int(room_taken >> 16);
             for (int number = lane; number < count; number += TOGETHER) {
                 int slot = int(units[number] & 255u);
-                int own = int(units[number] >> 8);
+                int word_number = int(units[number] >> 8);
                 uvec4 part = slot_part[slot];
-                // A word holds two texels, of four by two texels two of each row.
-                ivec2 within = ivec2(own & (side - 1), own >> shift << 1);
+                // A word holds two texels; a unit of 4x2 texels has two of each row.
+                ivec2 within = ivec2(word_number & (side - 1), word_number >> shift << 1);
                 ivec2 second = step_of(part.z, 0);
                 ivec2 third = step_of(part.z, 1);
                 ivec2 fifth = step_of(part.z, 2);
                 ivec3 steps = ivec3((second.y << shift) + second.x, (third.y << shift) + third.x, (fifth.y << shift) + fifth.x);
                 vec4 values[4 * SQUARES_AT_ONCE];
-                decode_texels(slot, tile.texture_id, mip, int(part.w) + own, (within.y << shift) + within.x, steps, values);
-                // Apart from the others: to change all texels while they are stored takes more registers than some GPUs have.
+                decode_texels(slot, tile.texture_id, mip, int(part.w) + word_number, (within.y << shift) + within.x, steps, values);
+                // A separate loop: changing texels while they are stored takes more registers than some GPUs have.
                 if (is_changed(tile))
                     for (int one = 0; one < 4 * SQUARES_AT_ONCE; ++one) values[one] = stored_texel(tile, values[one]);
                 ivec2 texel = place_of(part.x) + within;
@@ -132,7 +132,7 @@ void main() {
                 for (int one = 0; one < 4 * SQUARES_AT_ONCE; ++one) {
                     ivec2 place = texel + (one & 1) * second + (one >> 1 & 1) * third + (one >> 2) * fifth;
                     float alpha = PLANE == PLANE_BASE ? 1.0 : values[one].a;
-                    // The image limits values, which are finite, to [0, 1].
+                    // Values are finite; the image's format clamps them to [0, 1].
                     if (all(lessThan(place, end))) imageStore(atlas, ivec3(place, layer), vec4(values[one].rgb, alpha));
                 }
             }

@@ -1,26 +1,26 @@
 #version 430
-// Marks the pages that visible pixels read as used, and lists the tiles that are missing.
+// Marks the pages that visible pixels read as used, and lists missing tiles (passes/decode_cached/tiles.glsl explains the page table).
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "passes/decode_cached/tiles.glsl"
 
 layout(std430, binding = BINDING_PAGE_USED) writeonly buffer PageUsed {
-    uint page_used[];   // number of the last frame that read each page
+    uint page_used[];   // last frame that read each page
 };
 layout(std430, binding = BINDING_RESULTS) buffer Requests {
     uint request_count;
     uint requests[];   // indices into tile_entries
 };
 uniform uint frame;
-uniform uint most_requests;   // that the list has room for
+uniform uint most_requests;   // capacity of the list
 
-// True where the tile is resident; else it is requested.
+// Returns whether a tile is resident; if not, requests it.
 bool request_tile(int entry) {
     uint page = tile_entries[entry];
     if (is_resident(page)) {
         page_used[page - 1u] = frame;
         return true;
     }
-    // Only the first pixel that needs a tile lists it.
+    // Only the first pixel that needs a tile appends it to the list.
     if (page == 0u && atomicCompSwap(tile_entries[entry], 0u, TILE_REQUESTED) == 0u) {
         uint place = atomicAdd(request_count, 1u);
         if (place < most_requests) requests[place] = uint(entry);

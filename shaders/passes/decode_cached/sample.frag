@@ -1,25 +1,25 @@
 #version 430
-// A plane of the picture from decoded tiles: the hardware filters within a level, two levels are mixed, and long footprints are probed more than once.
+// Samples a plane from decoded tiles. Hardware filters within a level, the shader blends two levels, and long footprints take several probes.
 #include "passes/decode_cached/tiles.glsl"
 
 layout(binding = UNIT_ATLAS) uniform sampler2DArray atlas;
 layout(location = 0) out vec4 target;
 
-// Texel in linear light that is shown until the first tile of a texture is decoded.
+// Texel in linear light to show until a texture has its first decoded tile.
 const vec4 MISSING_TEXEL = PLANE == PLANE_BASE ? vec4(0.2) : (PLANE == PLANE_SURFACE ? vec4(0.5, 0.5, 1.0, 1.0) : vec4(vec3(0.0), 1.0));
 
 vec4 sample_page(uint page, vec2 at) {
     uvec2 corner = uvec2(page % uint(PAGES_ACROSS), (page / uint(PAGES_ACROSS)) % uint(PAGES_ACROSS)) * uint(PAGE_SIDE);
-    // Exact: no filter reads a texel of another page.
+    // The division is exact, so no filter reads a texel of another page.
     vec2 uv = (vec2(corner) + at) / float(ATLAS_SIDE);
     return textureLod(atlas, vec3(uv, float(page / uint(PAGES_ACROSS * PAGES_ACROSS))), 0.0);
 }
 
-// A sample of `level`, or of the next coarser level whose tile is resident.
+// Samples `level`, or the next coarser level whose tile is resident.
 vec4 sample_level(int first, WantedTexel wanted, int level, vec2 uv) {
     int last = textures[wanted.texture_id].levels - 1;
-    for (int found = level; found <= last; ++found) {
-        TilePlace place = tile_place(first, wanted, found, uv);
+    for (int resident = level; resident <= last; ++resident) {
+        TilePlace place = tile_place(first, wanted, resident, uv);
         uint entry = tile_entries[place.entry];
         if (is_resident(entry)) return sample_page(entry - 1u, place.at);
     }

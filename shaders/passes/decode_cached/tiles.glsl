@@ -1,9 +1,15 @@
-// Lookup of the decoded tiles that a surface reads.
+// Page table of decoded tiles: lookup of the tiles that a surface reads.
+//
+// It is virtual texturing with decoded texels (Mittring 2008, "Advanced Virtual Texture Topics"). Each tile of 32x32 texels of each mip has
+// an entry in `tile_entries`: 0 if it is absent, TILE_REQUESTED, or 1 + the number of its page in the atlas.
+// request.comp marks the pages that pixels read, and lists missing tiles. The CPU assigns pages, the longest unused first. invalidate.comp
+// clears the entries of evicted tiles, and the decode shaders fill pages and entries. sample.frag filters; a missing tile is replaced by the
+// next coarser resident one. docs/explanation/decode-paths.md#cached.
 #include "common/visibility.glsl"
 #include "common/wrap.glsl"
 #include "ntc/plane.glsl"
 
-// For each material the first of its texture's TileLevelRecords under its wrap modes; -1 for none.
+// First TileLevelRecord of each material's texture in its wrap modes; -1 for none.
 layout(std430, binding = BINDING_MATERIAL_TILES) readonly buffer MaterialTiles {
     int material_tiles[];
 };
@@ -15,25 +21,25 @@ layout(std430, binding = BINDING_TILE_ENTRIES) buffer TileEntries {
 };
 
 struct TilePlace {
-    int entry;     // in tile_entries
-    vec2 at;       // texels from the corner of its page
+    int entry;     // index into tile_entries
+    vec2 at;       // position in texels from the corner of its page
 };
 
 #if GRADIENTS
 uniform int anisotropy;   // most probes along the longer side of a footprint
 #endif
 
-// Trilinear samples along a pixel's footprint (EXT_texture_filter_anisotropic): one where it is about as long as wide.
+// Trilinear samples along a pixel's footprint (EXT_texture_filter_anisotropic); one sample if it is about as long as wide.
 struct Probes {
     int count;
-    vec2 step;     // uv from one to the next
-    float lod;     // of each
+    vec2 step;     // step of uv between samples
+    float lod;     // lod of each sample
 };
 
 Probes probes_of(ivec2 pixel, WantedTexel wanted, PlaneRecord plane) {
     Probes probes = Probes(1, vec2(0.0), wanted.lod);
 #if GRADIENTS
-    // Only the footprint is known of the other UV set.
+    // Of the second UV set, only the footprint is known.
     if (anisotropy > 1 && plane.sampler_flags == 0 && plane.second_uvs == 0) {
         LevelRecord finest = levels[textures[wanted.texture_id].first_level];
         vec2 size = vec2(finest.texel_width, finest.texel_height);
@@ -44,7 +50,7 @@ Probes probes_of(ivec2 pixel, WantedTexel wanted, PlaneRecord plane) {
         float along_x = length(gradients.xy * size);
         float along_y = length(gradients.zw * size);
         float longer = max(along_x, along_y);
-        // False for NaN, too.
+        // False for NaN too.
         if (longer > 1.0 && longer < 1e10) {
             probes.count = int(clamp(ceil(longer / max(min(along_x, along_y), 1e-10) - 1e-4), 1.0, float(anisotropy)));
             probes.step = (along_x >= along_y ? gradients.xy : gradients.zw) / float(probes.count + 1);
@@ -78,13 +84,13 @@ vec2 wrapped_place(WantedTexel wanted, vec2 offset) {
     return vec2(wrap_coordinate(uv.x, wanted.wrap.x), wrap_coordinate(uv.y, wanted.wrap.y));
 }
 
-// A place along a side of `size` texels, which lies on the texture, where a filter reads what it reads at `place`, and no texel before
-// the first one. Only under `repeat` does it read one beyond the last, which is the first one then.
+// Moves `place`, on a side of `size` texels, to a place where a filter reads the same texels but none before the first one. Only with
+// `repeat` it may read one beyond the last, which is the first one then.
 float filtered_place(float place, float size, int wrap) {
     return wrap == WRAP_REPEAT ? (place < 0.5 ? place + size : place) : clamp(place, 0.5, size - 0.5);
 }
 
-// The tile that holds the first of the four texels that a filter reads. `first` is the material's first TileLevelRecord, `uv` is wrapped.
+// The tile with the first of the four texels that a filter reads. `first` is the material's first TileLevelRecord; `uv` is wrapped.
 TilePlace tile_place(int first, WantedTexel wanted, int level, vec2 uv) {
     LevelRecord record = levels[textures[wanted.texture_id].first_level + level];
     ivec2 size = ivec2(record.texel_width, record.texel_height);
@@ -93,7 +99,7 @@ TilePlace tile_place(int first, WantedTexel wanted, int level, vec2 uv) {
         filtered_place(texels.x, float(size.x), wanted.wrap.x),
         filtered_place(texels.y, float(size.y), wanted.wrap.y)
     );
-    // A sum may be rounded up to the texel beyond the last.
+    // Rounding may give the texel beyond the last.
     ivec2 tile = min(ivec2(place - 0.5), size - 1) / TILE_SIDE;
     TileLevelRecord tiles = tile_levels[first + level];
     return TilePlace(tiles.first_entry + tile.y * tiles.across + tile.x, place - vec2(tile * TILE_SIDE));
@@ -103,7 +109,7 @@ bool is_resident(uint entry) {
     return entry != 0u && entry != TILE_REQUESTED;
 }
 
-// The finest level that is a single tile: the first substitute for missing tiles.
+// The finest level with a single tile, the first substitute for missing tiles.
 int single_tile_level(int texture_id) {
     TextureRecord record = textures[texture_id];
     LevelRecord finest = levels[record.first_level];

@@ -1,5 +1,5 @@
 #version 430
-// Decodes every visible pixel once, over the visibility buffer.
+// Decodes each visible pixel once, from the visibility buffer.
 layout(local_size_x = 8, local_size_y = 8) in;
 #define PIXELS_TOGETHER 1
 #include "common/visibility.glsl"
@@ -12,20 +12,20 @@ layout(rgba32f, binding = IMAGE_TARGET) uniform writeonly image2D target;
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
     bool inside = all(lessThan(pixel, imageSize(target)));
-    Surface own = read_surface(min(pixel, imageSize(target) - 1));
-    vec4 shown = decoded_plane_together(own, pixel, inside);
+    Surface surface = read_surface(min(pixel, imageSize(target) - 1));
+    vec4 shown = decoded_plane_together(surface, pixel, inside);
     if (inside) imageStore(target, pixel, shown);
 }
 #else
-// Pixel number `p` of this invocation. Eight invocations that follow each other, which a CPU runs at once, decode 4x2 pixels: they lie in
-// few blocks of a texture.
-ivec2 own_pixel(int p) {
+// Pixel number `p` of this invocation. A CPU runs eight consecutive invocations at once; they decode 4x2 pixels, which lie in few blocks of a
+// texture.
+ivec2 pixel_of(int p) {
     int lane = int(gl_LocalInvocationIndex);
     ivec2 within = ivec2(lane & 3, 2 * p + ((lane >> 2) & 1));
     return 8 * ivec2(1, PIXELS) * ivec2(gl_WorkGroupID.xy) + within + ivec2(4, 2 * PIXELS) * ivec2((lane >> 3) & 1, lane >> 4);
 }
 
-// Whether a pixel shows a texture; where it shows none, what it shows instead is stored.
+// Returns whether a pixel shows a texture. If not, its colour is stored here.
 bool needs_decoding(ivec2 pixel) {
     if (any(greaterThanEqual(pixel, imageSize(target)))) return false;
     Surface surface = read_surface(pixel);
@@ -41,18 +41,18 @@ void decode(ivec2 pixel) {
 
 void main() {
 #if PIXELS == 1
-    ivec2 pixel = own_pixel(0);
+    ivec2 pixel = pixel_of(0);
     if (needs_decoding(pixel)) decode(pixel);
 #else
     int next = 0;
     do {
-        // To the next pixel with a texture: a CPU runs all of the decoding even where no invocation needs it.
-        int found = -1;
+        // Skip to the next textured pixel: a CPU runs the whole decode even if no invocation needs it.
+        int textured = -1;
         do {
-            if (needs_decoding(own_pixel(next))) found = next;
+            if (needs_decoding(pixel_of(next))) textured = next;
             ++next;
-        } while (next < PIXELS && found < 0);
-        if (found >= 0) decode(own_pixel(found));
+        } while (next < PIXELS && textured < 0);
+        if (textured >= 0) decode(pixel_of(textured));
     } while (next < PIXELS);
 #endif
 }

@@ -1,5 +1,5 @@
 #version 430
-// Decodes in the material's fragment shader, for fragments at the depth of the visible surface.
+// Decodes in the material's fragment shader, for fragments of the visible surface.
 #include "common/visibility.glsl"
 #include "ntc/decode_plane.glsl"
 
@@ -17,12 +17,12 @@ flat in uint ids;
 layout(location = 0) out vec4 target;
 
 void main() {
-    // Before pixels are discarded: derivatives need all four of a quad.
+    // Derivatives come before `discard`, because they need all four pixels of a quad.
     float footprint = pixel_footprint(dFdx(place).xz, dFdy(place).xz);
 #if SECOND_UVS
     vec3 second_uv = vec3(second_place, pixel_footprint(dFdx(second_place), dFdy(second_place)));
 #endif
-    // Two surfaces may have the same depth, and alpha may have cut out parts of one: the visibility buffer decides.
+    // Surfaces may have equal depths, and alpha may cut out parts of one. The visibility buffer says which is visible.
     if (texelFetch(surface_words, ivec2(gl_FragCoord.xy), 0).x != ids) discard;
 #if VERTEX_COLORS
     // Rounded as in the visibility buffer, so that all paths give the same colour.

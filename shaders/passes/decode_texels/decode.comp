@@ -1,5 +1,5 @@
 #version 430
-// Decodes single texels: for `ntc-viewer decode --backend gl` and for comparing with the reference.
+// Decodes single texels, for `ntc-viewer decode --backend gl` and for comparison with the reference.
 #include "generated/layout.glsl"
 layout(local_size_x = 64) in;
 #include "ntc/decode.glsl"
@@ -20,8 +20,8 @@ void main() {
     RequestRecord request = requests[min(number, count - 1)];
     ivec2 wrap = ivec2((request.texture_wrap >> 2) & 3, request.texture_wrap & 3);
     uvec2 at = fixed_coordinates(request.uv, wrap);
-    vec4 found = decode_together(int(gl_LocalInvocationID.x), number < count, request.texture_wrap >> 4, at, request.lod, wrap);
-    if (number < count) results[number] = found;
+    vec4 value = decode_together(int(gl_LocalInvocationID.x), number < count, request.texture_wrap >> 4, at, request.lod, wrap);
+    if (number < count) results[number] = value;
 }
 #else
 void main() {

@@ -1,25 +1,25 @@
-// Distinct decoders of a block of pixels (paper, Sec. 2, Eq. 1), from texture ids alone: nothing is decoded.
-// Exact for any number of decoders: a block has at most as many as it has pixels.
+// Counts the distinct decoders of a block of pixels (paper, Sec. 2, Eq. 1) from texture ids, without decoding.
+// The count is exact for any number of decoders, because a block has at most one per pixel. docs/explanation/sharing.md.
 #include "common/visibility.glsl"
 
 layout(std430, binding = BINDING_DECODERS) readonly buffer Decoders {
-    int decoder_of_texture[];   // one table of `textures` entries after the other, one for each grouping
+    int decoder_of_texture[];   // a table of `textures` entries for each grouping, in sequence
 };
 uniform ivec2 picture;   // width, height in pixels
 uniform int textures;    // entries of one table
-uniform int rows;        // rows of blocks of one map; the maps of several groupings lie one below the other
+uniform int rows;        // rows of blocks of one map; maps of several groupings are stacked
 
 // D of the block at `place` in the maps.
 uint count_decoders(ivec2 place) {
     int grouping = place.y / rows;
     ivec2 block = ivec2(place.x, place.y - grouping * rows);
-    int found[BLOCK_WIDTH * BLOCK_HEIGHT];
+    int decoders[BLOCK_WIDTH * BLOCK_HEIGHT];
     int count = 0;
     int last = -1;
     for (int number = 0; number < BLOCK_WIDTH * BLOCK_HEIGHT; ++number) {
         ivec2 pixel = block * ivec2(BLOCK_WIDTH, BLOCK_HEIGHT) + ivec2(number % BLOCK_WIDTH, number / BLOCK_WIDTH);
         if (any(greaterThanEqual(pixel, picture))) continue;
-        // Blocks are counted from the top left, OpenGL's rows from the bottom.
+        // Blocks count from the top left, OpenGL's rows from the bottom.
         uint ids = texelFetch(surface_words, ivec2(pixel.x, picture.y - 1 - pixel.y), 0).x;
         int texture_id = surface_texture(ids);
         int decoder = texture_id >= 0 ? decoder_of_texture[grouping * textures + texture_id] : -1;
@@ -27,10 +27,10 @@ uint count_decoders(ivec2 place) {
         last = decoder;
         bool known = false;
         for (int other = 0; other < count; ++other) {
-            if (found[other] == decoder) known = true;
+            if (decoders[other] == decoder) known = true;
         }
         if (!known) {
-            found[count] = decoder;
+            decoders[count] = decoder;
             ++count;
         }
     }

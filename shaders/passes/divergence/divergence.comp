@@ -1,5 +1,5 @@
 #version 430
-// Divergence maps of several groupings, and how many blocks have how many decoders. One invocation for each block of each.
+// Divergence maps of several groupings, and their histograms of decoders per block. One invocation per block and grouping.
 #include "passes/divergence/count.glsl"
 
 layout(local_size_x = GROUP_SIDE, local_size_y = GROUP_SIDE) in;

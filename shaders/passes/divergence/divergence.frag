@@ -1,5 +1,5 @@
 #version 430
-// Divergence maps of several groupings without a compute shader: one fragment for each block of each.
+// Divergence maps of several groupings without compute shaders: one fragment per block and grouping.
 #include "passes/divergence/count.glsl"
 
 layout(location = 0) out uint divergence;

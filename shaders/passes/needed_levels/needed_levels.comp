@@ -1,5 +1,5 @@
 #version 430
-// The finest mip of each texture that a visible pixel reads.
+// Finds the finest mip of each texture that visible pixels read.
 layout(local_size_x = 8, local_size_y = 8) in;
 #include "common/visibility.glsl"
 #include "ntc/plane.glsl"

@@ -1,5 +1,5 @@
 #version 430
-// Moves the vertices of one primitive: by morph targets, then by the joints of a skin (glTF 2.0, 3.7.2.2 and 3.7.3).
+// Moves the vertices of one primitive: first by morph targets, then by the joints of its skin (glTF 2.0, Sec. 3.7.2.2 and 3.7.3).
 #include "generated/pose.glsl"
 #include "common/work_groups.glsl"
 layout(local_size_x = POSE_GROUP) in;
@@ -15,7 +15,7 @@ layout(std430, binding = BINDING_TANGENTS) buffer Tangents { float tangents[]; }
 
 uniform int vertex_count;
 uniform int base_vertex;
-uniform int vertex_floats;    // of a vertex in `vertices`, which begin with its position
+uniform int vertex_floats;    // floats of a vertex in `vertices`; the first are its position
 uniform int target_count;
 uniform int influence_count;
 uniform int joint_count;
@@ -34,10 +34,10 @@ vec4 pose_row(int place) {
     return vec4(pose[place], pose[place + 1], pose[place + 2], pose[place + 3]);
 }
 
-// Zero where there is no direction.
+// Normalises a vector; zero if it has no direction.
 vec3 directed(vec3 vector) {
     float largest = max(max(abs(vector.x), abs(vector.y)), abs(vector.z));
-    // Scaled first: squares of numbers that single precision holds overflow it. Comparisons with NaN are false.
+    // Scaled first, because squares of large numbers overflow. Comparisons with NaN are false.
     bool has_direction = largest >= 1e-6 && largest < 3e38;
     return has_direction ? normalize(vector / largest) : vec3(0.0);
 }
@@ -75,7 +75,7 @@ void main() {
         }
         vec4 point = vec4(position, 1.0);
         position = vec3(dot(x, point), dot(y, point), dot(z, point));
-        // The cofactors of the matrix need no inverse.
+        // Normals are transformed by the cofactor matrix, which needs no inverse.
         normal = vec3(dot(cross(y.xyz, z.xyz), normal), dot(cross(z.xyz, x.xyz), normal), dot(cross(x.xyz, y.xyz), normal));
         tangent = vec3(dot(x.xyz, tangent), dot(y.xyz, tangent), dot(z.xyz, tangent));
     }

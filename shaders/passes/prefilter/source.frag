@@ -1,10 +1,10 @@
 #version 430
-// A panorama as an octahedral map: each texel is the mean of STEPS x STEPS places.
+// Converts a panorama to an octahedral map. Each texel is the mean of `steps` x `steps` samples.
 #include "generated/layout.glsl"
 #include "lighting/sphere.glsl"
 
 layout(binding = UNIT_PANORAMA) uniform sampler2D panorama;
-uniform int side;        // of the map
+uniform int side;        // side of the map
 uniform int steps;
 layout(location = 0) out vec4 mean;
 

@@ -1,9 +1,9 @@
 #version 430
-// Samples the images of one texture array, which belongs to one plane of maps: originals, or what path on-load has compressed.
-// FIRST 1: the pass of the first array; it also colours untextured surfaces and the background.
-// SORTS 1: with FIRST, writes as depth which array each remaining pixel needs, so that the pass of each further array draws only
-// its own pixels.
-// LOADED 1: images of path on-load. A plane's components lie in PARTS textures, each of which has 0 for those of the other.
+// Samples the images of one texture array of a plane of maps: originals, or images that path `on-load` has compressed.
+// FIRST 1: the pass of the first array. It also colours untextured surfaces and the background.
+// SORTS 1: with FIRST, writes the array that each remaining pixel needs as its depth. The pass of each further array then draws only the
+// pixels with its depth.
+// LOADED 1: images of path `on-load`. A plane's components are in PARTS textures; each has 0 in place of the other's components.
 #include "common/planes.glsl"
 #include "common/visibility.glsl"
 #include "common/wrap.glsl"
@@ -16,16 +16,16 @@ layout(binding = UNIT_IMAGES) uniform sampler2DArray images;
 layout(binding = UNIT_SECOND_IMAGES) uniform sampler2DArray second_images;
 #endif
 uniform int first_array;
-// WRAP_ codes, the same for all images of an array: a uniform costs less than a record.
+// WRAP_ codes of all images of the array. A uniform costs less than a record.
 uniform ivec2 wrap;
 layout(location = 0) out vec4 target;
 
-// Place of an image, and what it holds.
+// Place and components of an image.
 struct Image {
-    int array;         // -1: it is still to come
+    int array;         // -1: not yet loaded
     int layer;
-    int components;    // a bit for each that it holds
-    int finest;        // mip from which on all are there
+    int components;    // a bit for each component that it holds
+    int finest;        // finest mip that is loaded
 };
 #if LOADED
 layout(std430, binding = BINDING_RESULTS) readonly buffer Places {
@@ -65,12 +65,12 @@ void main() {
     PlaneRecord plane = materials[material].planes[PLANE];
     Image image = image_of(material);
     vec3 place = place_on_plane(plane, surface);
-    // Mirroring is done here; where the sampler repeats, the coordinate only loses its integer part.
+    // Mirroring is done here. For `repeat`, wrapping only drops the integer part.
     vec2 uv = vec2(wrap_coordinate(place.x, wrap.x), wrap_coordinate(place.y, wrap.y));
     vec3 at = vec3(uv, float(image.layer));
     float lod = footprint_lod(place.z, float(textureSize(images, 0).x));
 #if LOADED
-    // Finer mips are still to come.
+    // Finer mips are not yet loaded.
     if (image.finest > 0) lod = max(lod, float(image.finest));
 #endif
 #if GRADIENTS
@@ -78,7 +78,7 @@ void main() {
     gradients = vec4(plane_uv_step(plane, gradients.xy), plane_uv_step(plane, gradients.zw));
     vec4 texel = sample_gradients(at, gradients);
 #if SECOND_UVS
-    // Only the footprint is known of the other UV set.
+    // Of the second UV set, only the footprint is known.
     if (plane.second_uvs != 0) texel = sample_lod(at, lod);
 #endif
 #if LOADED
@@ -88,7 +88,7 @@ void main() {
     vec4 texel = sample_lod(at, lod);
 #endif
 #if FIRST
-    // Without an array the image is still to come.
+    // Without an array, the image is not yet loaded.
     bool textured = surface.material >= 0 && plane.texture_id >= 0 && image.array >= 0;
     target = plane_content(surface, textured ? image.components : 0, texel);
 #if SORTS

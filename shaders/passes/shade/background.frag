@@ -1,5 +1,5 @@
 #version 430
-// The environment where no surface is, and the sun's disk in front of it.
+// Draws the environment, and the sun's disk in front of it, where there is no surface.
 #include "generated/layout.glsl"
 #include "lighting/environment.glsl"
 #include "lighting/tone_map.glsl"
@@ -16,7 +16,7 @@ void main() {
     vec3 direction = normalize(ray_middle + ndc.x * ray_right + ndc.y * ray_up);
     vec3 radiance = textureLod(panorama, panorama_place(to_environment(direction)), 0.0).rgb;
 #if SUN_DISK
-    // The chord between unit vectors keeps its digits where their cosine is near 1.
+    // The chord between unit vectors is exact for small angles, where the cosine loses its digits.
     float away = length(direction - sun_direction);
     radiance += sun_radiance * clamp((sun_radius - away) / (0.1 * sun_radius) + 0.5, 0.0, 1.0);
 #endif

@@ -1,6 +1,6 @@
-// The maps of a pixel's material, as the planes hold them: of one set of planes, or by map of either of two.
+// Reads the maps of a pixel's material from the targets of planes. There may be two sets of targets, as for slots A and B.
 // SURFACE_PLANE, EMISSION_PLANE, OTHER_SURFACE_PLANE, OTHER_EMISSION_PLANE 1: the set has that plane; else its maps are neutral.
-// MIXED 1: the maps whose bit is set in `other_maps` come from the other set.
+// MIXED 1: maps whose bit is set in `other_maps` come from the other set.
 #include "generated/layout.glsl"
 
 layout(binding = UNIT_PLANE_BASE) uniform sampler2D plane_base;
@@ -14,7 +14,7 @@ uniform int other_maps;
 #endif
 
 struct Maps {
-    vec3 base;      // linear, factor and vertex colour multiplied in
+    vec3 base;      // linear, times factor and vertex colour
     vec4 surface;   // normal x and y as (n + 1) / 2, roughness, metalness
     vec4 emission;  // linear emissive RGB, occlusion
 };

@@ -1,7 +1,7 @@
 #version 430
-// The lit picture, tone-mapped (viewer/lighting/shading.py is the same in float64; docs/explanation/lighting.md says it in words).
-// SUN, SHADOWS, LIGHTS 1: the view has such. CLEARCOAT, SPECULAR, EMISSIVE, UNLIT 1: any material has such factors.
-// Pixels without a surface are drawn, too: background.frag replaces them.
+// Shades and tone-maps the lit picture (docs/explanation/lighting.md). Twin in float64: viewer/lighting/shading.py.
+// SUN, SHADOWS, LIGHTS 1: the view has them. CLEARCOAT, SPECULAR, EMISSIVE, UNLIT 1: any material has such factors.
+// Pixels without a surface are drawn too; background.frag replaces them.
 #include "common/frame.glsl"
 #include "common/materials.glsl"
 #include "common/surface.glsl"
@@ -28,13 +28,13 @@ layout(location = 0) out vec4 picture;
 layout(binding = UNIT_SHADOW) uniform sampler2D shadow_map;
 // Matrix from a place relative to the eye to the shadow map: x, y and depth in [0, 1].
 uniform mat4 to_shadow;
-// Width of a texel in the world: places are moved that far off their surface, so that it does not shade itself.
+// Width of a texel in the world. Places are moved off their surface by about this, or the surface would shade itself.
 uniform float shadow_texel;
 
-// Share of the sun that a place sees: the shadow map, compared at its four nearest texels and blended.
+// Share of the sun that is visible from a place: the depth test at the four nearest texels of the shadow map, blended.
 float sun_seen(vec3 place, vec3 normal) {
     float cosine = dot(normal, sun_direction);
-    // Half a texel's diagonal and half a filter's width, more the more the surface leans away.
+    // Offset of half a texel's diagonal and half a filter's width; more if the surface is tilted away from the sun.
     float leaning = sqrt(clamp(1.0 - cosine * cosine, 0.0, 1.0));
     vec3 at = (to_shadow * vec4(place + normal * (shadow_texel * (0.5 + 1.5 * leaning)), 1.0)).xyz;
     if (any(lessThan(at, vec3(0.0))) || any(greaterThan(at, vec3(1.0)))) return 1.0;
@@ -47,7 +47,7 @@ float sun_seen(vec3 place, vec3 normal) {
 }
 #endif
 
-// All light but what is emitted, of a reflection seen along one normal.
+// Reflected light of all sources, without emission.
 vec3 reflected(Reflection surface, Seen seen, float occlusion, vec3 place, float sun_share) {
     vec3 mirrored = 2.0 * dot(seen.normal, seen.view) * seen.normal - seen.view;
     vec3 light = environment_response(
@@ -78,7 +78,7 @@ vec3 mapped_normal(Frame frame, vec2 stored, float scale) {
     vec3 bitangent = cross(frame.normal, frame.tangent) * frame.handedness;
     vec3 mapped = frame.tangent * xy.x + bitangent * xy.y + frame.normal * z;
     float length_squared = dot(mapped, mapped);
-    // A map's normal that lies in the surface at scale 0 counts as the surface's own.
+    // If the mapped normal has no length, the surface's normal is used.
     return length_squared > 1e-8 ? mapped * inversesqrt(length_squared) : frame.normal;
 }
 
@@ -118,11 +118,11 @@ vec3 surface_radiance(ivec2 pixel, int number, vec3 view, vec2 ndc) {
 #if CLEARCOAT
     float coat = materials[number].clearcoat;
     if (coat > 0.0) {
-        // Its normal map is not read: it follows the surface's own normal.
+        // The coat's normal map is not read; the coat has the surface's normal.
         Reflection clear = Reflection(vec3(0.0), vec3(0.0), vec3(0.04), 1.0, 0.0, materials[number].clearcoat_roughness);
         Seen seen = seen_along(frame.normal, view, clear.roughness);
-        float kept = 1.0 - coat * (0.04 + 0.96 * power5(1.0 - seen.cosine));
-        radiance = radiance * kept + coat * reflected(clear, seen, occlusion, place, sun_share);
+        float transmitted = 1.0 - coat * (0.04 + 0.96 * power5(1.0 - seen.cosine));
+        radiance = radiance * transmitted + coat * reflected(clear, seen, occlusion, place, sun_share);
     }
 #endif
     return radiance;

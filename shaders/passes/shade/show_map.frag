@@ -1,5 +1,5 @@
 #version 430
-// One map as it is stored: the picture's bytes, coded as sRGB, are the map's. Black where no surface is.
+// Shows one map with its stored bytes: values are linearised here, so that sRGB coding gives them back. Black without a surface.
 // VIEW: 0 normal, 1 occlusion, roughness and metalness, 2 emissive times its factor.
 #include "common/color.glsl"
 #include "common/materials.glsl"

@@ -6,5 +6,5 @@ uniform vec3 ray_right;
 uniform vec3 ray_up;
 uniform vec2 picture_size;
 uniform float exposure_factor;
-// Unit vector towards it.
+// Unit vector towards the sun.
 uniform vec3 sun_direction;

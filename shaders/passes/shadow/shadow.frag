@@ -1,6 +1,6 @@
 #version 430
-// Depth seen from the sun, with holes where materials are cut out or blended.
-// ALPHA_TEST 1: read the material's coverage.
+// Shadow map: depth seen from the sun, with holes in cut-out and blended materials.
+// ALPHA_TEST 1: reads the material's alpha.
 #if ALPHA_TEST
 #include "common/materials.glsl"
 #include "common/noise.glsl"
@@ -25,7 +25,7 @@ void main() {
     PlaneRecord base = materials[surface_material(ids)].planes[PLANE_BASE];
     vec2 at = vec2(wrap_coordinate(uv.x, base.wrap_u), wrap_coordinate(uv.y, base.wrap_v));
     float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, step_x, step_y).r;
-    // A blended surface shades what its share of the texels shades.
+    // Alpha hashing: a blended surface covers a share of the texels that equals its alpha.
     uint threshold = pixel_noise(uvec2(gl_FragCoord.xy));
     if (material.alpha_mode == ALPHA_BLEND ? !is_covered(alpha, threshold) : alpha < material.alpha_cutoff) discard;
 }

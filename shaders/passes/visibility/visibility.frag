@@ -1,5 +1,6 @@
 #version 430
-// Writes the visibility buffer. Nothing is shaded here; hidden surfaces cost one depth test.
+// Writes the visibility buffer (docs/explanation/decode-paths.md#visibility-buffer). Nothing is shaded, so hidden surfaces cost a depth
+// test only.
 #include "common/frame.glsl"
 #include "common/materials.glsl"
 #include "common/noise.glsl"
@@ -37,19 +38,19 @@ bool is_direction(vec3 vector) {
     return length_squared > 1e-20 && length_squared < 1e30;
 }
 
-// The surface's own frame: normal and tangent as the file gives them, or as the triangle and its uv imply.
-// On the back of a surface all three axes turn round.
+// Frame of the surface: normal and tangent from the file, or else from the triangle and its uv.
+// On the back of a surface, all three axes are reversed.
 Frame surface_frame() {
     float facing = gl_FrontFacing ? 1.0 : -1.0;
     vec3 step_x = dFdx(world_position);
     vec3 step_y = dFdy(world_position);
-    // Towards the eye, as the picture's right and up are.
+    // This normal faces the eye, because the steps are along the picture's right and up.
     vec3 normal = cross(step_x, step_y);
     normal = is_direction(normal) ? normalize(normal) : vec3(0.0, 1.0, 0.0);
     if (is_direction(world_normal)) normal = normalize(world_normal) * facing;
 
     PlaneRecord plane = materials[surface_material(ids)].planes[PLANE_SURFACE];
-    // Not derivatives of what is read from a buffer: invocations beside the triangle, which only help, may read anything.
+    // Derivatives of inputs, not of values from a buffer: helper invocations outside the triangle may read anything there.
     vec2 uv_x = dFdx(place.xy);
     vec2 uv_y = dFdy(place.xy);
 #if SECOND_UVS
@@ -83,8 +84,8 @@ layout(binding = UNIT_ALPHA) uniform sampler2D alpha_texture;
 
 uniform uint blend_sample;   // 0 to 15
 
-// Layer that a fragment at `place` (gl_FragCoord) is of, as cells of depth: 2^-12 of it in perspective, and of the clip range. Drivers
-// round depths differently: few cells change by that.
+// Layer of a fragment at `place` (gl_FragCoord), as a cell of depth: 2^-12 of the distance in perspective, and of the clip range. Drivers
+// round depths differently, which changes few cells.
 uint layer_at(vec4 place) {
     return hash(uint(place.z * 4096.0)) + (floatBitsToUint(place.w) >> 11u);
 }
@@ -94,7 +95,7 @@ void main() {
     vec2 uv = place.xy;
     vec3 step_x = dFdx(place);
     vec3 step_y = dFdy(place);
-    // Before pixels may be discarded: derivatives need all four of a quad.
+    // Derivatives come before `discard`, because they need all four pixels of a quad.
 #if SECOND_UVS
     second_uvs = vec4(second_place, pixel_footprint(dFdx(second_place), dFdy(second_place)), 0.0);
 #endif
@@ -106,7 +107,7 @@ void main() {
     PlaneRecord base = materials[surface_material(ids)].planes[PLANE_BASE];
     vec2 at = vec2(wrap_coordinate(uv.x, base.wrap_u), wrap_coordinate(uv.y, base.wrap_v));
     float alpha = material.factor.a * color.a * textureGrad(alpha_texture, at, step_x.xy, step_y.xy).r;
-    // A pattern over the picture, so that a blended surface covers its share of the pixels.
+    // Alpha hashing: a blended surface covers a share of the pixels that equals its alpha (docs/explanation/filtering.md#blend-surfaces).
     uint threshold = blend_threshold(uvec2(gl_FragCoord.xy), layer_at(gl_FragCoord), blend_sample);
     if (material.alpha_mode == ALPHA_BLEND ? !is_covered(alpha, threshold) : alpha < material.alpha_cutoff) discard;
 #endif
