@@ -177,7 +177,7 @@ class Levels {
         return [];
     }
 
-    /** Returns where the codes of a level begin, and the bytes of the whole level; null if they depend on its directory. */
+    /** Returns {begin, size}: where the codes of a level begin, and the bytes of the level, or null if its directory must be read for that. */
     #codes(cells) {
         const { kind, latent_channels: channels, latent_bits: bits, block_words: sizes } = this.#codec;
         if ((kind ?? "grid") === "grid") return { begin: this.#at, size: (cells * channels * bits) / 8 };

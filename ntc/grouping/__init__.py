@@ -27,7 +27,7 @@ LARGEST_SEED = 2**32 - 1
 
 @dataclass(frozen=True, eq=False)
 class GroupingInputs:
-    """What groupings read besides the textures: views, labels, and options of features."""
+    """Inputs of groupings in addition to the textures: views, labels, and options of features."""
 
     views: Sequence[NDArray[np.int32]] = ()
     """Views for `covisible`: each [H, W] int32 texture indices, row 0 on top, -1 for none."""

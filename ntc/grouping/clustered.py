@@ -7,9 +7,9 @@ Options and features: docs/reference/groupings.md.
 # each point joins its nearest centre, and each centre moves to the mean of its points. It ends in a local minimum, so it starts from
 # spread-out centres (greedy k-means++, Arthur and Vassilvitskii 2007), and the best of 20 restarts counts. The code repeats the steps
 # and random numbers of scikit-learn's KMeans, so seeds give its groups without its import, which takes over a second.
-# Beyond LARGEST_EXACT distances, centres move with mini-batches instead (Sculley 2010): a centre moves towards the mean of its part of
-# a batch at a rate that falls with its count. Above FLAT_CLUSTERS clusters, features are clustered twice, so time does not grow with
-# features x clusters. Groups then have a bounded size.
+# Beyond LARGEST_EXACT distances, mini-batches move the centres (Sculley 2010): a centre moves towards the mean of its part of a batch,
+# at a rate that falls with the number of its points. These groups have a bounded size. More than FLAT_CLUSTERS clusters are searched
+# in two levels, so time does not grow with features x clusters.
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -121,7 +121,7 @@ BATCH = 1024
 SAMPLE = 32
 """Features per cluster in the sample that the initial centres come from."""
 LARGEST_SAMPLE = 20_000
-"""Largest size of that sample, unless there are more than half as many clusters."""
+"""Largest size of that sample, or twice the number of clusters if that is more."""
 LARGEST_DISTANCES = 1 << 24
 """Distances that are computed at once, which bounds memory."""
 SLACK = 1.5

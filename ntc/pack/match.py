@@ -120,6 +120,7 @@ def changed_textures(old: Pack, new: Pack) -> frozenset[int]:
 def changed_groups(old: Pack, new: Pack) -> frozenset[int]:
     """Return the groups of `new` with a texture that `old`, a pack of the same shape, decodes differently.
 
-    An array that both packs share is not compared. So versions of one training compare only what snapshots replaced.
+    Arrays that both packs share are not compared. So two versions of one training are compared only where snapshots replaced
+    something.
     """
     return frozenset(new.textures[index].group for index in changed_textures(old, new))

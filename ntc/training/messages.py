@@ -21,7 +21,7 @@ class GroupSnapshot:
     """A group as a pack stores it, at one moment of the training."""
 
     version: int
-    """1 for the group's first snapshot in a training, then counted up."""
+    """Number of the group's snapshot in the training, from 1 on."""
     group: int
     """Number of the group in the request's grouping."""
     members: tuple[int, ...]
@@ -77,9 +77,9 @@ def _in_group(encoded: EncodedTexture, group: int) -> EncodedTexture:
 
 
 def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
-    """Return `pack` with its groups numbered as in `grouping`, which puts the same textures together.
+    """Return `pack` with its groups numbered as in `grouping`.
 
-    Raises ValueError if it does not.
+    Raises ValueError if `grouping` does not put the same textures together.
     """
     number = dict(zip(pack.grouping.groups, grouping.groups, strict=True))
     same = tuple(number[group] for group in pack.grouping.groups) == grouping.groups
@@ -92,7 +92,7 @@ def ended_pack(pack: Pack, grouping: Grouping) -> Pack:
 
 
 def unchanged_groups(old: Grouping, new: Grouping) -> dict[int, int]:
-    """Return numbers of groups of `old` by those of groups of `new`, for groups with the same textures."""
+    """Return the groups of `new` that have the same textures as a group of `old`: {number in `new`: number in `old`}."""
     members = {old.members(group): group for group in range(old.group_count)}
     old_numbers = {group: members.get(new.members(group)) for group in range(new.group_count)}
     return {group: number for group, number in old_numbers.items() if number is not None}
@@ -129,8 +129,8 @@ class TrainingRequest:
     start: Pack | None = None
     """Pack to continue from: the same textures in the same order, and the same codec settings. None: start from scratch."""
     dirty: frozenset[int] | None = None
-    """Groups of `grouping` to train; all others must be groups of `start`. None: those that are no group of `start`, or all without
-    `start`."""
+    """Groups of `grouping` to train. All others must have the same textures as a group of `start`. None: all groups for which `start`
+    has no such group."""
     seconds_between_snapshots: float = 2.0
     """Least time between two snapshots of a group."""
 

@@ -12,7 +12,7 @@ struct WantedTexel {
     ivec2 wrap;        // WRAP_ codes
 };
 
-// Changes `uv` and `lod` to those that a filter other than trilinear reads (glTF sampler, OpenGL 4.3 Sec. 8.14).
+// Applies a sampler that is not trilinear: moves `uv` to a texel's centre and `lod` to a whole level (OpenGL 4.3 Sec. 8.14).
 void apply_sampler(inout vec2 uv, inout float lod, int flags, ivec2 size, int last_level) {
     if (flags == 0) return;
     bool magnified = lod <= 0.0;

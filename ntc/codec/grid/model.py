@@ -66,7 +66,7 @@ class GridConfig(CodecSettings):
 
     @property
     def positional_inputs(self) -> int:
-        """Numbers of the positional encoding: octaves x 2 phases x 2 axes."""
+        """Number of inputs of the positional encoding: octaves x 2 phases x 2 axes."""
         return self.positional_octaves * 4
 
     @property
@@ -91,7 +91,7 @@ class GridConfig(CodecSettings):
 
     @property
     def smallest_top_cells(self) -> int:
-        """Size in cells at which the pyramid ends: its last level is the first whose longer side has at most so many."""
+        """Cells of the longer side at which the pyramid ends: its last level is the first with at most so many."""
         return 4
 
     @property

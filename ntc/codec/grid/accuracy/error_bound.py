@@ -24,7 +24,7 @@ HALF_UNIT = 2.0**-11 * (1.0 + 2.0**-10)
 SMALLEST_HALF_ERROR = 2.0**-25
 """Largest rounding error of a half below 2^-14, where halves lie 2^-24 apart."""
 SMALLEST_SINGLE = 2.0**-126
-"""fp32 numbers below this may count as 0."""
+"""Smallest normal fp32 number: a GPU may flush smaller ones to 0."""
 LARGEST_SINGLE = 3.0e38
 
 

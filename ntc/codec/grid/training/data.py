@@ -45,7 +45,8 @@ def image_latents(texture: SourceTexture, config: GridConfig, generator: torch.G
     """Return latents that start as a small copy of the texture: [cells, latent_channels] float32, all levels.
 
     The channels of a cell are the mean of each channel of its texels, then the standard deviation of their grey, then random numbers.
-    Each has mean 0 and standard deviation IMAGE_DEVIATION over mip 0. From the first step, the decoder's inputs describe the texture.
+    All but the random ones have mean 0 and standard deviation IMAGE_DEVIATION over mip 0. So from the first step, the decoder's inputs
+    describe the texture.
     """
     levels = latent_levels(*texture.size, config)
     described: list[Tensor] = []

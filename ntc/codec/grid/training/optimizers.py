@@ -27,8 +27,9 @@ def _pieces(textures: int, rows: int, most: int) -> Iterator[tuple[slice, slice]
 class _SquaredError(torch.autograd.Function):
     """Squared error of the network with hand-written gradients.
 
-    Autograd would store the activations of the whole batch. Here each piece goes forwards and backwards at once, so its activations
-    stay in the cache. Gradients are those of each texture's loss alone; `backward` scales them by the texture's weight.
+    Autograd would store the activations of the whole batch. Here a piece runs forwards and backwards before the next one starts, so
+    its activations stay in the cache. Gradients are those of each texture's loss alone; `backward` scales them by the texture's
+    weight.
     """
 
     @staticmethod
@@ -60,7 +61,7 @@ class _SquaredError(torch.autograd.Function):
             back.mul_(2.0 * mask[textures].unsqueeze(1))
             for number in reversed(range(len(layers))):
                 weight = layers[number][0][textures]
-                # The matrix with few columns comes first: several times faster for three outputs.
+                # The product with the few columns first is several times faster for three outputs.
                 gradients[2 * number][textures] += torch.bmm(back.transpose(1, 2), values[number]).transpose(1, 2)
                 gradients[2 * number + 1][textures] += back.sum(dim=1, keepdim=True)
                 if number == 0:
@@ -108,7 +109,8 @@ ROUNDS = 5
 QUINTIC = (3.4445, -4.7750, 2.0315)
 """Coefficients (a, b, c) of the Newton-Schulz iteration (K. Jordan et al. 2024)."""
 STEP_LIKE_ADAM = 0.2
-"""Root mean square of the entries of a Muon step, as of an Adam step. So the learning rates are comparable (J. Liu et al. 2025)."""
+"""Root mean square of the entries of a Muon step, divided by the rate. Adam has about the same, so their rates are comparable
+(J. Liu et al. 2025)."""
 SMALLEST = 1e-12
 
 
@@ -168,7 +170,7 @@ class OptimizerPart(ABC):
         return tensors
 
     def load(self, state: Mapping[str, Tensor]) -> None:
-        """Copy a state from `state`. Raises KeyError for a missing parameter and ValueError for another shape."""
+        """Load what `state` returned. Raises KeyError for a missing parameter and ValueError for another shape."""
         self._states = [{} for _ in self.parameters]
         for number, parameter in enumerate(self.parameters):
             name = f"{self.name}.{number}"
@@ -226,7 +228,7 @@ class Muon(OptimizerPart):
     """The optimiser Muon (K. Jordan et al. 2024) for `count` matrices, [count, rows, columns]."""
 
     # A step is the momentum with all singular values set to about 1: the steepest descent for the spectral norm. Gradients of hidden
-    # layers have few large singular values; Muon moves in the other directions as far. In recipe `best` it gains 1.5 dB over Adam
+    # layers have few large singular values; Muon moves equally far in all directions. In recipe `best` it gains 1.5 dB over Adam
     # (docs/reports/recipes.md#parts-of-the-recipe). It is defined for matrices only, so biases and latents use Adam.
 
     def _move(self, parameter: Tensor, gradient: Tensor, state: dict[str, Tensor], rate: float) -> None:
