@@ -88,8 +88,8 @@ def make_grouping(
     def of_kind(members: Sequence[int], groups: int) -> Grouping:
         of_kind_textures, views = [textures[index] for index in members], _views_of(inputs.views, members)
         # Without two textures of this kind in one block there is no excess to cut, so features alone decide.
-        is_seen = _meet(views, len(members))
-        name: GroupingName = "clustered" if config.name == "covisible" and not is_seen else config.name
+        is_unseen = config.name == "covisible" and not _meet(views, len(members))
+        name: GroupingName = "clustered" if is_unseen else config.name
         return _searched_grouping(replace(config, name=name), groups, of_kind_textures, replace(inputs, views=views))
 
     if config.name == "covisible":
