@@ -12,7 +12,7 @@ from ntc.codec.grid.training.config import TrainingConfig
 from ntc.codec.latents import texture_levels
 from ntc.codec.maps import CODED_MAPS, SRGB_MAPS, MapName, joint_maps, map_slices
 from ntc.codec.model import Grouping, Pack
-from ntc.codec.reference import decode_image, texel_centres
+from ntc.codec.reference import decode_image
 from ntc.codec.registry import CodecName, codec_named, codec_of
 from ntc.codec.textures import SourceTexture, hash_pixels
 from ntc.errors import InputError
@@ -70,8 +70,8 @@ def decode(
     """Return [h, w, channels] uint8: mip `level` of a texture, in its colour space, the channels of its maps side by side.
 
     `libntc` is the library in C, which is the fastest and within one 8-bit step of `numpy`, the float64 reference. `auto` takes
-    libntc where it was built and decodes the pack, else numpy. `torch` is the float32 twin, which is faster than numpy for codec
-    `grid`. Raises InputError for a texture or a mip that is not there, and for a missing `libntc`.
+    libntc where it was built and decodes the pack, else numpy. `torch` decodes codec `grid` in float32, faster than numpy; for codec
+    `block` it is numpy. Raises InputError for a texture or a mip that is not there, and for a missing `libntc`.
     """
     _checked(pack, texture, level)
     if backend in ("auto", "libntc"):
@@ -99,14 +99,9 @@ def decode_to_torch(pack: Pack, texture: int, level: int = 0, device: str = "cpu
 
     Raises InputError for a texture or a mip that is not there.
     """
-    import torch
-
-    own = pack.textures[_checked(pack, texture, level)]
-    mip = texture_levels(own, pack.config)[level]
-    at = torch.from_numpy(texel_centres(mip.texel_width, mip.texel_height)).to(device)
-    lod = torch.full((len(at),), float(level), device=device)
-    texels: torch.Tensor = codec_of(pack.config).torch_twin(pack, device).texels(texture, at, lod, own.wrap)
-    return texels.reshape(mip.texel_height, mip.texel_width, own.channels)
+    _checked(pack, texture, level)
+    mip: torch.Tensor = codec_of(pack.config).torch_twin(pack, device).mip(texture, level)
+    return mip
 
 
 def decode_to_moderngl(

@@ -281,7 +281,7 @@ def fitted_set_tables(samples: Sequence[Sample], seed: int = 0) -> dict[str, np.
         bands, count = basis.channels.astype(np.int64) * BANDS + within, SET_CHANNELS * BANDS
         reference = band_energies(rows, bands, count)
         projections = basis.projections(FULL_CONFIG)
-        coefficients = [projected(torch.from_numpy(sample.blocks), projections) for sample in samples]
+        coefficients = [torch.from_numpy(projected(sample.blocks, projections)) for sample in samples]
         fit = _ModeFit(coefficients, bands, reference, rows, seed)
         return {
             "basis": basis.rows,
@@ -359,8 +359,8 @@ class _ModeFit:
         for own, gains in zip(self._coefficients, self._gains, strict=True):
             scaled = np.clip(scales.astype(np.int64) + gains.astype(np.int64)[self._bands], 0, 255).astype(np.uint8)
             depths = _about_shared_bits(scaled, bits)
-            values = torch.from_numpy(scale_values(scaled).astype(np.float32))
-            expected = expected_errors(own, torch.from_numpy(depths)[None], values)[:, 0].min(1)
+            errors_of = expected_errors(own.numpy(), depths[None], scale_values(scaled).astype(np.float32))
+            expected = torch.from_numpy(errors_of)[:, 0].min(1)
             chosen.append(expected.indices)
             errors.append(expected.values.mean())
         # An error counts more in a texture that has few: the mean PSNR is to be greatest.

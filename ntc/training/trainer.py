@@ -16,10 +16,7 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-import torch
 from safetensors import SafetensorError
-from safetensors.torch import load, save
-from torch import Tensor
 
 from ntc.codec.encoding import (
     EncodedGroup,
@@ -125,6 +122,8 @@ class Trainer:
 
     def _state_settings(self) -> dict[str, Any]:
         """Return the settings that a saved state must share with this training."""
+        import torch
+
         request = self._request
         return {
             "codec": asdict(cast(Any, request.codec)),
@@ -136,9 +135,11 @@ class Trainer:
 
     def _load(self, path: Path) -> None:
         """Load a state that was saved with the same settings. Raises InputError for any other file."""
+        from safetensors.torch import load
+
         try:
             data = read_file(path)
-            tensors: dict[str, Tensor] = load(data)
+            tensors = load(data)
             saved = json.loads(file_metadata(data)[METADATA_KEY])["settings"]
             known = json.loads(json.dumps(self._state_settings()))
             other = sorted(key for key in known if saved.get(key) != known[key])
@@ -153,6 +154,8 @@ class Trainer:
 
     def save(self, path: Path) -> None:
         """Write the state to `path`; call it only between two pieces of work. Raises InputError if it cannot be written."""
+        from safetensors.torch import save
+
         copies = {name: value.detach().cpu().contiguous().clone() for name, value in self._encoder.state().items()}
         write_bytes(path, save(copies, metadata={METADATA_KEY: json.dumps({"settings": self._state_settings()})}))
 

@@ -6,7 +6,7 @@
 #define PLANES_FOURS 128
 #define USUAL_FOURS (ANY_PLANE == 1 ? PLANES_FOURS : PLANE_FOURS)
 #define SQUARES_AT_ONCE 1
-#include "ntc/block_together.glsl"
+#include "ntc/block_workgroup.glsl"
 
 #if FILTER_STOCHASTIC
 const int MIPS_READ = 1;

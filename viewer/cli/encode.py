@@ -14,7 +14,6 @@ from pathlib import Path
 from types import FrameType
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 from rich.console import Console
 
@@ -35,7 +34,6 @@ from ntc.library.joining import in_order, joined_textures
 from ntc.metrics.metrics import bits_with_mips, psnr_table
 from ntc.pack.file import read_metadata, write_pack
 from ntc.threads import usable_cores
-from ntc.torch_device import peak_memory_bytes
 from ntc.training.compiling import CompilingAhead
 from ntc.training.encode import chosen_request, encode_request
 from ntc.training.messages import TrainingProgress
@@ -518,6 +516,10 @@ def write_or_rescue(out: Path, pack: Pack) -> None:
 
 
 def _effort(pack: Pack, seconds: float) -> str:
+    import torch
+
+    from ntc.torch_device import peak_memory_bytes
+
     device = str(pack.training["device"])
     peak = peak_memory_bytes(torch.device(device))
     memory = f", at most {peak / 1e9:.2f} GB of memory" if peak is not None else ""

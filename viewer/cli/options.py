@@ -383,7 +383,8 @@ class DecodeOptions:
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder for the images."""
     backend: Literal["numpy", "torch", "gl"] = "numpy"
-    """Decoder. numpy: the float64 reference. torch: float32. gl: GLSL on a GPU."""
+    """Decoder. numpy: the float64 reference. torch: float32 for codec grid, as numpy for codec block. gl: GLSL on a
+    GPU."""
     precision: Annotated[Precision, _shown(Slot, "precision", "For --backend gl.")] = "fp32"
     level: int = 0
     """Mip to decode, from 0. A texture with fewer mips is decoded at its last one."""

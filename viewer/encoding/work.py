@@ -6,7 +6,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-import torch
 from numpy.typing import NDArray
 
 from ntc.codec.config import UNIVERSAL, FeatureName, GroupingConfig
@@ -178,11 +177,18 @@ WorkResult = tuple[ImageInfo, ...] | bytes
 
 def work(job: WorkJob) -> WorkResult:
     """Do a job. Raises InputError where it cannot be done; then nothing has been done."""
-    # One worker for each core; and numbers must not depend on how many threads add them up.
-    torch.set_num_threads(1)
+    if _computes_with_torch(job):
+        import torch
+
+        # One worker for each core; and numbers must not depend on how many threads add them up.
+        torch.set_num_threads(1)
     if isinstance(job, LookJob):
         return tuple(_looked(ref, job) for ref in job.refs)
     return _encoded(job)
+
+
+def _computes_with_torch(job: WorkJob) -> bool:
+    return job.features is not None if isinstance(job, LookJob) else codec_of(job.config).trains
 
 
 def _read(ref: TextureRef, reading: ReadOptions) -> SourceTexture | None:

@@ -9,7 +9,7 @@ layout(local_size_x = BIN_GROUP) in;
 #define SLOTS 32
 #define USUAL_FOURS 320
 #define SQUARES_AT_ONCE 2
-#include "ntc/block_together.glsl"
+#include "ntc/block_workgroup.glsl"
 
 layout(std430, binding = BINDING_REQUESTS) readonly buffer Tiles {
     TileRecord tiles[];

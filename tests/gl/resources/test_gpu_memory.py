@@ -14,7 +14,7 @@ from tests.support.gpu_memory import PLENTY, FailingMemory, ForgetfulMemory, exi
 from viewer.gl.allocation import GpuMemory, GpuMemoryError
 from viewer.gl.context import GraphicsContext
 from viewer.render.frames import FrameResult, read_picture
-from viewer.render.pass_scheduler import Step
+from viewer.render.pass_scheduler import Budget, Step
 from viewer.render.renderer import Renderer
 from viewer.render.resources.tile_cache.budget import TileCacheConfig
 from viewer.scene.model import Scene
@@ -275,7 +275,7 @@ def test_images_out_of_sight_make_room(graphics: GraphicsContext, scene: Scene) 
     material = next(index for index in materials if {place.array for place in places.of([index])} == {array})
     reference._drop(array)
     memory.allows = allows  # type: ignore[method-assign, assignment]
-    step = Step(whole=True, is_same_view=False, is_stale=False)
+    step = Step(Budget.WHOLE, is_same_view=False, is_stale=False)
     reference.advance([material], reference, step)
     assert set(reference.arrays) == {array}
     others = [index for index in materials if index != material]

@@ -63,9 +63,9 @@ class TwoColorsCodec(Codec):
         texture = cast(TwoColorsTexture, pack.textures[texture_index])
         return lookup_values(texture, cast(TwoColorsConfig, pack.config), uv, lod, wrap)
 
-    def reference_image(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.uint8]:
+    def reference_mip(self, pack: Pack, texture_index: int, level: int) -> NDArray[np.float64]:
         texture = cast(TwoColorsTexture, pack.textures[texture_index])
-        return decode_image(texture, cast(TwoColorsConfig, pack.config), level)
+        return decode_image(texture, cast(TwoColorsConfig, pack.config), level) / 255.0
 
     def torch_twin(self, pack: Pack, device: str, interruption: Callable[[], None] = lambda: None) -> TorchTwin:
         from tests.support.two_colors.torch_twin import TorchTwoColors

@@ -55,7 +55,8 @@ class Choices:
 def left_out(blocks: Array, values: Array) -> Array:
     """[blocks] squared error of what the basis cannot show of `blocks`, whatever their coefficients `values` become."""
     whole, shown = (np.einsum("bk,bk->b", each, each) for each in (blocks, values))
-    return np.maximum(whole - shown, np.float32(0.0))
+    left: Array = np.maximum(whole - shown, np.float32(0.0))
+    return left
 
 
 def paying_kinds(
