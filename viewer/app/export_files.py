@@ -13,7 +13,7 @@ from viewer.export.gltf.export import ExportedScene, export_gltf
 from viewer.export.images import Compressor
 from viewer.export.web.export import export_page
 from viewer.gl.context import create_headless_context
-from viewer.render.passes.compress import ImageCompressor
+from viewer.render.resources.block_compressor import ImageCompressor
 from viewer.render.resources.pack_buffers import scene_programs
 from viewer.scene.images import ProgressReport
 from viewer.scene.json_text import counted
