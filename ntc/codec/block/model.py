@@ -102,8 +102,7 @@ def _depths(scales: bytes, modes: int, bits: tuple[tuple[int, ...], ...]) -> NDA
     """Return `BlockDecoder.depths`, read-only and cached, because decoding a few texels needs them each time. `bits` by size and
     mode."""
     rows = np.frombuffer(scales, np.uint8).reshape(modes, -1)
-    depths = np.array([[share_out_bits(row, room) for row, room in zip(rows, size, strict=True)] for size in bits])
-    depths = depths.astype(np.uint8)
+    depths = share_out_bits(rows, np.array(bits))
     depths.setflags(write=False)
     return depths
 

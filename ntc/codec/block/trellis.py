@@ -52,18 +52,24 @@ def _allocation_keys() -> NDArray[np.int64]:
     return keys
 
 
-def share_out_bits(scales: NDArray[np.uint8], bits: int) -> NDArray[np.uint8]:
-    """[coefficients] uint8 depths that sum to `bits`: each bit goes where it lowers the expected squared error most.
+def share_out_bits(scales: NDArray[np.uint8], bits: NDArray[np.integer]) -> NDArray[np.uint8]:
+    """Return [sizes, modes, coefficients] uint8 depths that sum to `bits` [sizes, modes]: each bit goes where it lowers the expected
+    squared error most.
 
-    `scales` are stored scales (`scale_values`). In integers, so that every reader comes to the same depths.
+    `scales` [modes, coefficients] are stored scales (`scale_values`). In integers, so that every reader comes to the same depths.
     Fewer bits where every coefficient has LARGEST_DEPTH already.
     """
+    modes, coefficients = scales.shape
     # A variance is the square of a scale, so its logarithm is twice as large.
-    keys = 2 * scales.astype(np.int64)[:, None] + _allocation_keys()
+    keys = 2 * scales.astype(np.int64)[..., None] + _allocation_keys()
     # Gains of a coefficient fall with its depth, so the greatest ones of all coefficients are a valid allocation.
     # Numbers of 16 bits are sorted by their digits, which is fastest.
-    order = np.argsort(-keys.astype(np.int16), axis=None, kind="stable")[: min(bits, keys.size)]
-    return np.bincount(order // LARGEST_DEPTH, minlength=len(scales)).astype(np.uint8)
+    order = np.argsort(-keys.astype(np.int16).reshape(modes, -1), axis=1, kind="stable")
+    rank = np.empty_like(order)
+    np.put_along_axis(rank, order, np.arange(order.shape[1])[None], axis=1)
+    taken = rank.reshape(modes, coefficients, LARGEST_DEPTH) < bits[..., None, None]
+    depths: NDArray[np.uint8] = taken.sum(axis=-1, dtype=np.uint8)
+    return depths
 
 
 def scale_values(stored: NDArray[np.integer]) -> NDArray[np.float64]:

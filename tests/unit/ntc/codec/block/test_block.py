@@ -127,16 +127,21 @@ def test_any_words_decode_to_finite_values() -> None:
         assert np.isfinite(reference.block_values(texture, stored, decoder, SMALL, mip)).all()
 
 
+def shares(scales: NDArray[np.uint8], *bits: int) -> NDArray[np.uint8]:
+    """Return the depths of one mode by numbers of bits."""
+    return share_out_bits(scales[None], np.array(bits)[:, None])[:, 0]
+
+
 def test_bits_go_where_they_lower_the_error_most() -> None:
     scales = stored_scales(np.array([10.0, 1.0, 1.0, 1e-3]))
-    depths = share_out_bits(scales, 9)
+    (depths,) = shares(scales, 9)
     assert depths.sum() == 9
     assert depths[0] > depths[1] >= depths[2] > depths[3]
-    assert share_out_bits(scales[1:3], 100).tolist() == [LARGEST_DEPTH, LARGEST_DEPTH]
-    assert share_out_bits(scales[:1], 0).tolist() == [0]
+    assert shares(scales[1:3], 100).tolist() == [[LARGEST_DEPTH, LARGEST_DEPTH]]
+    assert shares(scales[:1], 0).tolist() == [[0]]
     # Every reader derives the same bits: falling with the scale, and written down, as files depend on it.
     many = np.arange(40, 240, 5, dtype=np.uint8)
-    found = [share_out_bits(many[::-1], bits).tolist() for bits in (30, 90, 250)]
+    found = shares(many[::-1], 30, 90, 250).tolist()
     assert [sum(own) for own in found] == [30, 90, 250]
     assert all(own == sorted(own, reverse=True) for own in found)
     assert found[0][:12] == [5, 4, 4, 3, 3, 3, 2, 2, 2, 1, 1, 0]
