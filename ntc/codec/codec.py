@@ -265,7 +265,7 @@ class Codec(ABC):
         del settings, size
         return None
 
-    def anew_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
+    def reencoding_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
         """Return the options that encode one texture of `pack` anew with `bits` bits per texel, and leave all others as they are.
         Raises InputError for bits out of reach."""
         del texture, bits

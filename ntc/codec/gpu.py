@@ -176,7 +176,7 @@ class GpuTables(ABC):
         """The codec's own fields of a texture's record."""
 
     @abstractmethod
-    def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
+    def fill_record_fields(self, record: np.void, texture: EncodedTexture) -> None:
         """Write the codec's own fields of a texture's record."""
 
     def fill_record(self, record: np.void, texture: EncodedTexture, first_level: int, adapter: int) -> None:
@@ -191,7 +191,7 @@ class GpuTables(ABC):
             for component in channels
         )
         record["adapter"] = adapter
-        self.fill_own_fields(record, texture)
+        self.fill_record_fields(record, texture)
 
     @abstractmethod
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:

@@ -129,7 +129,7 @@ def _compressed(request: CompressionRequest, blocks: tuple[bytes, ...]) -> Compr
     return CompressedTexture(request.block_format, (height, width, channels), blocks, quality, request.maps)
 
 
-def kept_texture(request: CompressionRequest) -> CompressedTexture | None:
+def cached_texture(request: CompressionRequest) -> CompressedTexture | None:
     """Return what an earlier `compress_texture` has kept; None for nothing. Raises InputError where the decoder is not installed."""
     if request.cache is None:
         return None
@@ -145,7 +145,7 @@ def kept_texture(request: CompressionRequest) -> CompressedTexture | None:
 
 def compress_texture(request: CompressionRequest) -> CompressedTexture:
     """Encode a texture with all mips, or read what was kept. Raises InputError where the encoder is not installed."""
-    kept = kept_texture(request)
+    kept = cached_texture(request)
     if kept is not None:
         return kept
     kind = kind_of(request.maps)

@@ -211,14 +211,14 @@ class GroupOutcome:
     """PSNR before the training. None for a new group."""
     after_db: float
     """PSNR of the training's result, also if it was rejected."""
-    kept_old: bool = False
+    rejected: bool = False
     """True if the result was worse than before and was rejected: the group is unchanged."""
 
     def line(self) -> str:
         """Return the outcome as one line of text."""
         if self.before_db is None:
             return f"group {self.group}: {self.after_db:.2f} dB"
-        if self.kept_old:
+        if self.rejected:
             return (
                 f"group {self.group}: left unchanged at {self.before_db:.2f} dB; training gave {self.after_db:.2f} dB"
             )

@@ -302,7 +302,7 @@ class Trainer:
             return "done"
         errors = []
         for outcome in outcomes:
-            final_db = outcome.before_db if outcome.kept_old and outcome.before_db is not None else outcome.after_db
+            final_db = outcome.before_db if outcome.rejected and outcome.before_db is not None else outcome.after_db
             errors += [mse_of_psnr(final_db)] * len(self._request.grouping.members(outcome.group))
         return "target reached" if psnr_of_mse(float(np.mean(errors))) >= budget.psnr_db else "target not reached"
 

@@ -37,7 +37,7 @@ from viewer.state.session import Session
 from viewer.state.settings import ViewerSettings
 from viewer.state.view_state import (
     BLOCKS,
-    OWN_ENVIRONMENTS,
+    BUILTIN_ENVIRONMENTS,
     SKY,
     Lighting,
     Overlay,
@@ -158,7 +158,7 @@ def write_picture(
 def chosen_lighting(options: RenderOptions) -> Lighting:
     """Return the light of --view lit. Raises InputError for values that are out of range, and for a panorama that cannot be used."""
     environment = SKY if options.environment is None else str(options.environment)
-    if options.environment is not None and environment not in OWN_ENVIRONMENTS:
+    if options.environment is not None and environment not in BUILTIN_ENVIRONMENTS:
         # Whatever is wrong with the file is said before anything is drawn.
         load_panorama(options.environment)
     given: dict[str, Any] = {

@@ -10,7 +10,7 @@ from viewer.lighting.panorama import load_panorama
 from viewer.state.event_handlers import notify
 from viewer.state.session import Session
 from viewer.state.setting import field_args
-from viewer.state.view_state import OWN_ENVIRONMENTS, SKY, VIEWS, Azimuth, Elevation, Lighting
+from viewer.state.view_state import BUILTIN_ENVIRONMENTS, SKY, VIEWS, Azimuth, Elevation, Lighting
 
 DEFAULT_VARIANT = "default"
 """Name of the variant in which primitives have the materials that they name themselves."""
@@ -84,7 +84,7 @@ def use_environment(session: Session, file: Path) -> None:
     "light.environment", "Environment", "light the scene by the sky, by a studio, or by a panorama", icon="lightbulb"
 )
 def set_environment(session: Session, file: Annotated[Path, field_args(Lighting)["environment"]]) -> None:
-    if str(file) in OWN_ENVIRONMENTS:
+    if str(file) in BUILTIN_ENVIRONMENTS:
         _light(session, environment=str(file), sun_strength=float(str(file) == SKY))
         return
     use_environment(session, file)

@@ -187,7 +187,7 @@ def reencode_texture(
 ) -> Effect:
     pack = _base(context)
     index = read_texture(texture, pack)
-    codec_of(pack.config).anew_options(pack, index, bits)
+    codec_of(pack.config).reencoding_options(pack, index, bits)
     effect = _start(context, ReencodeTexture(_DEFAULT, index, bits, pack.textures[index].name))
     _show_where(context, pack, (), {index})
     return effect

@@ -9,12 +9,12 @@ from ntc.codec.config import Precision
 from ntc.codec.model import Pack
 from ntc.codec.registry import codec_of
 from ntc.metrics.block_compression import BlockFormat
-from ntc.metrics.compressed_textures import CompressedTextures, compress_texture, kept_texture
+from ntc.metrics.compressed_textures import CompressedTextures, cached_texture, compress_texture
 from ntc.worker.helpers import HELPERS
 from viewer.jobs.job import Background, JobReport
 from viewer.scene.map_pictures import compressed_scene, compression_requests
 from viewer.scene.model import Scene
-from viewer.state.events import EmitEvent, Notification, PrecisionFound, TexturesCompressed
+from viewer.state.events import EmitEvent, Notification, PrecisionChosen, TexturesCompressed
 from viewer.state.message_log import details_of
 from viewer.state.session import Session
 from viewer.state.view_state import REFERENCE
@@ -70,7 +70,7 @@ class FormatEncoding:
         textures = []
         for number, request in enumerate(pictures):
             # Cached blocks need no process.
-            texture = kept_texture(request)
+            texture = cached_texture(request)
             textures.append(texture or HELPERS.call("block compression", compress_texture, request, report.check))
             report.progress(number + 1, len(pictures))
         return compressed_scene(block_format, requests, textures)
@@ -94,17 +94,17 @@ class PrecisionSearch:
             slot = session.view.slots[side]
             pack = session.packs.get(slot.source)
             if slot.source == REFERENCE or pack is None:
-                self._emit(PrecisionFound(side, None))
+                self._emit(PrecisionChosen(side, None))
                 continue
             job = self._background.submit(("precision", pack), partial(self._precision, pack))
             if not job.done:
                 continue
             if error := job.future.exception():
-                self._emit(PrecisionFound(side, None))
+                self._emit(PrecisionChosen(side, None))
                 self._emit(Notification(f"{slot.source}: {job.problem}", "error", details_of(error)))
                 continue
             chosen = job.result()
-            self._emit(PrecisionFound(side, chosen.precision))
+            self._emit(PrecisionChosen(side, chosen.precision))
             self._emit(Notification(f"{slot.source}: precision {chosen.precision}: {chosen.reason}"))
 
     def _precision(self, pack: Pack, _report: JobReport) -> ChosenPrecision:

@@ -91,7 +91,7 @@ class LightDrawer:
             name = lighting.environment
             self._panorama = name, studio() if name == STUDIO else load_panorama(Path(name))
         panorama = self._panorama[1]
-        return PrefilterInputs(panorama.digest, panorama.pixels, is_kept=True), PANORAMA_SIZE
+        return PrefilterInputs(panorama.digest, panorama.pixels, is_cached=True), PANORAMA_SIZE
 
     def _environment_maps(self, inputs: PrefilterInputs, size: PrefilterSize) -> tuple[EnvironmentMaps, Output]:
         """Return the maps to draw with, and the output of those asked for. Earlier maps are shown until the new ones are complete."""

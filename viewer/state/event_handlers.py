@@ -96,7 +96,7 @@ def _pack_shown(event: events.PackShown, session: Session) -> None:
 
 
 @_apply.register
-def _precision_found(event: events.PrecisionFound, session: Session) -> None:
+def _precision_found(event: events.PrecisionChosen, session: Session) -> None:
     session.precision_searches -= {event.side}
     if event.precision is not None:
         slot = replace(session.view.slots[event.side], precision=event.precision)
@@ -138,7 +138,7 @@ def _reverted(event: events.Reverted, session: Session) -> None:
 
 
 @_apply.register
-def _first_view_found(event: events.FirstViewFound, session: Session) -> None:
+def _first_view_found(event: events.FirstViewChosen, session: Session) -> None:
     if event.scene is not session.scene:
         return
     session.seeks_first_view = False

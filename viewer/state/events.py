@@ -61,7 +61,7 @@ class PackShown(Event):
 
 
 @dataclass(frozen=True)
-class PrecisionFound(Event):
+class PrecisionChosen(Event):
     """Result of the search for the fastest precision of a slot."""
 
     side: Side
@@ -97,7 +97,7 @@ class Reverted(Event):
 
 
 @dataclass(frozen=True, eq=False)
-class FirstViewFound(Event):
+class FirstViewChosen(Event):
     """Result of the search for a first view in a scene without cameras."""
 
     scene: Scene

@@ -271,7 +271,7 @@ FILTER_ARG: Final = Arg(
 )
 SKY: Final = "sky"
 STUDIO: Final = "studio"
-OWN_ENVIRONMENTS: Final = (SKY, STUDIO)
+BUILTIN_ENVIRONMENTS: Final = (SKY, STUDIO)
 """Names of the environments that need no file."""
 REFERENCE: Final = "reference"
 """Name of the source that shows the original images."""

@@ -241,7 +241,7 @@ class LiveTraining:
             for name in self.log.drop_old_packs(shown):
                 self._emit(PackClosed(name))
         self.enter(scene)
-        self._take_kept(shown, names)
+        self._take_saved(shown, names)
         self._ahead.forget_other(scene)
         self.rates.enter(scene)
         self.rates.tick(may_start=self.active is None)
@@ -324,7 +324,7 @@ class LiveTraining:
             rest = "keep or discard its latest pack" if pack is not None else "it made no pack"
             self._emit(Notification(f"{run.name} was cancelled; {rest}"))
             return
-        worse = sum(outcome.kept_old for outcome in finished.outcomes)
+        worse = sum(outcome.rejected for outcome in finished.outcomes)
         groups = counted(len(finished.outcomes), "group")
         unchanged = f"; {worse} of {groups} left unchanged: training gave no better result" if worse else ""
         self._end(run, finished.reason, finished.pack, lines)
@@ -341,8 +341,8 @@ class LiveTraining:
         self.log.add(run.ended(outcome, pack, lines))
         self._packs_to_drop = True
 
-    def _take_kept(self, shown: frozenset[str], names: Container[str]) -> None:
-        for kept in self._store.take_kept():
+    def _take_saved(self, shown: frozenset[str], names: Container[str]) -> None:
+        for kept in self._store.take_saved():
             if kept.scene is not self._scene:
                 continue
             run, path = self.log[kept.run.number], kept.pack.path

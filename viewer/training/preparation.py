@@ -135,7 +135,7 @@ def prepare(job: TrainingJob, scene: Scene, base: Pack | None, report: JobReport
     else:
         textures = _textures_of(base, scene, report)
     if isinstance(job, ReencodeTexture):
-        own = codec_of(base.config).anew_options(base, job.texture, job.bits)
+        own = codec_of(base.config).reencoding_options(base, job.texture, job.bits)
         group = base.textures[job.texture].group
         return TrainingRequest(textures, grouping, base.config, own, None, base, frozenset({group}))
     dirty = job.groups if isinstance(job, RetrainGroups) else None

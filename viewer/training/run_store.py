@@ -120,7 +120,7 @@ class UnsavedRuns:
 
 
 @dataclass(frozen=True, eq=False)
-class KeptPack:
+class SavedPack:
     """The pack of a run that was written where the user keeps it."""
 
     run: Run
@@ -185,7 +185,7 @@ class RunStore:
     def _write(self, write: Callable[[], Pack | None], run: Run | None = None, scene: Scene | None = None) -> None:
         self._writing.append((self._writer.submit(write), run, scene))
 
-    def take_kept(self) -> Iterator[KeptPack]:
+    def take_saved(self) -> Iterator[SavedPack]:
         """Yield the packs that were written since the last call and that the user keeps. Errors of writing are notified."""
         while self._writing and self._writing[0][0].done():
             future, run, scene = self._writing.pop(0)
@@ -199,7 +199,7 @@ class RunStore:
             else:
                 if run is not None and scene is not None and pack is not None:
                     self._emit(Notification(f"wrote {pack.path}"))
-                    yield KeptPack(run, scene, pack)
+                    yield SavedPack(run, scene, pack)
 
     def close(self) -> None:
         """Finish writing."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from viewer.jobs.job import Background, Job
 from viewer.scene.model import Camera, Scene
-from viewer.state.events import EmitEvent, FirstViewFound
+from viewer.state.events import EmitEvent, FirstViewChosen
 from viewer.state.framing import ALL
 from viewer.state.session import Session
 from viewer.viewpoints.sampling import CandidateSampler, ViewpointConfig
@@ -33,9 +33,9 @@ class FirstView:
         self._scene, job = scene, self._job(scene)
         if session.view.camera.name != ALL:
             # The user has moved the camera: it stays there.
-            self._emit(FirstViewFound(scene, None))
+            self._emit(FirstViewChosen(scene, None))
         elif job.done:
-            self._emit(FirstViewFound(scene, None if job.problem else job.result()))
+            self._emit(FirstViewChosen(scene, None if job.problem else job.result()))
 
     def _job(self, scene: Scene) -> Job[Camera | None]:
         return self._background.submit(("first view", id(scene)), lambda _report: _room(scene))

@@ -195,7 +195,7 @@ class BlockCodec(Codec):
     def texture_bits(self, settings: CodecSettings, size: tuple[int, int]) -> tuple[float, float] | None:
         return _range_of_bits(cast(BlockConfig, settings), size)
 
-    def anew_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
+    def reencoding_options(self, pack: Pack, texture: int, bits: float) -> EncodingOptions:
         encoded, config = pack.textures[texture], cast(BlockConfig, pack.config)
         size = (encoded.width, encoded.height)
         low, high = _range_of_bits(config, size)

@@ -250,7 +250,7 @@ class BlockTables(GpuTables):
         planes = len(self._planes)
         return (("mean", "<f4", (planes * self._config.mips, 4)), ("axes", "<f4", (4 * planes, 4)))
 
-    def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
+    def fill_record_fields(self, record: np.void, texture: EncodedTexture) -> None:
         """Components that the codec lacks stay 0."""
         block_texture, mips = cast(BlockTexture, texture), self._config.mips
         for place, channels in enumerate(self._planes.values()):

@@ -293,7 +293,7 @@ class GridTables(GpuTables):
         words = self._config.latent_channels // 4
         return (("scale", "<f4", (words, 4)), ("offset", "<f4", (words, 4)))
 
-    def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
+    def fill_record_fields(self, record: np.void, texture: EncodedTexture) -> None:
         grid_texture = cast(GridTexture, texture)
         record["scale"] = grid_texture.scale.reshape(-1, 4)
         record["offset"] = grid_texture.offset.reshape(-1, 4)

@@ -83,7 +83,7 @@ def test_panoramas_are_prefiltered_once_and_kept(graphics: GraphicsContext, tmp_
 
 
 def test_a_frame_that_waits_finishes_what_a_thread_filters(graphics: GraphicsContext) -> None:
-    inputs = PrefilterInputs("white", np.ones((32, 64, 3), np.float32), is_kept=True)
+    inputs = PrefilterInputs("white", np.ones((32, 64, 3), np.float32), is_cached=True)
     output = EnvironmentMaps(graphics, PANORAMA_SIZE, 64)
     prefiltering = PrefilterPass(replace(graphics, waits=False), scene_programs(graphics))
     started, may_end = threading.Event(), threading.Event()

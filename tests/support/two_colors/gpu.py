@@ -27,7 +27,7 @@ class TwoColorsTables(GpuTables):
     def decoder_data(self, decoder: Decoder) -> bytes:
         return b""
 
-    def fill_own_fields(self, record: np.void, texture: EncodedTexture) -> None:
+    def fill_record_fields(self, record: np.void, texture: EncodedTexture) -> None:
         """There are none."""
 
     def level_rows(self, texture: EncodedTexture) -> tuple[StoredRows, ...]:

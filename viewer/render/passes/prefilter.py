@@ -28,7 +28,7 @@ class PrefilterInputs:
     key: str
     panorama: NDArray[np.float32] = field(compare=False)
     """[H, 2 H, 3] linear radiance."""
-    is_kept: bool = field(default=False, compare=False)
+    is_cached: bool = field(default=False, compare=False)
     """True where the result is kept on disk, and found there: for panoramas, whose key is the digest of their content."""
 
 
@@ -62,12 +62,12 @@ class PrefilterPass(RenderPass[PrefilterInputs, EnvironmentMaps]):
 
     def advance(self, inputs: PrefilterInputs, output: EnvironmentMaps, step: Step) -> Progress:
         """Write the panorama, and all maps or the next one. Raises GpuMemoryError."""
-        whole = step.budget.waits or not inputs.is_kept
+        whole = step.budget.waits or not inputs.is_cached
         width, height = output.size.texture_size
         key = f"{VERSION} {inputs.key} {output.size}"
         if not step.is_same_view or self._filtering is None or self._filtering.key != inputs.key:
             output.write_panorama(inputs.panorama)
-            maps = self._cache.read(key) if inputs.is_kept else None
+            maps = self._cache.read(key) if inputs.is_cached else None
             if maps is not None and len(maps) == width * height * 16:
                 output.maps.write(maps)
                 return Progress()
@@ -84,7 +84,7 @@ class PrefilterPass(RenderPass[PrefilterInputs, EnvironmentMaps]):
         side = output.size.irradiance_side
         pixels = filtering.irradiance.future.result().tobytes()
         output.maps.write(pixels, viewport=(0, output.size.tops[-1], 6 * (side + 2), side + 2))
-        if inputs.is_kept:
+        if inputs.is_cached:
             self._cache.write(key, output.maps.read())
         return Progress()
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from imgui_bundle import imgui
 
 from viewer.state.setting import field_text
-from viewer.state.view_state import OWN_ENVIRONMENTS, REFERENCE, SKY, VIEWS, Lighting
+from viewer.state.view_state import BUILTIN_ENVIRONMENTS, REFERENCE, SKY, VIEWS, Lighting
 from viewer.ui.controls import control
 from viewer.ui.facts import UiFrame
 from viewer.ui.widgets import combo, labelled, wrapped_disabled
@@ -23,7 +23,7 @@ def _draw_environment(ui: UiFrame) -> None:
     imgui.set_next_item_width(-1.0)
     shown = Path(environment).name
     tip = f"{field_text(Lighting, 'environment')} You can drop a panorama on the window."
-    chosen = combo("environment", shown, tuple(dict.fromkeys((*OWN_ENVIRONMENTS, shown))), ui.rects, tip)
+    chosen = combo("environment", shown, tuple(dict.fromkeys((*BUILTIN_ENVIRONMENTS, shown))), ui.rects, tip)
     if chosen != shown:
         ui.emit("light.environment", Path(chosen))
     if environment != SKY:

@@ -145,7 +145,7 @@ def test_a_group_never_ends_worse(shared: TrainingWorker, trained: Pack) -> None
     request = replace(FROM_NOTHING, training=ruinous, start=trained, dirty=frozenset({0}), budget=StepBudget(5))
     end, reports = finished(shared, request)
     (outcome,) = end.outcomes
-    assert outcome.kept_old
+    assert outcome.rejected
     assert "left unchanged at" in outcome.line()
     assert same(pack_of(end), trained)
     final = [report for report in reports if isinstance(report, GroupSnapshot)][-1]
