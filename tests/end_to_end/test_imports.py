@@ -1,11 +1,10 @@
-"""Commands that encode and decode codec `block` never import torch, which takes a second or two."""
+"""Commands do not import what they do not need: torch takes a second or two, numba with scipy almost one."""
 
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
-import pytest
 from PIL import Image
 
 from tests.support.textures import waves
@@ -14,24 +13,24 @@ SCRIPT = """
 import sys
 from viewer.cli import main
 if __name__ == "__main__":
-    status = main(sys.argv[1:])
-    assert "torch" not in sys.modules, "torch was imported"
+    status = main(sys.argv[2:])
+    imported = set(sys.argv[1].split()) & set(sys.modules)
+    assert not imported, f"{imported} imported"
     sys.exit(status)
 """
 
 
-def run(folder: Path, *arguments: str) -> None:
-    """Run one command in a process of its own, which fails where torch was imported."""
+def run(folder: Path, *arguments: str, unwanted: str = "torch") -> None:
+    """Run one command in a process of its own, which fails where a module of `unwanted` was imported."""
     script = folder / "command.py"
     script.write_text(SCRIPT)
-    done = subprocess.run([sys.executable, str(script), *arguments], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, str(script), unwanted, *arguments], capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.process
-@pytest.mark.gl
-@pytest.mark.slow
-def test_commands_never_import_torch(tmp_path: Path) -> None:
+def test_codec_block_needs_no_torch(tmp_path: Path) -> None:
     (tmp_path / "images").mkdir()
     Image.fromarray(np.ascontiguousarray(waves(32, 32, 3).pixels)).save(tmp_path / "images" / "waves.png")
     pack, of_images = str(tmp_path / "gallery.ntc"), str(tmp_path / "images.ntc")
@@ -43,3 +42,9 @@ def test_commands_never_import_torch(tmp_path: Path) -> None:
     run(tmp_path, "check", "gallery", "--pack", pack, "--views", "0")
     run(tmp_path, "check", of_images)
     run(tmp_path, "export", "gallery", "--pack", pack, "--as", "png", "--out", str(tmp_path / "gallery.gltf"))
+
+
+def test_looking_needs_neither_torch_nor_numba(tmp_path: Path) -> None:
+    unwanted = "torch numba scipy matplotlib"
+    run(tmp_path, "render", "--size", "64x36", "--out", str(tmp_path / "picture"), unwanted=unwanted)
+    run(tmp_path, "info", "gallery", unwanted=unwanted)
