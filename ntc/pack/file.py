@@ -170,6 +170,8 @@ def read_pack(path: Path) -> Pack:
 
     safetensors compares shapes with the file's length, so memory use is proportional to that length.
     """
+    # Callers of the library may name it as text.
+    path = Path(path)
     return parsed_pack(path, pack_file(path))
 
 

@@ -42,7 +42,7 @@ def encode(source: Path, out: Path, *arguments: str) -> int:
 def kill_a_worker() -> None:
     """Kill the first worker that has begun, as a machine does that runs out of memory."""
     for _ in range(2000):
-        workers = [process for process in multiprocessing.active_children() if process.name.startswith("SpawnProcess")]
+        workers = [process for process in multiprocessing.active_children() if process.name == "ntc-helper"]
         if workers and workers[0].pid is not None:
             os.kill(workers[0].pid, signal.SIGKILL)
             return

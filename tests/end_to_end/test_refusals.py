@@ -106,7 +106,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("--decoder-variant gpu --what worst-case", "--decoder-variant gpu: only --what scene and all"),
         ("--views nowhere.json", "nowhere.json"),
         ("--paths sideways", "sideways"),
-        ("--json record.txt", "record.txt: a record's name ends in .json"),
+        ("--json record.txt", "record.txt: the name of a record must end in .json"),
     ],
     "bench --json r.json": [
         ("nowhere.glb", "nowhere.glb"),
@@ -117,7 +117,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("nothing", "study nothing: no such study (there are: paper-textures, paper-scenes, rate, stability)"),
         ("clusters --out o", "study clusters: no such study (there are: paper-textures, "),
         ("paper-scenes nowhere.glb --out o", "nowhere.glb"),
-        ("paper-scenes {images} --out o", "is no scene; use study paper-textures"),
+        ("paper-scenes {images} --out o", "is not a scene; use study paper-textures"),
         ("paper-textures {images} --out o --steps 0", "--steps 0: must be at least 1"),
         ("rate nowhere.glb --out o --clusters 0", "--clusters 0: must be at least 1"),
         ("rate {images} --out o --bits 0", "--bits 0: must be above 0"),

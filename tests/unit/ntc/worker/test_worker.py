@@ -27,7 +27,7 @@ from ntc.training.compiling import COMPILING
 from ntc.training.messages import Ended, GroupSnapshot, TrainingProgress, TrainingRequest, apply_snapshot, moved_texture
 from ntc.worker.client import Finished, Report, TrainingOrder, TrainingWorker, starting_pack
 from ntc.worker.process import Failed, Paused, Resumed, WindowEnd
-from tests.support.processes import wait_for_end
+from tests.support.processes import SECONDS, wait_for_end
 from tests.support.training_workers import (
     BLOCK_CODEC,
     BLOCKS_FROM_NOTHING,
@@ -346,7 +346,10 @@ def test_an_idle_process_ends_without_a_report(monkeypatch: pytest.MonkeyPatch) 
         assert process is not None
         assert until(worker, Finished)
         wait_for_end(process)
-        assert worker.poll() == []
+        began = time.monotonic()
+        while worker.process_id is not None and time.monotonic() - began < SECONDS:
+            assert worker.poll() == []
+            time.sleep(0.01)
         assert worker.process_id is None
         worker.start(FROM_NOTHING)
         assert worker.process_id != process

@@ -154,7 +154,7 @@ def test_grey_becomes_rgb_alpha_is_left_out_and_suns_are_clamped(tmp_path: Path)
 
 
 def test_large_panoramas_are_reduced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(panorama, "KEPT_WIDTH", 8)
+    monkeypatch.setattr(panorama, "USED_WIDTH", 8)
     pixels = radiance(16)
     found = load_panorama(write(tmp_path / "a.exr", pixels)).pixels
     assert found.shape == (4, 8, 3)
