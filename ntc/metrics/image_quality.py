@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 
 from ntc.errors import InputError
 from ntc.features.pixels import LUMA, as_rgb, check_image
@@ -32,6 +31,8 @@ def _luma(image: Image) -> NDArray[np.float64]:
 
 def _windowed(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return [H, W] Gaussian means of `values` [H, W] over the window around each texel. The picture is mirrored at its edges."""
+    from scipy import ndimage
+
     return np.asarray(ndimage.gaussian_filter(values, WINDOW_SIGMA, mode="reflect", radius=WINDOW_RADIUS))
 
 

@@ -4,8 +4,6 @@ import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from matplotlib.figure import Figure
-
 from ntc.metrics.block_compression import BLOCK_FORMATS, BlockFormat, missing_packages
 from ntc.metrics.compressed_textures import CompressedTextures
 from viewer.inspect.measured_figures import SIDES
@@ -75,6 +73,9 @@ def absent_formats() -> tuple[str, ...]:
 
 def costs_png(bars: Mapping[str, Sequence[CostBar]]) -> bytes:
     """Return the bars as a PNG, one chart for each kind of cost."""
+    # Imported where a chart is saved: windows open half a second sooner.
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(8.0, 0.5 + sum(0.55 + 0.3 * len(group) for group in bars.values())), layout="constrained")
     axes = figure.subplots(len(bars), 1, squeeze=False, height_ratios=[len(group) + 1 for group in bars.values()])
     for axis, (kind, group) in zip(axes[:, 0], bars.items(), strict=True):

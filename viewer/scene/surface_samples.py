@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from viewer.scene.model import Scene
 
@@ -18,6 +17,8 @@ class SurfaceSamples:
     """Points that lie about evenly on the triangles of a scene, the same for the same scene."""
 
     def __init__(self, scene: Scene) -> None:
+        from scipy.spatial import cKDTree
+
         points = _points(scene, np.random.default_rng(0))
         self.points = points[np.isfinite(points).all(axis=1)]
         """[N, 3] float64, scene units; at most SAMPLES."""

@@ -17,10 +17,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from ntc.errors import InputError
-from ntc.grouping.covisible import seen_blocks
 from ntc.metrics.divergence import BLOCK
 from viewer.scene.model import Camera, Scene
 from viewer.state.camera import clip_distances
@@ -318,6 +316,10 @@ class CandidateView:
         """Make the view with the texture ids `ids` [H, W] in a scene of `textures` textures."""
         pixels = np.bincount(ids[ids >= 0], minlength=textures)
         seen = np.nonzero(pixels)[0]
+        from scipy import sparse
+
+        from ntc.grouping.covisible import seen_blocks
+
         together = seen_blocks([ids], textures)
         members = together.members
         pairs = sparse.coo_array(sparse.triu(members.T @ members.multiply(together.weights[:, None]), 1))
@@ -361,6 +363,8 @@ class _Coverage:
     """Coverage of features by the chosen views, in blocks, and the gain of each further view."""
 
     def __init__(self, views: Sequence[CandidateView], textures: int) -> None:
+        from scipy import sparse
+
         used, columns = np.unique(np.concatenate([view.features for view in views]), return_inverse=True)
         starts = np.cumsum([0, *(len(view.features) for view in views)])
         amounts = np.concatenate([view.amounts for view in views])
