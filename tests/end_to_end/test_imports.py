@@ -48,3 +48,7 @@ def test_looking_needs_neither_torch_nor_numba(tmp_path: Path) -> None:
     unwanted = "torch numba scipy matplotlib"
     run(tmp_path, "render", "--size", "64x36", "--out", str(tmp_path / "picture"), unwanted=unwanted)
     run(tmp_path, "info", "gallery", unwanted=unwanted)
+    script = "wait settled; wait frames 2"
+    run(
+        tmp_path, "view", "--headless", "--size", "320x180", "--exec", script, "--out", str(tmp_path), unwanted=unwanted
+    )
