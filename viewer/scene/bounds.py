@@ -1,4 +1,4 @@
-"""World-space bounds."""
+"""World-space bounds of a scene."""
 
 from collections.abc import Sequence
 
@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from viewer.scene.model import Geometry, Instances, Primitive
 
 EXACT_VERTICES = 1 << 22
-"""A primitive is bounded by its vertices while instances times vertices stay below this, else by its local box."""
+"""Most products of instances and vertices for which a primitive is bounded by its vertices; beyond, by its local box."""
 EXACT_TOTAL = 1 << 24
-"""The same for all primitives together: many may share the same vertices."""
+"""Most such products of all primitives together: many may share the same vertices."""
 
 _Range = tuple[int, int, int, int]
 
@@ -36,7 +36,11 @@ def _corners(vertices: NDArray[np.float32]) -> NDArray[np.float64]:
 
 
 def world_bounds(geometry: Geometry, primitives: Sequence[Primitive], instances: Instances) -> NDArray[np.float32]:
-    """Return [2, 3] float32 lowest and highest corner of all placed primitives (a little wide for very many instances)."""
+    """Return [2, 3] float32 lowest and highest corner of all placed primitives, in world space.
+
+    Bounds are exact while there are few instances: every vertex is transformed. Beyond EXACT_VERTICES only the corners of a
+    primitive's local box are, so the result may be wider than the scene.
+    """
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     order = np.argsort(instances.primitive, kind="stable")
     starts = np.searchsorted(instances.primitive[order], np.arange(len(primitives) + 1))

@@ -18,14 +18,14 @@ from viewer.scene.scene_files import CAMERAS_FILE
 CAMERAS_TEXT = "JSON file of cameras"
 """Description of a cameras file in help texts."""
 LARGEST_FILE = 1 << 26
-"""Bytes: half a million cameras."""
+"""Most bytes of a cameras file: half a million cameras."""
 NAMES_SHOWN = 20
 """Names that the message about a missing camera lists."""
 REMEDY = "give a list of cameras, each with name, eye, target and fov"
 
 
 class Viewpoint(msgspec.Struct):
-    """Fields that every camera in JSON has. Lengths in scene units."""
+    """Fields of every camera in JSON. Lengths are in scene units."""
 
     name: str
     eye: Vector
@@ -39,13 +39,13 @@ class Viewpoint(msgspec.Struct):
 
 
 class CameraEntry(Viewpoint):
-    """One entry of a cameras file."""
+    """Camera as a cameras file describes it."""
 
     fov: Annotated[float, msgspec.Meta(gt=0.0, lt=180.0)] = 60.0
 
 
 def read_cameras(path: Path) -> tuple[Camera, ...]:
-    """Cameras of the file at `path`, at least one, with distinct names. Raises InputError."""
+    """Return the cameras of the file at `path`, at least one, with distinct names. Raises InputError."""
     try:
         data = read_file(Path(path), LARGEST_FILE)
     except OSError as error:
@@ -91,13 +91,13 @@ def cameras_beside(scene_path: Path) -> Path | None:
 
 
 def with_cameras_beside(scene: Scene) -> Scene:
-    """Return `scene` with the cameras of the file beside it before its own; of two with one name, the file's.
+    """Return `scene` with the cameras of the cameras file beside it first; they replace cameras of the same name.
 
     Raises InputError where that file cannot be read.
     """
     path = cameras_beside(scene.path) if scene.path is not None else None
     if path is None:
         return scene
-    found = read_cameras(path)
-    names = {camera.name for camera in found}
-    return replace(scene, cameras=(*found, *(camera for camera in scene.cameras if camera.name not in names)))
+    file_cameras = read_cameras(path)
+    names = {camera.name for camera in file_cameras}
+    return replace(scene, cameras=(*file_cameras, *(camera for camera in scene.cameras if camera.name not in names)))

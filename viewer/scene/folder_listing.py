@@ -1,4 +1,4 @@
-"""Lists of what a folder holds that can be opened, and typed paths: filtered and completed.
+"""Lists of the files of a folder that can be opened, and typed paths: filtered and completed.
 This module reads folders, never the files in them."""
 
 import os
@@ -13,7 +13,7 @@ from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, PACK_SUFFIX,
 
 EntryKind = Literal["folder", "scene", "pack", "panorama"]
 MOST_LISTED = 2000
-"""Entries of one folder that are listed."""
+"""Most entries of one folder that are listed."""
 _KINDS: dict[str, EntryKind] = {
     **dict.fromkeys((*SCENE_SUFFIXES, *MESH_SUFFIXES, ARCHIVE_SUFFIX), "scene"),
     **dict.fromkeys(PANORAMA_SUFFIXES, "panorama"),
@@ -37,22 +37,22 @@ class FolderEntry:
 
 
 def list_folder(folder: Path) -> tuple[FolderEntry, ...]:
-    """Folders in `folder`, then files that can be opened, each by name. Raises InputError.
+    """Return the folders in `folder`, then the files that can be opened, each sorted by name. Raises InputError.
 
-    Without hidden ones, and those whose names cannot be shown or typed.
+    Hidden entries, and names that cannot be shown or typed, are left out.
     """
-    found: list[FolderEntry] = []
+    listed: list[FolderEntry] = []
     try:
         with os.scandir(folder) as entries:
             for entry in entries:
                 if not entry.name.startswith(".") and entry.name.isprintable():
-                    found += _entry(entry)
-                if len(found) == MOST_LISTED:
+                    listed += _entry(entry)
+                if len(listed) == MOST_LISTED:
                     break
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
         raise InputError(f"{folder}: cannot be read ({reason}); check the path") from error
-    return tuple(sorted(found, key=lambda entry: (entry.kind != "folder", entry.name.lower())))
+    return tuple(sorted(listed, key=lambda entry: (entry.kind != "folder", entry.name.lower())))
 
 
 def _entry(entry: os.DirEntry[str]) -> list[FolderEntry]:
@@ -63,7 +63,7 @@ def _entry(entry: os.DirEntry[str]) -> list[FolderEntry]:
         kind = _KINDS.get(path.suffix.lower())
         return [FolderEntry(path, kind, entry.stat().st_size)] if kind is not None and entry.is_file() else []
     except OSError:
-        # A link to nowhere, or what went away in the meantime.
+        # A broken link, or an entry that was removed in the meantime.
         return []
 
 
@@ -74,7 +74,7 @@ def matching(entries: Sequence[FolderEntry], text: str) -> tuple[FolderEntry, ..
 
 
 def is_path(text: str) -> bool:
-    """Return whether typed text is a path, and no part of a name that is looked for."""
+    """Return whether typed text is a path. Other text is part of a name to search for."""
     return "/" in text or os.sep in text or text.startswith("~")
 
 
@@ -85,7 +85,7 @@ def typed_folder(text: str, base: Path) -> tuple[Path, str]:
 
 
 def completed(text: str, base: Path) -> str:
-    """Return a typed path with as much added as all entries that begin like it have in common; `text` where there is none."""
+    """Return a typed path, completed by the beginning that all matching entries share; `text` where none matches."""
     folder, beginning = typed_folder(text, base)
     try:
         fitting = [entry for entry in list_folder(folder) if entry.name.startswith(beginning)]
@@ -96,10 +96,10 @@ def completed(text: str, base: Path) -> str:
 
 
 def _common_beginning(names: Sequence[str]) -> str:
-    """Return what all names begin with; "" for none."""
+    """Return the longest common prefix of `names`; "" for no names."""
     if not names:
         return ""
-    # Between the first and the last by the alphabet lie all others.
+    # All other names lie between the first and the last in alphabetical order, so those two decide.
     first, last = min(names), max(names)
     same = (one == other for one, other in zip(first, last, strict=False))
     return first[: sum(takewhile(bool, same))]

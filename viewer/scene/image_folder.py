@@ -14,10 +14,10 @@ from viewer.scene.gltf.container import GltfFile, parse_gltf
 from viewer.scene.images import folder_images
 
 CELL: Final = (2.35, 1.2)
-"""Width and height of the place of one material: panel and sphere are 1 unit wide."""
+"""Width and height of the cell of one material: panel and sphere are 1 unit wide."""
 FOV_DEGREES: Final = 40.0
 MARGIN: Final = 1.25
-"""Height and width that the camera sees, as multiples of what the materials take."""
+"""Size of the camera's view, as a multiple of the size of all cells."""
 ROUGHNESS: Final = 0.7
 _FLOAT, _INDEX = 5126, 5125
 
@@ -36,7 +36,7 @@ def _panel() -> _Shape:
 
 
 def _sphere(columns: int = 48, rows: int = 24) -> _Shape:
-    """Return a sphere of diameter 1; the image goes around it twice, so that it is not stretched."""
+    """Return a sphere of diameter 1. The image repeats twice around it, which keeps its aspect at the equator."""
     v, u = np.meshgrid(np.linspace(0.0, 1.0, rows + 1), np.linspace(0.0, 1.0, columns + 1), indexing="ij")
     turn, down = 2.0 * np.pi * u, np.pi * v
     places = np.stack([np.sin(down) * np.sin(turn), np.cos(down), np.sin(down) * np.cos(turn)], axis=-1)
@@ -51,8 +51,8 @@ def _sphere(columns: int = 48, rows: int = 24) -> _Shape:
 def folder_gltf(folder: Path) -> GltfFile:
     """Return a glTF container that shows the images in `folder` and its sub-folders, each as the base colour of a material.
 
-    Materials, names and categories are those of the textures that `viewer.scene.images.folder_textures` gives, so packs of the
-    folder fit. Raises InputError where there are no images.
+    Materials, names and categories are those of `viewer.scene.images.folder_textures`, so packs of the folder fit. Raises
+    InputError where there are no images.
     """
     paths = [path.relative_to(folder) for path in folder_images(folder)]
     binary = bytearray()
@@ -96,7 +96,7 @@ def folder_gltf(folder: Path) -> GltfFile:
         "materials": [
             {
                 "name": name,
-                # So that alpha is read, which counts for packs, and cuts nothing away.
+                # MASK, because packs of the folder hold alpha; the cutoff of 0 removes nothing.
                 "alphaMode": "MASK",
                 "alphaCutoff": 0.0,
                 "pbrMetallicRoughness": {

@@ -19,7 +19,7 @@ from ntc.io import atomic_path, is_partial, read_file
 from viewer.scene.ktx2 import is_ktx, read_ktx2
 
 LARGEST_EXCESS = 1e-3
-"""Floating-point values may lie this far above 1, by rounding."""
+"""Distance that floating-point values may lie above 1, by rounding."""
 _SUFFIXES = ".png .jpg .jpeg .webp .tif .tiff .bmp .tga .dds .ktx2 .exr .hdr .gif .jp2 .jxl .pnm .ppm .pgm .psd"
 IMAGE_SUFFIXES = frozenset(_SUFFIXES.split())
 """Suffixes of the files that `folder_textures` reads."""
@@ -27,16 +27,16 @@ IMAGE_SUFFIXES = frozenset(_SUFFIXES.split())
 MAX_SIDE = 1 << 15
 MOST_CHANNELS = 256
 LARGEST_MEGABYTES = 4096
-"""Largest size of the pixels as a file stores them; below it the file's own length is the limit, see below."""
+"""Largest size of an image's stored pixels. Below it, the length of the file limits the size."""
 FREE_VALUES = 1 << 24
-"""Channel values (width x height x channels) that any file may decode to, however small it is."""
+"""Channel values (width x height x channels) that are always allowed, however small the file is."""
 MAX_EXPANSION = 1100
-"""Decoded values for each byte of a file beyond FREE_VALUES: a little above the best that deflate reaches."""
+"""Decoded values for each byte of a file beyond FREE_VALUES: a little above the best ratio of deflate."""
 LARGE_VALUES = 1 << 28
 LARGE_EXPANSION = 128
-"""Limit for each byte beyond LARGE_VALUES (8192 x 8192 texels of 4 channels): more is taken for a decompression bomb."""
+"""Decoded values for each byte beyond LARGE_VALUES (8192 x 8192 texels of 4 channels): more counts as a decompression bomb."""
 SINGLE_PRECISION = 4
-"""Bytes that a value takes while floating-point images are read."""
+"""Bytes of a value while a floating-point image is read."""
 
 _SIGNATURES = (
     (b"\x89PNG", ".png"),
@@ -62,7 +62,7 @@ _Result = TypeVar("_Result")
 
 
 class ProgressReport(Protocol):
-    """Receiver of the progress of long work, such as `viewer.jobs.job.JobReport`."""
+    """Receiver of progress, such as `viewer.jobs.job.JobReport`."""
 
     def progress(self, done: int, of: int) -> None:
         """Take the progress: `done` of `of` steps. An exception raised here ends the work."""
@@ -72,9 +72,9 @@ class ProgressReport(Protocol):
 def map_in_threads(
     function: Callable[[_Item], _Result], items: Iterable[_Item], report: ProgressReport | None = None
 ) -> list[_Result]:
-    """Results of `function` in the order of `items`, on all cores (OpenImageIO and hashlib release the GIL).
+    """Return the results of `function` in the order of `items`, from all cores (OpenImageIO and hashlib release the GIL).
 
-    After an exception, of `function` or of `report`, nothing more is begun.
+    After an exception of `function` or `report`, no further item is begun.
     """
     pool = ThreadPoolExecutor(max(1, os.cpu_count() or 1))
     try:
@@ -89,7 +89,7 @@ def map_in_threads(
 
 
 def image_suffix(data: bytes, name: str) -> str:
-    """Return the suffix of the image file `data` by how it begins, else that of `name`."""
+    """Return the suffix of the image file `data` by its signature, else that of `name`."""
     for signature, suffix in _SIGNATURES:
         if data.startswith(signature):
             return suffix
@@ -98,12 +98,12 @@ def image_suffix(data: bytes, name: str) -> str:
 
 
 def values_allowed(byte_count: int) -> int:
-    """Channel values (bytes, once decoded) that an image file of `byte_count` bytes may hold."""
+    """Return the most channel values (bytes, once decoded) of an image file of `byte_count` bytes."""
     return min(FREE_VALUES + MAX_EXPANSION * byte_count, max(LARGE_VALUES, LARGE_EXPANSION * byte_count))
 
 
 def library_message(take: Callable[[], str]) -> str:
-    """Return the first line of an error that OpenImageIO keeps; it quotes bytes of broken files, which may be no text."""
+    """Return the first line of OpenImageIO's last error. It may quote bytes of a broken file that are no text."""
     try:
         return (take() or "truncated").splitlines()[0]
     except UnicodeDecodeError:
@@ -111,12 +111,12 @@ def library_message(take: Callable[[], str]) -> str:
 
 
 def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
-    # Without this OpenImageIO multiplies colours by alpha, and textures would darken where they are transparent.
+    # Otherwise OpenImageIO multiplies colours by alpha, and textures darken where they are transparent.
     config = OpenImageIO.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     image = OpenImageIO.ImageInput.open(path, config)
     if image is None:
-        # Drop the library's own message: it names the temporary file.
+        # Drop OpenImageIO's message: it names the temporary file.
         library_message(OpenImageIO.geterror)
         raise InputError(f"{name}: not an image that OpenImageIO {OpenImageIO.__version__} reads; give a PNG or JPEG")
     try:
@@ -145,7 +145,7 @@ def _read(path: str, byte_count: int, name: str) -> NDArray[np.uint8]:
 
 
 def _as_colors(pixels: NDArray[np.uint8], red_green: bool) -> NDArray[np.uint8]:
-    """Return [H, W, 3 or 4] of `pixels` [H, W, 1 to 4]: two channels are red and green, as in BC5, or grey and alpha."""
+    """Return `pixels` [H, W, 1 to 4] as RGB or RGBA [H, W, 3 or 4]. Two channels are red and green, as in BC5, or grey and alpha."""
     if pixels.shape[2] == 2 and red_green:
         pixels = np.pad(pixels, ((0, 0), (0, 0), (0, 1)))
     elif pixels.shape[2] <= 2:
@@ -154,7 +154,7 @@ def _as_colors(pixels: NDArray[np.uint8], red_green: bool) -> NDArray[np.uint8]:
 
 
 def _encoded(pixels: NDArray[np.float32], colors: int) -> NDArray[np.uint8]:
-    """Linear floating-point `pixels` [H, W, C] as sRGB bytes, the channels from `colors` on as they are."""
+    """Return linear floating-point `pixels` [H, W, C] as bytes: the first `colors` channels in sRGB, the others linear."""
     encoded = np.empty(pixels.shape, np.uint8)
     # Row by row: the steps between take a multiple of the picture's memory.
     for source, target in zip(pixels, encoded, strict=True):
@@ -165,7 +165,7 @@ def _encoded(pixels: NDArray[np.float32], colors: int) -> NDArray[np.uint8]:
 
 
 def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
-    """Pixels [H, W, C] uint8 of the image file in `data`, C = 3 (RGB) or 4 (RGBA, colours not multiplied by alpha).
+    """Return the pixels [H, W, C] uint8 of the image file in `data`, C = 3 (RGB) or 4 (RGBA, colours not multiplied by alpha).
 
     Row 0 is the file's top row. Grey becomes RGB, 16 bits become 8, floating point becomes sRGB; EXIF orientation
     and colour profiles are ignored, as glTF asks. `name` is for messages. Raises InputError.
@@ -185,7 +185,7 @@ def decode_image(data: bytes, name: str) -> NDArray[np.uint8]:
             with os.fdopen(handle, "wb") as file:
                 file.write(data)
         except OSError as error:
-            # Without a writable folder Python lists all that it tried, which is too long for one line.
+            # Without a writable folder Python's message lists every folder it tried: too long for one line.
             reason = error.strerror if path is not None else "no writable folder"
             raise InputError(f"{name}: no temporary file could be written ({reason}); set TMPDIR") from error
         return _read(path, len(data), name)
@@ -204,7 +204,7 @@ def read_image(path: Path) -> NDArray[np.uint8]:
 
 
 def write_png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> None:
-    """Write `pixels` [H, W] or [H, W, 1 to 4], uint8 or uint16, as they are, atomically. Row 0 becomes the top row.
+    """Write `pixels` [H, W] or [H, W, 1 to 4], uint8 or uint16, unconverted and atomically. Row 0 becomes the top row.
 
     Raises InputError where the file cannot be written, ValueError for another shape or type.
     """
@@ -219,9 +219,9 @@ def write_png(path: Path, pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> Non
     write_image(path, np.ascontiguousarray(image), spec)
 
 
-# The quoted name keeps no type of OpenImageIO: nanobind reports types that outlive the interpreter.
+# The type is quoted, because nanobind reports types that annotations hold at exit as leaks.
 def write_image(path: Path, pixels: NDArray[Any], spec: "OpenImageIO.ImageSpec") -> None:
-    """Write `pixels` [H, W, C] as `spec` says, atomically, in the format that the name's ending stands for.
+    """Write `pixels` [H, W, C] as `spec` says, atomically, in the format of the name's suffix.
 
     Raises InputError where the file cannot be written.
     """
@@ -240,12 +240,12 @@ def write_image(path: Path, pixels: NDArray[Any], spec: "OpenImageIO.ImageSpec")
 
 def is_constant(pixels: NDArray[np.uint8]) -> bool:
     """Return whether all texels of `pixels` [H, W, C] are equal."""
-    # Most images differ within the first row, so the whole one is rarely looked at.
+    # Most images vary within the first row, so the whole image is rarely compared.
     return bool((pixels[0] == pixels[0, 0]).all()) and bool((pixels == pixels[0, 0]).all())
 
 
 def split_alpha(pixels: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint8] | None]:
-    """RGB [H, W, 3] and alpha [H, W] of `pixels`; None where there is no alpha or all of it is 255."""
+    """Return (RGB [H, W, 3], alpha [H, W]) of `pixels`. Alpha is None where there is none or all of it is 255."""
     if pixels.shape[2] < 4 or bool((pixels[..., 3] == 255).all()):
         return np.ascontiguousarray(pixels[..., :3]), None
     return np.ascontiguousarray(pixels[..., :3]), np.ascontiguousarray(pixels[..., 3])
@@ -274,7 +274,7 @@ def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
     """Return all images in `folder` and its sub-folders as sRGB textures, ordered by path; constant images are left out.
 
     The category is the name of the sub-folder, None for images that lie in `folder` itself; the name is the path
-    inside `folder` without suffix. Alpha is kept as a fourth channel unless all of it is 255. Raises InputError.
+    inside `folder` without suffix. Alpha is a fourth channel unless all of it is 255. Raises InputError.
     """
     folder = Path(folder)
     paths = folder_images(folder)
@@ -294,7 +294,7 @@ def folder_textures(folder: Path) -> tuple[SourceTexture, ...]:
 
 
 def reduced_size(width: int, height: int, size: int) -> tuple[int, int]:
-    """Return (width, height) scaled down, keeping the aspect, so that neither exceeds `size`; at least 1 x 1."""
+    """Return (width, height) scaled down with the same aspect until neither exceeds `size`; at least 1 x 1."""
     longest = max(width, height)
     if longest <= size:
         return width, height

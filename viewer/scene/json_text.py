@@ -1,4 +1,4 @@
-"""JSON that anybody may have written: parsed, checked against a schema, and quoted in error messages."""
+"""JSON from untrusted files: parsed, checked against a schema, quoted in error messages. Also numbers and times as text."""
 
 import json
 import re
@@ -25,7 +25,7 @@ _NOT_FINITE = re.compile(r"Expected `float` [<>] -?1e\+3[08]\b")
 
 
 def printable(text: str) -> str:
-    """Return `text` in one line of at most 200 characters that every terminal and file takes; empty when nothing is left."""
+    """Return `text` in one line of at most 200 printable characters, valid in every terminal and file; "" when none is left."""
     line = " ".join(text.encode("utf-8", "replace").decode().split())
     return "".join(character for character in line if character.isprintable())[:200]
 
@@ -43,24 +43,24 @@ def duration(seconds: float) -> str:
 
 
 LEAST_SHARE = 0.1
-"""Share of the work from which on the time left is told."""
+"""Share of the work, 0 to 1, from which on the time left is estimated."""
 
 
 def time_left(seconds: float, share: float, first: float = 0.0) -> float | None:
-    """Return the time left in seconds, at least 1, at the mean speed so far: the work came from `first` to `share`, 0 to 1, in
-    `seconds`. None before a tenth is done, and at the end."""
+    """Return the time left in seconds, at least 1, at the mean speed so far: progress rose from `first` to `share`, 0 to 1, in
+    `seconds`. None before LEAST_SHARE is done, and at the end."""
     if share - first < LEAST_SHARE or share >= 1.0:
         return None
     return max(1.0, seconds * (1.0 - share) / (share - first))
 
 
 def percent(share: float) -> str:
-    """Return the progress of work under way as text: `34 %`, never 100 %."""
+    """Return the progress of running work as text: `34 %`, never 100 %."""
     return f"{min(int(100.0 * share), 99)} %"
 
 
 def describe(value: Any) -> str:
-    """Return a JSON value for a message, at most 40 characters; containers (which may be very deep) only by their kind."""
+    """Return a JSON value as text for a message, at most 40 characters. Containers, which may be very deep, only by their kind."""
     if isinstance(value, list):
         return "an array"
     if isinstance(value, dict):
@@ -83,7 +83,7 @@ def parse_json(data: str | bytes, where: str, remedy: str) -> Any:
         text = data.decode("utf-8") if isinstance(data, bytes) else data.encode("utf-8", "replace").decode()
         value = json.loads(text)
         if "\\ud" in text or "\\uD" in text:
-            # Half a surrogate pair: JSON can express it, UTF-8 (and so msgspec) cannot.
+            # Half a surrogate pair: JSON can express it. UTF-8, and therefore msgspec, cannot.
             value = json.loads(json.dumps(value, ensure_ascii=False).encode("utf-8", "replace"))
         return value
     except (ValueError, RecursionError) as error:
@@ -91,7 +91,7 @@ def parse_json(data: str | bytes, where: str, remedy: str) -> Any:
 
 
 def convert(content: Any, schema: type[_Schema], where: str, remedy: str) -> _Schema:
-    """JSON values as an instance of `schema`, a msgspec struct or a dataclass; unknown fields are ignored.
+    """Return JSON values as an instance of `schema`, a msgspec struct or a dataclass; unknown fields are ignored.
 
     Raises InputError, one line that names `where` and the field and ends in `remedy`.
     """
@@ -103,7 +103,7 @@ def convert(content: Any, schema: type[_Schema], where: str, remedy: str) -> _Sc
 
 
 def schema_problem(error: ValueError, schema: Any) -> tuple[str, str]:
-    """Return (field such as "slots[0].path", empty for the whole content; what is wrong with it) of what msgspec raised."""
+    """Return (field such as "slots[0].path", "" for the whole content; its fault) of an error of msgspec."""
     problem, _, place = str(error).partition(" - at `$")
     field = place.rstrip("`").lstrip(".")
     problem = _NOT_FINITE.sub("Expected a finite number", printable(problem))
@@ -112,7 +112,7 @@ def schema_problem(error: ValueError, schema: Any) -> tuple[str, str]:
 
 
 def _choices(schema: Any, field: str) -> str:
-    """Return the values that a field like "slots.a.path" may take; empty inside of lists."""
+    """Return a text of the allowed values of a field like "slots.a.path"; "" inside of lists."""
     for name in field.split("."):
         stored = dict(
             zip(getattr(schema, "__struct_encode_fields__", ()), getattr(schema, "__struct_fields__", ()), strict=True)

@@ -1,4 +1,15 @@
-"""KTX2 files (Khronos KTX 2.0): Basis Universal (ETC1S, UASTC), blocks of graphics hardware (BC1 to BC7, ASTC), and plain bytes."""
+"""Reader of KTX2 files (Khronos KTX 2.0): mip 0 of a single picture.
+
+A KTX2 file is a header, an index of levels and the levels, each compressed as a whole by the header's scheme (Zstandard or ZLIB) or
+not. The VkFormat in the header says what mip 0 holds, and so who decodes it:
+
+- none (VK_FORMAT_UNDEFINED): Basis Universal, ETC1S or UASTC, transcoded to RGBA by opengl_basisu;
+- 8-bit pixels: read as they are;
+- BC1, BC3, BC4, BC5, BC7: put behind a DDS header, which OpenImageIO decodes;
+- ASTC: decoded by `ntc.metrics.block_compression`.
+
+Sizes in the header are checked against the length of the file before anything is allocated.
+"""
 
 import struct
 import zlib
@@ -13,12 +24,12 @@ from ntc.metrics.block_compression import BlockFormat, compressed_bytes, decompr
 
 SIGNATURE: Final = b"\xabKTX 20\xbb\r\n\x1a\n"
 _HEADER: Final = struct.Struct("<12s9I4I2Q")
-"""Signature; format, size of its type, width, height, depth, layers, faces, levels, supercompression; places of the data format
-descriptor, of the key/value data and of the supercompression's global data."""
+"""Signature; format, size of its type, width, height, depth, layers, faces, levels, supercompression; offsets and lengths of the data
+format descriptor, of the key/value data and of the supercompression's global data."""
 _LEVEL: Final = struct.Struct("<3Q")
 """Offset, length, length without supercompression."""
 NO_FORMAT: Final = 0
-"""VK_FORMAT_UNDEFINED: Basis Universal says in the data format descriptor what its blocks are."""
+"""VK_FORMAT_UNDEFINED: for Basis Universal the data format descriptor names the kind of blocks."""
 CHANNELS: Final = {9: 1, 15: 1, 16: 2, 22: 2, 23: 3, 29: 3, 37: 4, 43: 4}
 """Number of channels of 8-bit formats, by VkFormat: R8, R8G8, R8G8B8 and R8G8B8A8, each UNORM and SRGB."""
 BLOCKS: Final = {
@@ -52,7 +63,7 @@ ASTC_BLOCKS: Final[tuple[BlockFormat, ...]] = (
 )  # fmt: skip
 """Block sizes of ASTC in the order of their VkFormats."""
 SCHEMES: Final = {0: "none", 1: "BasisLZ", 2: "Zstandard", 3: "ZLIB"}
-"""Supercompression."""
+"""Names of the supercompression schemes, by their number in the header."""
 _DDS: Final = struct.Struct("<4s7I44x8I5I5I")
 
 
@@ -71,38 +82,42 @@ class _Container:
 
 
 def is_ktx(data: bytes) -> bool:
-    """Return whether `data` starts as a KTX file does, of version 2 or another one."""
+    """Return whether `data` starts with the signature of a KTX file, of any version."""
     return data.startswith(SIGNATURE[:4])
 
 
 def read_ktx2(data: bytes, name: str, largest_side: int, most_values: int) -> NDArray[np.uint8] | bytes:
-    """Mip 0 of the KTX2 file in `data`: pixels [H, W, 1 to 4] uint8, row 0 on top, or a DDS file that holds its blocks.
+    """Return mip 0 of the KTX2 file in `data`: pixels [H, W, 1 to 4] uint8, row 0 on top, or a DDS file with its blocks.
 
     `name` is for messages, `largest_side` in texels; `most_values` limits width x height x 4. Raises InputError for broken files,
-    and for what is not read: cube maps, arrays, volumes, and formats that are not in this module's tables.
+    for cube maps, arrays and volumes, and for formats that are not in this module's tables.
     """
-    found = _container(data, name)
-    if max(found.width, found.height) > largest_side:
-        raise InputError(f"{name}: image of {found.width} x {found.height}; sides are 1 to {largest_side} texels")
-    if found.width * found.height * 4 > most_values:
-        raise InputError(f"{name}: {found.width} x {found.height} texels in {len(data)} bytes; the image is broken")
-    if found.format == NO_FORMAT:
-        return _basis_pixels(data, name, found)
-    if found.format in CHANNELS:
-        channels = CHANNELS[found.format]
-        level = _level(data, found, found.width * found.height * channels)
-        return np.frombuffer(level, np.uint8).reshape(found.height, found.width, channels)
-    if found.format in BLOCKS:
-        block_bytes, format_number, _ = BLOCKS[found.format]
-        blocks = -(-found.width // 4) * -(-found.height // 4)
-        level = _level(data, found, blocks * block_bytes)
-        return dds_header(found.width, found.height, len(level), format_number) + level
-    if FIRST_ASTC <= found.format < FIRST_ASTC + 2 * len(ASTC_BLOCKS):
-        return _astc_pixels(data, found)
-    other = next((f" ({what})" for first, last, what in OTHERS if first <= found.format <= last), "")
+    container = _container(data, name)
+    if max(container.width, container.height) > largest_side:
+        raise InputError(
+            f"{name}: image of {container.width} x {container.height}; sides are 1 to {largest_side} texels"
+        )
+    if container.width * container.height * 4 > most_values:
+        raise InputError(
+            f"{name}: {container.width} x {container.height} texels in {len(data)} bytes; the image is broken"
+        )
+    if container.format == NO_FORMAT:
+        return _basis_pixels(data, name, container)
+    if container.format in CHANNELS:
+        channels = CHANNELS[container.format]
+        level = _level(data, container, container.width * container.height * channels)
+        return np.frombuffer(level, np.uint8).reshape(container.height, container.width, channels)
+    if container.format in BLOCKS:
+        block_bytes, format_number, _ = BLOCKS[container.format]
+        blocks = -(-container.width // 4) * -(-container.height // 4)
+        level = _level(data, container, blocks * block_bytes)
+        return dds_header(container.width, container.height, len(level), format_number) + level
+    if FIRST_ASTC <= container.format < FIRST_ASTC + 2 * len(ASTC_BLOCKS):
+        return _astc_pixels(data, container)
+    other = next((f" ({what})" for first, last, what in OTHERS if first <= container.format <= last), "")
     known = ", ".join(sorted({block[2] for block in BLOCKS.values()}))
     raise InputError(
-        f"{name}: KTX2 of VkFormat {found.format}{other} is not read; give Basis Universal, ASTC, {known} or 8-bit pixels"
+        f"{name}: KTX2 of VkFormat {container.format}{other} is not read; give Basis Universal, ASTC, {known} or 8-bit pixels"
     )
 
 
@@ -130,24 +145,26 @@ def _container(data: bytes, name: str) -> _Container:
     return _Container(name, vk_format, width, height, scheme, offset, length)
 
 
-def _level(data: bytes, found: _Container, size: int) -> bytes:
-    """Return the `size` bytes of mip 0, decompressed. Raises InputError where it has others."""
-    packed = data[found.offset : found.offset + found.length]
-    if found.scheme == 0:
+def _level(data: bytes, container: _Container, size: int) -> bytes:
+    """Return the `size` bytes of mip 0, decompressed. Raises InputError where mip 0 has another size."""
+    packed = data[container.offset : container.offset + container.length]
+    if container.scheme == 0:
         level = packed
-    elif found.scheme == 2:
+    elif container.scheme == 2:
         level = _unpacked_zstandard(packed, size)
-    elif found.scheme == 3:
+    elif container.scheme == 3:
         level = _unpacked_zlib(packed, size)
     else:
-        raise InputError(f"{found.name}: {SCHEMES[found.scheme]} with VkFormat {found.format}; the KTX2 file is broken")
+        raise InputError(
+            f"{container.name}: {SCHEMES[container.scheme]} with VkFormat {container.format}; the KTX2 file is broken"
+        )
     if len(level) != size:
-        raise InputError(f"{found.name}: mip 0 does not hold the {size} bytes it should; the KTX2 file is broken")
+        raise InputError(f"{container.name}: mip 0 does not hold the {size} bytes it should; the KTX2 file is broken")
     return level
 
 
 def _unpacked_zstandard(packed: bytes, size: int) -> bytes:
-    """Return at most `size` + 1 bytes; none where `packed` is broken."""
+    """Return the Zstandard data `packed` decompressed, at most `size` + 1 bytes; b"" where it is broken."""
     import zstandard
 
     try:
@@ -158,14 +175,14 @@ def _unpacked_zstandard(packed: bytes, size: int) -> bytes:
 
 
 def _unpacked_zlib(packed: bytes, size: int) -> bytes:
-    """Return at most `size` + 1 bytes; none where `packed` is broken."""
+    """Return the ZLIB data `packed` decompressed, at most `size` + 1 bytes; b"" where it is broken."""
     try:
         return zlib.decompressobj().decompress(packed, size + 1)
     except zlib.error:
         return b""
 
 
-def _basis_pixels(data: bytes, name: str, found: _Container) -> NDArray[np.uint8]:
+def _basis_pixels(data: bytes, name: str, container: _Container) -> NDArray[np.uint8]:
     try:
         import opengl_basisu
     except ImportError as error:
@@ -174,7 +191,7 @@ def _basis_pixels(data: bytes, name: str, found: _Container) -> NDArray[np.uint8
         ) from error
     try:
         texture = opengl_basisu.open(data)
-        if (texture.width, texture.height) != (found.width, found.height):
+        if (texture.width, texture.height) != (container.width, container.height):
             raise InputError(f"{name}: the KTX2 header is broken; copy or export it again")
         image = texture.transcode("rgba8")
     except (opengl_basisu.BasisuError, ValueError, IndexError, MemoryError) as error:
@@ -183,20 +200,20 @@ def _basis_pixels(data: bytes, name: str, found: _Container) -> NDArray[np.uint8
     return pixels if texture.has_alpha else pixels[..., :3]
 
 
-def _astc_pixels(data: bytes, found: _Container) -> NDArray[np.uint8]:
+def _astc_pixels(data: bytes, container: _Container) -> NDArray[np.uint8]:
     """Return the pixels [H, W, 4] of mip 0 in ASTC blocks. Raises InputError where the decoder is not installed."""
-    number, is_srgb = divmod(found.format - FIRST_ASTC, 2)
+    number, is_srgb = divmod(container.format - FIRST_ASTC, 2)
     kind: Literal["srgb", "linear"] = "srgb" if is_srgb else "linear"
     block_format = ASTC_BLOCKS[number]
-    level = _level(data, found, compressed_bytes(found.width, found.height, block_format))
+    level = _level(data, container, compressed_bytes(container.width, container.height, block_format))
     try:
-        return decompress(level, (found.height, found.width, 4), block_format, kind)
+        return decompress(level, (container.height, container.width, 4), block_format, kind)
     except InputError as error:
-        raise InputError(f"{found.name}: ASTC: {error}") from error
+        raise InputError(f"{container.name}: ASTC: {error}") from error
 
 
 def dds_header(width: int, height: int, size: int, format_number: int, mips: int = 1) -> bytes:
-    """Return the header of a DDS file of `mips` mips in blocks of a DXGI_FORMAT, the largest of `size` bytes."""
+    """Return the header of a DDS file of `mips` mips in the DXGI_FORMAT `format_number`. `size`: bytes of the largest mip."""
     flags, pixel_format, texture = 0x81007, (32, 4, 0x30315844, 0, 0, 0, 0, 0), 0x1000
     if mips > 1:
         flags, texture = flags | 0x20000, texture | 0x400008

@@ -1,4 +1,4 @@
-"""Opens a scene file."""
+"""Loading of scenes: from a file, folder or archive to a `Scene`."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -40,7 +40,7 @@ from viewer.scene.scene_files import ARCHIVE_SUFFIX, MESH_SUFFIXES, require_scen
 
 MAX_INSTANCES = 1 << 24
 FREE_INSTANCES = 1 << 21
-"""Instances that any file may have; more only in proportion to its bytes, one each."""
+"""Instances that any file may have. More are allowed only in proportion to its bytes, one for each."""
 
 
 def load_scene(
@@ -50,18 +50,18 @@ def load_scene(
     report: ProgressReport | None = None,
     before: Scene | None = None,
 ) -> Scene:
-    """Return the scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there, if
-    that holds one; of a folder with images and no scene, the images on panels and spheres.
+    """Return the scene in the .gltf, .glb, .obj, .ply, .stl or .off file at `path`, or in the folder or zip archive there. A folder
+    with images and no scene becomes a scene that shows them on panels and spheres.
 
-    `variant`: name of the material variant that is drawn (KHR_materials_variants), "" for the materials that primitives name
-    themselves; the textures of all variants are read. `pose`: a moment of an animation at which the scene stands. `report` is told
-    how many images are known. Pixels are read again from their files when they are needed and not in memory any more. `before`: the
-    same scene in another variant or pose; unless its file has changed since, materials and textures are taken from it, with what its
-    load report says of them, and no image is read.
+    `variant`: name of the material variant to draw (KHR_materials_variants), "" for the materials that primitives name themselves.
+    The textures of all variants are read. `pose`: animation and time of the scene's pose. `report` receives the number of images
+    that are examined. `before`: the same scene in another variant or pose. If its file has not changed since, materials, textures
+    and their lines of the load report are taken from it, and no image is read. Pixels that are no longer in memory are read from
+    their files again when they are needed.
 
-    Raises what `report` raises, and InputError where there is no such variant or animation, or the file is missing, is none of
-    these, broken, requires an extension that is not supported, holds no triangles or does not fit into memory. Missing and broken
-    images are no error: the load report names them.
+    Raises the exceptions of `report`, and InputError for an unknown variant or animation, and for a file that is missing, in another
+    format, broken, without triangles, too large for the memory, or that requires an unsupported extension. Missing and broken images
+    raise nothing: the load report names them.
     """
     path = scene_file(Path(path))
     require_scene(path)
@@ -72,7 +72,7 @@ def load_scene(
 
 
 def _load(path: Path, variant: str, pose: Pose | None, report: ProgressReport | None, before: Scene | None) -> Scene:
-    # Before the file is read: what changes it meanwhile makes it another one.
+    # Taken before the file is read, so that a change while it is read is noticed.
     stamp = _stamp(path)
     if before is not None and (before.path, before.file_stamp) != (path, stamp):
         before = None
@@ -89,7 +89,7 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def open_container(path: Path) -> GltfFile:
-    """Return the glTF container at `path`, which is what `load_scene` takes; meshes of other formats converted. Raises InputError."""
+    """Return the glTF container at `path`, any path that `load_scene` takes. Other formats are converted. Raises InputError."""
     path = scene_file(Path(path))
     require_scene(path)
     return _container(path)
@@ -146,14 +146,14 @@ def build_scene(
     moves = (tuple(geometry_reader.moving), ranges, tuple(primitives), geometry, most_instances)
     motion = SceneMotion(name, file, accessors, animations, *moves) if animations else None
     drawn = frozenset(geometry_reader.all_materials)
-    # The last source stands for primitives without a material.
-    kept = len(sources) if len(sources) - 1 in drawn else len(sources) - 1
-    if before is not None and len(before.materials) == kept:
+    # The last source is the default material, which is dropped unless a primitive uses it.
+    material_count = len(sources) if len(sources) - 1 in drawn else len(sources) - 1
+    if before is not None and len(before.materials) == material_count:
         materials, textures = before.materials, before.textures
     else:
         before = None
         materials, textures = read_textures(file, buffers, sources, drawn, notes, path, report)
-        materials = materials[:kept]
+        materials = materials[:material_count]
     bounds = world_bounds(geometry, primitives, instances)
     cameras = read_cameras(file, placements, bounds.astype(np.float64).mean(axis=0), notes)
     lights = read_lights(file, placements, notes)

@@ -1,4 +1,4 @@
-"""The maps of textures as hardware samples them, plane by plane, and as pictures that block formats take."""
+"""Maps of textures in the layouts that hardware reads: planes that shaders sample, and pictures that block formats compress."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,34 +16,34 @@ PICTURES: tuple[tuple[MapName, ...], ...] = tuple(
     tuple(each.name for each in MAP_TABLE if each.picture == picture)
     for picture in dict.fromkeys(each.picture for each in MAP_TABLE if each.picture)
 )
-"""Maps that lie in one picture."""
+"""Groups of maps that share a picture of a block format."""
 Requests = tuple[tuple[CompressionRequest, ...], ...]
 NEUTRAL = 255
-"""Value of components that a texture lacks, which nothing reads."""
+"""Value of components that a texture lacks; nothing reads them."""
 
 
 def pictures_of(maps: Sequence[MapName]) -> tuple[tuple[MapName, ...], ...]:
-    """Return the pictures that a texture of these maps has, each with its maps."""
-    own = (tuple(name for name in picture if name in maps) for picture in PICTURES)
-    return tuple(picture for picture in own if picture)
+    """Return the maps of each picture of a texture with these maps."""
+    present = (tuple(name for name in picture if name in maps) for picture in PICTURES)
+    return tuple(picture for picture in present if picture)
 
 
 def map_pictures(texture: SceneTexture) -> dict[tuple[MapName, ...], NDArray[np.uint8]]:
-    """Return [H, W, 1 to 3] uint8 of each picture that `texture` has, by its maps."""
-    found: dict[tuple[MapName, ...], NDArray[np.uint8]] = {}
+    """Return the pictures [H, W, 1 to 3] uint8 of `texture`, by their maps."""
+    pictures: dict[tuple[MapName, ...], NDArray[np.uint8]] = {}
     for maps in pictures_of(texture.maps):
         if maps == ("base",):
-            found[maps] = texture.pixels
+            pictures[maps] = texture.pixels
         else:
             pixels = np.concatenate([texture.further_maps[name] for name in maps], axis=2)
-            # Formats take the second of two channels for alpha, but for normals.
+            # Block formats read the second of two channels as alpha, except in pictures of normals.
             unused = int(pixels.shape[2] == 2 and maps != ("normal",))
-            found[maps] = np.pad(pixels, ((0, 0), (0, 0), (0, unused)))
-    return found
+            pictures[maps] = np.pad(pixels, ((0, 0), (0, 0), (0, unused)))
+    return pictures
 
 
 def compression_requests(scene: Scene, block_format: BlockFormat, cache: Path | None) -> Requests:
-    """Return the requests of each texture, one for each of its pictures, the base colour first."""
+    """Return the compression requests of each texture: one for each of its pictures, the base colour first."""
     return tuple(
         tuple(
             CompressionRequest(np.ascontiguousarray(pixels), block_format, cache, maps=maps)
@@ -54,16 +54,18 @@ def compression_requests(scene: Scene, block_format: BlockFormat, cache: Path | 
 
 
 def compressed_scene(
-    block_format: BlockFormat, requests: Requests, found: Sequence[CompressedTexture]
+    block_format: BlockFormat, requests: Requests, compressed: Sequence[CompressedTexture]
 ) -> CompressedTextures:
-    """Return what `requests`, one after the other, have given."""
-    rest = iter(found)
-    pictures = [tuple(next(rest) for _ in own) for own in requests]
-    return CompressedTextures(block_format, tuple(own[0] for own in pictures), tuple(own[1:] for own in pictures))
+    """Return the compressed textures of a scene from `compressed`, the results of all `requests` in order."""
+    rest = iter(compressed)
+    pictures = [tuple(next(rest) for _ in of_texture) for of_texture in requests]
+    return CompressedTextures(
+        block_format, tuple(of_texture[0] for of_texture in pictures), tuple(of_texture[1:] for of_texture in pictures)
+    )
 
 
 def plane_of_maps(plane: Plane, chains: Mapping[MapName, Sequence[NDArray[np.uint8]]]) -> tuple[NDArray[np.uint8], ...]:
-    """Return all mips of a plane besides `base`, [h, w, 4] uint8: its four components, from the mips [h, w, channels] of its maps."""
+    """Return all mips [h, w, 4] uint8 of a plane other than `base`, put together from the mips [h, w, channels] of its maps."""
     places = PLANE_COMPONENTS[plane]
     chosen = {name: chain for name, chain in chains.items() if name in places}
     mips = []
@@ -78,8 +80,8 @@ def plane_of_maps(plane: Plane, chains: Mapping[MapName, Sequence[NDArray[np.uin
 def plane_mips(texture: SceneTexture, plane: Plane) -> tuple[NDArray[np.uint8], ...]:
     """Return all mips, down to 1x1 texel, of a plane that `texture` has maps of.
 
-    [h, w, 3] uint8 sRGB of the base colour; of the others [h, w, 4] uint8, the plane's four components as they are stored. Filtered as
-    each map is (`ntc.codec.mips`), so that normals stay unit vectors.
+    Mips of the base colour are [h, w, 3] uint8 sRGB; those of other planes [h, w, 4] uint8, the plane's four components. Each map is
+    filtered by its kind (`ntc.codec.mips`): normals stay unit vectors.
     """
     if plane == "base":
         return mip_chain(texture.pixels, "srgb")
@@ -95,7 +97,7 @@ def plane_mips(texture: SceneTexture, plane: Plane) -> tuple[NDArray[np.uint8], 
 def compressed_plane_mips(
     compressed: CompressedTextures, texture_id: int, plane: Plane
 ) -> tuple[NDArray[np.uint8], ...]:
-    """Return `plane_mips` of what hardware reads from the blocks of a texture."""
+    """Return the mips of a plane in the layout of `plane_mips`, decoded from the compressed blocks of a texture."""
     pictures = (compressed.textures[texture_id], *compressed.further[texture_id])
     if plane == "base":
         return pictures[0].mips()

@@ -1,4 +1,4 @@
-"""Meshes in other formats than glTF, turned into GLB by trimesh: OBJ with its materials and pictures, PLY, STL and OFF."""
+"""Meshes in other formats than glTF, converted to GLB by trimesh: OBJ with its materials and pictures, PLY, STL and OFF."""
 
 import base64
 import io
@@ -19,19 +19,19 @@ from viewer.scene.images import decode_image
 from viewer.scene.json_text import printable
 
 LARGEST_FILE = 1 << 30
-"""Bytes of a material library or a picture."""
+"""Most bytes of a material library or a picture."""
 PLAIN_PICTURES = (".png", ".jpg", ".jpeg")
 READ = frozenset({"newmtl", "kd", "ka", "ks", "ns", "map_kd", "illum", "ni"})
-"""Statements of an MTL file that are read, or that no picture would show."""
+"""Statements of an MTL file that are read, or that have no visible effect."""
 ARGUMENTS = {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
-"""Most numbers that follow an option of a picture; the others take one word."""
+"""Most numbers behind an option of a picture; other options have one word."""
 OPAQUE = {"d": 1.0, "tr": 0.0}
-"""Values of transparency that change nothing."""
+"""Values of the statements of transparency that mean an opaque material."""
 
 
 @dataclass(frozen=True)
 class ConvertedMesh:
-    """A mesh as GLB, and what the load report is to say of the way there."""
+    """Mesh converted to GLB, and lines about the conversion for the load report."""
 
     glb: bytes
     honoured: tuple[str, ...] = ()
@@ -40,7 +40,7 @@ class ConvertedMesh:
 
 
 class MeshFolder:
-    """Files beside a mesh, as trimesh asks for them: a resolver that never leaves the folder, and keeps what was absent."""
+    """Resolver of trimesh for files beside a mesh. It never leaves the folder, and records files that are missing."""
 
     def __init__(self, path: Path) -> None:
         self.file_name = path.name
@@ -51,12 +51,12 @@ class MeshFolder:
         """Statements of material libraries without effect."""
 
     def get(self, name: str) -> bytes:
-        """Content of the file `name`; of material libraries only what trimesh understands. Raises OSError."""
+        """Return the content of the file `name`; of a material library only the statements that trimesh reads. Raises OSError."""
         name = name.strip().strip('"').replace("\\", "/")
         try:
             path = (self._folder / name).resolve()
             if not path.is_relative_to(self._folder):
-                # Exporters leave absolute paths behind; the file itself then mostly lies beside the mesh.
+                # Exporters write absolute paths; the file then mostly lies beside the mesh.
                 path = (self._folder / name.rsplit("/", 1)[-1]).resolve()
             if not path.is_relative_to(self._folder) or not path.is_file():
                 raise FileNotFoundError(2, "no such file beside the scene")
@@ -71,7 +71,7 @@ class MeshFolder:
         return self._picture(data, name)
 
     def _picture(self, data: bytes, name: str) -> bytes:
-        """Return a picture that trimesh surely reads; it leaves out others without a word. Raises OSError."""
+        """Return a picture in a format that trimesh reads; it drops others silently. Raises OSError."""
         from PIL import Image
 
         try:
@@ -102,7 +102,7 @@ class MeshFolder:
 
 
 def as_text(data: bytes) -> str:
-    """Return `data` as UTF-8, or where it is none, as Latin-1, which old exporters write."""
+    """Return `data` decoded as UTF-8, or else as Latin-1, which old exporters write."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -117,7 +117,7 @@ def _says_opaque(words: list[str]) -> bool:
 
 
 def _picture(text: str) -> tuple[str, list[str]]:
-    """Return (file name, options in front of it) of a statement that names a picture."""
+    """Return (file name, options in front of it) of the arguments of a statement that names a picture."""
     options: list[str] = []
     rest = text.strip()
     while rest.startswith("-"):
@@ -144,9 +144,10 @@ def _is_number(word: str) -> bool:
 
 
 def _as_surfaces(geometry: Mapping[str, Any], tree: dict[str, Any]) -> None:
-    """Change a glTF document of `geometry`: these formats know no metal, which is glTF's default, and no sides.
+    """Adapt the materials and vertex colours of the glTF document `tree` that trimesh made of `geometry`.
 
-    Their vertex colours are sRGB, those of glTF linear; 16 bits keep what is dark apart.
+    These formats have no metalness, which is 1 in glTF by default, and all their surfaces are double-sided. Their vertex colours are
+    sRGB and those of glTF linear, so they are converted, to 16 bits, because 8 would merge dark colours.
     """
     materials = tree.setdefault("materials", [])
     for mesh in tree["meshes"]:
@@ -164,7 +165,7 @@ def _as_surfaces(geometry: Mapping[str, Any], tree: dict[str, Any]) -> None:
 
 
 def _recolour(tree: dict[str, Any], accessor: dict[str, Any], colors: NDArray[np.uint8]) -> None:
-    """Let `accessor` hold `colors` [V, 4], sRGB, as linear numbers of 16 bits."""
+    """Store `colors` [V, 4] sRGB in `accessor` as linear colours of 16 bits."""
     if len(colors) != accessor["count"]:
         return
     shares = colors / 255.0
@@ -175,7 +176,7 @@ def _recolour(tree: dict[str, Any], accessor: dict[str, Any], colors: NDArray[np
     tree["bufferViews"].append({"buffer": len(tree["buffers"]) - 1, "byteLength": len(data)})
     place = {"bufferView": len(tree["bufferViews"]) - 1, "byteOffset": 0}
     accessor |= {**place, "componentType": 5123, "type": "VEC4", "normalized": True}
-    # They were those of bytes.
+    # The bounds belong to the former 8-bit values.
     for key in ("min", "max"):
         accessor.pop(key, None)
 
@@ -201,7 +202,7 @@ def convert_mesh(path: Path) -> ConvertedMesh:
     except MemoryError:
         raise
     except Exception as error:  # trimesh's readers let any exception through on broken files.
-        # It guesses encodings with a package that is not here.
+        # trimesh guesses text encodings with a package that is not installed.
         reason = "its text is no UTF-8" if isinstance(error, ImportError) else printable(str(error))
         raise InputError(f"{path}: not a readable {kind.upper()} file ({reason}); convert it to glTF") from error
     if not isinstance(glb, bytes):

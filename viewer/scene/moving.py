@@ -1,4 +1,12 @@
-"""Vertices that move: by morph targets, then by the joints of a skin (glTF 2.0, 3.7.2.2 and 3.7.3). Float64; GPUs compute the same."""
+"""Vertices moved by morph targets, then by the joints of a skin (glTF 2.0, Sec. 3.7.2.2 and 3.7.3), in float64.
+
+A vertex moves by the weighted sum of its morph offsets, then by the mean of its joints' matrices, weighted by its influences (linear
+blend skinning). Normals are turned by the cofactors of that matrix, tangents by the matrix. This is the reference of the compute
+shader `pose_vertices`.
+
+Bounds need no vertex: a blended position is a weighted mean of the positions that single joints give, so it lies inside the box
+around the moved boxes of the joints.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +17,7 @@ from numpy.typing import NDArray
 
 _Target = NDArray[np.float32] | None
 BOX_MARGIN = 1e-5
-"""Share of a box's size that single precision may lose."""
+"""Margin of boxes for the rounding of single precision, as a share of their largest coordinate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,7 +26,7 @@ class Deformation:
 
     node: int
     joints: NDArray[np.float64] | None
-    """[J, 4, 4] from the mesh's local space to the world, by joint; None without a skin."""
+    """[J, 4, 4] matrices from the mesh's local space to the world, by joint; None without a skin."""
     weights: tuple[float, ...]
     """Weights of the morph targets."""
 
@@ -28,9 +36,9 @@ class Influences:
     """Joints that move each vertex, with their weights."""
 
     joints: NDArray[np.int64]
-    """[V, I]."""
+    """[V, I] index of the joint."""
     weights: NDArray[np.float64]
-    """[V, I], of sum 1."""
+    """[V, I] weight; the sum of each vertex is 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +55,7 @@ class VertexFrames:
 
 @dataclass(frozen=True, eq=False)
 class MorphTarget:
-    """Offsets of one morph target, [V, 3] each; None where it leaves the attribute alone."""
+    """Offsets of one morph target, [V, 3] each; None where it does not change the attribute."""
 
     positions: _Target
     normals: _Target
@@ -56,19 +64,19 @@ class MorphTarget:
 
 @dataclass(frozen=True, eq=False)
 class MovingVertices:
-    """The vertices of a primitive at a node that a skin or morph targets move."""
+    """Vertices of a primitive at a node that a skin or morph targets move."""
 
     node: int
     base_vertex: int
     """First vertex of the primitive in the scene's geometry."""
     frames: VertexFrames
-    """Vertex attributes as the file has them."""
+    """Vertex attributes before any deformation."""
     targets: tuple[MorphTarget, ...]
     influences: Influences | None
     """Influences of the joints of the node's skin; None without one."""
 
     def at(self, deformation: Deformation) -> VertexFrames:
-        """Return [V, ...] after the morph targets, then the skin. Values that overflow become infinite."""
+        """Return the vertex attributes [V, ...] moved by the morph targets, then by the skin. Values that overflow become infinite."""
         frames, weights = self.frames, deformation.weights
         positions, normals, tangents = frames.positions, frames.normals, frames.tangents
         with np.errstate(over="ignore", invalid="ignore"):
@@ -87,7 +95,7 @@ class MovingVertices:
 
     @cached_property
     def _joint_boxes(self) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Joints that move a vertex, and [J, 2, 3] boxes around the positions that each one moves; without a skin one box."""
+        """Joints that move any vertex, and [J, 2, 3] boxes around the positions that each joint moves; without a skin one box."""
         points = self.frames.positions.astype(np.float64)
         if self.influences is None or not len(points):
             box = np.stack([points.min(axis=0), points.max(axis=0)]) if len(points) else np.zeros((2, 3))
@@ -102,14 +110,14 @@ class MovingVertices:
     @cached_property
     def _target_extents(self) -> NDArray[np.float64]:
         """Lowest and highest offsets of positions, [targets, 2, 3]."""
-        found = np.zeros((len(self.targets), 2, 3))
+        extents = np.zeros((len(self.targets), 2, 3))
         for number, target in enumerate(self.targets):
             if target.positions is not None and len(target.positions):
-                found[number] = target.positions.min(axis=0), target.positions.max(axis=0)
-        return found
+                extents[number] = target.positions.min(axis=0), target.positions.max(axis=0)
+        return extents
 
     def box(self, deformation: Deformation) -> NDArray[np.float64]:
-        """Return [2, 3] a box around all vertices: means of what single joints make of a vertex lie between those."""
+        """Return a box [2, 3] around all moved vertices, from the boxes of the joints; it may be too wide."""
         joints, boxes = self._joint_boxes
         for extent, weight in zip(self._target_extents, deformation.weights, strict=False):
             boxes = boxes + np.sort(weight * extent, axis=0)
@@ -132,7 +140,7 @@ def morphed(
 
 
 def blended_matrices(influences: Influences, joints: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return [V, 4, 4] for each vertex the mean of its joints' matrices, by their weights."""
+    """Return [V, 4, 4] the weighted mean of each vertex's joint matrices."""
     blended = np.zeros((len(influences.joints), 4, 4))
     for column in range(influences.joints.shape[1]):
         share = influences.weights[:, column]
@@ -148,14 +156,14 @@ def moved_points(points: NDArray[np.float32], matrices: NDArray[np.float64]) -> 
 
 
 def moved_normals(normals: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return [V, 3] `normals` turned by `matrices` [V, 4, 4], not of unit length: by their cofactors, which need no inverse."""
+    """Return [V, 3] `normals` turned by the cofactors of `matrices` [V, 4, 4], which need no inverse. Lengths are not 1."""
     a, b, c = matrices[:, 0, :3], matrices[:, 1, :3], matrices[:, 2, :3]
     cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=1)
     return np.asarray(np.einsum("nij,nj->ni", cofactors, normals.astype(np.float64)), np.float32)
 
 
 def moved_tangents(tangents: NDArray[np.float32], matrices: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return [V, 4] `tangents` turned by `matrices` [V, 4, 4], not of unit length; the sign stays."""
+    """Return [V, 4] `tangents` turned by `matrices` [V, 4, 4], with unchanged signs. Lengths are not 1."""
     turned = np.einsum("nij,nj->ni", matrices[:, :3, :3], tangents[:, :3].astype(np.float64))
     return np.concatenate([turned, tangents[:, 3:]], axis=1).astype(np.float32)
 

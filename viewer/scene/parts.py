@@ -1,4 +1,4 @@
-"""The parts of a scene in a pose as points, and those of them that a picture of the whole is framed to."""
+"""Parts of a posed scene as points, and the choice of parts that a picture of the whole scene is framed to."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,30 +10,30 @@ from viewer.scene.model import Pose, Scene
 
 Array = NDArray[np.float64]
 MOST_PARTS = 4096
-"""Number of parts that are looked at; of more, evenly chosen ones."""
+"""Most parts that are examined; of more, evenly spaced ones are chosen."""
 MOST_POINTS = 1 << 18
 LEAST_POINTS = 64
-"""Number of points that any part may have, however many parts there are."""
+"""Points that every part may have, however many parts there are."""
 FARTHEST = 16.0
-"""Reach of a part, in multiples of the median reach, beyond which it is not framed."""
+"""Largest reach of a part that is framed, in multiples of the median reach."""
 PLAIN, FARTHEST_PLAIN = 0.01, 4.0
-"""The same for parts with less than the share PLAIN of all triangles: ground planes and sky domes."""
+"""Parts with less than the share PLAIN of all triangles, such as ground planes and sky domes, may reach only FARTHEST_PLAIN."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A primitive where it stands."""
+    """Points of a placed primitive."""
 
     points: Array
-    """[3 T, 3] corners of triangles in world space, evenly chosen of all that it has."""
+    """[3 T, 3] corners of evenly chosen triangles, in world space."""
     triangles: int
     instance: int
     """Row of `Scene.instances`."""
 
 
 def parts_of(scene: Scene, pose: Pose | None = None) -> list[Part]:
-    """Return the parts of `scene` in `pose`, moved by skins and morph targets; None: as it was read. Raises InputError for an
-    unknown animation."""
+    """Return the parts of `scene` in `pose`, moved by skins and morph targets; None: in the pose that it was read in. Raises
+    InputError for an unknown animation."""
     stand = scene.motion.at(pose) if scene.motion is not None and pose is not None else None
     instances = scene.instances if stand is None else stand.instances
     moved = {}
@@ -48,10 +48,10 @@ def parts_of(scene: Scene, pose: Pose | None = None) -> list[Part]:
         corners = scene.geometry.indices[primitive.first_index : end].reshape(-1, 3)
         used = corners[:: -(-primitive.index_count // each) or 1].reshape(-1)
         base = primitive.base_vertex
-        own = moved[base][used] if base in moved else scene.geometry.positions[base + used.astype(np.int64)]
+        local = moved[base][used] if base in moved else scene.geometry.positions[base + used.astype(np.int64)]
         transform = instances.transform[row].astype(np.float64)
         with np.errstate(over="ignore", invalid="ignore"):
-            points = own.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
+            points = local.astype(np.float64) @ transform[:3, :3].T + transform[:3, 3]
         triangles = points.reshape(-1, 3, 3)
         points = triangles[np.isfinite(triangles).all(axis=(1, 2))].reshape(-1, 3)
         if len(points):
@@ -60,15 +60,16 @@ def parts_of(scene: Scene, pose: Pose | None = None) -> list[Part]:
 
 
 def _median(values: Array, weights: Array) -> float:
-    """Return the smallest value that half of the weight does not exceed."""
+    """Return the weighted median of `values`."""
     order = np.argsort(values)
     return float(values[order][np.searchsorted(np.cumsum(weights[order]), weights.sum() / 2.0)])
 
 
 def near_parts(parts: Sequence[Part]) -> list[Part]:
-    """Return the parts without those that reach much farther from the middle than the median of triangles does.
+    """Return the parts that do not reach much farther from the middle of the scene than most triangles do.
 
-    A ground plane, a sky dome or a prop left at the wrong scale would else make the rest a speck.
+    Middle and reach are medians weighted by triangles. Otherwise a ground plane, a sky dome or a prop at the wrong scale would make
+    the rest of the scene a speck.
     """
     if not parts:
         return []

@@ -1,5 +1,5 @@
-"""Pixels of images and their facts: pixels are kept in memory, facts on disk by the bytes of their files, so that a scene opens
-without decoding again."""
+"""Caches of images: pixels in memory, facts on disk. The key of facts is the hash of an image's file, so a scene opens again
+without decoding its images."""
 
 import hashlib
 import threading
@@ -18,22 +18,22 @@ from ntc.codec.maps import MapName
 from ntc.content_cache import ContentCache
 
 VERSION: Final = 1
-"""Changes with how images are decoded and taken apart."""
+"""Version of cached facts. Raise it when decoding or splitting of images changes."""
 
 
 class MapFacts(msgspec.Struct, frozen=True):
-    """Facts of a map as one image holds it."""
+    """Facts of a map in an image."""
 
     key: str = ""
-    """Identity of its pixels (`hash_pixels`); "" when there is nothing to sample: it is constant, or not usable."""
+    """Identity of the pixels (`hash_pixels`); "" for a map that is constant or not usable."""
     constant: tuple[int, ...] | None = None
-    """The only value, 0 to 255, where there is but one."""
+    """Value of all texels, 0 to 255, of a constant map."""
     remark: str = ""
-    """Fault of the map that the load report names."""
+    """Fault of the map, for the load report."""
 
 
 class ImageFacts(msgspec.Struct, frozen=True):
-    """Facts of an image, for the parts that materials read."""
+    """Facts of an image, of the maps that materials read."""
 
     size: tuple[int, int]
     """(width, height) in texels."""
@@ -41,10 +41,10 @@ class ImageFacts(msgspec.Struct, frozen=True):
     kept_bytes: int
     """Bytes of the pixels that materials read."""
     pixel_hash: str = ""
-    """Identity of the base colour, with alpha where that is read; "" where it is constant or not read."""
+    """Identity of the base colour, with alpha if that is read; "" where it is constant or not read."""
     has_alpha: bool = False
     constant: tuple[float, float, float, float] | None = None
-    """Linear RGBA where all texels of the base colour are equal."""
+    """Linear RGBA of a constant base colour."""
     maps: dict[MapName, MapFacts] = {}
 
 
@@ -54,10 +54,10 @@ class _Content(msgspec.Struct):
 
 
 class FactsFile:
-    """Facts of a scene's images, and hashes of its material sets. Threads may add to it."""
+    """Cache on disk of the facts of a scene's images and the hashes of its material sets. Threads may add to it."""
 
     def __init__(self, folder: Path | None, scene: Path | None) -> None:
-        """Keep facts in the cache `folder`; without it, or a scene's file, nothing is kept."""
+        """Open the facts of the file `scene` in the cache `folder`. With either None, nothing is cached."""
         self._cache = ContentCache(folder if scene is not None else None)
         self._key = f"{VERSION} {OpenImageIO.__version__} {scene.resolve()}" if scene is not None else ""
         self._known = self._cache.read_value(self._key, _Content) or _Content({}, {})
@@ -66,44 +66,44 @@ class FactsFile:
 
     @staticmethod
     def image_key(data: bytes, use: str) -> str:
-        """Return the key of the facts of an image file; `use` says what is read of it."""
+        """Return the key of the facts of an image file; `use` names the maps that are read of it."""
         return f"{hashlib.sha256(data).hexdigest()[:32]} {use}"
 
     def image(self, key: str) -> ImageFacts | None:
-        """Return what is known under `key`."""
-        found = self._known.images.get(key)
-        if found is not None:
-            self._used.images[key] = found
-        return found
+        """Return the cached facts of the image with this key; None for unknown ones."""
+        facts = self._known.images.get(key)
+        if facts is not None:
+            self._used.images[key] = facts
+        return facts
 
     def add_image(self, key: str, facts: ImageFacts) -> None:
-        """Remember what was found out."""
+        """Add the facts of an image that was decoded."""
         self._used.images[key] = facts
         self._new_bytes += facts.decoded_bytes
 
     def set_hash(self, key: str) -> str | None:
-        """Return the hash of the set whose parts `key` identifies."""
-        found = self._known.sets.get(key)
-        if found is not None:
-            self._used.sets[key] = found
-        return found
+        """Return the cached hash of the material set whose maps `key` identifies; None for an unknown one."""
+        digest = self._known.sets.get(key)
+        if digest is not None:
+            self._used.sets[key] = digest
+        return digest
 
     def add_set(self, key: str, digest: str) -> None:
-        """Remember a set's hash."""
+        """Add the hash of a material set."""
         self._used.sets[key] = digest
 
     def write(self, least_bytes: int) -> None:
-        """Keep what is used of it, if images of so many bytes were decoded for it; nothing where the folder cannot be written."""
+        """Write the facts that were used, if images of at least `least_bytes` were decoded; skipped where the folder is read-only."""
         if self._new_bytes >= max(least_bytes, 1):
             self._cache.write_value(self._key, self._used)
 
 
 LARGEST_CACHE = 1 << 29
-"""Bytes of one scene."""
+"""Most bytes of cached pixels of one scene."""
 
 
 class Sized(Protocol):
-    """Object that takes memory."""
+    """Object with a known size in memory."""
 
     @property
     def nbytes(self) -> int:
@@ -115,35 +115,35 @@ Content = TypeVar("Content", bound=Sized)
 
 
 class PixelCache:
-    """Content by key. Any thread may ask; what several ask for at once is made once."""
+    """Cache in memory, by key; the least recently used content is dropped first. Threads that ask for the same key wait for one."""
 
     def __init__(self, most_bytes: int = LARGEST_CACHE) -> None:
         self._lock = threading.Lock()
         self._most_bytes = most_bytes
-        self._kept: OrderedDict[Hashable, Sized] = OrderedDict()
+        self._contents: OrderedDict[Hashable, Sized] = OrderedDict()
         self._being_made: dict[Hashable, threading.Event] = {}
         self._bytes = 0
         self.made = 0
-        """Number of times that something was made because it was not there."""
+        """Number of cache misses so far."""
 
     @property
     def nbytes(self) -> int:
-        """Bytes of what is kept: never more than allowed."""
+        """Bytes of the cached content, at most `most_bytes`."""
         return self._bytes
 
     def offer(self, key: Hashable, content: Sized) -> None:
-        """Keep `content` if there is room for it without removing anything."""
+        """Cache `content` if it fits without dropping anything."""
         with self._lock:
-            if key not in self._kept and self._bytes + content.nbytes <= self._most_bytes:
-                self._keep(key, content)
+            if key not in self._contents and self._bytes + content.nbytes <= self._most_bytes:
+                self._add(key, content)
 
     def get(self, key: Hashable, make: Callable[[], Content]) -> Content:
-        """Return what is kept under `key`, which always means the same, else what `make` returns. What it raises is not kept."""
+        """Return the content cached under `key`, else the result of `make`, which is cached. Exceptions of `make` are not cached."""
         while True:
             with self._lock:
-                if key in self._kept:
-                    self._kept.move_to_end(key)
-                    return cast(Content, self._kept[key])
+                if key in self._contents:
+                    self._contents.move_to_end(key)
+                    return cast(Content, self._contents[key])
                 waits_for = self._being_made.get(key)
                 if waits_for is None:
                     mine = self._being_made[key] = threading.Event()
@@ -154,30 +154,30 @@ class PixelCache:
             with self._lock:
                 self.made += 1
                 if content.nbytes <= self._most_bytes:
-                    self._keep(key, content)
+                    self._add(key, content)
             return content
         finally:
             with self._lock:
                 del self._being_made[key]
             mine.set()
 
-    def _keep(self, key: Hashable, content: Sized) -> None:
-        self._kept[key] = content
+    def _add(self, key: Hashable, content: Sized) -> None:
+        self._contents[key] = content
         self._bytes += content.nbytes
         while self._bytes > self._most_bytes:
-            _, oldest = self._kept.popitem(last=False)
+            _, oldest = self._contents.popitem(last=False)
             self._bytes -= oldest.nbytes
 
 
 @dataclass(frozen=True, eq=False)
 class ImageContent:
-    """The pixels of an image that materials read."""
+    """Pixels of an image, split into the maps that materials read."""
 
     pixels: NDArray[np.uint8] | None = None
-    """[H, W, 3] where a material reads it as base colour and it is not constant."""
+    """[H, W, 3] base colour; None where no material reads it, or it is constant."""
     alpha: NDArray[np.uint8] | None = None
     maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
-    """[H, W, channels] of those that are not constant."""
+    """[H, W, channels] of each map that is not constant."""
 
     @property
     def nbytes(self) -> int:
@@ -186,10 +186,10 @@ class ImageContent:
 
 
 class TexturePixels(Protocol):
-    """Pixels of one texture, that may have to be read from a file: any thread may ask. All raise InputError where that fails."""
+    """Source of a texture's pixels, which may read files. Any thread may call it. All methods raise InputError."""
 
     def picture(self) -> NDArray[np.uint8]:
-        """Return [H, W, 3] uint8 sRGB: base colour; of a set without one a picture of its first map."""
+        """Return [H, W, 3] uint8 sRGB: the base colour; of a set without one a picture of its first map."""
         ...
 
     def alpha(self) -> NDArray[np.uint8] | None:
@@ -203,12 +203,12 @@ class TexturePixels(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PixelsInMemory:
-    """Pixels that are there as long as the texture."""
+    """Pixels of a texture that stay in memory."""
 
     color: NDArray[np.uint8]
-    """[H, W, 3]."""
+    """[H, W, 3] sRGB."""
     coverage: NDArray[np.uint8] | None = None
-    """[H, W]."""
+    """[H, W] alpha."""
     maps: Mapping[MapName, NDArray[np.uint8]] = field(default_factory=dict)
 
     def picture(self) -> NDArray[np.uint8]:
@@ -220,5 +220,5 @@ class PixelsInMemory:
         return self.coverage
 
     def further(self) -> Mapping[MapName, NDArray[np.uint8]]:
-        """Maps besides the base colour, each [H, W, C] uint8."""
+        """Return the maps besides the base colour, each [H, W, C] uint8."""
         return self.maps

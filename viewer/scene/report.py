@@ -1,4 +1,4 @@
-"""The load report: gathered while a scene is read, and printed by `ntc-viewer info SCENE` and the window."""
+"""Load report of a scene: gathered while it is read, shown by `ntc-viewer info SCENE` and the window."""
 
 from collections import Counter
 from dataclasses import asdict
@@ -13,11 +13,11 @@ ONE = {"meshes": "mesh", "triangles drawn": "triangle drawn", "vertices": "verte
 KINDS = ("honoured", "ignored", "missing", "repaired", "notes")
 """Lists of the report, in the order in which they are shown."""
 MAX_LINES = 200
-"""Most distinct lines of one kind that a report keeps; the rest is counted."""
+"""Most distinct lines of one kind in a report; the rest is counted."""
 
 
 class ReportNotes:
-    """Counts equal remarks; one is made for each load."""
+    """Remarks of one load, with equal ones counted."""
 
     def __init__(self) -> None:
         self._lines: dict[str, Counter[str]] = {kind: Counter() for kind in KINDS}
@@ -31,15 +31,15 @@ class ReportNotes:
         self._add("ignored", what, count)
 
     def missing(self, what: str) -> None:
-        """Something that could not be read, and what is used instead."""
+        """Count something that could not be read; `what` also names what is used instead."""
         self._add("missing", what, 1)
 
     def repaired(self, what: str) -> None:
-        """Values of the file that are broken, and what is used instead."""
+        """Count broken values of the file; `what` also names what is used instead."""
         self._add("repaired", what, 1)
 
     def note(self, what: str, count: int = 1) -> None:
-        """Anything else worth saying."""
+        """Count any other remark."""
         self._add("notes", what, count)
 
     def _add(self, kind: str, what: str, count: int) -> None:

@@ -1,4 +1,4 @@
-"""Scene files: which of a folder's files is meant, and what a file is that is no scene."""
+"""Scene files: the choice of the scene in a folder or archive, and messages for files that are no scene."""
 
 import tempfile
 import weakref
@@ -17,7 +17,7 @@ MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off")
 """Formats that trimesh converts to GLB first."""
 PANORAMA_SUFFIXES = (".hdr", ".exr")
 SCENES_NAMED = 4
-"""Scenes of a folder that a message names."""
+"""Most scenes of a folder that a message names."""
 PICTURES = {
     b"\x89PNG": "PNG",
     b"\xff\xd8\xff": "JPEG",
@@ -31,7 +31,7 @@ PICTURES = {
 }
 """First bytes of picture files."""
 CAMERAS_FILE = "cameras.json"
-"""Beside a scene, also with the scene's name and a dot before it."""
+"""Name of the cameras file beside a scene, or `SCENE.` and this name."""
 LONGEST_BEGINNING = 16
 ARCHIVE_SUFFIX = ".zip"
 OTHER_SCENES = (
@@ -55,42 +55,42 @@ OPENABLE = "a scene is a .gltf, .glb, .zip with one of them, .obj, .ply, .stl, .
 
 
 def scenes_in(folder: Path) -> tuple[Path, ...]:
-    """Return the scenes that lie in `folder`, by name: glTF files and meshes. Raises OSError."""
+    """Return the glTF files and meshes in `folder`, sorted by name. Raises OSError."""
     files = sorted(path for path in folder.iterdir() if not path.name.startswith(".") and path.is_file())
     return tuple(path for path in files if path.suffix.lower() in (*SCENE_SUFFIXES, *MESH_SUFFIXES))
 
 
 def scene_file(path: Path) -> Path:
-    """Return `path`, or where that is a folder, the one scene in it, and a folder without scenes but with images itself.
+    """Return the scene that `path` means: the only scene in a folder, else `path`, also for a folder of images.
 
     Raises InputError for a folder with neither or with several scenes.
     """
     try:
         if not path.is_dir():
             return path
-        found = scenes_in(path)
-        if not found and has_images(path):
+        scenes = scenes_in(path)
+        if not scenes and has_images(path):
             return path
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from error
-    return one_scene(found, path, "folder")
+    return one_scene(scenes, path, "folder")
 
 
-def one_scene(found: Sequence[Path], path: Path, kind: str) -> Path:
-    """Return the only one of `found`, the scenes in the folder or archive at `path`; glTF files go before meshes.
+def one_scene(scenes: Sequence[Path], path: Path, kind: str) -> Path:
+    """Return the only one of `scenes`, those in the folder or archive at `path`; glTF files go before meshes.
     Raises InputError."""
-    found = [scene for scene in found if scene.suffix.lower() in SCENE_SUFFIXES] or found
-    if len(found) == 1:
-        return found[0]
-    if not found:
+    scenes = [scene for scene in scenes if scene.suffix.lower() in SCENE_SUFFIXES] or scenes
+    if len(scenes) == 1:
+        return scenes[0]
+    if not scenes:
         raise InputError(f"{path}: the {kind} holds no scene; {OPENABLE}")
-    names = ", ".join(printable(scene.name) for scene in found[:SCENES_NAMED])
-    more = f" and {len(found) - SCENES_NAMED} more" if len(found) > SCENES_NAMED else ""
-    raise InputError(f"{path}: the {kind} holds {len(found)} scenes, name one of them: {names}{more}")
+    names = ", ".join(printable(scene.name) for scene in scenes[:SCENES_NAMED])
+    more = f" and {len(scenes) - SCENES_NAMED} more" if len(scenes) > SCENES_NAMED else ""
+    raise InputError(f"{path}: the {kind} holds {len(scenes)} scenes, name one of them: {names}{more}")
 
 
 def require_scene(path: Path) -> None:
-    """Refuse a file that is plainly something else than a scene. Raises InputError that says what it is and what to do with it."""
+    """Refuse a file that is something else than a scene. Raises InputError that says what it is and what to do with it."""
     suffix = path.suffix.lower()
     if path.parts[:1] in (("http:",), ("https:",)):
         raise InputError(f"{path}: scenes are opened from files; download it, then open the file")
@@ -104,7 +104,7 @@ def require_scene(path: Path) -> None:
         raise InputError(f"{path}: {suffix[1:].upper()} is not unpacked; unpack it, then open the folder")
     begins = _beginning(path)
     if begins is None:
-        # What cannot be read is told by whoever reads it.
+        # The reader of the file reports that it cannot be read.
         return
     picture = next((name for magic, name in PICTURES.items() if begins.startswith(magic)), None)
     if suffix == PACK_SUFFIX:
@@ -137,23 +137,24 @@ def _beginning(path: Path) -> bytes | None:
 MOST_FILES = 1 << 16
 FREE_BYTES = 1 << 28
 BYTES_PER_BYTE = 200
-"""An archive may hold FREE_BYTES, and beyond, so many for each of its own; pictures and buffers shrink 20 times at best."""
+"""Limit of the unpacked bytes of an archive: FREE_BYTES, or BYTES_PER_BYTE for each of its bytes beyond. Pictures and buffers shrink
+20 times at best."""
 MOST_BYTES = 1 << 34
 _CHUNK = 1 << 20
 
 
 @dataclass(frozen=True, eq=False)
 class UnpackedScene:
-    """A scene in a temporary folder, which is removed when nothing refers to this any more."""
+    """Scene in a temporary folder. The folder is removed when nothing refers to this object any more."""
 
     scene: Path
 
 
 def unpacked_scene(archive: Path) -> UnpackedScene:
-    """Return the one scene in the zip archive, unpacked with all that lies beside it.
+    """Return the only scene in the zip archive, unpacked with the files beside it.
 
-    Raises InputError for what is no zip archive, holds no scene or several, is encrypted, would unpack to more than a multiple of
-    its size, names files outside of itself, or cannot be written.
+    Raises InputError for a file that is no zip archive, holds no scene or several, is encrypted, would unpack to more than a multiple
+    of its size, or names files outside of itself, and where no temporary file can be written.
     """
     try:
         folder = tempfile.TemporaryDirectory(prefix="ntc-viewer-")
@@ -169,7 +170,7 @@ def unpacked_scene(archive: Path) -> UnpackedScene:
 
 
 def _unpack_all(archive: Path, folder: Path) -> Path:
-    """Path of the one scene, unpacked into `folder`. Raises InputError."""
+    """Return the path of the only scene, unpacked into `folder`. Raises InputError."""
     try:
         with zipfile.ZipFile(archive) as content:
             files = _checked_files(content, archive)
@@ -194,13 +195,13 @@ def _unpack_all(archive: Path, folder: Path) -> Path:
 
 def _is_scene(name: str) -> bool:
     path = PurePosixPath(name)
-    # macOS puts a hidden twin of each file beside it.
+    # macOS adds a hidden file for each one.
     hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
     return not hidden and path.suffix.lower() in (*SCENE_SUFFIXES, *MESH_SUFFIXES)
 
 
 def _refuse_others(archive: Path, names: Iterable[str]) -> None:
-    """Name a scene in a format that is not read, or an archive, where one lies in `archive`. Raises InputError."""
+    """Refuse an archive that holds another archive, or a scene in an unsupported format. Raises InputError that names it."""
     for name in names:
         suffix = PurePosixPath(name).suffix.lower()
         if suffix in (ARCHIVE_SUFFIX, *OTHER_ARCHIVES):
@@ -211,7 +212,7 @@ def _refuse_others(archive: Path, names: Iterable[str]) -> None:
 
 
 def _checked_files(content: zipfile.ZipFile, archive: Path) -> dict[str, zipfile.ZipInfo]:
-    """Return the files by their names, with slashes."""
+    """Return the files of the archive by name, with slashes. Raises InputError for too many, too large or escaping ones."""
     files = [file for file in content.infolist() if not file.is_dir()]
     if len(files) > MOST_FILES:
         raise InputError(
@@ -231,7 +232,7 @@ def _checked_files(content: zipfile.ZipFile, archive: Path) -> dict[str, zipfile
 
 def _unpack(content: zipfile.ZipFile, file: zipfile.ZipInfo, target: Path) -> None:
     target.parent.mkdir(parents=True, exist_ok=True)
-    # `ZipFile.extract` would follow what an earlier entry made; here each entry is a plain file.
+    # `ZipFile.extract` would follow links that an earlier entry made; here each entry is a plain file.
     with content.open(file) as source, target.open("wb") as output:
         left = file.file_size
         while left > 0:

@@ -1,4 +1,4 @@
-"""The textures of a scene as the codec wants them, and smaller copies of them."""
+"""Textures of a scene in the form that codecs encode, at full or reduced size."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -16,27 +16,27 @@ from viewer.scene.images import map_in_threads, reduced_size
 from viewer.scene.model import Scene, SceneTexture
 
 MapChoice = Literal["base", "all"]
-"""Base colours alone, or whole material sets with alpha."""
+"""Choice of the maps to encode: `base` colours alone, or `all` maps of material sets with alpha."""
 
 
 def reduce_texture(texture: SourceTexture, size: int) -> SourceTexture:
-    """Return `texture` with at most `size` texels a side, its aspect kept to the nearest texel; the same when it fits.
+    """Return `texture` reduced to at most `size` texels a side, with the same aspect to the nearest texel; unchanged when it fits.
 
-    Box filtered as mips are: colours in linear light, normals as vectors, alpha (the last of two or four channels of a base colour)
-    and all else as it is. The pixel hash stays that of the original. Raises InputError for a size below 1.
+    A box filter is used, as for mips: colours in linear light, normals as vectors, alpha (the last of two or four channels of a base
+    colour) and other maps as stored. The pixel hash stays that of the original. Raises InputError for a size below 1.
     """
     if size < 1:
         raise InputError(f"texture size {size}: must be at least 1 texel")
     width, height = reduced_size(*texture.size, size)
     if (width, height) == texture.size:
         return texture
-    # Transposed, so that rows are filtered before columns: the rounding that packs were encoded with so far.
+    # Transposed, because rows are filtered before columns: the order decides the rounding that existing packs were encoded with.
     small = resize_to(texture.pixels.transpose(1, 0, 2), height, width, texture.color_space, texture.maps)
     return replace(texture, pixels=np.ascontiguousarray(small.transpose(1, 0, 2)))
 
 
 def _whole(texture: SceneTexture) -> NDArray[np.uint8]:
-    """Return [H, W, C] the channels of all maps of `texture`, and its alpha."""
+    """Return [H, W, C] the channels of all maps of `texture`, then its alpha."""
     base = [texture.pixels] if "base" in texture.maps else []
     further = [texture.further_maps[name] for name in texture.maps if name != "base"]
     alpha = [] if texture.alpha is None else [texture.alpha[..., None]]
@@ -44,15 +44,15 @@ def _whole(texture: SceneTexture) -> NDArray[np.uint8]:
 
 
 def without_alpha(texture: SourceTexture) -> SourceTexture:
-    """Return `texture` without the map `alpha`, as older packs and packs of base colours hold it."""
+    """Return `texture` without the map `alpha`, the form in older packs and packs of base colours."""
     if "alpha" not in texture.maps:
         return texture
     return replace(texture, pixels=np.ascontiguousarray(texture.pixels[..., :-1]), maps=texture.maps[:-1], cutoff=None)
 
 
 def _cutoffs(scene: Scene) -> dict[int, float]:
-    """Return the alpha from which on texels are there, by the id of each texture that is a mask in all materials with alpha."""
-    found: dict[int, float] = {}
+    """Return the alpha from which on texels are opaque, by the id of each texture that is a mask in all materials with alpha."""
+    cutoffs: dict[int, float] = {}
     blended = {material.texture_id for material in scene.materials if material.alpha_mode == "blend"}
     for material in scene.materials:
         opacity = material.factor[3]
@@ -61,8 +61,8 @@ def _cutoffs(scene: Scene) -> dict[int, float]:
             and material.texture_id not in blended
             and 0.0 < material.alpha_cutoff <= opacity
         ):
-            found.setdefault(material.texture_id, material.alpha_cutoff / opacity)
-    return found
+            cutoffs.setdefault(material.texture_id, material.alpha_cutoff / opacity)
+    return cutoffs
 
 
 def _wraps(scene: Scene) -> dict[int, tuple[WrapMode, WrapMode]]:
@@ -77,17 +77,17 @@ def _wraps(scene: Scene) -> dict[int, tuple[WrapMode, WrapMode]]:
 
 
 def has_source(texture: SceneTexture, maps: MapChoice) -> bool:
-    """Return whether `source_textures` gives the texture."""
+    """Return whether `source_textures` includes the texture."""
     return maps == "all" or "base" in texture.maps
 
 
 def source_texture(scene: Scene, index: int, size: int | None, maps: MapChoice = "base") -> SourceTexture:
-    """Return the texture of `scene` with the id `index`, as `source_textures` gives it."""
+    """Return the texture of `scene` with the id `index`, in the form of `source_textures`."""
     return _source(scene, index, _wraps(scene), _cutoffs(scene), size, maps)
 
 
 def source_maps(texture: SceneTexture, maps: MapChoice) -> tuple[MapName, ...]:
-    """Return the maps of what `source_textures` gives for `texture`."""
+    """Return the maps of `texture` that `source_textures` returns."""
     if maps == "base" or (texture.maps == BASE_ALONE and not texture.has_alpha):
         return BASE_ALONE
     return (*texture.maps, "alpha") if texture.has_alpha else texture.maps
@@ -102,16 +102,16 @@ def _source(
     maps: MapChoice,
 ) -> SourceTexture:
     texture = scene.textures[index]
-    own = source_maps(texture, maps)
-    is_set = own != BASE_ALONE
+    texture_maps = source_maps(texture, maps)
+    is_set = texture_maps != BASE_ALONE
     whole = SourceTexture(
         name=texture.name,
         pixels=_whole(texture) if is_set else texture.pixels,
         pixel_hash=texture.set_hash or texture.pixel_hash if is_set else texture.pixel_hash,
         wrap=wraps.get(index, ("repeat", "repeat")),
         category=texture.category,
-        maps=own,
-        cutoff=cutoffs.get(index) if "alpha" in own else None,
+        maps=texture_maps,
+        cutoff=cutoffs.get(index) if "alpha" in texture_maps else None,
     )
     return whole if size is None else reduce_texture(whole, size)
 
@@ -119,13 +119,12 @@ def _source(
 def source_textures(
     scene: Scene, size: int | None, maps: MapChoice = "base", only: Collection[int] | None = None
 ) -> tuple[SourceTexture, ...]:
-    """Textures of `scene` in the order of their ids, reduced to at most `size` texels a side unless it is None.
+    """Return the textures of `scene` in the order of their ids, reduced to at most `size` texels a side unless it is None.
 
-    With `only`, those of these ids.
-
-    `base` gives base colours (RGB): textures without one, whose ids are the last, are left out. `all` gives all textures with all
-    their maps, and alpha where a material reads it; the hash of a material set is then `SceneTexture.set_hash`. Wrap modes and the
-    cutoff of alpha are those of the first material that uses the texture. Raises InputError for a size below 1.
+    `maps`: `base` returns base colours (RGB) and leaves out textures without one, whose ids are the last. `all` returns all textures
+    with all their maps, and alpha where a material reads it; the hash of a material set is then `SceneTexture.set_hash`. `only`: ids
+    of the textures to return; None for all. Wrap modes and the cutoff of alpha are those of the first material that uses the texture.
+    Raises InputError for a size below 1.
     """
     wraps, cutoffs = _wraps(scene), _cutoffs(scene)
     chosen = [

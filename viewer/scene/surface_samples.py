@@ -1,4 +1,9 @@
-"""Points spread over the surfaces of a scene: how far it is to what is nearest."""
+"""Points spread evenly over the surfaces of a scene, to measure the distance to the nearest surface.
+
+Triangles are drawn at random, half of them by instance and half by number of triangles, so that a floor of two triangles is not
+missed. Points are then chosen with weights area / probability of having been drawn (importance resampling), which makes them even by
+area without a pass over all triangles.
+"""
 
 import math
 
@@ -8,13 +13,13 @@ from numpy.typing import NDArray
 from viewer.scene.model import Scene
 
 SAMPLES = 25_000
-"""Points that are kept: in a city of 60,000 square metres one every 1.5 m."""
+"""Most points: in a city of 60,000 square metres one every 1.5 m."""
 TRIED = 100_000
-"""Triangles that are drawn at random, of which those points are chosen by area: twenty million need not be looked at."""
+"""Triangles that are drawn at random, however many the scene has; the points lie on some of them."""
 
 
 class SurfaceSamples:
-    """Points that lie about evenly on the triangles of a scene, the same for the same scene."""
+    """Points spread about evenly over the triangles of a scene; equal for equal scenes."""
 
     def __init__(self, scene: Scene) -> None:
         from scipy.spatial import cKDTree
@@ -25,7 +30,7 @@ class SurfaceSamples:
         self._tree = cKDTree(self.points) if len(self.points) else None
 
     def distance(self, place: tuple[float, float, float]) -> float:
-        """Scene units from a place to the nearest point, up to the points' own spacing; infinite in an empty scene."""
+        """Return the distance from a place to the nearest point, in scene units, exact to their spacing; infinite without points."""
         if self._tree is None or not all(map(math.isfinite, place)):
             return math.inf
         return float(self._tree.query(place)[0])
@@ -42,7 +47,7 @@ def _points(scene: Scene, random: np.random.Generator) -> NDArray[np.float64]:
     drawable = np.nonzero(triangles > 0)[0]
     if not len(drawable):
         return np.zeros((0, 3))
-    # Half by their number of triangles, half each instance alike: a floor of two triangles is not missed.
+    # Half of the draws favour instances with many triangles, half treat all instances alike.
     shares = triangles[drawable] / triangles.sum()
     even = random.choice(drawable, TRIED // 2)
     by_count = random.choice(drawable, TRIED // 2, p=shares)
@@ -64,8 +69,8 @@ def _points(scene: Scene, random: np.random.Generator) -> NDArray[np.float64]:
     weights = np.where(np.isfinite(weights), weights, 0.0)
     if not weights.any():
         return np.asarray(corners[:SAMPLES, 0])
-    kept = random.choice(TRIED, SAMPLES, p=weights / weights.sum())
+    picked = random.choice(TRIED, SAMPLES, p=weights / weights.sum())
     u, v = random.random((2, SAMPLES, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
-    points: NDArray[np.float64] = corners[kept, 0] + sides[kept, 0] * u + sides[kept, 1] * v
+    points: NDArray[np.float64] = corners[picked, 0] + sides[picked, 0] * u + sides[picked, 1] * v
     return points

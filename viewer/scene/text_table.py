@@ -50,7 +50,7 @@ class Table:
         return "\n".join(lines) + "\n"
 
     def csv(self) -> str:
-        """Comma-separated values in full precision under the columns' keys; empty for none."""
+        """Return comma-separated values in full precision under the columns' keys; empty for none."""
         buffer = io.StringIO()
         writer = csv.writer(buffer, lineterminator="\n")
         writer.writerow([column.key for column in self.columns])
@@ -60,7 +60,7 @@ class Table:
         return buffer.getvalue()
 
     def text(self) -> str:
-        """Columns of equal width for a terminal."""
+        """Return the table as text for a terminal, with aligned columns."""
         texts = [[column.heading for column in self.columns], *self._texts()]
         widths = [max(len(row[index]) for row in texts) for index in range(len(self.columns))]
         numbers = [self._is_number(column) for column in self.columns]

@@ -17,14 +17,14 @@ from viewer.scene.gltf.schema import ABSENT, Accessor, Buffer, BufferView, Spars
 
 FREE_DECODED_BYTES = 1 << 28
 DECODED_PER_BYTE = 64
-"""Compressed buffer views may decode to FREE_DECODED_BYTES, and beyond to so many for each byte of the buffers' files: several
-views may name the same bytes."""
+"""Limit of the decoded bytes of compressed buffer views: FREE_DECODED_BYTES, and beyond that DECODED_PER_BYTE for each byte of
+the buffers' files. Without it, many views of the same bytes could fill the memory."""
 
 
 def resolve_uri(file: GltfFile, uri: str, where: str) -> Path | None:
-    """Path of the external file `uri`, free of links; None when the glTF itself has no folder.
+    """Return the path of the external file `uri`, links resolved; None when the glTF itself has no folder.
 
-    It lies in the glTF file's folder or in one of `file.roots`: a scene from elsewhere must not read other files of
+    The path must lie in the glTF file's folder or in one of `file.roots`: a downloaded scene must not read other files of
     the machine. Raises InputError for a URI with a scheme and for paths that lead elsewhere, also through links.
     """
     try:
@@ -58,7 +58,7 @@ def resolve_uri(file: GltfFile, uri: str, where: str) -> Path | None:
 
 
 def is_data_uri(uri: str) -> bool:
-    """Return whether `uri` holds its bytes itself."""
+    """Return whether `uri` is a data URI, which holds its bytes itself."""
     return uri[:5].lower() == "data:"
 
 
@@ -86,7 +86,7 @@ def read_uri(file: GltfFile, uri: str, where: str) -> bytes:
 
 
 class Buffers:
-    """The buffers of one file, each read when it is first asked for, and each file once however many name it."""
+    """The buffers of one file. Each is read at first use; a file that several buffers name is read once."""
 
     def __init__(self, file: GltfFile) -> None:
         self._file = file
@@ -99,7 +99,7 @@ class Buffers:
 
     @property
     def byte_count(self) -> int:
-        """Bytes read so far, each file counted once: what a scene holds must be in proportion to them."""
+        """Bytes read so far, each file counted once. Limits on the content of a scene are proportional to them."""
         return self._byte_count
 
     def buffer(self, index: int) -> NDArray[np.uint8]:
@@ -121,7 +121,7 @@ class Buffers:
         else:
             raise file.fail(where, "has neither a uri nor the GLB's binary chunk")
         if len(data) < length:
-            raise file.fail(where, f"has {len(data)} bytes of the {length} it should have; copy or export it again")
+            raise file.fail(where, f"has {len(data)} of {length} bytes; copy or export it again")
         return np.frombuffer(data, np.uint8, length)
 
     def _source(self, uri: str, where: str) -> bytes:
@@ -150,7 +150,7 @@ class Buffers:
             self._decoded[number] = decode_meshopt(file, compression, compressed)
         decoded = self._decoded[number]
         if len(decoded) < length:
-            raise file.fail(name, f"its compressed data has {len(decoded)} bytes of the {length} it should have")
+            raise file.fail(name, f"its compressed data has {len(decoded)} of {length} bytes")
         return decoded[:length], stride
 
     def _bytes(self, buffer: int, offset: int, length: int, where: str) -> NDArray[np.uint8]:
@@ -172,11 +172,11 @@ COMPONENTS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9
 MATRIX_ROWS = {"MAT2": 2, "MAT3": 3, "MAT4": 4}
 
 MAX_IMPLIED_VALUES = 1 << 22
-"""Most values that accessors without a buffer view (all zeros) may ask for in one file: nothing else bounds them."""
+"""Most values of all accessors without a buffer view (all zeros) in one file: no file size limits them."""
 
 
 def normalize(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Normalised integers as float32: unsigned to 0..1, signed to -1..1; floats pass."""
+    """Return normalised integers as float32: unsigned to 0..1, signed to -1..1. Floats are returned as they are."""
     if values.dtype.kind == "f":
         return values.astype(np.float32, copy=False)
     scaled = values.astype(np.float32) / np.float32(np.iinfo(values.dtype).max)
@@ -184,7 +184,7 @@ def normalize(values: NDArray[Any]) -> NDArray[np.float32]:
 
 
 class Accessors:
-    """Reads the accessors of one file; every count is checked against real bytes before memory is taken."""
+    """Reads the accessors of one file. Every count is checked against the bytes of the file before memory is allocated."""
 
     def __init__(self, file: GltfFile, buffers: Buffers) -> None:
         self._file = file
@@ -192,14 +192,14 @@ class Accessors:
         self._implied = 0
 
     def raw(self, index: object, where: str, kinds: tuple[str, ...]) -> NDArray[Any]:
-        """Elements [count, components] of accessor `index` in the type stored; matrices in column order.
+        """Return the elements [count, components] of accessor `index` in their stored type; matrices in column order.
 
         `kinds` are the allowed types, e.g. ("VEC3",). Raises InputError.
         """
         return self._values(index, where, kinds)[0]
 
     def floats(self, index: object, where: str, kinds: tuple[str, ...]) -> NDArray[np.float32]:
-        """Like `raw`, as float32, with normalised integers scaled to 0..1 or -1..1: a view of the file's bytes where those are it."""
+        """Return `raw` as float32, with normalised integers scaled to 0..1 or -1..1. Stored floats are a view, not a copy."""
         values, normalized = self._values(index, where, kinds)
         return normalize(values) if normalized else values.astype(np.float32, copy=False)
 
@@ -247,7 +247,7 @@ class Accessors:
             raise self._file.fail(
                 where, f"accessor out of range: {count} elements from byte {offset} in a view of {len(view)} bytes"
             )
-        # Misaligned data is against the specification, but numpy reads it.
+        # The specification forbids misaligned data, but numpy reads it.
         elements: NDArray[Any] = np.ndarray(
             (count, columns, rows), dtype, view.data, offset, (stride, column_bytes, size)
         )

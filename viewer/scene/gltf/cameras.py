@@ -1,4 +1,4 @@
-"""Cameras of the node graph, in world space."""
+"""Cameras and lights of the node graph, in world space."""
 
 import math
 from collections.abc import Sequence
@@ -58,9 +58,9 @@ def _camera(
 def read_cameras(
     file: GltfFile, placements: Sequence[NodePlacements], center: NDArray[np.float64], notes: ReportNotes
 ) -> tuple[Camera, ...]:
-    """Return all cameras that stand in the scene, with distinct names: the node's, else the camera's.
+    """Return all cameras that nodes of the scene hold, with distinct names: the node's, else the camera's.
 
-    `center` [3] is the middle of the scene; targets are put at its depth. Raises InputError.
+    `center` [3] is the centre of the scene; targets lie at its depth. Raises InputError.
     """
     nodes, entries = file.entries("nodes"), file.entries("cameras")
     taken: set[str] = set()
@@ -84,12 +84,12 @@ def read_cameras(
 
 EXTENSION = "KHR_lights_punctual"
 BRIGHTEST = 1e30
-"""Products of intensity and colour are held below it, so that they stay finite in single precision."""
+"""Largest product of intensity and colour: larger ones are clamped, because shaders compute in single precision."""
 WIDEST = math.pi / 2
 
 
 def _light(entry: schema.Light, placement: NodePlacements, notes: ReportNotes) -> Light | None:
-    """Return the light `entry` at its node; None where it shines nowhere."""
+    """Return the light `entry` at its node; None where the node gives it no direction."""
     intensity = max(0.0, entry.intensity)
     red, green, blue = (min(max(0.0, share) * intensity, BRIGHTEST) for share in entry.color)
     axis = -placement.world[:3, 2]
@@ -114,12 +114,12 @@ def _light(entry: schema.Light, placement: NodePlacements, notes: ReportNotes) -
 
 
 def read_lights(file: GltfFile, placements: Sequence[NodePlacements], notes: ReportNotes) -> tuple[Light, ...]:
-    """Return all lights that stand in the scene and are not hidden, in the order of their nodes. Raises InputError.
+    """Return all visible lights that nodes of the scene hold, in the order of their nodes. Raises InputError.
 
-    Scale does not change their range.
+    The scale of a node does not change the range of its light.
     """
-    found = file.extension(file.document, EXTENSION, schema.Lights, "")
-    entries = () if found is None else found.lights
+    lights_extension = file.extension(file.document, EXTENSION, schema.Lights, "")
+    entries = () if lights_extension is None else lights_extension.lights
     lights: list[Light] = []
     for placement in placements if entries else ():
         node, field = file.entry("nodes", placement.node, schema.Node), f"nodes[{placement.node}]"

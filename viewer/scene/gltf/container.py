@@ -35,11 +35,11 @@ ARRAYS = (
     "animations",
     "skins",
 )
-"""Top-level arrays of objects that are read."""
+"""Top-level arrays of objects that the reader uses."""
 MAX_ENTRIES = 1 << 20
 """Most entries of one top-level array."""
 MAX_JSON_BYTES = 1 << 28
-"""A JSON text of numbers takes some twenty times its length in memory."""
+"""Most bytes of JSON: parsed, a text of numbers takes some twenty times its length in memory."""
 
 SUPPORTED = frozenset(
     {
@@ -67,7 +67,7 @@ SUPPORTED = frozenset(
         "NV_texture_swizzle",
     }
 )
-"""Honoured: a file may require them."""
+"""Extensions that are drawn as specified. A file may require them."""
 
 WITHOUT_EFFECT = frozenset(
     {
@@ -97,10 +97,11 @@ WITHOUT_EFFECT = frozenset(
         "VRMC_vrm",
     }
 )
-"""Finer effects of light, other shapes of lights, behaviour, and metadata: a file may require them and still be drawn without."""
+"""Extensions that are ignored without harm: finer effects of light, other shapes of lights, behaviour and metadata.
+A file may require them."""
 
 MOST_NAMED = 4
-"""Extensions that one message names."""
+"""Most extensions that one message names."""
 
 _Schema = TypeVar("_Schema")
 
@@ -112,26 +113,26 @@ class GltfFile:
     name: str
     """File name as the user gave it, for messages."""
     folder: Path | None
-    """Folder where relative URIs start; None when there is no file, and external URIs are missing."""
+    """Folder that relative URIs start from; None when there is no file, and external URIs cannot be read."""
     json: Mapping[str, Any]
     """The whole document."""
     binary: memoryview | None
     """The GLB's binary chunk: a part of the file's bytes, not a copy."""
     roots: tuple[Path, ...] = ()
-    """Folders, resolved, from which the scene may read files beside its own."""
+    """Resolved folders, besides the scene's, that the scene may read files from."""
     converted: ConvertedMesh | None = None
-    """Format that the file was converted from, where that was not glTF."""
+    """Mesh of another format that the file was converted from; None for glTF."""
     keeps: object = None
     """Object that keeps `folder` on disk while images may still be read from it: an unpacked archive."""
     _checked: dict[tuple[str, int, type], Any] = field(default_factory=dict, init=False)
-    """Entries that were read before, by array, index and schema."""
+    """Entries that were checked before, by array, index and schema."""
 
     def fail(self, where: str, problem: str) -> InputError:
         """Return the error to raise for the field `where`."""
         return InputError(f"{self.name}: {where}: {problem}")
 
     def check_entries(self, key: str) -> None:
-        """Refuse the top-level array `key` unless it is an array of objects, of a number that is read."""
+        """Refuse the top-level array `key` unless it is an array of at most MAX_ENTRIES objects."""
         value = self.json.get(key, [])
         if not isinstance(value, list):
             raise self.fail(key, "must be an array")
@@ -148,11 +149,11 @@ class GltfFile:
 
     def entry(self, key: str, index: int, schema: type[_Schema]) -> _Schema:
         """Return entry `index` of the top-level array `key`, checked against `schema`."""
-        found: _Schema | None = self._checked.get((key, index, schema))
-        if found is None:
-            found = self.read(self.entries(key)[index], schema, f"{key}[{index}]")
-            self._checked[key, index, schema] = found
-        return found
+        checked: _Schema | None = self._checked.get((key, index, schema))
+        if checked is None:
+            checked = self.read(self.entries(key)[index], schema, f"{key}[{index}]")
+            self._checked[key, index, schema] = checked
+        return checked
 
     def read(self, content: Any, schema: type[_Schema], where: str) -> _Schema:
         """Return the JSON value `content` of the field `where`, checked against `schema`."""
@@ -223,7 +224,7 @@ def _glb_chunks(data: bytes, name: str) -> tuple[bytes, memoryview | None]:
 
 
 def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, ...] = ()) -> GltfFile:
-    """Read the container of `data`, GLB or JSON. Raises InputError for anything but a well-formed glTF 2.x file."""
+    """Return the glTF container in `data`, GLB or JSON. Raises InputError for anything but a well-formed glTF 2.x file."""
     json_chunk, binary = _glb_chunks(data, name) if data[:4] == GLB_MAGIC else (data, None)
     content = _parse_json(json_chunk, name)
     file = GltfFile(name, folder, content, binary, roots)
@@ -241,7 +242,7 @@ def parse_gltf(data: bytes, name: str, folder: Path | None, roots: tuple[Path, .
 
 
 def read_gltf(path: Path, name: str | None = None) -> GltfFile:
-    """Return the glTF container at `path`, called `name` in messages, by its path unless given. Raises InputError."""
+    """Return the glTF container at `path`. Messages call it `name`, or by its path. Raises InputError."""
     name = name or str(path)
     try:
         data = read_file(Path(path))
@@ -262,7 +263,7 @@ def used_extensions(file: GltfFile) -> set[str]:
 
 
 def check_required(file: GltfFile) -> None:
-    """Refuse a file that requires an extension which is not read. Raises InputError naming the extension."""
+    """Refuse a file that requires an unsupported extension. Raises InputError that names the extension."""
     missing = sorted(_names(file.document.extensions_required) - SUPPORTED - WITHOUT_EFFECT)
     if missing:
         named = ", ".join(missing[:MOST_NAMED]) + (
@@ -272,6 +273,6 @@ def check_required(file: GltfFile) -> None:
 
 
 def ignored_extensions(file: GltfFile) -> tuple[str, ...]:
-    """Extensions in use that have no effect here, sorted. Raises InputError."""
+    """Return the extensions that the file uses and that have no effect here, sorted. Raises InputError."""
     used = used_extensions(file) | _names(file.document.extensions_required)
     return tuple(sorted(used - SUPPORTED))

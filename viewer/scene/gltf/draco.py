@@ -1,4 +1,11 @@
-"""KHR_draco_mesh_compression through DracoPy."""
+"""Primitives compressed with Draco (KHR_draco_mesh_compression), decoded by DracoPy.
+
+Draco stores the triangles of a primitive and its attributes in one stream, so both are decoded together. glTF maps each attribute
+name to the unique id of an attribute in the stream. Draco may reorder and merge vertices: counts and values of the stream replace
+those of the accessors, which only say whether integers are normalised.
+
+The header is checked first, against Draco's bitstream specification 2.2: DracoPy allocates what the counts in it ask for.
+"""
 
 import struct
 from dataclasses import dataclass
@@ -14,26 +21,26 @@ from viewer.scene.json_text import describe, printable
 
 EXTENSION = "KHR_draco_mesh_compression"
 HEADER = struct.Struct("<5sBBBBH")
-"""Magic, version, kind of geometry, method, flags."""
+"""Magic, major and minor version, kind of geometry, encoding method, flags."""
 VERSION = (2, 2)
 MESH, EDGEBREAKER, HAS_METADATA = 1, 1, 0x8000
 FREE_COUNT = 1 << 12
 COUNT_PER_BYTE = 16
-"""Draco data may hold FREE_COUNT vertices and triangles, and this many for each byte; real meshes have about one."""
+"""Most vertices, and most triangles: FREE_COUNT, and COUNT_PER_BYTE for each byte of the data. Real meshes have about one."""
 
 
 @dataclass(frozen=True, eq=False)
 class DracoMesh:
-    """A decoded primitive."""
+    """Attributes and triangles of a primitive, decoded from Draco data."""
 
     attributes: dict[str, NDArray[Any]]
-    """[V, components] by glTF name, in the type stored."""
+    """[V, components] by glTF name, in the stored type."""
     indices: NDArray[np.uint32]
     """[3 T] triangles."""
 
 
 def _varint(data: bytes, at: int) -> tuple[int, int]:
-    """Return (number, offset after it). Raises IndexError at the end of the data."""
+    """Return (number, offset after it): seven bits a byte, the lowest first. Raises IndexError at the end of the data."""
     value = shift = 0
     while True:
         byte = data[at]
@@ -44,7 +51,7 @@ def _varint(data: bytes, at: int) -> tuple[int, int]:
 
 
 def check_draco_header(data: bytes) -> str:
-    """Why `data` is refused, else empty: DracoPy allocates what the counts in the header ask for without checking them."""
+    """Return why the Draco `data` is refused, or "". DracoPy allocates memory by the header's counts without a check."""
     if len(data) < HEADER.size:
         return "truncated"
     magic, major, minor, kind, method, flags = HEADER.unpack_from(data)
@@ -55,7 +62,7 @@ def check_draco_header(data: bytes) -> str:
     if flags & HAS_METADATA:
         return "it holds metadata, which is not read"
     try:
-        # The edgebreaker method names the kind of its traversal first; both then give two counts.
+        # The edgebreaker method stores its traversal type first. Then both methods store two counts.
         first, at = _varint(data, HEADER.size + (method == EDGEBREAKER))
         second, _ = _varint(data, at)
     except IndexError:
@@ -67,7 +74,7 @@ def check_draco_header(data: bytes) -> str:
 
 
 def decode_draco(file: GltfFile, buffers: Buffers, content: Any, where: str) -> DracoMesh:
-    """Decode the primitive at `where`, whose extension is `content`. Raises InputError where the data is broken."""
+    """Return the decoded primitive of the field `where`, whose extension is `content`. Raises InputError for broken data."""
     import DracoPy
 
     where = f"{where}.extensions.{EXTENSION}"
@@ -80,7 +87,7 @@ def decode_draco(file: GltfFile, buffers: Buffers, content: Any, where: str) -> 
         mesh = DracoPy.decode(data.tobytes())
         faces = np.asarray(mesh.faces)
         stored = {entry["unique_id"]: np.asarray(entry["data"]) for entry in mesh.attributes}
-    except Exception as error:  # DracoPy documents no exceptions of its own, and the data is untrusted.
+    except Exception as error:  # DracoPy documents no exceptions, and the data is untrusted.
         raise file.fail(where, f"the Draco data does not decode ({error})") from error
     if faces.ndim != 2 or faces.shape[1] != 3:
         raise file.fail(where, "the Draco data holds no triangles")

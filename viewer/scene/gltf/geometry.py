@@ -1,4 +1,9 @@
-"""Mesh primitives gathered into shared vertex and index arrays."""
+"""Mesh primitives gathered into shared vertex and index arrays.
+
+Normals and tangents are only normalised here, never computed. Where the file has none, or one without a direction, the vertex
+stores zero. Shaders then take the normal of the triangle, and the tangent from the screen-space derivatives of positions and UVs
+(docs/explanation/lighting.md): no vertices need be split, and morphed and skinned meshes follow.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -25,16 +30,16 @@ SHORTEST = 1e-6
 """Vectors below this length have no direction."""
 
 UNIT = 1e-5
-"""Squared lengths that are this near to 1 are taken to be it."""
+"""Largest distance from 1 of squared lengths that count as 1."""
 
 
 def _unit(vectors: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Return (unit vectors of `vectors` [N, 3], zero where there is no direction; which have one [N])."""
+    """Return ([N, 3] unit vectors of `vectors` [N, 3], zero where one has no direction; [N] whether each has a direction)."""
     with np.errstate(over="ignore", invalid="ignore"):
         squares = np.einsum("nc,nc->n", vectors, vectors)
         if bool((np.abs(squares - 1) < UNIT).all()):
             return vectors, np.ones(len(vectors), np.bool_)
-    # Squares of numbers that float32 holds overflow it.
+    # Squares of large float32 values overflow float32.
     wide = vectors.astype(np.float64)
     lengths = np.sqrt(np.einsum("nc,nc->n", wide, wide))
     with np.errstate(invalid="ignore"):
@@ -47,15 +52,15 @@ def _unit(vectors: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np
 
 
 def unit_normals(normals: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
-    """Return ([N, 3] unit vectors of `normals` [N, 3], zero for those that are not finite or of zero length; how many those are)."""
+    """Return ([N, 3] unit vectors of `normals` [N, 3], zero where one is not finite or has no length; number of these)."""
     unit, directed = _unit(normals)
     return unit, int((~directed).sum())
 
 
 def unit_tangents(tangents: NDArray[np.float32]) -> tuple[NDArray[np.float32], int]:
-    """Return ([N, 4] `tangents` with unit xyz and a w of 1 or -1, all zero where xyz or w give no direction; how many those are).
+    """Return ([N, 4] `tangents` with unit xyz and a w of 1 or -1, all zero where xyz or w give no direction; number of these).
 
-    A w between the two counts by its sign: quantised files store it so (glTF 2.0, Sec. 3.7.2.1).
+    A w between -1 and 1 counts by its sign: quantised files store such values (glTF 2.0, Sec. 3.7.2.1).
     """
     unit, directed = _unit(tangents[:, :3])
     directed &= np.isfinite(tangents[:, 3]) & (tangents[:, 3] != 0.0)
@@ -66,13 +71,16 @@ def unit_tangents(tangents: NDArray[np.float32]) -> tuple[NDArray[np.float32], i
 
 
 SHORT_INDICES = 1 << 16
-"""Indices below it take two bytes each, and a scene whose primitives all have at most so many vertices has no others."""
+"""Number of indices that two bytes can hold. A scene needs four only where a primitive has more vertices."""
 
 
 def joined(
     parts: list[NDArray[np.float32] | None], counts: Sequence[int], components: int, absent: float = 0.0
 ) -> NDArray[np.float32] | None:
-    """Return [sum of counts, components] float32, `absent` for parts that are None; None when all are. Sets all `parts` to None."""
+    """Return [sum of counts, components] float32: `parts` joined, `absent` in place of None; None when all are None.
+
+    Each entry of `parts` is set to None once it is copied, so its memory is free.
+    """
     if all(part is None for part in parts):
         return None
     whole = np.empty((sum(counts), components), np.float32)
@@ -87,7 +95,10 @@ def joined(
 def joined_indices(
     parts: list[NDArray[Any] | None], total: int, highest: int
 ) -> NDArray[np.uint16] | NDArray[np.uint32]:
-    """Return [total] all unsigned integers of `parts`, as uint16 where `highest` fits, else uint32. Sets all `parts` to None."""
+    """Return [total] the unsigned integers of `parts` joined, as uint16 where `highest` fits, else uint32.
+
+    Each entry of `parts` is set to None once it is copied, so its memory is free.
+    """
     whole: NDArray[Any] = np.empty(total, np.uint16 if highest < SHORT_INDICES else np.uint32)
     start = 0
     for number, part in enumerate(parts):
@@ -105,16 +116,16 @@ MAX_VALUES = 1 << 28
 """Most vertices, and most indices, of a whole scene."""
 FREE_VALUES = 1 << 22
 VALUES_PER_BYTE = 16
-"""Any file may have FREE_VALUES vertices and indices; more only in proportion to the bytes of its buffers (Draco packs
-several into one, and accessors may share bytes)."""
+"""Limit of the vertices, and of the indices, of a file: FREE_VALUES, and VALUES_PER_BYTE for each byte of its buffers. More than
+one a byte is possible: Draco compresses, and accessors may share bytes."""
 
 _VertexKey = tuple[Any, ...]
 
 
 def triangle_list(indices: NDArray[Any], mode: int) -> NDArray[Any]:
-    """Return [3 T] indices of the triangles that `indices` [N] stand for in `mode`, wound as glTF says.
+    """Return [3 T] indices of the triangles of a list, strip or fan `indices` [N] in `mode`, wound as glTF 2.0, Sec. 3.7.2.1 says.
 
-    Left-over vertices are dropped, and so are strip triangles that join strips (two equal corners).
+    Left-over vertices are dropped, and so are degenerate triangles, with two equal corners, that join strips.
     """
     if mode == TRIANGLES:
         return indices[: len(indices) // 3 * 3]
@@ -135,10 +146,10 @@ def triangle_list(indices: NDArray[Any], mode: int) -> NDArray[Any]:
 
 
 class GeometryReader:
-    """Reads primitives one after another and merges them; `finish` gives the arrays.
+    """Reads primitives one after another and joins them; `finish` returns the arrays.
 
-    Primitives that share accessors share vertices and indices. UVs differ where materials read another set or
-    another transform; only then are vertices repeated.
+    Primitives that share accessors share vertices and indices. Vertices are repeated only where materials of the same
+    primitive data read different UV sets or transforms.
     """
 
     def __init__(
@@ -150,7 +161,7 @@ class GeometryReader:
         notes: ReportNotes,
         variant: int | None = None,
     ) -> None:
-        """Read for the material `variant`, by its number; None: the materials that primitives name themselves."""
+        """Start to read `file` for a material variant, by its number; None: the materials that primitives name themselves."""
         self._file = file
         self._variant = variant
         self._variants = len(variant_names(file))
@@ -188,7 +199,7 @@ class GeometryReader:
         return tuple(primitives)
 
     def finish(self) -> Geometry:
-        """Return all vertices and indices read so far. Lets go of what it was read from: nothing can be read afterwards."""
+        """Return all vertices and indices read so far. Frees the parts that were read: call it once, at the end."""
         counts = [0 if part is None else len(part) for part in self._positions]
         colors, normals = joined(self._colors, counts, 4, 1.0), joined(self._normals, counts, 3)
         tangents, second_uvs = joined(self._tangents, counts, 4), joined(self._second_uvs, counts, 2)
@@ -250,12 +261,14 @@ class GeometryReader:
         where: str,
         moved: tuple[Deformation, tuple[schema.Attributes, ...]] | None,
     ) -> tuple[int, int]:
-        """Return (base vertex, count) of the primitive's vertices, read once for equal attributes; `moved`: how, and its morph
-        targets."""
+        """Return (base vertex, count) of the primitive's vertices, read once for equal attributes.
+
+        `moved`: the deformation of its node and its morph targets; None for vertices that nothing moves.
+        """
         transform = source.uvs.transform
         uv_name = f"TEXCOORD_{source.uvs.uv_set}"
         second_name = None if source.second_uv_set is None else f"TEXCOORD_{source.second_uv_set}"
-        # Tangents are those of the normal map's UVs, and of no use without one.
+        # Tangents belong to the UVs of the normal map. Without a normal map nothing reads them.
         tangent_name = "TANGENT" if "normal" in source.maps else None
         read = ("POSITION", uv_name, "COLOR_0", "NORMAL", tangent_name, second_name)
         accessors = (None if name is None else _index_or_none(attributes.get(name)) for name in read)
@@ -279,7 +292,7 @@ class GeometryReader:
             colors = self._finite(colors, "vertex colours")
         frames = VertexFrames(
             positions,
-            self._optional("NORMAL", attributes, draco, count, where, "the triangles' own are used"),
+            self._optional("NORMAL", attributes, draco, count, where, "normals of triangles are used"),
             self._optional("TANGENT", attributes, draco, count, where, "they follow from the UVs")
             if tangent_name
             else None,
@@ -328,7 +341,7 @@ class GeometryReader:
     def _stored(
         self, attributes: schema.Attributes, draco: DracoMesh | None, where: str, name: str
     ) -> NDArray[Any] | None:
-        """Return [count, 4] of an attribute as it is stored; None when the primitive has no such attribute."""
+        """Return [count, 4] of an attribute in its stored type; None when the primitive has no such attribute."""
         if name not in attributes:
             return None
         if draco is not None and name in draco.attributes:
@@ -336,17 +349,17 @@ class GeometryReader:
         return self._accessors.raw(attributes[name], f"{where}.attributes.{name}", ("VEC4",))
 
     def _normal(self, normals: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
-        """Return [count, 3] unit normals, zero where the file's is none."""
+        """Return [count, 3] unit normals, zero where one of the file has no direction."""
         if normals is None:
             return None
         self._notes.honoured("vertex normals: primitives")
         unit, broken = unit_normals(normals)
         if broken:
-            self._notes.repaired(f"normals without a direction in {broken} vertices; the triangle's own is used")
+            self._notes.repaired(f"normals without a direction in {broken} vertices; that of the triangle is used")
         return unit
 
     def _tangent(self, tangents: NDArray[np.float32] | None) -> NDArray[np.float32] | None:
-        """Return [count, 4] unit tangents and signs, zero where the file's is none."""
+        """Return [count, 4] unit tangents and signs, zero where one of the file has no direction."""
         if tangents is None:
             return None
         self._notes.honoured("vertex tangents: primitives")
@@ -358,7 +371,7 @@ class GeometryReader:
     def _optional(
         self, name: str, attributes: schema.Attributes, draco: DracoMesh | None, count: int, where: str, instead: str
     ) -> NDArray[np.float32] | None:
-        """Return `_attribute` of normals or tangents: a picture can do without, so what is wrong with them is only reported."""
+        """Return `_attribute` of normals or tangents. Faults are only reported, because a picture can do without them."""
         kind, components = ("VEC3", 3) if name == "NORMAL" else ("VEC4", 4)
         try:
             values = self._attribute(name, attributes, draco, where, (kind,), components)
@@ -386,7 +399,7 @@ class GeometryReader:
         is_color = name.startswith("COLOR")
         if draco is None or name not in draco.attributes:
             if is_color:
-                # Integer colours are always fractions, whatever the accessor says.
+                # Integer colours are always normalised, whatever the accessor says.
                 return normalize(self._accessors.raw(accessor, field, kinds))
             return self._accessors.floats(accessor, field, kinds)
         values = draco.attributes[name]

@@ -1,4 +1,4 @@
-"""Materials as the file states them: factors, and where the texture of each map comes from and how it is sampled."""
+"""Materials as the file states them: factors, and for each map its texture and sampling."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,9 +17,10 @@ from viewer.scene.report import ReportNotes
 _Schema = TypeVar("_Schema")
 GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 NORMAL_REFLECTANCE = 0.04
-"""Reflectance at normal incidence of a dielectric of index 1.5, which KHR_materials_pbrSpecularGlossiness has none of its own for."""
+"""Reflectance at normal incidence of a dielectric with index of refraction 1.5. KHR_materials_pbrSpecularGlossiness states the
+reflectance instead of an index, so it is divided by this."""
 LARGEST = 1e6
-"""Strengths and indices above it are taken to be it."""
+"""Largest strength and index of refraction: larger ones are clamped."""
 
 _LEFT_OUT = {
     "KHR_materials_specular": ("specularTexture", "specularColorTexture"),
@@ -30,26 +31,26 @@ _LEFT_OUT = {
 
 
 class _Factors:
-    """Numbers of one material, held within what the specification allows them."""
+    """Reader of one material's numbers, which clamps them to the ranges of the specification."""
 
     def __init__(self, file: GltfFile, entry: schema.LitMaterial, where: str, notes: ReportNotes) -> None:
         self._file, self._entry, self._where, self._notes = file, entry, where, notes
 
     def extension(self, name: str, kind: type[_Schema]) -> _Schema:
-        """Return the extension `name` of the material, or an empty one."""
-        found = self._file.extension(self._entry, name, kind, self._where)
-        if found is None:
+        """Return the extension `name` of the material, or its default values."""
+        content = self._file.extension(self._entry, name, kind, self._where)
+        if content is None:
             return kind()
         self._notes.honoured(f"{name}: materials")
         for key in _LEFT_OUT.get(name, ()):
             self._notes.ignored(f"{name}: {key}", int(key in self._entry.extensions[name]))
-        return found
+        return content
 
     def number(self, value: float, low: float = 0.0, high: float = 1.0) -> float:
-        """Return `value`, at least `low` and at most `high`."""
-        held = min(max(value, low), high)
-        self._notes.note("factors out of range, brought into it", int(held != value))
-        return held
+        """Return `value` clamped to `low` to `high`. A change is noted in the load report."""
+        clamped = min(max(value, low), high)
+        self._notes.note("factors out of range, brought into it", int(clamped != value))
+        return clamped
 
     def color(self, values: schema.Triple, high: float) -> schema.Triple:
         """Return linear RGB `values`, each from 0 to `high`."""
@@ -64,10 +65,10 @@ def read_factors(
     where: str,
     notes: ReportNotes,
 ) -> SurfaceFactors:
-    """Return those of the material `entry` (glTF 2.0, Sec. 3.9, and the KHR_materials extensions). Raises InputError.
+    """Return the factors of the material `entry` (glTF 2.0, Sec. 3.9, and the KHR_materials extensions). Raises InputError.
 
-    Of specular-glossiness materials metalness is 0, the specular colour that of the reflection at normal incidence, and
-    roughness 1 - glossiness; where a texture gives both, it is not read, and roughness is 1.
+    A specular-glossiness material becomes one of metalness 0 and roughness 1 - glossiness, whose specular colour gives the
+    reflectance at normal incidence. Its specular-glossiness texture is not read; with one, roughness is 1.
     """
     factors = _Factors(file, entry, where, notes)
     strength = factors.extension("KHR_materials_emissive_strength", schema.EmissiveStrength)
@@ -115,7 +116,7 @@ ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND"
 
 @dataclass(frozen=True)
 class UvSource:
-    """UVs as vertices hold them: a set of the file, and what was applied to it."""
+    """UVs of vertices: a UV set of the file, and the transform that was applied to it."""
 
     uv_set: int = 0
     transform: UvTransform | None = None
@@ -126,7 +127,7 @@ class MaterialSource:
     """A material before its images are read."""
 
     material: Material
-    """Complete but for the textures: `texture_id` is -1, there are no planes, and factors are the file's."""
+    """Material without textures: `texture_id` is -1, there are no planes, and factors are the file's."""
     maps: Mapping[MapName, TextureReference] = field(default_factory=dict)
     """References of the maps that have an effect, in the order of MAPS."""
     category: str | None = None
@@ -139,14 +140,14 @@ class MaterialSource:
 
     @property
     def uvs(self) -> UvSource:
-        """UVs that `Geometry.uvs` holds: those of the first map, which is the base colour where there is one."""
+        """UVs in `Geometry.uvs`: those of the first map, which is the base colour where there is one."""
         for reference in self.maps.values():
             return UvSource(reference.uv_set, reference.uv_transform)
         return UvSource()
 
     @property
     def second_uv_set(self) -> int | None:
-        """UV set that `Geometry.second_uvs` holds, as it is in the file; None when no map needs it."""
+        """UV set of the file in `Geometry.second_uvs`; None when no map needs it."""
         for reference in self.maps.values():
             if self._from_uvs(reference) is None:
                 return reference.uv_set
@@ -157,8 +158,8 @@ class MaterialSource:
         return after_inverse(uvs.transform, reference.uv_transform) if reference.uv_set == uvs.uv_set else None
 
     def placement(self, reference: TextureReference) -> tuple[bool, Affine] | None:
-        """Return (whether from the second UVs, what takes the vertex's UVs to those of `reference`); None for UVs that no vertex
-        holds."""
+        """Return (whether `reference` reads the second UVs, transform from the vertex's UVs to its UVs); None where vertices hold
+        neither."""
         from_uvs = self._from_uvs(reference)
         if from_uvs is not None:
             return False, from_uvs
@@ -180,7 +181,7 @@ def _references(
     where: str,
     notes: ReportNotes,
 ) -> dict[MapName, TextureReference]:
-    """Textures of the maps that the material's factors leave an effect. Raises InputError."""
+    """Return the textures of the maps that have an effect, because their factor is not 0. Raises InputError."""
     pbr, pbr_name = entry.pbr_metallic_roughness, f"{where}.pbrMetallicRoughness"
     if glossy is not None:
         base = read_reference(file, glossy.diffuse_texture, f"{where}.extensions.{GLOSSINESS}.diffuseTexture", notes)
@@ -195,7 +196,7 @@ def _references(
         both = read_reference(file, both_info, f"{pbr_name}.metallicRoughnessTexture", notes)
     emissive = read_reference(file, entry.emissive_texture, f"{where}.emissiveTexture", notes)
     occlusion = read_reference(file, entry.occlusion_texture, f"{where}.occlusionTexture", notes)
-    found: dict[MapName, tuple[TextureReference | None, bool]] = {
+    candidates: dict[MapName, tuple[TextureReference | None, bool]] = {
         "base": (base, True),
         "normal": (normal, factors.normal_scale != 0.0),
         "roughness": (both, factors.roughness != 0.0),
@@ -205,7 +206,7 @@ def _references(
     }
     references: dict[MapName, TextureReference] = {}
     for name in MAPS:
-        reference, has_effect = found[name]
+        reference, has_effect = candidates[name]
         if reference is not None and has_effect:
             references[name] = reference
         elif reference is not None:
@@ -227,7 +228,7 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
     double_sided = entry.double_sided is True
     notes.honoured("doubleSided: materials", int(double_sided))
     factors = DEFAULT_FACTORS
-    # Light has no effect on unlit materials: what else the file says of their surface is not read.
+    # Light has no effect on unlit materials, so their other factors and maps are not read.
     if not unlit:
         entry = file.entry("materials", index, schema.LitMaterial)
         factors = read_factors(file, entry, glossy, where, notes)
@@ -247,18 +248,18 @@ def _material(file: GltfFile, index: int, notes: ReportNotes) -> MaterialSource:
 
 
 def read_materials(file: GltfFile, notes: ReportNotes) -> tuple[MaterialSource, ...]:
-    """Return all materials of the file, and at the end the one for primitives that name none. Raises InputError."""
+    """Return all materials of the file, and at the end the default one for primitives without a material. Raises InputError."""
     count = len(file.entries("materials"))
     return (*(_material(file, index, notes) for index in range(count)), DEFAULT_MATERIAL)
 
 
 EXTENSION = "KHR_materials_variants"
 MOST_NAMED = 6
-"""Variants that one message names."""
+"""Most variants that one message names."""
 
 
 def variant_names(file: GltfFile) -> tuple[str, ...]:
-    """Return the names of the file's variants, in its order; a number stands for a variant without a name of its own.
+    """Return the names of the file's variants, in its order; `variant N` for one without a name, or with a name used before.
     Raises InputError."""
     extension = file.extension(file.document, EXTENSION, schema.Variants, "")
     names: list[str] = []
@@ -269,7 +270,7 @@ def variant_names(file: GltfFile) -> tuple[str, ...]:
 
 
 def chosen_variant(names: tuple[str, ...], wanted: str, scene: str) -> int | None:
-    """Return the number of the variant called `wanted`; None for "", the materials that primitives name themselves.
+    """Return the number of the variant called `wanted`; None for "", which means the materials that primitives name themselves.
     Raises InputError."""
     if not wanted:
         return None
@@ -281,7 +282,7 @@ def chosen_variant(names: tuple[str, ...], wanted: str, scene: str) -> int | Non
 
 
 def variant_materials(file: GltfFile, primitive: schema.Primitive, variants: int, where: str) -> dict[int, int]:
-    """Material by number of variant, for those of the `variants` of the file that a primitive names. Raises InputError."""
+    """Return the materials of a primitive by variant number; `variants` is the file's number of variants. Raises InputError."""
     extension = file.extension(primitive, EXTENSION, schema.VariantMappings, where)
     materials: dict[int, int] = {}
     for number, mapping in enumerate(() if extension is None else extension.mappings):

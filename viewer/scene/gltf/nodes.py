@@ -1,4 +1,4 @@
-"""The node graph: world matrices of all placements, instancing included."""
+"""The node graph: world matrices of nodes, and of the instances of their meshes."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ INSTANCING = "EXT_mesh_gpu_instancing"
 TRANSFORM_PATHS: tuple[AnimatedPath, ...] = ("translation", "rotation", "scale")
 NOTHING: NodeValues = {}
 MAX_DEPTH = 1 << 14
-"""Deepest nesting of nodes; rigs have a few hundred."""
+"""Deepest nesting of nodes that is read; rigs have a few hundred levels."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class NodePlacements:
     """[N, 4, 4] placements of the mesh: `world`, or one for each instance of EXT_mesh_gpu_instancing."""
     camera: int | None
     visible: bool = True
-    """True if its mesh and lights are there (KHR_node_visibility)."""
+    """True if its mesh and lights are drawn (KHR_node_visibility)."""
     weights: tuple[float, ...] = ()
     """Weights of the morph targets of its mesh."""
 
@@ -41,9 +41,9 @@ class NodePlacements:
 def compose(
     translations: NDArray[np.float64], rotations: NDArray[np.float64], scales: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return [N, 4, 4] matrices T R S from [N, 3], unit-length or not xyzw quaternions [N, 4], and [N, 3].
+    """Return [N, 4, 4] matrices T R S from translations [N, 3], quaternions xyzw [N, 4] and scales [N, 3].
 
-    A zero quaternion counts as no rotation.
+    Quaternions are normalised first; a zero quaternion is no rotation.
     """
     lengths = np.linalg.norm(rotations, axis=1, keepdims=True)
     unit = np.where(lengths > 0, rotations / np.where(lengths > 0, lengths, 1.0), (0.0, 0.0, 0.0, 1.0))
@@ -65,7 +65,7 @@ def compose(
 
 
 def local_matrices(file: GltfFile, indices: Sequence[int], animated: NodeValues = NOTHING) -> NDArray[np.float64]:
-    """Return [N, 4, 4] node-to-parent matrices of the nodes `indices`; `animated` values stand for the nodes' own.
+    """Return [N, 4, 4] node-to-parent matrices of the nodes `indices`. `animated` values replace those of the nodes.
     Raises InputError."""
     nodes = [file.entry("nodes", index, Node) for index in indices]
 
@@ -84,7 +84,7 @@ def local_matrices(file: GltfFile, indices: Sequence[int], animated: NodeValues 
 
 
 def scene_roots(file: GltfFile, notes: ReportNotes) -> list[int]:
-    """Return the root nodes of the default scene; without scenes, all nodes that are nobody's child. Raises InputError."""
+    """Return the root nodes of the default scene; without scenes, all nodes without a parent. Raises InputError."""
     count, scenes = len(file.entries("nodes")), file.entries("scenes")
     if not scenes:
         children = {child for index in range(count) for child in file.entry("nodes", index, Node).children}
@@ -121,7 +121,7 @@ def _instance_matrices(
 
 
 def _visible(file: GltfFile, order: Sequence[int], parents: Sequence[int], notes: ReportNotes) -> list[bool]:
-    """Return whether each node is visible: neither it nor a node above it is hidden (KHR_node_visibility). In depth-first order."""
+    """Return whether each node of `order` is visible: neither it nor an ancestor is hidden (KHR_node_visibility)."""
     visible: list[bool] = []
     for index, parent in zip(order, parents, strict=True):
         node, hidden = file.entry("nodes", index, Node), False
@@ -135,9 +135,9 @@ def _visible(file: GltfFile, order: Sequence[int], parents: Sequence[int], notes
 
 
 def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], list[int]]:
-    """Return (nodes of the default scene in depth-first order, place of each one's parent there or -1, depth of each).
+    """Return (nodes of the default scene in depth-first order, position of each node's parent in that order or -1, depth of each).
 
-    Raises InputError where a node has two parents or is its own ancestor (that would never end).
+    Raises InputError where a node has two parents or is an ancestor of itself: the walk would not end.
     """
     count = len(file.entries("nodes"))
     seen = bytearray(count)
@@ -161,7 +161,7 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
         if not children:
             continue
         where = f"nodes[{index}].children"
-        # As many children again as there are nodes left would be reached twice: no need to stack them all.
+        # More children than nodes must repeat one. They are refused before they fill the stack.
         if len(children) > count:
             raise file.fail(where, f"has {len(children)} entries for {count} nodes")
         stack.extend((file.index(child, count, where), place) for child in reversed(children))
@@ -171,7 +171,7 @@ def _tree(file: GltfFile, notes: ReportNotes) -> tuple[list[int], list[int], lis
 def _world_matrices(
     file: GltfFile, order: Sequence[int], parents: Sequence[int], depths: Sequence[int], animated: NodeValues
 ) -> NDArray[np.float64]:
-    """Return [N, 4, 4] local-to-world, level by level. Raises InputError where one overflows."""
+    """Return [N, 4, 4] local-to-world matrices, computed level by level. Raises InputError where one overflows."""
     worlds = local_matrices(file, order, animated)
     parent_rows, levels = np.array(parents, np.int64), np.array(depths, np.int64)
     by_level = np.argsort(levels, kind="stable")
@@ -188,7 +188,7 @@ def _world_matrices(
 
 
 def _weights(file: GltfFile, node: Node, index: int, mesh: int | None, animated: NodeValues) -> tuple[float, ...]:
-    """Return the weights of the morph targets at a node: those that are animated, else the node's, else the mesh's.
+    """Return the weights of the morph targets at a node: the animated ones, else the node's, else the mesh's.
     Raises InputError."""
     if mesh is None:
         return ()
@@ -201,9 +201,9 @@ def _weights(file: GltfFile, node: Node, index: int, mesh: int | None, animated:
 def walk_nodes(
     file: GltfFile, accessors: Accessors, notes: ReportNotes, animated: NodeValues = NOTHING
 ) -> tuple[NodePlacements, ...]:
-    """Return all nodes of the default scene in depth-first order; `animated` values stand for the nodes' own.
+    """Return all nodes of the default scene in depth-first order. `animated` values replace those of the nodes.
 
-    Raises InputError where a node has two parents or is its own ancestor, and where a transform overflows.
+    Raises InputError where a node has two parents or is an ancestor of itself, and where a transform overflows.
     """
     mesh_count, camera_count = len(file.entries("meshes")), len(file.entries("cameras"))
     order, parents, depths = _tree(file, notes)

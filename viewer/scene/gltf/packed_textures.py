@@ -1,11 +1,11 @@
-"""Textures of a glTF file that are encoded in a pack of ours: extension NV_texture_swizzle (a draft: glTF pull request 2511).
+"""Textures of a glTF file that name a texture of a pack, by the extension NV_texture_swizzle (a draft: glTF pull request 2511).
 
     "textures": [{"source": 0, "extensions": {"NV_texture_swizzle": {"options": [
         {"source": 1, "arrayLayer": 3, "channels": [0, 1, 2, -1], "extras": {"pixelHash": "..."}}]}}}],
     "images": [{"uri": "original.png"}, {"uri": "scene.clustered.ntc", "mimeType": "image/vnd.ntc-viewer.pack"}]
 
-`arrayLayer` is the texture in the pack, `channels` tell which of its channels stand for red, green, blue and alpha (-1: none), and
-`pixelHash`, which is ours, is its identity there, so that the pack may be encoded again in another order.
+`arrayLayer` is the index of the texture in the pack. `channels` are its channels to read as red, green, blue and alpha (-1: none).
+`pixelHash` is a property of this program: it identifies the texture, so the pack may be encoded again in another order.
 """
 
 from dataclasses import dataclass, replace
@@ -22,32 +22,32 @@ from viewer.scene.report import ReportNotes
 
 SWIZZLE = "NV_texture_swizzle"
 PACK_MIME_TYPE = "image/vnd.ntc-viewer.pack"
-"""Ours: no type is registered for packs."""
+"""MIME type of packs in glTF files; it is not registered."""
 NVIDIA_MIME_TYPES = ("image/vnd-nvidia.ntc", "image/vnd.nvidia.ntc")
 PIXEL_HASH = "pixelHash"
 MOST_OPTIONS = 64
-"""Options that are looked at for one texture: they are alternatives."""
+"""Most alternative options of one texture that are examined."""
 NO_CHANNEL = -1
 _MARK = "ntcViewerPackedTexture"
-"""Key of image entries that stand for a texture of a pack, which only exist in memory."""
+"""Key of image entries in memory that mean a texture of a pack; no file has it."""
 
 
 @dataclass(frozen=True)
 class PackOption:
-    """A texture of a pack that stands for a texture of the file."""
+    """Texture of a pack that replaces a texture of the file."""
 
     image: int
     """Index of the image entry that names the pack."""
     layer: int
     """Index of the texture in the pack."""
     channels: tuple[int, int, int, int]
-    """Channels of that texture that stand for red, green, blue and alpha, NO_CHANNEL for none."""
+    """Channels of the texture to read as red, green, blue and alpha, NO_CHANNEL for none."""
     pixel_hash: str
-    """Identity of the texture in the pack; "" where the file does not tell."""
+    """Identity of the texture in the pack; "" where the file does not state it."""
 
 
 def pack_option(file: GltfFile, number: int, notes: ReportNotes) -> PackOption | None:
-    """Return the first option of texture `number` that names a pack of ours; others are reported. Raises InputError."""
+    """Return the first option of texture `number` that names a `.ntc` pack; other options are reported. Raises InputError."""
     where = f"textures[{number}]"
     extension = file.extension(file.entry("textures", number, schema.Texture), SWIZZLE, schema.Swizzle, where)
     for place, content in enumerate(() if extension is None else extension.options[:MOST_OPTIONS]):
@@ -68,7 +68,7 @@ def pack_option(file: GltfFile, number: int, notes: ReportNotes) -> PackOption |
 
 
 def pack_path(file: GltfFile, image: int) -> Path:
-    """Return the file of the pack that the image entry `image` names. Raises InputError for one inside the glTF file."""
+    """Return the path of the pack that the image entry `image` names. Raises InputError for a pack inside the glTF file."""
     uri, where = file.entry("images", image, schema.Image).uri, f"images[{image}]"
     if isinstance(uri, UnsetType) or not uri or is_data_uri(uri):
         raise file.fail(where, "packs are read from files beside the scene, not from inside it; write its uri")
@@ -79,8 +79,8 @@ def pack_path(file: GltfFile, image: int) -> Path:
 
 
 def pack_paths(file: GltfFile, notes: ReportNotes) -> tuple[Path, ...]:
-    """Return the packs that the file's images name, each once, as far as they are there; the others are reported."""
-    found: dict[Path, None] = {}
+    """Return the existing packs that the file's images name, each once. Missing packs are reported."""
+    existing: dict[Path, None] = {}
     for index, entry in enumerate(file.entries("images")):
         if entry.get("mimeType") != PACK_MIME_TYPE:
             continue
@@ -91,12 +91,12 @@ def pack_paths(file: GltfFile, notes: ReportNotes) -> tuple[Path, ...]:
         except InputError as error:
             notes.missing(str(error).removeprefix(f"{file.name}: "))
             continue
-        found[path] = None
-    return tuple(found)
+        existing[path] = None
+    return tuple(existing)
 
 
 def with_packed_images(file: GltfFile) -> GltfFile:
-    """Return `file` with an image for each texture that has no other than one in a pack. Raises InputError."""
+    """Return `file` with an image entry added for each texture whose only image is in a pack. Raises InputError."""
     textures, images = list(file.entries("textures")), list(file.entries("images"))
     quiet = ReportNotes()
     for number, texture in enumerate(textures):
@@ -113,6 +113,6 @@ def with_packed_images(file: GltfFile) -> GltfFile:
 
 
 def packed_image(file: GltfFile, index: int) -> PackOption | None:
-    """Return what image `index` is read from, where `with_packed_images` made it; None for images of the file."""
+    """Return the texture of a pack behind image `index`, if `with_packed_images` added it; None for images of the file."""
     option = file.entries("images")[index].get(_MARK)
     return option if isinstance(option, PackOption) else None

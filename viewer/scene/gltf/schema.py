@@ -1,7 +1,7 @@
 """The objects of a glTF file as they are read: types, bounds and defaults (glTF 2.0, Sec. 5, and the schemas of the extensions).
 
-Unknown properties are allowed everywhere. Properties of type `Any` are checked where they are used, because what is wrong with them
-is only reported, or has no effect. Indices are checked against the arrays that they point into where they are used.
+Unknown properties are allowed everywhere. Properties of type `Any` are checked where they are used, because their faults are only
+reported, or have no effect. Indices are checked where they are used, against the arrays that they point into.
 """
 
 import math
@@ -22,16 +22,16 @@ PrimitiveMode = Annotated[int, Meta(ge=0, le=6)] | Annotated[float, Meta(ge=0, l
 Layer = Annotated[int, Meta(ge=0, le=65535)] | Annotated[float, Meta(ge=0, le=65535, multiple_of=1)]
 Index = Annotated[int, Meta(ge=0)]
 ABSENT = -1
-"""Default of an index that an object need not have."""
+"""Default of an optional index."""
 Pair = tuple[Number, Number]
 Triple = tuple[Number, Number, Number]
 Quadruple = tuple[Number, Number, Number, Number]
 Attributes = dict[str, Any]
-"""Accessors by the name of the attribute. Those that are not read may be broken."""
+"""Accessors by attribute name. Accessors that are not read may be broken."""
 
 
 class Extensible(Struct, frozen=True, rename="camel"):
-    """Object that may have extensions, by their names."""
+    """Object that may have extensions, by name."""
 
     extensions: Mapping[str, Any] = MappingProxyType({})
 
@@ -44,7 +44,7 @@ class Asset(Struct, frozen=True, rename="camel"):
 
 
 class Document(Extensible, frozen=True):
-    """The extensions of the whole file."""
+    """Extensions of the whole file."""
 
     extensions_used: tuple[str, ...] = ()
     extensions_required: tuple[str, ...] = ()
@@ -57,7 +57,7 @@ class Scene(Struct, frozen=True):
 
 
 class Node(Extensible, frozen=True, gc=False):
-    """A node of the graph. There may be a million: without cycles they need no garbage collection."""
+    """Node of the graph. A file may have a million; they hold no cycles, so the garbage collector skips them."""
 
     children: tuple[Index, ...] = ()
     matrix: Annotated[tuple[Number, ...], Meta(min_length=16, max_length=16)] | UnsetType = UNSET
@@ -73,13 +73,13 @@ class Node(Extensible, frozen=True, gc=False):
 
 
 class Instancing(Struct, frozen=True):
-    """EXT_mesh_gpu_instancing."""
+    """Instances of a node's mesh (EXT_mesh_gpu_instancing)."""
 
     attributes: Attributes = {}
 
 
 class Visibility(Struct, frozen=True):
-    """KHR_node_visibility."""
+    """Visibility of a node (KHR_node_visibility)."""
 
     visible: Any = True
 
@@ -102,21 +102,21 @@ class Primitive(Extensible, frozen=True):
 
 
 class Mesh(Extensible, frozen=True):
-    """A mesh."""
+    """Mesh: primitives, and default weights of morph targets."""
 
     primitives: tuple[Primitive, ...] = ()
     weights: tuple[Number, ...] = ()
 
 
 class Draco(Struct, frozen=True, rename="camel"):
-    """KHR_draco_mesh_compression: attributes by name, each its number in the compressed data."""
+    """Draco compression of a primitive (KHR_draco_mesh_compression): unique ids in the compressed data, by attribute name."""
 
     buffer_view: Index
     attributes: dict[str, int] = {}
 
 
 class Variants(Struct, frozen=True):
-    """KHR_materials_variants of the file: objects with names."""
+    """Names of the file's material variants (KHR_materials_variants)."""
 
     variants: tuple[dict[str, Any], ...] = ()
 
@@ -129,13 +129,13 @@ class VariantMapping(Struct, frozen=True):
 
 
 class VariantMappings(Struct, frozen=True):
-    """KHR_materials_variants of a primitive."""
+    """Materials of a primitive by variant (KHR_materials_variants)."""
 
     mappings: tuple[VariantMapping, ...] = ()
 
 
 class Buffer(Struct, frozen=True, rename="camel"):
-    """A buffer; without `uri` the binary chunk of a GLB."""
+    """Buffer; without a `uri`, the binary chunk of a GLB."""
 
     byte_length: Whole
     uri: str | UnsetType = UNSET
@@ -155,7 +155,7 @@ MeshoptFilter = Literal["NONE", "OCTAHEDRAL", "QUATERNION", "EXPONENTIAL", "COLO
 
 
 class Meshopt(Struct, frozen=True, rename="camel"):
-    """EXT_meshopt_compression and KHR_meshopt_compression of a buffer view."""
+    """Compression of a buffer view (EXT_meshopt_compression and KHR_meshopt_compression)."""
 
     buffer: Index
     byte_length: Whole
@@ -169,7 +169,7 @@ class Meshopt(Struct, frozen=True, rename="camel"):
 
 
 class SparseIndices(Struct, frozen=True, rename="camel"):
-    """Places of the elements that a sparse accessor replaces."""
+    """Indices of the elements that a sparse accessor replaces."""
 
     buffer_view: Index
     component_type: Whole
@@ -177,14 +177,14 @@ class SparseIndices(Struct, frozen=True, rename="camel"):
 
 
 class SparseValues(Struct, frozen=True, rename="camel"):
-    """Elements of a sparse accessor."""
+    """Values that a sparse accessor replaces elements with."""
 
     buffer_view: Index
     byte_offset: Whole = 0
 
 
 class Sparse(Struct, frozen=True):
-    """Elements of an accessor that are replaced."""
+    """Replacements of some elements of an accessor."""
 
     count: Whole
     indices: SparseIndices
@@ -192,7 +192,7 @@ class Sparse(Struct, frozen=True):
 
 
 class Accessor(Struct, frozen=True, rename="camel"):
-    """Elements of a buffer view; without one they are zero."""
+    """Typed elements of a buffer view; without one, all are zero."""
 
     type: str
     component_type: Whole
@@ -211,7 +211,7 @@ class AnimationTarget(Struct, frozen=True):
 
 
 class AnimationChannel(Struct, frozen=True):
-    """A channel of an animation."""
+    """Channel of an animation: a sampler and its target."""
 
     target: AnimationTarget = AnimationTarget()
     sampler: Any = None
@@ -221,7 +221,7 @@ Interpolation = Literal["LINEAR", "STEP", "CUBICSPLINE"]
 
 
 class AnimationSampler(Struct, frozen=True):
-    """Key frames."""
+    """Key frames of a channel: accessors of times and values, and the interpolation."""
 
     input: Index
     output: Index
@@ -229,7 +229,7 @@ class AnimationSampler(Struct, frozen=True):
 
 
 class Animation(Struct, frozen=True):
-    """An animation. Samplers that no channel uses may be broken."""
+    """Animation. Samplers that no channel uses may be broken."""
 
     channels: tuple[AnimationChannel, ...] = ()
     samplers: tuple[Any, ...] = ()
@@ -255,7 +255,7 @@ class Orthographic(Struct, frozen=True):
 
 
 class Camera(Struct, frozen=True):
-    """A camera."""
+    """Camera: its type, and the lens of that type."""
 
     type: Literal["perspective", "orthographic"]
     perspective: Perspective = Perspective()
@@ -276,18 +276,18 @@ class Light(Struct, frozen=True):
     color: Triple = (1.0, 1.0, 1.0)
     intensity: Number = 1.0
     range: Number = 0.0
-    """Metres; 0: without an end."""
+    """Metres; 0: infinite."""
     spot: Spot = Spot()
 
 
 class Lights(Struct, frozen=True):
-    """KHR_lights_punctual of the file. Lights that stand nowhere may be broken."""
+    """Lights of the file (KHR_lights_punctual). Lights that no node holds may be broken."""
 
     lights: tuple[Any, ...] = ()
 
 
 class LightOfNode(Struct, frozen=True):
-    """KHR_lights_punctual of a node."""
+    """Light at a node (KHR_lights_punctual)."""
 
     light: Index
 
@@ -315,14 +315,14 @@ class OtherImage(Struct, frozen=True):
 
 
 class Image(Struct, frozen=True, rename="camel"):
-    """The place of an image."""
+    """Location of an image: a URI or a buffer view."""
 
     uri: str | UnsetType = UNSET
     buffer_view: Index = ABSENT
 
 
 class Swizzle(Struct, frozen=True):
-    """NV_texture_swizzle. Options of other formats have other properties than ours."""
+    """Alternative images of a texture (NV_texture_swizzle). Options of other formats may have other properties."""
 
     options: tuple[dict[str, Any], ...] = ()
 
@@ -340,7 +340,7 @@ class SwizzleOption(Struct, frozen=True, rename="camel"):
 
 
 class TextureTransform(Struct, frozen=True, rename="camel"):
-    """KHR_texture_transform."""
+    """Transform of UVs (KHR_texture_transform)."""
 
     offset: Pair = (0.0, 0.0)
     rotation: Number = 0.0
@@ -349,26 +349,26 @@ class TextureTransform(Struct, frozen=True, rename="camel"):
 
 
 class TextureInfo(Extensible, frozen=True, kw_only=True):
-    """The texture of a map, and the UVs that it is sampled by."""
+    """Texture of a map, and the UV set that it is sampled with."""
 
     index: Index
     tex_coord: UvSet = 0
 
 
 class NormalTexture(TextureInfo, frozen=True):
-    """The texture of normals."""
+    """Texture of normals."""
 
     scale: Number = 1.0
 
 
 class OcclusionTexture(TextureInfo, frozen=True):
-    """The texture of occlusion."""
+    """Texture of occlusion."""
 
     strength: Number = 1.0
 
 
 class BaseColor(Struct, frozen=True, rename="camel"):
-    """What an unlit material reads of its colours."""
+    """Colours that every material has, unlit ones too."""
 
     base_color_factor: Quadruple = (1.0, 1.0, 1.0, 1.0)
     base_color_texture: TextureInfo | UnsetType = UNSET
@@ -383,7 +383,7 @@ class MetallicRoughness(BaseColor, frozen=True):
 
 
 class Material(Extensible, frozen=True):
-    """What is read of every material."""
+    """Properties that are read of every material."""
 
     pbr_metallic_roughness: BaseColor = BaseColor()
     alpha_mode: Literal["OPAQUE", "MASK", "BLEND"] = "OPAQUE"
@@ -392,7 +392,7 @@ class Material(Extensible, frozen=True):
 
 
 class LitMaterial(Material, frozen=True):
-    """A material that light has an effect on."""
+    """Material that is lit."""
 
     pbr_metallic_roughness: MetallicRoughness = MetallicRoughness()
     normal_texture: NormalTexture | UnsetType = UNSET
@@ -402,7 +402,7 @@ class LitMaterial(Material, frozen=True):
 
 
 class SpecularGlossiness(Struct, frozen=True, rename="camel"):
-    """KHR_materials_pbrSpecularGlossiness."""
+    """Colours of a specular-glossiness material (KHR_materials_pbrSpecularGlossiness)."""
 
     diffuse_factor: Quadruple = (1.0, 1.0, 1.0, 1.0)
     diffuse_texture: TextureInfo | UnsetType = UNSET
@@ -412,36 +412,36 @@ class SpecularGlossiness(Struct, frozen=True, rename="camel"):
 
 
 class Unlit(Struct, frozen=True):
-    """KHR_materials_unlit."""
+    """Mark of an unlit material (KHR_materials_unlit)."""
 
 
 class EmissiveStrength(Struct, frozen=True, rename="camel"):
-    """KHR_materials_emissive_strength."""
+    """Multiplier of the emissive factor (KHR_materials_emissive_strength)."""
 
     emissive_strength: Number = 1.0
 
 
 class Ior(Struct, frozen=True):
-    """KHR_materials_ior."""
+    """Index of refraction (KHR_materials_ior)."""
 
     ior: Number = 1.5
 
 
 class Specular(Struct, frozen=True, rename="camel"):
-    """KHR_materials_specular; its textures are not read."""
+    """Strength and colour of specular reflection (KHR_materials_specular). Its textures are not read."""
 
     specular_factor: Number = 1.0
     specular_color_factor: Triple = (1.0, 1.0, 1.0)
 
 
 class Clearcoat(Struct, frozen=True, rename="camel"):
-    """KHR_materials_clearcoat; its textures are not read."""
+    """Clear coat (KHR_materials_clearcoat). Its textures are not read."""
 
     clearcoat_factor: Number = 0.0
     clearcoat_roughness_factor: Number = 0.0
 
 
 class Transmission(Struct, frozen=True, rename="camel"):
-    """KHR_materials_transmission; its texture is not read."""
+    """Transmission of light (KHR_materials_transmission). Its texture is not read."""
 
     transmission_factor: Number = 0.0

@@ -1,4 +1,4 @@
-"""Meshes where they stand: their shapes, read once each, and one row for each primitive of each placement."""
+"""Placed meshes: their geometry, read once each, and an instance for each primitive of each placement."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ from viewer.scene.report import ReportNotes
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A mesh that stands somewhere."""
+    """Mesh with its placements and its deformation."""
 
     mesh: int
     deformation: Deformation | None
@@ -31,30 +31,30 @@ class Shape:
 
     @property
     def key(self) -> tuple[int, int]:
-        """Key that shapes of the same vertices share."""
+        """Key that shapes with the same vertices share."""
         return self.mesh, -1 if self.deformation is None else self.node
 
 
 def placed_shapes(
     file: GltfFile, accessors: Accessors, placements: Sequence[NodePlacements], animated: Collection[int]
 ) -> list[Shape]:
-    """Return the meshes of all placements; `animated`: nodes whose morph weights some animation changes. Raises InputError."""
+    """Return the shapes of all placements. `animated`: nodes whose morph weights some animation changes. Raises InputError."""
     worlds = {placement.node: placement.world for placement in placements}
     shapes: list[Shape] = []
     for placement in placements:
         if placement.mesh is not None:
             deformation = read_deformation(file, accessors, placement.node, placement.weights, worlds, animated)
-            # Joints take vertices to the world whatever the node's own place is.
+            # Joints transform vertices to world space; the transform of a skinned mesh's node does not count.
             skinned = deformation is not None and deformation.joints is not None
-            stands = np.eye(4)[None] if skinned else placement.mesh_worlds
-            shapes.append(Shape(placement.mesh, deformation, placement.node, stands))
+            mesh_worlds = np.eye(4)[None] if skinned else placement.mesh_worlds
+            shapes.append(Shape(placement.mesh, deformation, placement.node, mesh_worlds))
     return shapes
 
 
 def read_shapes(
     shapes: Sequence[Shape], reader: GeometryReader
 ) -> tuple[list[Primitive], dict[tuple[int, int], tuple[int, int]]]:
-    """Return (all primitives, (first, count) of those of each shape by its key). Raises InputError."""
+    """Return (all primitives; range (first, count) of the primitives of each shape, by its key). Raises InputError."""
     primitives: list[Primitive] = []
     ranges: dict[tuple[int, int], tuple[int, int]] = {}
     for shape in shapes:
@@ -68,7 +68,7 @@ def read_shapes(
 def place_shapes(
     file: GltfFile, shapes: Sequence[Shape], ranges: Mapping[tuple[int, int], tuple[int, int]], most: int
 ) -> Instances:
-    """Return every primitive of every shape, placement by placement; `most` in all, else InputError."""
+    """Return an instance for every primitive of every placement. Raises InputError for more than `most`."""
     of_mesh = np.array([ranges[shape.key] for shape in shapes], np.int64).reshape(-1, 2)
     copies = np.array([len(shape.worlds) for shape in shapes], np.int64)
     rows = np.cumsum(of_mesh[:, 1] * copies)
@@ -77,7 +77,7 @@ def place_shapes(
         raise file.fail(f"nodes[{node}]", f"the scene has more than {most} instances; split it")
     counts = np.repeat(of_mesh[:, 1], copies)
     worlds = np.concatenate([np.zeros((0, 4, 4)), *(shape.worlds for shape in shapes)]).astype(np.float32)
-    # Each placement lists its mesh's primitives one after another, starting anew.
+    # Each placement lists the primitives of its mesh, from the first one on.
     within = np.arange(int(counts.sum())) - np.repeat(np.cumsum(counts) - counts, counts)
     return Instances(
         primitive=(np.repeat(np.repeat(of_mesh[:, 0], copies), counts) + within).astype(np.int32),
@@ -87,25 +87,25 @@ def place_shapes(
 
 
 MOST_NAMED = 6
-"""Animations that one message names."""
+"""Most animations that one message names."""
 
 
 def posed_values(animations: Sequence[Animation], pose: Pose | None, scene: str) -> NodeValues:
-    """Return what the animation that `pose` names gives at its time; nothing for None.
-    Raises InputError where there is none of that name."""
+    """Return the values of the animation and the time that `pose` names; {} for None.
+    Raises InputError for an unknown animation."""
     if pose is None:
         return {}
     if not animations:
         raise InputError(f"{scene}: has no animations")
-    found = next((animation for animation in animations if pose.animation in ("", animation.name)), None)
-    if found is None:
+    chosen = next((animation for animation in animations if pose.animation in ("", animation.name)), None)
+    if chosen is None:
         known = ", ".join(animation.name for animation in animations[:MOST_NAMED])
         raise InputError(f"{scene}: no animation {pose.animation!r}; there are {known}")
-    return found.at(pose.seconds)
+    return chosen.at(pose.seconds)
 
 
 def animated_weights(animations: Sequence[Animation]) -> frozenset[int]:
-    """Nodes whose morph weights some animation changes."""
+    """Return the nodes whose morph weights some animation changes."""
     return frozenset(
         channel.node for animation in animations for channel in animation.channels if channel.path == "weights"
     )
@@ -113,7 +113,7 @@ def animated_weights(animations: Sequence[Animation]) -> frozenset[int]:
 
 @dataclass(frozen=True, eq=False)
 class SceneMotion:
-    """The animations of a file, and what they move. Keeps the file in memory."""
+    """The animations of a file, and the parts of the scene that they move. Holds the file in memory."""
 
     name: str
     file: GltfFile
@@ -133,16 +133,16 @@ class SceneMotion:
 
     @cached_property
     def _boxes(self) -> NDArray[np.float64]:
-        """Return [primitives, 2, 3] boxes around the vertices of each primitive, as they were read."""
+        """Boxes [primitives, 2, 3] around the vertices of each primitive, as they were read."""
         boxes = np.zeros((len(self.primitives), 2, 3))
         for box, primitive in zip(boxes, self.primitives, strict=True):
-            own = self.geometry.positions[primitive.base_vertex : primitive.base_vertex + primitive.vertex_count]
-            if len(own):
-                box[:] = own.min(axis=0), own.max(axis=0)
+            vertices = self.geometry.positions[primitive.base_vertex : primitive.base_vertex + primitive.vertex_count]
+            if len(vertices):
+                box[:] = vertices.min(axis=0), vertices.max(axis=0)
         return boxes
 
     def at(self, pose: Pose | None) -> Stand:
-        """Return how the scene stands in a pose; None: as its nodes say. Raises InputError for a pose of no animation of the file."""
+        """Return the positions of all moving parts in a pose; None: without an animation. Raises InputError for an unknown one."""
         values = posed_values(self.animations, pose, self.name)
         placements = walk_nodes(self.file, self.accessors, ReportNotes(), values)
         shapes = placed_shapes(self.file, self.accessors, placements, self._animated)

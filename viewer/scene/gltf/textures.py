@@ -1,4 +1,4 @@
-"""References to textures as materials state them: which image, how it is sampled, and by which UVs."""
+"""Texture references of materials: the image, the sampler and the UVs."""
 
 import math
 from collections.abc import Collection
@@ -35,12 +35,12 @@ IMAGE_EXTENSIONS = (
 )
 """Extensions that name another image of a texture, in order of preference."""
 COPIES = frozenset({"KHR_texture_basisu", "EXT_texture_astc", "EXT_texture_avif"})
-"""Extensions among IMAGE_EXTENSIONS that are used where there is no plain image."""
+"""Extensions among IMAGE_EXTENSIONS that are used only for textures without a plain image."""
 TRANSFORM = "KHR_texture_transform"
 LEAST_DETERMINANT = 1e-12
-"""A transform that shrinks areas more than this is taken to be without an inverse."""
+"""Smallest determinant of a transform that is inverted."""
 LARGEST_TERM = 1e30
-"""Terms of a combined transform above it do not fit into single precision with UVs."""
+"""Largest term of a combined transform: products with UVs must stay finite in single precision."""
 
 Affine = tuple[float, float, float, float, float, float]
 """Rows (a, b, c) and (d, e, f) of u' = a u + b v + c, v' = d u + e v + f."""
@@ -49,7 +49,7 @@ IDENTITY: Affine = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 
 @dataclass(frozen=True)
 class UvTransform:
-    """KHR_texture_transform: uv' = T R S uv, the picture turning clockwise for positive angles."""
+    """Transform of UVs (KHR_texture_transform): uv' = T R S uv. A positive angle turns the picture clockwise."""
 
     offset: tuple[float, float]
     rotation: float
@@ -58,13 +58,13 @@ class UvTransform:
 
     @property
     def affine(self) -> Affine:
-        """Transform as the rows of a matrix."""
+        """Rows of the transform's matrix."""
         cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
         across, along = self.scale
         return cosine * across, sine * along, self.offset[0], -sine * across, cosine * along, self.offset[1]
 
     def apply(self, uvs: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Transformed copy of `uvs` [N, 2]."""
+        """Return a transformed copy of `uvs` [N, 2]."""
         cosine, sine = math.cos(self.rotation), math.sin(self.rotation)
         u, v = uvs[:, 0].astype(np.float64) * self.scale[0], uvs[:, 1].astype(np.float64) * self.scale[1]
         turned = np.stack([cosine * u + sine * v + self.offset[0], cosine * v - sine * u + self.offset[1]], axis=1)
@@ -72,7 +72,7 @@ class UvTransform:
 
 
 def after_inverse(first: UvTransform | None, second: UvTransform | None) -> Affine | None:
-    """Return what takes UVs that `first` was applied to to those that `second` gives; None without an inverse, and on overflow."""
+    """Return the transform from `first`'s UV space to `second`'s; None where `first` has no inverse, and on overflow."""
     if first == second:
         return IDENTITY
     a, b, c, d, e, f = IDENTITY if first is None else first.affine
@@ -80,9 +80,9 @@ def after_inverse(first: UvTransform | None, second: UvTransform | None) -> Affi
     if abs(determinant) < LEAST_DETERMINANT:
         return None
     inverse = np.array([[e, -b, b * f - c * e], [-d, a, c * d - a * f], [0.0, 0.0, determinant]]) / determinant
-    wanted = np.array([*(IDENTITY if second is None else second.affine), 0.0, 0.0, 1.0]).reshape(3, 3)
+    target = np.array([*(IDENTITY if second is None else second.affine), 0.0, 0.0, 1.0]).reshape(3, 3)
     with np.errstate(over="ignore", invalid="ignore"):
-        combined = wanted @ inverse
+        combined = target @ inverse
     if not (np.abs(combined) < LARGEST_TERM).all():
         return None
     u, v, _ = combined.tolist()
@@ -91,7 +91,7 @@ def after_inverse(first: UvTransform | None, second: UvTransform | None) -> Affi
 
 @dataclass(frozen=True)
 class TextureReference:
-    """A textureInfo of a material."""
+    """Texture of a map: glTF's textureInfo with the texture's image and sampler."""
 
     image: int
     """Index of the image."""
@@ -103,11 +103,11 @@ class TextureReference:
     texture: int = -1
     """Index of the texture entry of the file."""
     packed_hash: str = ""
-    """Identity of the texture of a pack that stands for it (NV_texture_swizzle); "" for none."""
+    """Identity of the texture of a pack that replaces it (NV_texture_swizzle); "" for none."""
 
 
 def category_of(file: GltfFile, owner: dict[str, Any]) -> str | None:
-    """Return the text "category" in the extras of `owner`, if it has one."""
+    """Return the category in the extras of the object `owner`; None without one."""
     extras = owner.get("extras")
     value = extras.get("category") if isinstance(extras, dict) else None
     return file.label({"name": value}, "") or None if isinstance(value, str) else None
@@ -136,7 +136,7 @@ def _sampler(file: GltfFile, texture: schema.Texture, where: str, notes: ReportN
 
 
 def texture_image(file: GltfFile, number: int, notes: ReportNotes) -> int | None:
-    """Image of texture `number`: a WebP or DDS extension's, else the plain one, else one that is read nevertheless."""
+    """Return the image of texture `number`: that of a WebP or DDS extension, else the plain one, else one of COPIES."""
     texture, where, count = (
         file.entry("textures", number, schema.Texture),
         f"textures[{number}]",
@@ -147,7 +147,7 @@ def texture_image(file: GltfFile, number: int, notes: ReportNotes) -> int | None
         if extension is None or extension.source == schema.ABSENT:
             continue
         if name in COPIES and texture.source != schema.ABSENT:
-            # What Basis Universal, ASTC or AVIF holds was compressed from the plain image, which is nearer to what was made.
+            # The Basis Universal, ASTC or AVIF image was compressed from the plain one, which is closer to the original.
             notes.note(f"{name}: textures whose plain image is read instead")
             continue
         notes.honoured(f"{name}: textures")
@@ -161,8 +161,8 @@ def texture_image(file: GltfFile, number: int, notes: ReportNotes) -> int | None
 def read_reference(
     file: GltfFile, info: schema.TextureInfo | UnsetType, where: str, notes: ReportNotes
 ) -> TextureReference | None:
-    """Return the reference of the textureInfo `info` in the field `where`; None when there is none, or none with an image that is
-    read. Raises InputError."""
+    """Return the texture reference of the textureInfo `info` in the field `where`; None without one, or without an image.
+    Raises InputError."""
     if isinstance(info, UnsetType):
         return None
     number = file.index(info.index, len(file.entries("textures")), f"{where}.index")

@@ -321,7 +321,7 @@ def decoded(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
         return decode_image(data, name)
 
     monkeypatch.setattr("viewer.scene.gltf.maps.images.decode_image", counting)
-    monkeypatch.setattr("viewer.scene.gltf.maps.material_sets.KEPT_FROM_BYTES", 1)
+    monkeypatch.setattr("viewer.scene.gltf.maps.material_sets.CACHED_FROM_BYTES", 1)
     monkeypatch.setenv("NTC_VIEWER_CACHE_DIR", str(tmp_path / "cache"))
     return names
 

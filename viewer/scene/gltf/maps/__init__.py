@@ -1,1 +1,1 @@
-"""The images of a glTF file: found out about while it is opened, gathered into textures, read when they are needed."""
+"""The images of a glTF file: examined while it is opened, gathered into textures, decoded again when pixels are needed."""

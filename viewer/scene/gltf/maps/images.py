@@ -1,4 +1,4 @@
-"""Images of the file, taken apart into the maps that materials read: on all cores, with bounds on memory."""
+"""Images of the file, split into the maps that materials read: on all cores, with bounds on memory."""
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -35,20 +35,20 @@ from viewer.scene.pixels import FactsFile, ImageContent, ImageFacts, MapFacts, P
 from viewer.scene.report import ReportNotes
 
 FLAT = ((127, 127), (127, 128), (128, 127), (128, 128))
-"""Normal xy that stand for an even surface: 0 lies between two of 256 steps."""
+"""Normal xy of an even surface: 0 lies between two of the 256 steps."""
 MIDDLE = 127.5
 SHORTEST, LONGEST = 0.9, 1.1
-"""Lengths of stored normals beyond rounding: others are brought to 1 before z is dropped."""
+"""Range of lengths of stored normals that rounding explains. Others are normalised before z is dropped."""
 ROWS = 256
-"""Rows of an image that are looked at together."""
+"""Rows of an image that are examined together."""
 
 
 def _unit_normals(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
-    """Return (xy [H, W, 2] of the normals in `image` [H, W, 3 or 4], texels whose normal was far from unit length; those that
-    also point into the surface become even).
+    """Return (xy [H, W, 2] of the normals in `image` [H, W, 3 or 4]; number of texels whose normal was far from unit length).
 
-    Renderers normalise what they sample (glTF 2.0, Sec. 3.9); z is rebuilt from xy here, so xy must be those of the unit
-    normal. Where blue is the same everywhere the image holds xy alone.
+    Renderers normalise what they sample (glTF 2.0, Sec. 3.9). Here z is dropped and rebuilt from xy, so xy must be those of the
+    unit normal. Normals far from unit length that also point into the surface become even ones. An image whose blue is constant
+    holds xy alone and is returned as it is.
     """
     normal = np.ascontiguousarray(image[..., :2])
     blue = image[..., 2]
@@ -63,15 +63,14 @@ def _unit_normals(image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], int]:
         if count:
             changed += count
             unit = vectors[far][:, :2] / lengths[far][:, None]
-            # Black texels, which no triangle shows, are common.
+            # Black texels are common, mostly where no triangle shows them.
             unit[vectors[far][:, 2] < 0] = 0.0
             normal[start : start + ROWS][far] = np.floor(unit * MIDDLE + MIDDLE + 0.5).astype(np.uint8)
     return normal, changed
 
 
 def map_channels(name: MapName, image: NDArray[np.uint8]) -> tuple[NDArray[np.uint8] | None, str]:
-    """Return ([H, W, channels] of map `name` of `image` [H, W, 3 or 4] uint8, or None where that is not usable; what was wrong
-    with it)."""
+    """Return ([H, W, channels] uint8 of map `name` in `image` [H, W, 3 or 4], None where it is not usable; its fault, or "")."""
     if name != "normal":
         channels = TABLE_OF_MAP[name].gltf_channels
         return np.ascontiguousarray(image[..., channels[0] : channels[-1] + 1]), ""
@@ -85,7 +84,7 @@ def map_channels(name: MapName, image: NDArray[np.uint8]) -> tuple[NDArray[np.ui
 
 
 def map_facts(name: MapName, pixels: NDArray[np.uint8] | None, remark: str) -> MapFacts:
-    """Return what there is to know of what `map_channels` gives."""
+    """Return the facts of a map, from the pixels and the remark that `map_channels` returns."""
     if pixels is None:
         return MapFacts(remark=remark)
     if not is_constant(pixels):
@@ -111,15 +110,15 @@ def resampled(pixels: NDArray[np.uint8], width: int, height: int) -> NDArray[np.
 
 
 FREE_PIXEL_BYTES = 1 << 29
-"""Bytes of pixels that any scene may keep, however small its images are as files; beyond, LARGE_EXPANSION holds."""
+"""Bytes of pixels that any scene may keep, however small its image files are. Beyond, LARGE_EXPANSION limits them."""
 FREE_DECODED_BYTES = 1 << 32
-"""The same for all that is decoded, constant images too, which are not kept but take time."""
+"""Bytes that any scene may decode, with images that turn out constant: they take time, but no memory."""
 NO_FACTS = ImageFacts((0, 0), 0, 0)
 
 
 @dataclass(frozen=True, eq=False)
 class SceneImage:
-    """Image of the file; `failure` says why there are no pixels."""
+    """Image of the file. `failure` says why it has no pixels."""
 
     name: str
     origin: str
@@ -133,7 +132,7 @@ class SceneImage:
 
 @dataclass
 class ImageUse:
-    """Parts of an image that materials read."""
+    """Maps of an image that materials read, and whether they read its alpha."""
 
     maps: set[MapName] = field(default_factory=set)
     alpha: bool = False
@@ -141,34 +140,34 @@ class ImageUse:
 
 
 class PixelBudget:
-    """Limits decoded bytes, counted from several threads, to a proportion of the bytes of the image files."""
+    """Limit of decoded bytes in proportion to the bytes of the image files. Threads may count at the same time."""
 
     def __init__(self) -> None:
         self._lock = Lock()
-        self._kept = self._decoded = self._file_bytes = 0
+        self._retained = self._decoded = self._file_bytes = 0
 
     def check(self) -> None:
-        """Raises TooManyPixelsError where too much was decoded so far, before yet another image is."""
+        """Refuse to decode another image when the limit is exceeded. Raises TooManyPixelsError."""
         allowed = LARGE_EXPANSION * self._file_bytes
-        if self._kept > FREE_PIXEL_BYTES + allowed or self._decoded > FREE_DECODED_BYTES + allowed:
+        if self._retained > FREE_PIXEL_BYTES + allowed or self._decoded > FREE_DECODED_BYTES + allowed:
             raise TooManyPixelsError
 
-    def add(self, byte_count: int, decoded: int, kept: int) -> None:
-        """Count an image file of `byte_count` bytes, and the bytes `decoded` and `kept`. Raises TooManyPixelsError."""
+    def add(self, byte_count: int, decoded: int, retained: int) -> None:
+        """Count an image file of `byte_count` bytes, its bytes `decoded`, and those `retained`. Raises TooManyPixelsError."""
         with self._lock:
             self._decoded += decoded
-            self._kept += kept
+            self._retained += retained
             self._file_bytes += byte_count
         self.check()
 
 
 class TooManyPixelsError(Exception):
-    """The images of a scene decode to too many bytes for the size of their files."""
+    """Error of a scene whose images decode to too many bytes for the size of their files."""
 
 
 @dataclass(frozen=True, eq=False)
 class _ImageFile:
-    """Place where the bytes of an image lie."""
+    """Bytes of an image: embedded, or in a file."""
 
     data: bytes | memoryview | None = None
     """Bytes of an embedded image."""
@@ -184,30 +183,30 @@ class _ImageFile:
         try:
             return read_file(self.path)
         except OSError as error:
-            raise InputError(f"{label}: cannot be read any more ({error.strerror}); open the scene again") from error
+            raise InputError(f"{label}: can no longer be read ({error.strerror}); open the scene again") from error
 
 
-def _found(file: GltfFile, buffers: Buffers, index: int) -> tuple[_ImageFile, bytes]:
-    """Return (where image `index` lies, its bytes). Raises InputError."""
+def _image_file(file: GltfFile, buffers: Buffers, index: int) -> tuple[_ImageFile, bytes]:
+    """Return (source of image `index` to read it again, its bytes). Raises InputError."""
     entry, where = file.entry("images", index, Image), f"images[{index}]"
     if not isinstance(entry.uri, UnsetType):
         data = read_uri(file, entry.uri, f"{where}.uri")
         path = None if is_data_uri(entry.uri) else resolve_uri(file, entry.uri, f"{where}.uri")
         return (_ImageFile(data) if path is None else _ImageFile(path=path, keeps=file.keeps)), data
     if entry.buffer_view != ABSENT:
-        # No copy: views of one buffer may overlap, and then many copies would take more than the file.
+        # A view, not a copy: views of one buffer may overlap, and copies of them could exceed the file.
         view = buffers.view(entry.buffer_view, f"{where}.bufferView")[0]
         return _ImageFile(view.data), view.tobytes()
     raise file.fail(where, "has neither a uri nor a bufferView")
 
 
 def image_bytes(file: GltfFile, buffers: Buffers, index: int) -> bytes:
-    """Return the file of image `index`, wherever it lies. Raises InputError."""
-    return _found(file, buffers, index)[1]
+    """Return the bytes of image `index` in its file format. Raises InputError."""
+    return _image_file(file, buffers, index)[1]
 
 
 def _source(file: GltfFile, index: int) -> tuple[str, Any]:
-    """Return what image `index` is read from: images with the same source are decoded once."""
+    """Return the identity of the source of image `index`. Images with the same source are decoded once."""
     entry = file.entries("images")[index]
     for key in ("uri", "bufferView"):
         if key in entry:
@@ -227,7 +226,7 @@ def _names(file: GltfFile, index: int) -> tuple[str, str]:
 
 
 def image_uses(sources: Sequence[MaterialSource]) -> dict[int, ImageUse]:
-    """Return the parts of each image that `sources` read, by image: base colours first, in the order of their materials."""
+    """Return the uses of each image by `sources`, by image: base colours first, in the order of their materials."""
     uses: dict[int, ImageUse] = {}
     for source in sources:
         if "base" in source.maps:
@@ -244,18 +243,18 @@ def image_uses(sources: Sequence[MaterialSource]) -> dict[int, ImageUse]:
     return uses
 
 
-def _taken_apart(decoded: NDArray[np.uint8], use: ImageUse) -> tuple[ImageContent, ImageFacts]:
-    """Return what `use` reads of the image `decoded` [H, W, 3 or 4]."""
-    found: dict[MapName, NDArray[np.uint8]] = {}
+def _split(decoded: NDArray[np.uint8], use: ImageUse) -> tuple[ImageContent, ImageFacts]:
+    """Return (pixels that `use` reads of the image `decoded` [H, W, 3 or 4]; facts of the image)."""
+    map_pixels: dict[MapName, NDArray[np.uint8]] = {}
     facts: dict[MapName, MapFacts] = {}
     for name in sorted(use.maps - {"base"}):
         pixels, remark = map_channels(name, decoded)
         facts[name] = map_facts(name, pixels, remark)
         if pixels is not None and facts[name].key:
-            found[name] = pixels
+            map_pixels[name] = pixels
     size = decoded.shape[1], decoded.shape[0]
     if "base" not in use.maps:
-        content = ImageContent(maps=found)
+        content = ImageContent(maps=map_pixels)
         return content, ImageFacts(size, decoded.nbytes, content.nbytes, maps=facts)
     pixels, alpha = split_alpha(decoded)
     if not use.alpha:
@@ -264,16 +263,16 @@ def _taken_apart(decoded: NDArray[np.uint8], use: ImageUse) -> tuple[ImageConten
     if is_constant(whole):
         red, green, blue = (float(value) for value in srgb_to_linear(pixels[0, 0] / 255.0))
         color = (red, green, blue, 1.0 if alpha is None else float(alpha[0, 0]) / 255.0)
-        content = ImageContent(maps=found)
+        content = ImageContent(maps=map_pixels)
         return content, ImageFacts(size, decoded.nbytes, content.nbytes, constant=color, maps=facts)
-    content = ImageContent(pixels, alpha, found)
-    # Whole images count as kept, as their file holds them.
-    kept = decoded.nbytes + sum(part.nbytes for part in found.values())
-    return content, ImageFacts(size, decoded.nbytes, kept, hash_pixels(whole), alpha is not None, maps=facts)
+    content = ImageContent(pixels, alpha, map_pixels)
+    # The base colour counts with all channels of the file, also where its alpha is not read.
+    retained = decoded.nbytes + sum(part.nbytes for part in map_pixels.values())
+    return content, ImageFacts(size, decoded.nbytes, retained, hash_pixels(whole), alpha is not None, maps=facts)
 
 
 def _read_again(data: bytes, label: str, facts: ImageFacts) -> ImageContent:
-    """Return the pixels of an image whose facts are known. Raises InputError where it is not there any more, or another."""
+    """Return the pixels of an image whose facts are known. Raises InputError where its file is broken or of another size."""
     decoded = decode_image(data, label)
     if (decoded.shape[1], decoded.shape[0]) != facts.size:
         raise InputError(f"{label}: has changed since the scene was opened; open it again")
@@ -289,7 +288,7 @@ def _read_again(data: bytes, label: str, facts: ImageFacts) -> ImageContent:
 
 
 class ImageReader:
-    """Finds out about the images of a file, and reads them again later."""
+    """Reads the facts of a file's images, and their pixels again later."""
 
     def __init__(self, file: GltfFile, buffers: Buffers, facts: FactsFile, cache: PixelCache) -> None:
         self._file, self._buffers, self._facts, self.cache = file, buffers, facts, cache
@@ -297,15 +296,15 @@ class ImageReader:
         self.budget = PixelBudget()
 
     def touch_buffer(self, image: int) -> None:
-        """Read the buffer that an image lies in: buffers are not made for threads."""
+        """Read the buffer of an embedded image now, because `Buffers` may only be used by one thread."""
         view = self._file.entries("images")[image].get("bufferView")
         if view is not None:
-            # What is wrong is met again, and reported, where the image is read.
+            # `find_out` meets the same error, and reports it.
             with suppress(InputError):
                 self._buffers.view(view, f"images[{image}].bufferView")
 
     def find_out(self, index: int, use: ImageUse) -> SceneImage:
-        """Image `index`: what is known of it already, else what its pixels tell. Raises TooManyPixelsError."""
+        """Return image `index`, with facts from the cache or from its pixels. Raises TooManyPixelsError."""
         self.budget.check()
         name, origin = _names(self._file, index)
         label = f"{self._file.name}: images[{index}] ({origin})"
@@ -314,15 +313,15 @@ class ImageReader:
             return self._in_pack(option, use, name)
         content: ImageContent | None = None
         try:
-            place, data = _found(self._file, self._buffers, index)
+            place, data = _image_file(self._file, self._buffers, index)
             key = FactsFile.image_key(data, f"{'alpha ' if use.alpha else ''}{' '.join(sorted(use.maps))}")
             facts = self._facts.image(key)
             if facts is None:
-                content, facts = _taken_apart(decode_image(data, label), use)
+                content, facts = _split(decode_image(data, label), use)
         except InputError as error:
             return SceneImage(name, origin, failure=str(error))
         self.budget.add(len(data), facts.decoded_bytes, facts.kept_bytes)
-        # Not `self`: the file and its buffers need not stay in memory.
+        # The reader below must not hold `self`, which would keep the file and its buffers in memory.
         number, known, cache = object(), facts, self.cache
         if content is not None:
             self._facts.add_image(key, facts)
@@ -335,7 +334,7 @@ class ImageReader:
         )
 
     def _in_pack(self, option: PackOption, use: ImageUse, name: str) -> SceneImage:
-        """Return an image that only a pack holds."""
+        """Return an image whose pixels exist only in a pack."""
         packed = self._packed
         try:
             texture = packed.find(option)
@@ -358,10 +357,10 @@ def find_images(
     notes: ReportNotes,
     report: ProgressReport | None = None,
 ) -> dict[int, SceneImage]:
-    """Return the images that are the keys of `uses`, in their order; those that fail are reported.
+    """Return the images that `uses` names, in its order. Images that cannot be read are reported.
 
-    Each source is read once (twice where one material reads its alpha and another does not). Raises TooManyPixelsError, and what
-    `report` raises.
+    Each source is read once (twice where one material reads its alpha and another does not). Raises TooManyPixelsError, and the
+    exceptions of `report`.
     """
     first: dict[tuple[tuple[str, Any], bool], int] = {}
     of_image: dict[int, int] = {}
@@ -381,15 +380,15 @@ def find_images(
             reason = image.failure.removeprefix(f"{file.name}: ")
             base = "base" in merged[index].maps
             notes.missing(f"{reason} [{'a magenta pattern times the factor is used' if base else 'factors are used'}]")
-        for key, found in image.facts.maps.items():
-            if found.remark:
-                notes.note(f"{image.name}: {key} map {found.remark}")
+        for key, facts_of_map in image.facts.maps.items():
+            if facts_of_map.remark:
+                notes.note(f"{image.name}: {key} map {facts_of_map.remark}")
     by_first = dict(zip(first.values(), decoded, strict=True))
     return {index: by_first[source] for index, source in of_image.items()}
 
 
 def note_absent(file: GltfFile, index: int, notes: ReportNotes) -> None:
-    """Report a file that the scene names but nothing drawn needs when it is not there."""
+    """Report a missing image file that nothing drawn needs."""
     entry = file.entries("images")[index]
     uri = entry.get("uri")
     if not isinstance(uri, str) or uri[:5].lower() == "data:" or entry.get("mimeType") == PACK_MIME_TYPE:

@@ -1,7 +1,14 @@
-"""Finished materials: their maps gathered into textures, constant ones multiplied into factors.
+"""Finished materials: their maps joined into textures, constant maps multiplied into factors.
 
-Planes of a material that share size, UVs and sampler lie in one texture, a material set, unless an earlier material has them in
-another already: every image is in one texture only, however many materials read it.
+A material set is a texture of several maps that share size, UVs and sampler: they are encoded together and decoded by one code.
+Maps are joined in three steps, material after material:
+
+1. Each distinct base colour, by the hash of its pixels, starts a texture.
+2. The maps of a plane (`ntc.codec.maps`) that share UVs and sampler are brought to the size of the largest.
+3. A plane joins a texture that already holds the same maps; else a texture of the same material with equal size, UVs and sampler
+   in which the plane is free; else it becomes a texture.
+
+Every map therefore lies in one texture at each size, however many materials read it, and nothing is encoded twice.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -37,37 +44,37 @@ from viewer.scene.report import ReportNotes
 
 @dataclass(frozen=True)
 class ImageMap:
-    """Map of an image, at the size of the texture that it lies in. Equal ones are the same."""
+    """Map of an image at the size of its texture. Equal values mean equal pixels."""
 
     image: SceneImage
     name: MapName
     key: str
-    """Identity of its pixels at their own size."""
+    """Identity of the pixels before they are resampled."""
     size: tuple[int, int]
     """(width, height) in texels of the texture."""
     cache: PixelCache
 
     def pixels(self) -> NDArray[np.uint8]:
         """Return [H, W, channels of the map]. Raises InputError."""
-        found = self.image.read().maps.get(self.name)
-        if found is None:
+        stored = self.image.read().maps.get(self.name)
+        if stored is None:
             raise InputError(f"{self.image.origin}: has changed since the scene was opened; open it again")
         if self.image.facts.size == self.size:
-            return found
-        own = found
-        return self.cache.get(self, lambda: resampled(own, *self.size))
+            return stored
+        original = stored
+        return self.cache.get(self, lambda: resampled(original, *self.size))
 
 
 @dataclass(frozen=True, eq=False)
 class ImagesOfTexture:
-    """The pixels of one texture (`viewer.scene.pixels.TexturePixels`)."""
+    """The pixels of one texture, read from its images (`viewer.scene.pixels.TexturePixels`)."""
 
     base: SceneImage | None
     maps: Mapping[MapName, ImageMap]
     cache: PixelCache
 
     def picture(self) -> NDArray[np.uint8]:
-        """Return [H, W, 3] uint8 sRGB."""
+        """Return [H, W, 3] uint8 sRGB: the base colour; of a set without one a picture of its first map."""
         if self.base is None:
             first = next(iter(self.maps))
             return self.cache.get(self, lambda: _picture(first, self.maps[first].pixels()))
@@ -94,7 +101,7 @@ class ImagesOfTexture:
 
 
 class _MapsWhenNeeded(Mapping[MapName, NDArray[np.uint8]]):
-    """Reads the image of a map when that map is asked for."""
+    """Maps of a texture. The image of a map is read when the map is looked up."""
 
     def __init__(self, maps: Mapping[MapName, ImageMap]) -> None:
         self._maps = maps
@@ -110,7 +117,7 @@ class _MapsWhenNeeded(Mapping[MapName, NDArray[np.uint8]]):
 
 
 def _picture(name: MapName, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return [H, W, 3] uint8 that shows a map [H, W, C]: normals with the z of a unit vector, single channels as grey."""
+    """Return a picture [H, W, 3] uint8 of a map [H, W, C]: normals with z of a unit vector, single channels as grey."""
     if pixels.shape[2] == 1:
         return np.repeat(pixels, 3, axis=2)
     if name != "normal":
@@ -123,17 +130,17 @@ def _picture(name: MapName, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.dstack([pixels, blue])
 
 
-KEPT_FROM_BYTES = 1 << 26
-"""Scenes whose images decode to less are decoded again each time they are opened."""
+CACHED_FROM_BYTES = 1 << 26
+"""Decoded bytes from which on the facts of a scene's images are cached on disk. Smaller scenes open fast without."""
 _Size = tuple[int, int]
 _Layout = tuple[Sampler, tuple[bool, Affine]]
-"""Sampling of a plane: sampler, whether by the second UVs, and the transform from the vertex's UVs to the map's."""
+"""Sampling of a plane: sampler, whether it reads the second UVs, and the transform from the vertex's UVs to the map's."""
 _MapKey = tuple[MapName, str, _Size]
 
 
 @dataclass(eq=False)
-class _Draft:
-    """A texture while maps are added to it."""
+class _TextureBuilder:
+    """Texture that maps are still added to."""
 
     name: str
     origin: str
@@ -147,12 +154,12 @@ class _Draft:
         return any(name in self.maps for name in PLANE_COMPONENTS[plane])
 
 
-_PlacedMaps = tuple[_Draft, tuple[MapName, ...], _Layout]
-"""Texture that a plane of a material lies in, the maps that the material reads of it, and how it is sampled."""
+_PlacedMaps = tuple[_TextureBuilder, tuple[MapName, ...], _Layout]
+"""Texture that holds a plane of a material, the maps that the material reads of it, and its sampling."""
 
 
 def _unique(name: str, taken: dict[str, int]) -> str:
-    """Return `name`, or with the first number behind it that is free; `taken` holds names and the number to try next."""
+    """Return `name`, with a number appended where it is in `taken`, which holds names and the last number tried for each."""
     candidate, number = name, taken.get(name, 1)
     while candidate in taken:
         number += 1
@@ -163,7 +170,7 @@ def _unique(name: str, taken: dict[str, int]) -> str:
 
 
 def _folded(factors: SurfaceFactors, name: MapName, value: tuple[int, ...], notes: ReportNotes) -> SurfaceFactors:
-    """Return `factors` times the map `name` that has only one `value`, 0 to 255."""
+    """Return `factors` multiplied by the constant map `name`, whose texels all have `value`, 0 to 255."""
     if name == "roughness":
         return replace(factors, roughness=factors.roughness * value[0] / 255.0)
     if name == "metalness":
@@ -178,21 +185,21 @@ def _folded(factors: SurfaceFactors, name: MapName, value: tuple[int, ...], note
 
 
 class _Gathering:
-    """Puts the maps of one material after another into textures."""
+    """Joins the maps of materials, one after another, into textures."""
 
     def __init__(self, images: Mapping[int, SceneImage], reader: ImageReader, notes: ReportNotes) -> None:
         self._images = images
         self._reader = reader
         self._notes = notes
-        self.drafts: list[_Draft] = []
-        self._of_base: dict[int, _Draft] = {}
-        self._holding: dict[_MapKey, list[_Draft]] = {}
+        self.drafts: list[_TextureBuilder] = []
+        self._of_base: dict[int, _TextureBuilder] = {}
+        self._holding: dict[_MapKey, list[_TextureBuilder]] = {}
         self._resampled: dict[tuple[str, _Size], ImageMap] = {}
 
     def add_bases(self, categories: Mapping[int, str | None], packed: Mapping[int, str]) -> None:
-        """Add a texture for each distinct base colour, in the order of the images `categories`.
-        `packed`: their identities in a pack."""
-        by_hash: dict[str, _Draft] = {}
+        """Add a texture for each distinct base colour, in the order of `categories`, the category of each image.
+        `packed`: the identity in a pack of each image that has one."""
+        by_hash: dict[str, _TextureBuilder] = {}
         for index, category in categories.items():
             image = self._images[index]
             digest = image.facts.pixel_hash
@@ -201,56 +208,56 @@ class _Gathering:
             if digest in by_hash:
                 self._notes.note("images with the pixels of another share its texture")
             else:
-                by_hash[digest] = _Draft(image.name, image.origin, image.facts.size, category, image)
+                by_hash[digest] = _TextureBuilder(image.name, image.origin, image.facts.size, category, image)
                 by_hash[digest].packed_hash = packed.get(index, "")
                 self.drafts.append(by_hash[digest])
             self._of_base[index] = by_hash[digest]
 
-    def base_of(self, source: MaterialSource) -> _Draft | None:
+    def base_of(self, source: MaterialSource) -> _TextureBuilder | None:
         """Return the texture of the material's base colour."""
         reference = source.maps.get("base")
         return None if reference is None else self._of_base.get(reference.image)
 
     def planes(self, source: MaterialSource) -> tuple[dict[Plane, _PlacedMaps], SurfaceFactors]:
-        """Return (maps by plane besides the base colour; factors with constants in them)."""
+        """Return (maps by plane, without the base colour; factors of the material times its constant maps)."""
         factors = source.material.factors
         read: dict[Plane, list[tuple[MapName, TextureReference, MapFacts]]] = {}
         for name, reference in source.maps.items():
             if name == "base":
                 continue
-            found = self._images[reference.image].facts.maps.get(name)
-            if found is None:
+            facts = self._images[reference.image].facts.maps.get(name)
+            if facts is None:
                 continue
-            if found.constant is not None:
-                factors = _folded(factors, name, found.constant, self._notes)
+            if facts.constant is not None:
+                factors = _folded(factors, name, facts.constant, self._notes)
                 became = "have no effect" if name in ("normal", "occlusion") else "became factors"
                 self._notes.note(f"constant {name} maps {became}: materials")
-            elif found.key:
-                read.setdefault(PLANE_OF_MAP[name], []).append((name, reference, found))
-        near: list[tuple[_Draft, _Layout]] = []
+            elif facts.key:
+                read.setdefault(PLANE_OF_MAP[name], []).append((name, reference, facts))
+        of_material: list[tuple[_TextureBuilder, _Layout]] = []
         base = self.base_of(source)
         if base is not None:
-            near.append((base, (source.material.sampler, (False, IDENTITY))))
+            of_material.append((base, (source.material.sampler, (False, IDENTITY))))
         placed: dict[Plane, _PlacedMaps] = {}
         for plane, maps in read.items():
             agreed = self._agreed(source, maps)
             if agreed is not None:
-                wanted, layout = agreed
-                names = tuple(wanted.maps)
+                candidate, layout = agreed
+                names = tuple(candidate.maps)
                 for name in names:
                     self._notes.honoured(f"{name} maps: materials")
-                draft = self._draft(plane, wanted, layout, near)
+                draft = self._draft(plane, candidate, layout, of_material)
                 placed[plane] = draft, names, layout
-                near.append((draft, layout))
+                of_material.append((draft, layout))
         return placed, factors
 
     def _agreed(
         self, source: MaterialSource, maps: Sequence[tuple[MapName, TextureReference, MapFacts]]
-    ) -> tuple[_Draft, _Layout] | None:
-        """Return (the maps of one plane that can be sampled together, at one size; how); None when none can."""
+    ) -> tuple[_TextureBuilder, _Layout] | None:
+        """Return (the maps of one plane that can be sampled together, at one size; their sampling); None when none can."""
         layout: _Layout | None = None
-        kept: list[tuple[MapName, TextureReference, MapFacts]] = []
-        for name, reference, found in maps:
+        compatible: list[tuple[MapName, TextureReference, MapFacts]] = []
+        for name, reference, facts in maps:
             placement = source.placement(reference)
             if placement is None:
                 self._notes.ignored(f"{name} maps by a third set of UVs: materials")
@@ -258,61 +265,67 @@ class _Gathering:
             if layout is None:
                 layout = reference.sampler, placement
             if (reference.sampler, placement) != layout:
-                first_name = kept[0][0]
+                first_name = compatible[0][0]
                 self._notes.ignored(
                     f"{name} maps whose UVs or sampler are not those of the {first_name} map: materials"
                 )
                 continue
-            kept.append((name, reference, found))
+            compatible.append((name, reference, facts))
         if layout is None:
             return None
-        sizes = [self._images[reference.image].facts.size for _, reference, _ in kept]
+        sizes = [self._images[reference.image].facts.size for _, reference, _ in compatible]
         size = max(sizes, key=lambda each: each[0] * each[1])
-        first = kept[0][1]
+        first = compatible[0][1]
         image = self._images[first.image]
-        at_size = {name: self._at_size(name, found, self._images[each.image], size) for name, each, found in kept}
+        at_size = {name: self._at_size(name, facts, self._images[each.image], size) for name, each, facts in compatible}
         category = first.category or source.category
-        return _Draft(image.name, image.origin, size, category, None, at_size, first.packed_hash), layout
+        return _TextureBuilder(image.name, image.origin, size, category, None, at_size, first.packed_hash), layout
 
-    def _at_size(self, name: MapName, found: MapFacts, image: SceneImage, size: _Size) -> ImageMap:
+    def _at_size(self, name: MapName, facts: MapFacts, image: SceneImage, size: _Size) -> ImageMap:
         cache = self._reader.cache
         if image.facts.size == size:
-            return ImageMap(image, name, found.key, size, cache)
-        key = f"{name} {found.key}", size
+            return ImageMap(image, name, facts.key, size, cache)
+        key = f"{name} {facts.key}", size
         if key not in self._resampled:
             new_bytes = size[0] * size[1] * MAP_CHANNELS[name]
             self._reader.budget.add(0, new_bytes, new_bytes)
             self._notes.note(f"{name} maps resampled to the size of another map of their plane")
-            self._resampled[key] = ImageMap(image, name, found.key, size, cache)
+            self._resampled[key] = ImageMap(image, name, facts.key, size, cache)
         return self._resampled[key]
 
-    def _draft(self, plane: Plane, wanted: _Draft, layout: _Layout, near: Sequence[tuple[_Draft, _Layout]]) -> _Draft:
-        """Return the texture that the maps of `wanted` lie in: one that has them, else one of the material's that they fit into,
-        else `wanted`."""
-        keys: list[_MapKey] = [(name, found.key, wanted.size) for name, found in wanted.maps.items()]
+    def _draft(
+        self,
+        plane: Plane,
+        candidate: _TextureBuilder,
+        layout: _Layout,
+        of_material: Sequence[tuple[_TextureBuilder, _Layout]],
+    ) -> _TextureBuilder:
+        """Return the texture for the maps of `candidate`: one that has them already, else one of `of_material` that they fit
+        into, else `candidate`."""
+        keys: list[_MapKey] = [(name, each.key, candidate.size) for name, each in candidate.maps.items()]
         for draft in self._holding.get(keys[0], ()):
             if all(draft in self._holding.get(key, ()) for key in keys):
                 return draft
-        chosen = wanted
-        for draft, other in near:
-            apart = draft.packed_hash and wanted.packed_hash and draft.packed_hash != wanted.packed_hash
-            if draft.size == wanted.size and layout == other and not apart and not draft.has_plane(plane):
+        chosen = candidate
+        for draft, other in of_material:
+            apart = draft.packed_hash and candidate.packed_hash and draft.packed_hash != candidate.packed_hash
+            if draft.size == candidate.size and layout == other and not apart and not draft.has_plane(plane):
                 chosen = draft
-                chosen.maps |= wanted.maps
+                chosen.maps |= candidate.maps
                 break
         else:
-            self.drafts.append(wanted)
+            self.drafts.append(candidate)
         for key in keys:
             self._holding.setdefault(key, []).append(chosen)
         return chosen
 
 
-def _finished_texture(draft: _Draft, name: str, facts: FactsFile, cache: PixelCache) -> SceneTexture:
+def _finished_texture(draft: _TextureBuilder, name: str, facts: FactsFile, cache: PixelCache) -> SceneTexture:
     further: dict[MapName, ImageMap] = {key: draft.maps[key] for key in MAPS if key in draft.maps}
     base, source = draft.base, ImagesOfTexture(draft.base, further, cache)
     maps: tuple[MapName, ...] = (*(BASE_ALONE if base is not None else ()), *further)
-    read = [*(found.image for found in further.values()), *([base] if base is not None else [])]
-    # Of what a pack alone holds not what its pixels would give: they would have to be decoded for that.
+    read = [*(each.image for each in further.values()), *([base] if base is not None else [])]
+    # Images that only a pack holds are identified by the pack's hash: hashing their pixels would need decoding.
     digest = set_hash = read[0].packed_hash
     if not digest:
         digest = base.facts.pixel_hash if base is not None else ""
@@ -334,15 +347,19 @@ def _finished_texture(draft: _Draft, name: str, facts: FactsFile, cache: PixelCa
 
 
 def _set_hash(
-    base_hash: str, draft: _Draft, further: Mapping[MapName, ImageMap], source: ImagesOfTexture, facts: FactsFile
+    base_hash: str,
+    draft: _TextureBuilder,
+    further: Mapping[MapName, ImageMap],
+    source: ImagesOfTexture,
+    facts: FactsFile,
 ) -> str:
-    """Return the hash of all maps of a set, as it is known, else of its pixels."""
-    key = " ".join([base_hash, *(f"{own} {found.key}" for own, found in further.items()), f"{draft.size}"])
-    found = facts.set_hash(key)
-    if found is None:
-        found = source.set_hash()
-    facts.add_set(key, found)
-    return found
+    """Return the hash of all maps of a set, from the cache or from the pixels."""
+    key = " ".join([base_hash, *(f"{name} {each.key}" for name, each in further.items()), f"{draft.size}"])
+    digest = facts.set_hash(key)
+    if digest is None:
+        digest = source.set_hash()
+    facts.add_set(key, digest)
+    return digest
 
 
 def _with_base(material: Material, image: SceneImage | None, texture_id: int) -> Material:
@@ -364,18 +381,18 @@ def read_textures(
     scene: Path | None = None,
     report: ProgressReport | None = None,
 ) -> tuple[tuple[Material, ...], tuple[SceneTexture, ...]]:
-    """Return the finished materials, in the order of `sources`, and the textures: those with a base colour in the order in which
-    materials use them, then the others.
+    """Return (finished materials, in the order of `sources`; textures: first those with a base colour, in the order in which
+    materials use them).
 
-    Only images of the materials `drawn` are read. An image that is missing or broken is reported, and factors stand for it; a
-    map of one value is multiplied into the factor. What is found out about images is kept in the cache folder for `scene`, where
-    that takes long. Raises InputError, and what `report` raises.
+    Only images of the materials `drawn` are read. A missing or broken image is reported, and the factor is used alone. A constant
+    map is multiplied into its factor. Facts of images that took long to decode are cached on disk for the file `scene`. Raises
+    InputError, and the exceptions of `report`.
     """
     try:
         facts = FactsFile(cache_folder("images"), scene)
-        found = _read(file, ImageReader(file, buffers, facts, PixelCache()), facts, sources, drawn, notes, report)
-        facts.write(KEPT_FROM_BYTES)
-        return found
+        result = _read(file, ImageReader(file, buffers, facts, PixelCache()), facts, sources, drawn, notes, report)
+        facts.write(CACHED_FROM_BYTES)
+        return result
     except TooManyPixelsError as error:
         raise file.fail("images", "hold too many texels for the bytes there are; the scene is broken") from error
 
@@ -418,10 +435,15 @@ def _read(
         base = gathering.base_of(source)
         image = images.get(source.maps["base"].image) if "base" in source.maps else None
         material = _with_base(source.material, image, -1 if base is None else ids[id(base)])
-        found = {
+        textures_by_plane = {
             plane: PlaneTexture(ids[id(draft)], layout[0], names, *layout[1])
             for plane, (draft, names, layout) in placed.items()
         }
-        return replace(material, factors=factors, surface=found.get("surface"), emission=found.get("emission"))
+        return replace(
+            material,
+            factors=factors,
+            surface=textures_by_plane.get("surface"),
+            emission=textures_by_plane.get("emission"),
+        )
 
     return tuple(finished(number, source) for number, source in enumerate(sources)), tuple(textures)

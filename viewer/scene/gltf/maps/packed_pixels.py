@@ -1,4 +1,4 @@
-"""Images that only a pack holds: found out about without decoding, decoded when their pixels are needed."""
+"""Images that only a pack holds. Their facts come from the pack's metadata; pixels are decoded when they are needed."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,28 +17,28 @@ from viewer.scene.pixels import ImageContent, ImageFacts, MapFacts, PixelCache
 
 @dataclass(frozen=True, eq=False)
 class PackedTexture:
-    """A texture of a pack that stands for images of the scene."""
+    """Texture of a pack that replaces images of the scene."""
 
     pack: Pack
     layer: int
 
     @property
     def encoded(self) -> EncodedTexture:
-        """Texture as the pack holds it."""
+        """Encoded texture in the pack."""
         return self.pack.textures[self.layer]
 
     def facts(self, maps: set[MapName]) -> ImageFacts:
-        """Return what is known of `maps` of it, as of an image."""
+        """Return the facts of its maps among `maps`, in the form of those of an image."""
         encoded = self.encoded
         size = encoded.width, encoded.height
-        own = maps.intersection(encoded.maps)
+        held = maps.intersection(encoded.maps)
         identity = f"{encoded.pixel_hash} in a pack"
-        further = {name: MapFacts(f"{identity} {name}") for name in sorted(own - {"base"})}
-        kept = size[0] * size[1] * encoded.channels
-        return ImageFacts(size, kept, kept, identity if "base" in own else "", maps=further)
+        further = {name: MapFacts(f"{identity} {name}") for name in sorted(held - {"base"})}
+        decoded_bytes = size[0] * size[1] * encoded.channels
+        return ImageFacts(size, decoded_bytes, decoded_bytes, identity if "base" in held else "", maps=further)
 
     def decode(self) -> ImageContent:
-        """Return the largest level, decoded: all its maps; base colours have three channels."""
+        """Return all maps of the largest level, decoded. Base colours have three channels."""
         encoded = self.encoded
         pixels = decode_image(self.pack, self.layer, 0)
         slices = map_slices(encoded.maps, encoded.channels)
@@ -50,14 +50,14 @@ class PackedTexture:
 
 
 class PackedTextures:
-    """The textures of packs that the images of one file stand for; each pack is read once."""
+    """Textures of packs that one glTF file uses in place of images. Each pack is read once."""
 
     def __init__(self, file: GltfFile, cache: PixelCache) -> None:
         self._file, self._cache = file, cache
         self._packs: dict[Path, Pack] = {}
 
     def find(self, option: PackOption) -> PackedTexture:
-        """Return the texture that `option` names, by its identity where it tells that. Raises InputError."""
+        """Return the texture that `option` names, by its pixel hash if it has one, else by its index. Raises InputError."""
         path = pack_path(self._file, option.image)
         if path not in self._packs:
             self._packs[path] = read_pack(path)
@@ -72,5 +72,5 @@ class PackedTextures:
         return PackedTexture(pack, layer)
 
     def decoded(self, texture: PackedTexture) -> ImageContent:
-        """Return all maps of `texture`, from memory or decoded."""
+        """Return all maps of `texture`, from the cache in memory or decoded."""
         return self._cache.get((texture.encoded.pixel_hash, "decoded"), texture.decode)

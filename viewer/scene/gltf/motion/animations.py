@@ -1,4 +1,4 @@
-"""Animations of nodes: key frames, and what they give at a time (glTF 2.0, 3.11 and appendix C)."""
+"""Animations of nodes: key frames, and interpolated values at a time (glTF 2.0, Sec. 3.11 and appendix C)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from viewer.scene.report import ReportNotes
 
 AnimatedPath = Literal["translation", "rotation", "scale", "weights"]
 NodeValues = Mapping[tuple[int, AnimatedPath], NDArray[np.float64]]
-"""Values that animations give, by node and property: translations [3], rotations [4] as xyzw, scales [3], weights [targets]."""
+"""Animated values by node and property: translations [3], rotations [4] as xyzw, scales [3], weights [targets]."""
 COMPONENTS: dict[AnimatedPath, tuple[str, int]] = {
     "translation": ("VEC3", 3),
     "rotation": ("VEC4", 4),
@@ -24,7 +24,7 @@ COMPONENTS: dict[AnimatedPath, tuple[str, int]] = {
     "weights": ("SCALAR", 1),
 }
 NEARLY_PARALLEL = 1.0 - 1e-9
-"""Cosine between quaternions from which on they are interpolated along the chord: the arc's formula divides by almost 0."""
+"""Cosine of the angle between quaternions above which they are interpolated linearly: slerp would divide by almost 0."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,28 +37,28 @@ class Channel:
     times: NDArray[np.float64]
     """[K] seconds, ascending."""
     values: NDArray[np.float64]
-    """[K, C], for CUBICSPLINE [K, 3, C]: tangent towards the key, value, tangent from it."""
+    """[K, C], for CUBICSPLINE [K, 3, C]: in-tangent, value, out-tangent."""
 
     def at(self, seconds: float) -> NDArray[np.float64]:
-        """Return [C] the value at a time; before the first key its value, after the last that one's. Rotations are of unit length."""
+        """Return [C] the value at a time, clamped to the first and the last key. Rotations have unit length."""
         times = self.times
         after = int(np.searchsorted(times, seconds, side="right"))
         keys = self.values[:, 1] if self.interpolation == "CUBICSPLINE" else self.values
         if after == 0 or after == len(times) or self.interpolation == "STEP":
-            found = keys[max(0, after - 1)]
+            value = keys[max(0, after - 1)]
         else:
             span = times[after] - times[after - 1]
             share = (seconds - times[after - 1]) / span
             if self.interpolation == "CUBICSPLINE":
-                found = _spline(self.values[after - 1], self.values[after], share, span)
+                value = _spline(self.values[after - 1], self.values[after], share, span)
             elif self.path == "rotation":
-                found = _arc(keys[after - 1], keys[after], share)
+                value = _arc(keys[after - 1], keys[after], share)
             else:
-                found = keys[after - 1] * (1.0 - share) + keys[after] * share
+                value = keys[after - 1] * (1.0 - share) + keys[after] * share
         if self.path != "rotation":
-            return np.asarray(found)
-        length = float(np.linalg.norm(found))
-        return np.asarray(found / length) if length > 0.0 else np.array([0.0, 0.0, 0.0, 1.0])
+            return np.asarray(value)
+        length = float(np.linalg.norm(value))
+        return np.asarray(value / length) if length > 0.0 else np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def _spline(before: NDArray[np.float64], after: NDArray[np.float64], share: float, span: float) -> NDArray[np.float64]:
@@ -69,7 +69,7 @@ def _spline(before: NDArray[np.float64], after: NDArray[np.float64], share: floa
 
 
 def _arc(before: NDArray[np.float64], after: NDArray[np.float64], share: float) -> NDArray[np.float64]:
-    """Along the shorter arc between two quaternions."""
+    """Return the spherical linear interpolation (slerp) of two quaternions, along the shorter arc."""
     cosine = float(before @ after)
     after, cosine = (-after, -cosine) if cosine < 0.0 else (after, cosine)
     if cosine > NEARLY_PARALLEL:
@@ -80,27 +80,27 @@ def _arc(before: NDArray[np.float64], after: NDArray[np.float64], share: float) 
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """Channels that run together."""
+    """Animation of the file: a name, and channels that run together."""
 
     name: str
     channels: tuple[Channel, ...]
 
     @property
     def facts(self) -> AnimationFacts:
-        """Name and length."""
+        """Name and length of the animation."""
         return AnimationFacts(self.name, max((float(channel.times[-1]) for channel in self.channels), default=0.0))
 
     def at(self, seconds: float) -> NodeValues:
-        """Return what the animation gives at a time."""
+        """Return the values of all channels at a time."""
         return {(channel.node, channel.path): channel.at(seconds) for channel in self.channels}
 
 
 def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[Animation, ...]:
-    """Return all animations of the file; channels without a node, or that move what is no property of a node, are left out.
+    """Return all animations of the file. Channels without a node, or of something else than a node's property, are left out.
 
     Raises InputError for key frames that are out of range, not ascending, or too few.
     """
-    found: list[Animation] = []
+    animations: list[Animation] = []
     taken: set[str] = set()
     for number, named in enumerate(file.entries("animations")):
         where, entry = f"animations[{number}]", file.entry("animations", number, schema.Animation)
@@ -108,15 +108,15 @@ def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) ->
         for place, channel in enumerate(entry.channels):
             read = _channel(file, accessors, channel, entry.samplers, f"{where}.channels[{place}]", where)
             if read is None:
-                notes.ignored("animated properties that are none of a node's: channels")
+                notes.ignored("animated properties of something else than nodes: channels")
             else:
                 channels.append(read)
         name = file.label(named, f"animation {number}")
         name = name if name not in taken else f"{name} ({number})"
         taken.add(name)
-        found.append(Animation(name, tuple(channels)))
-    notes.honoured("animations", len(found))
-    return tuple(found)
+        animations.append(Animation(name, tuple(channels)))
+    notes.honoured("animations", len(animations))
+    return tuple(animations)
 
 
 def _channel(
@@ -138,7 +138,7 @@ def _channel(
     times = accessors.floats(sampler.input, f"{field}.input", ("SCALAR",))[:, 0].astype(np.float64)
     kind, components = COMPONENTS[path]
     raw = accessors.raw(sampler.output, f"{field}.output", (kind,))
-    # Integers stand for fractions, whatever the accessor says.
+    # Integers are normalised fractions, whatever the accessor says.
     values = normalize(raw).astype(np.float64)
     if len(times) == 0 or not np.isfinite(times).all() or (np.diff(times) <= 0.0).any():
         raise file.fail(f"{field}.input", "must be ascending times in seconds, one at least")

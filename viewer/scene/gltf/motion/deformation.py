@@ -1,4 +1,4 @@
-"""Reading what moves a mesh's vertices at a node: the matrices of a skin's joints, and which of them move a vertex."""
+"""Skins and morph targets of a file: matrices of joints, influences of joints on vertices, and offsets of morph targets."""
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from typing import Any
@@ -12,9 +12,9 @@ from viewer.scene.gltf.schema import ABSENT, Attributes, Node, Skin
 from viewer.scene.moving import Deformation, Influences, MorphTarget, MovingVertices, VertexFrames
 
 LARGEST_TERM = 1e30
-"""Terms of a joint's matrix above it do not fit into single precision with positions."""
+"""Largest term of a joint's matrix: products with positions must stay finite in single precision."""
 MOST_INFLUENCES = 16
-"""Joints that may move a vertex: four for each of JOINTS_0 to JOINTS_3."""
+"""Most joints that move one vertex: four for each of JOINTS_0 to JOINTS_3."""
 
 
 def read_deformation(
@@ -25,10 +25,11 @@ def read_deformation(
     worlds: Mapping[int, NDArray[np.float64]],
     animated: Collection[int] = (),
 ) -> Deformation | None:
-    """Return how the mesh at a node is deformed; None where it never is. `weights`: of its morph targets; `worlds`: the local-to-world
-    matrices of all nodes of the scene; `animated`: nodes whose weights some animation changes.
+    """Return the deformation of the mesh at a node; None where nothing ever deforms it.
 
-    Raises InputError for a skin whose joints are not in the scene, or whose matrices are not as many, or overflow.
+    `weights`: weights of its morph targets. `worlds`: local-to-world matrices of all nodes of the scene. `animated`: nodes whose
+    weights some animation changes. Raises InputError for a skin whose joints are not in the scene, that has fewer matrices than
+    joints, or whose transforms overflow.
     """
     skin, where = file.entry("nodes", node, Node).skin, f"nodes[{node}]"
     joints = _joint_matrices(file, accessors, skin, where, worlds) if skin != ABSENT else None
@@ -61,21 +62,21 @@ def _joint_matrices(
 
 
 ReadAttribute = Callable[[str], NDArray[Any] | None]
-"""[V, components] of an attribute by its name, as it is stored; None where there is none. Raises InputError."""
+"""Function that returns [V, components] of the attribute of a name in its stored type; None for no attribute. Raises InputError."""
 
 
 def read_influences(file: GltfFile, read: ReadAttribute, joints: int, vertices: int, where: str) -> Influences | None:
-    """Influences of a primitive's vertices; None where it has none. Raises InputError."""
+    """Return the influences of joints on a primitive's vertices; None without JOINTS attributes. Raises InputError."""
     parts: list[NDArray[np.int64]] = []
     weights: list[NDArray[np.float64]] = []
     for number in range(MOST_INFLUENCES // 4):
-        found, share = read(f"JOINTS_{number}"), read(f"WEIGHTS_{number}")
-        if found is None:
+        joint_indices, share = read(f"JOINTS_{number}"), read(f"WEIGHTS_{number}")
+        if joint_indices is None:
             continue
-        if found.dtype.kind != "u" or share is None or not found.shape == share.shape == (vertices, 4):
+        if joint_indices.dtype.kind != "u" or share is None or not joint_indices.shape == share.shape == (vertices, 4):
             problem = f"must be four unsigned integers, with weights, for each of {vertices} vertices"
             raise file.fail(f"{where}.attributes.JOINTS_{number}", problem)
-        parts.append(found.astype(np.int64))
+        parts.append(joint_indices.astype(np.int64))
         weights.append(np.nan_to_num(normalize(share).astype(np.float64), nan=0.0, posinf=0.0, neginf=0.0))
     if not parts:
         return None
@@ -101,14 +102,14 @@ def read_moving(
     frames: VertexFrames,
     base_vertex: int,
 ) -> MovingVertices:
-    """Return what moves the vertices `frames` of a primitive: its morph `targets`, and the joints of its node's skin.
+    """Return the vertices `frames` of a primitive with all that moves them: its morph `targets` and the joints of its node's skin.
     Raises InputError."""
     count = len(frames.positions)
 
     def values(entry: Attributes, number: int, name: str) -> _Target:
         return _target(file, accessors, entry, name, count, f"{where}.targets[{number}]")
 
-    found = tuple(
+    morph_targets = tuple(
         MorphTarget(
             values(entry, number, "POSITION"),
             None if frames.normals is None else values(entry, number, "NORMAL"),
@@ -121,15 +122,15 @@ def read_moving(
         influences = read_influences(file, read, len(deformation.joints), count, where)
         if influences is None:
             raise file.fail(f"{where}.attributes", "has a skin and no JOINTS_0; export the scene again")
-    return MovingVertices(deformation.node, base_vertex, frames, found, influences)
+    return MovingVertices(deformation.node, base_vertex, frames, morph_targets, influences)
 
 
 def _target(file: GltfFile, accessors: Accessors, target: Attributes, name: str, count: int, where: str) -> _Target:
-    """Return [V, 3] what one morph target adds; None where it leaves the attribute alone."""
+    """Return [V, 3] the offsets of one morph target; None where it does not change the attribute."""
     if name not in target:
         return None
     values = accessors.floats(target[name], f"{where}.{name}", ("VEC3",))
     if len(values) != count:
         raise file.fail(f"{where}.{name}", f"has {len(values)} elements for {count} positions")
-    # What is not finite moves nothing.
+    # Offsets that are not finite become 0.
     return np.nan_to_num(values, nan=0.0, posinf=0.0, neginf=0.0) if not np.isfinite(values).all() else values
