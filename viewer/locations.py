@@ -16,19 +16,19 @@ BUILTIN_SCENES = ("courtyard", "gallery")
 
 
 def config_folder() -> Path:
-    """Folder of settings and window layout: NTC_VIEWER_CONFIG_DIR, else the platform's folder for it."""
+    """Return the folder of settings and window layout: NTC_VIEWER_CONFIG_DIR, else the platform's folder for settings."""
     return Path(os.environ.get(CONFIG_FOLDER_VARIABLE) or platformdirs.user_config_dir("ntc-viewer", appauthor=False))
 
 
 def scene_roots() -> tuple[Path, ...]:
-    """Folders that scenes may read from beside their own: NTC_VIEWER_SCENE_ROOTS, separated as in PATH."""
+    """Return the folders in NTC_VIEWER_SCENE_ROOTS, separated as in PATH, that scenes may read files from besides their folder."""
     given = os.environ.get(SCENE_ROOTS_VARIABLE, "")
     return tuple(Path(name).resolve() for name in given.split(os.pathsep) if name)
 
 
 def cache_folder(name: Literal["blocks", "checks", "environments", "features", "images"]) -> Path:
     """Return the cache folder of compressed textures, measured values of `check`, prefiltered environments, features of textures or
-    facts about images: in NTC_VIEWER_CACHE_DIR, else in the platform's folder for it."""
+    facts of images: in NTC_VIEWER_CACHE_DIR, else in the platform's cache folder."""
     given = os.environ.get(CACHE_FOLDER_VARIABLE) or platformdirs.user_cache_dir("ntc-viewer", appauthor=False)
     return Path(given, name)
 
@@ -44,15 +44,15 @@ def unsaved_runs_folder() -> Path:
 
 
 def packs_folder(scene_path: Path) -> Path:
-    """Return the folder of new packs of a scene: beside it; for a built-in scene in the user's data folder.
+    """Return the folder of new packs of a scene: the scene's folder; for a built-in scene one in the user's data folder.
 
-    An installation may be read-only, and belongs to all users of the machine.
+    The installation may be read-only, and all users of the machine share it.
     """
     return _data_folder("packs") if is_builtin(scene_path) else scene_path.parent
 
 
 def _installed_folder(name: str) -> Path:
-    # A checkout has it at its top level, an installed wheel inside the package.
+    # The folder lies at the top level of a checkout, and inside the package of an installed wheel.
     package = Path(__file__).resolve().parent
     for candidate in (package / "_resources" / name, package.parent / name):
         if candidate.is_dir():
@@ -61,22 +61,22 @@ def _installed_folder(name: str) -> Path:
 
 
 def shaders_folder() -> Path:
-    """Folder of the GLSL files."""
+    """Return the folder of the GLSL files."""
     return _installed_folder("shaders")
 
 
 def assets_folder() -> Path:
-    """Folder of the built-in scenes and the courtyard's packs."""
+    """Return the folder of the built-in scenes and the courtyard's packs."""
     return _installed_folder("assets")
 
 
 def three_folder() -> Path:
-    """Folder of the plug-in of three.js."""
+    """Return the folder of the three.js plug-in."""
     return _installed_folder("integrations/three")
 
 
 def builtin_scene_path(name: str = BUILTIN_SCENES[0]) -> Path:
-    """Path of a built-in scene: the one that is opened when none is named, or another of BUILTIN_SCENES."""
+    """Return the path of a built-in scene: the one that opens by default, or another of BUILTIN_SCENES."""
     return assets_folder() / f"{name}.glb"
 
 
@@ -86,5 +86,5 @@ def is_builtin(path: Path) -> bool:
 
 
 def named_scene(path: Path) -> Path:
-    """Path of the scene that `path` names: a built-in one by its name where there is no such file."""
+    """Return the path of the scene that `path` names: a built-in scene by its name unless there is such a file."""
     return builtin_scene_path(str(path)) if str(path) in BUILTIN_SCENES and not path.exists() else path

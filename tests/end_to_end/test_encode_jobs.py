@@ -100,6 +100,6 @@ def test_ctrl_c_keeps_what_is_done(
 ) -> None:
     monkeypatch.setattr("viewer.cli.encode.deferred_interrupt", lambda: nullcontext(lambda: True))
     assert encode(folder, tmp_path / "a.ntc", "--workers", "1", "--grouping", "universal") == 130
-    assert "0 textures kept in" in capsys.readouterr().err
+    assert "0 textures saved in" in capsys.readouterr().err
     assert (tmp_path / "a.ntc.jobs").is_dir()
     assert not (tmp_path / "a.ntc").exists()

@@ -12,7 +12,7 @@ from ntc.metrics.metrics import bits_with_mips
 from ntc.pack.file import read_pack
 from tests.end_to_end.conftest import two_squares
 from viewer import cli
-from viewer.cli.encode import worth_on_screen
+from viewer.cli.encode import screen_weights
 from viewer.scene.images import write_png
 
 
@@ -76,12 +76,12 @@ def test_views_share_out_a_size(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_worth_is_pixels_by_texel() -> None:
     view = np.full((10, 10), -1, np.int32)
     view[:4], view[4:6] = 0, 1
-    worth = worth_on_screen([view, view], [40, 40, 40])
+    worth = screen_weights([view, view], [40, 40, 40])
     assert worth[0] == pytest.approx(2.0 * worth[1])
     assert worth[0] == pytest.approx(2.0)
     # What nobody sees is not given up.
     assert worth[2] == pytest.approx(0.1)
-    assert worth_on_screen([], [40, 40]) == (0.1, 0.1)
+    assert screen_weights([], [40, 40]) == (0.1, 0.1)
 
 
 def interrupted_at(question: int, asked: list[bool]) -> Callable[[], object]:

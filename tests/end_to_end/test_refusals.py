@@ -85,7 +85,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("--ray auto --gpus-per-job -1", "--gpus-per-job -1: must be 0 or more"),
         ("--decoders none.ntc", "none.ntc: no such file"),
         ("--decoders none.ntc --maps base --bits 2", "--bits: --decoders none.ntc decides about it"),
-        ("--report report", "encode --report: there is no such option any more; write a report with: ntc-viewer check"),
+        ("--report report", "encode --report: the option was removed; write a report with: ntc-viewer check"),
     ],
     "encode {images}": [("--out {images}", "holds other files and no library")],
     BENCH: [
@@ -122,7 +122,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("rate nowhere.glb --out o --clusters 0", "--clusters 0: must be at least 1"),
         ("rate {images} --out o --bits 0", "--bits 0: must be above 0"),
         ("rate {images} --out o --most 0", "--most 0: must be at least 1"),
-        ("rate in --out o --workers 2", "study rate --workers: there is no such option any more"),
+        ("rate in --out o --workers 2", "study rate --workers: the option was removed"),
         ("rate in --out o --ray=auto", "leave it out, points are measured one after the other"),
         ("stability --out o --texels 0", "--texels 0: must be at least 1"),
         ("stability nowhere.glb --out o", "nowhere.glb"),

@@ -1,4 +1,13 @@
-"""Budgets: limits of measured values in a TOML file, with exceptions that carry a reason and an end date."""
+"""Budgets of `ntc-viewer check`: limits of measured values in a TOML file, with exceptions.
+
+The limit of a value is the most specific one that the budget has:
+
+- of a pack or a view: its table `pack` or `view`;
+- of a texture or a map: the last rule of `name` whose pattern fits the texture or one of its materials and that has this limit,
+  then the table `map.MAP`, then the table `textures`.
+
+An exception names a pattern, a reason and its last day. Until then, findings that it covers do not fail the check.
+"""
 
 import datetime
 import fnmatch
@@ -25,11 +34,11 @@ Pattern = Annotated[str, msgspec.Meta(min_length=1, max_length=500)]
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Table of a budget; unknown keys are refused, for a mistyped limit limits nothing."""
+    """Table of a budget. Unknown keys are refused, because a mistyped limit would have no effect."""
 
 
 class TextureLimits(_Strict, frozen=True):
-    """Limits of textures and their maps."""
+    """Limits of each texture and each of its maps."""
 
     psnr_db: Amount | None = None
     normal_degrees: Amount | None = None
@@ -38,11 +47,11 @@ class TextureLimits(_Strict, frozen=True):
 
 
 class NamedLimits(TextureLimits, frozen=True, kw_only=True):
-    """Limits of the textures whose name, or whose material's name, fits a pattern."""
+    """Limits of textures whose name, or the name of one of their materials, fits a pattern."""
 
     pattern: Pattern
     maps: tuple[MapName, ...] = ()
-    """Maps that the limits are for; empty: all."""
+    """Maps that are limited; empty: all."""
 
 
 class PackLimits(_Strict, frozen=True):
@@ -55,7 +64,7 @@ class PackLimits(_Strict, frozen=True):
 
 
 class ViewLimits(_Strict, frozen=True):
-    """Limits of pictures."""
+    """Limits of each measured picture."""
 
     psnr_db: Amount | None = None
     flip: Amount | None = None
@@ -65,18 +74,18 @@ class ViewLimits(_Strict, frozen=True):
 
 
 class Waiver(_Strict, frozen=True):
-    """Exception: subjects that may pass their limits until a date."""
+    """Exception: subjects that may exceed their limits until a date."""
 
     pattern: Pattern
     reason: Annotated[str, msgspec.Meta(min_length=1, max_length=2000)]
     until: datetime.date
-    """Last day on which the exception holds."""
+    """Last day of the exception."""
     maps: tuple[MapName, ...] = ()
     measures: tuple[MeasureName, ...] = ()
-    """Measures that the exception is for; empty: all."""
+    """Measures that the exception covers; empty: all."""
 
     def covers(self, subject: Subject, measure: MeasureName) -> bool:
-        """Return whether the exception is about this value, whatever the date."""
+        """Return whether the exception covers this value, on any date."""
         return (
             _fits(self.pattern, subject)
             and (not self.maps or subject.map in self.maps)
@@ -85,24 +94,24 @@ class Waiver(_Strict, frozen=True):
 
 
 class Budget(_Strict, frozen=True):
-    """A whole budget. Of the limits for a map the most particular one holds: `name`, then `map`, then `textures`."""
+    """Limits of all measured values. The most specific limit of a map holds: `name`, then `map`, then `textures`."""
 
     textures: TextureLimits = TextureLimits()
     map: dict[MapName, TextureLimits] = {}
     name: Annotated[tuple[NamedLimits, ...], msgspec.Meta(max_length=MOST_RULES)] = ()
-    """Of several that fit, the last that has the limit holds."""
+    """Rules by pattern. Of several that fit, the last one with the limit holds."""
     pack: PackLimits = PackLimits()
     view: ViewLimits = ViewLimits()
     exception: Annotated[tuple[Waiver, ...], msgspec.Meta(max_length=MOST_RULES)] = ()
     worse: dict[MeasureName, Amount] = {}
-    """Change for the worse that counts against the accepted record, by measure; shares for bytes and bits."""
+    """Largest allowed loss against the accepted record, by measure; for bytes and bits as a share."""
 
     def limit(self, subject: Subject, measure: MeasureName) -> float | None:
         """Return the limit of a value; None where there is none."""
         if subject.kind in ("pack", "view"):
-            own = self.pack if subject.kind == "pack" else self.view
-            found: float | None = getattr(own, measure, None)
-            return found
+            limits = self.pack if subject.kind == "pack" else self.view
+            limit: float | None = getattr(limits, measure, None)
+            return limit
         for rule in reversed(self.name):
             fits = _fits(rule.pattern, subject) and (not rule.maps or subject.map in rule.maps)
             if fits and getattr(rule, measure, None) is not None:
@@ -111,13 +120,13 @@ class Budget(_Strict, frozen=True):
         return next((value for each in general if (value := getattr(each, measure, None)) is not None), None)
 
     def allowed_loss(self, measure: MeasureName) -> float:
-        """Return by how much a value may be worse than the accepted one, in the unit of `Measure.worse`."""
-        own = self.worse.get(measure)
-        return MEASURES[measure].worse if own is None else float(own)
+        """Return the largest allowed loss of a value against the accepted one, in the unit of `Measure.worse`."""
+        allowed = self.worse.get(measure)
+        return MEASURES[measure].worse if allowed is None else float(allowed)
 
 
 def _fits(pattern: str, subject: Subject) -> bool:
-    """Return whether the subject's name, or that of one of its materials, fits a shell pattern, upper and lower case alike."""
+    """Return whether the name of the subject or of one of its materials fits a shell pattern; case is ignored."""
     return any(fnmatch.fnmatch(name.casefold(), pattern.casefold()) for name in (subject.name, *subject.materials))
 
 
@@ -135,20 +144,20 @@ def read_budget(path: Path) -> Budget:
 
 
 ROOM = {True: 0.98, False: 1.02}
-"""Factor of suggested limits on the worst value, by whether higher is better."""
+"""Ratio of a suggested limit to the worst value, by whether higher is better."""
 
 
 def suggested_budget(record: Record) -> str:
-    """Return a budget as TOML that `record` just keeps: limits by kind of map, of views and of the packs."""
+    """Return a budget as TOML that `record` meets with a margin of 2 %: limits by kind of map, of views and of the packs."""
     worst: dict[str, dict[MeasureName, float]] = {}
     for subject, values in measured(record):
         table = {"map": f"map.{subject.map}", "texture": "textures"}.get(subject.kind, subject.kind)
-        own = worst.setdefault(table, {})
+        worst_of_table = worst.setdefault(table, {})
         for name, value in values.items():
             better = min if MEASURES[name].higher_is_better else max
-            own[name] = better(own.get(name, value), value)
+            worst_of_table[name] = better(worst_of_table.get(name, value), value)
     lines = [
-        f"# Limits that {printable(record.source)} kept on {record.date[:10]}.",
+        f"# Limits that {printable(record.source)} met on {record.date[:10]}.",
         "# docs/guide/check.md explains all tables.",
     ]
     for table, limits in sorted(worst.items(), key=lambda item: (item[0] != "textures", item[0])):

@@ -13,17 +13,17 @@ SARIF_SCHEMA = "https://json.schemastore.org/sarif-2.1.0.json"
 RULES: Mapping[str, str] = {
     "limit": "A measured value lies beyond its limit in the budget.",
     "worse": "A measured value is worse than in the accepted report.",
-    "gone": "A texture of the accepted report is not there any more.",
+    "gone": "A texture of the accepted report is missing.",
 }
 
 
 def junit_xml(record: Record, findings: Sequence[Finding]) -> bytes:
-    """Return a test suite for each kind of subject with a test case for each subject; waived findings are skipped tests."""
-    own: dict[Subject, list[Finding]] = {}
+    """Return JUnit XML with a suite for each kind of subject and a case for each subject. Waived findings are skipped tests."""
+    by_subject: dict[Subject, list[Finding]] = {}
     for finding in findings:
-        own.setdefault(finding.subject, []).append(finding)
+        by_subject.setdefault(finding.subject, []).append(finding)
     subjects = [subject for subject, _ in measured(record)]
-    subjects += [subject for subject in own if subject not in set(subjects)]
+    subjects += [subject for subject in by_subject if subject not in set(subjects)]
     root = ElementTree.Element("testsuites", name="ntc-viewer check")
     for kind in dict.fromkeys(subject.kind for subject in subjects):
         suite = ElementTree.SubElement(root, "testsuite", name=kind)
@@ -31,8 +31,8 @@ def junit_xml(record: Record, findings: Sequence[Finding]) -> bytes:
         cases = [subject for subject in subjects if subject.kind == kind]
         for subject in cases:
             case = ElementTree.SubElement(suite, "testcase", classname=kind, name=printable(subject.text))
-            failing = [printable(each.text) for each in own.get(subject, ()) if not each.is_waived]
-            waived = [printable(each.text) for each in own.get(subject, ()) if each.is_waived]
+            failing = [printable(each.text) for each in by_subject.get(subject, ()) if not each.is_waived]
+            waived = [printable(each.text) for each in by_subject.get(subject, ()) if each.is_waived]
             if failing:
                 failed += 1
                 ElementTree.SubElement(case, "failure", message=failing[0]).text = "\n".join(failing)
@@ -46,7 +46,7 @@ def junit_xml(record: Record, findings: Sequence[Finding]) -> bytes:
 
 
 def sarif_json(record: Record, findings: Sequence[Finding], version: str) -> bytes:
-    """Return the findings as SARIF: errors, and notes for waived ones; the place of each is the pack's file."""
+    """Return the findings as SARIF: errors, and notes for waived ones. The location of each is the pack's file."""
     packs = {texture.name: texture.pack for texture in record.textures}
     results: list[dict[str, Any]] = []
     for finding in findings:

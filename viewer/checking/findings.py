@@ -1,4 +1,4 @@
-"""What a check finds: values beyond their limits, values worse than accepted ones, and exceptions that cover them."""
+"""Findings of a check: values beyond their limits, values worse than accepted ones, and exceptions that cover them."""
 
 import datetime
 from dataclasses import dataclass
@@ -13,10 +13,10 @@ RANK: dict[FindingKind, int] = {"limit": 0, "worse": 1, "gone": 2}
 
 @dataclass(frozen=True)
 class Finding:
-    """One value that a check objects to."""
+    """Value that fails a check, unless an exception covers it."""
 
     kind: FindingKind
-    """limit: beyond the budget's limit. worse: worse than the accepted value. gone: accepted once, and not there any more."""
+    """limit: beyond the budget's limit. worse: worse than the accepted value. gone: a texture of the accepted record is missing."""
     subject: Subject
     measure: MeasureName | None = None
     value: float = 0.0
@@ -25,20 +25,20 @@ class Finding:
     excess: float = 0.0
     """Distance beyond the limit or the allowed loss, as a share of it."""
     waiver: Waiver | None = None
-    """Exception that is about the value."""
+    """Exception that covers the value."""
     is_waived: bool = False
-    """True while the exception holds: then the finding fails no check."""
+    """True until the exception ends: the finding does not fail the check."""
 
     @property
     def text(self) -> str:
-        """The finding in one line."""
+        """Text of the finding, one line."""
         if self.measure is None:
             return f"{self.subject.text}: was accepted, and is not there any more"
         measure = MEASURES[self.measure]
         value, bound = measure.text(self.value), measure.text(self.bound)
         side = "at least" if measure.higher_is_better else "at most"
-        told = f"limit {side} {bound}" if self.kind == "limit" else f"accepted {bound}"
-        line = f"{self.subject.text}: {measure.title} {value}, {told}"
+        reference = f"limit {side} {bound}" if self.kind == "limit" else f"accepted {bound}"
+        line = f"{self.subject.text}: {measure.title} {value}, {reference}"
         if self.waiver is None:
             return line
         until = f"exception {'until' if self.is_waived else 'ended on'} {self.waiver.until}: {self.waiver.reason}"
@@ -46,40 +46,40 @@ class Finding:
 
 
 def find(record: Record, budget: Budget, accepted: Record | None, today: datetime.date) -> tuple[Finding, ...]:
-    """Return everything in `record` that passes a limit of `budget` or is worse than in `accepted`: failures first, worst first."""
+    """Return the values in `record` that exceed a limit of `budget` or are worse than in `accepted`: failures first, worst first."""
     accepted_values = measured(accepted) if accepted is not None else ()
     before = {_identity(subject): values for subject, values in accepted_values}
-    found: list[Finding] = []
+    findings: list[Finding] = []
     seen = set()
     for subject, values in measured(record):
         seen.add(_identity(subject))
-        found += _of_subject(subject, values, before.get(_identity(subject), {}), budget)
+        findings += _of_subject(subject, values, before.get(_identity(subject), {}), budget)
     if accepted is not None:
-        found += [
+        findings += [
             Finding("gone", subject)
             for subject, _ in measured(accepted)
             if subject.kind == "texture" and _identity(subject) not in seen
         ]
-    waived = [_with_waiver(finding, budget, today) for finding in found]
+    waived = [_with_waiver(finding, budget, today) for finding in findings]
     return tuple(sorted(waived, key=lambda each: (each.is_waived, RANK[each.kind], -each.excess, each.subject.text)))
 
 
 def _identity(subject: Subject) -> tuple[str, str, int, str | None]:
-    """What a subject is found by in another record; the packs of one source are those of another."""
+    """Return the key of a subject for comparison between records. Packs have the same key whatever their source."""
     return subject.kind, "" if subject.kind == "pack" else subject.name, subject.number, subject.map
 
 
 def _of_subject(subject: Subject, values: Values, before: Values, budget: Budget) -> list[Finding]:
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for name, value in values.items():
         measure, limit = MEASURES[name], budget.limit(subject, name)
         if limit is not None and measure.violates(value, limit):
-            found.append(Finding("limit", subject, name, value, limit, abs(value - limit) / max(abs(limit), 1e-12)))
+            findings.append(Finding("limit", subject, name, value, limit, abs(value - limit) / max(abs(limit), 1e-12)))
         if name in before:
             loss, allowed = measure.loss(value, before[name]), budget.allowed_loss(name)
             if loss > allowed + 1e-9:
-                found.append(Finding("worse", subject, name, value, before[name], loss / max(allowed, 1e-12)))
-    return found
+                findings.append(Finding("worse", subject, name, value, before[name], loss / max(allowed, 1e-12)))
+    return findings
 
 
 def _with_waiver(finding: Finding, budget: Budget, today: datetime.date) -> Finding:

@@ -1,4 +1,4 @@
-"""The report of a check as one HTML file: findings, a table of all textures that sorts, pictures, rate curves, and the trend."""
+"""Report of a check as one HTML file: findings, a sortable table of all textures, pictures, rate curves, and the trend."""
 
 import base64
 import html
@@ -11,7 +11,7 @@ from viewer.scene.json_text import counted
 from viewer.training.rates import RateCurve
 
 MOST_STRIPS = 500
-"""Textures with pictures: those with findings, then the worst. More would make the file too large to open at once."""
+"""Most textures with pictures: those with findings, then the worst. More would make the file slow to open."""
 CURVE_SIZE = (260, 120)
 """(width, height) of a plotted curve in CSS pixels."""
 LABEL_HEIGHT = 10
@@ -50,18 +50,18 @@ for(const row of body.rows){const text=row.textContent.toLowerCase();row.hidden=
 
 @dataclass(frozen=True, eq=False)
 class PageContent:
-    """Everything that the page shows."""
+    """Content of the page."""
 
     record: Record
     findings: tuple[Finding, ...]
     strips: Mapping[str, bytes] = field(default_factory=dict)
-    """JPEG with original, decoded and difference, by content of the texture."""
+    """JPEG of original, decoded and difference, by content of the texture."""
     curves: Mapping[str, RateCurve] = field(default_factory=dict)
     """Rate curves by content of the texture."""
 
 
 def page(content: PageContent) -> str:
-    """Return the HTML of a whole report; it needs no other file and no network."""
+    """Return the report as HTML that needs no other file and no network."""
     record, failing = content.record, failures(content.findings)
     verdict = (
         f"<p class=bad-text>{counted(len(failing), 'finding')} outside the budget</p>"
@@ -84,9 +84,12 @@ def page(content: PageContent) -> str:
 
 
 def past_of(record: Record) -> PastRecord:
-    """Return the figures of `record` that the trend of later checks shows."""
+    """Return the figures of `record` for the trend of later checks."""
     values = sorted(
-        own.psnr_db for texture in record.textures for own in texture.maps.values() if own.psnr_db is not None
+        map_record.psnr_db
+        for texture in record.textures
+        for map_record in texture.maps.values()
+        if map_record.psnr_db is not None
     )
     median = values[len(values) // 2] if values else None
     return PastRecord(record.date, values[0] if values else None, median, record.pack.disk_bytes)
@@ -100,7 +103,7 @@ def _findings(content: PageContent) -> str:
     if not content.findings:
         return ""
     lines = [
-        f"<li{'' if each.is_waived else ' class=bad-text'}>{_text(each.text)}{_mending(content, each)}</li>"
+        f"<li{'' if each.is_waived else ' class=bad-text'}>{_text(each.text)}{_remedy(content, each)}</li>"
         for each in content.findings
     ]
     return f"<h2>Findings, worst first</h2><ul>{''.join(lines)}</ul>"
@@ -111,8 +114,8 @@ def _texture_of(content: PageContent, finding: Finding) -> TextureRecord | None:
     return named[finding.subject.number] if finding.subject.number < len(named) else None
 
 
-def _mending(content: PageContent, finding: Finding) -> str:
-    """Return how many bits would mend a finding about PSNR, where the curve is known."""
+def _remedy(content: PageContent, finding: Finding) -> str:
+    """Return a text of the bits that a finding about PSNR needs, where the rate curve is known; else ""."""
     texture = _texture_of(content, finding)
     curve = content.curves.get(texture.content) if texture is not None else None
     if curve is None or finding.measure != "psnr_db" or finding.subject.map is None:
@@ -134,7 +137,7 @@ def _curves(content: PageContent) -> str:
 
 def _plot(curve: RateCurve) -> str:
     width, height = CURVE_SIZE
-    values = [own for point in curve.points for own in point.by_map.values()]
+    values = [psnr_db for point in curve.points for psnr_db in point.by_map.values()]
     low, high = min(values) - 1.0, max(values) + 1.0
     most = curve.points[-1].bits
     lines, labels = [], list[float]()
@@ -184,7 +187,7 @@ def _textures(content: PageContent) -> str:
     order = sorted(content.record.textures, key=lambda each: ((each.name, None) not in failing, _worst(each)))
     pictured = {texture.content for texture in order[:MOST_STRIPS]}
     for texture in order:
-        for name, own in texture.maps.items():
+        for name, map_record in texture.maps.items():
             strip = content.strips.get(texture.content) if texture.content in pictured else None
             picture = (
                 f"<img loading=lazy alt='original, decoded, difference' src=data:image/jpeg;base64,{base64.b64encode(strip).decode()}>"
@@ -198,7 +201,7 @@ def _textures(content: PageContent) -> str:
             )
             rows.append(
                 f"<tr{bad}><td>{_text(texture.name)}</td><td class=text>{_text(', '.join(texture.materials))}</td>"
-                f"<td class=text>{name}</td>{_cell(own.psnr_db, 2)}{_cell(own.normal_degrees, 2)}"
+                f"<td class=text>{name}</td>{_cell(map_record.psnr_db, 2)}{_cell(map_record.normal_degrees, 2)}"
                 f"{_cell(texture.bits_per_texel, 2)}{_cell(float(texture.bytes), 0)}"
                 f"<td data-value={texture.width * texture.height}>{texture.width} x {texture.height}</td><td>{picture}</td></tr>"
             )
@@ -221,7 +224,9 @@ def _textures(content: PageContent) -> str:
 
 
 def _worst(texture: TextureRecord) -> float:
-    return min((own.psnr_db for own in texture.maps.values() if own.psnr_db is not None), default=1e9)
+    return min(
+        (map_record.psnr_db for map_record in texture.maps.values() if map_record.psnr_db is not None), default=1e9
+    )
 
 
 def _trend(past: Sequence[PastRecord]) -> str:

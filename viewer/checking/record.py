@@ -1,4 +1,4 @@
-"""What a check measures: values of maps, textures, views and the pack, and the JSON file that holds them."""
+"""Record of a check: measured values of maps, textures, views and the pack, as a JSON file."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ from viewer.scene.json_text import convert, parse_json
 
 FORMAT = 1
 LARGEST_RECORD = 1 << 28
-"""Bytes of the largest record that is read."""
+"""Most bytes of a record that is read."""
 
 MeasureName = Literal[
     "psnr_db",
@@ -33,23 +33,23 @@ MeasureName = Literal[
 
 @dataclass(frozen=True)
 class Measure:
-    """A measured quantity."""
+    """Measured quantity, with its unit and its texts."""
 
     title: str
     unit: str
-    """Unit behind values; empty for none."""
+    """Unit printed behind values; empty for none."""
     about: str
     """Explanation in one sentence."""
     higher_is_better: bool
     digits: int
     worse: float
-    """Change for the worse that counts where the budget names none."""
+    """Allowed loss where the budget names none."""
     worse_is_share: bool = False
     """True if `worse` is a share of the accepted value."""
 
     @property
     def heading(self) -> str:
-        """Heading of a column."""
+        """Heading of a table column."""
         return f"{self.title} {self.unit}".strip()
 
     def text(self, value: float) -> str:
@@ -61,7 +61,7 @@ class Measure:
         return value < limit if self.higher_is_better else value > limit
 
     def loss(self, value: float, accepted: float) -> float:
-        """Return by how much `value` is worse than the accepted one, in the unit of `worse`; negative where it is better."""
+        """Return the loss of `value` against the accepted one, in the unit of `worse`; negative where it is better."""
         loss = accepted - value if self.higher_is_better else value - accepted
         return loss / max(abs(accepted), 1e-12) if self.worse_is_share else loss
 
@@ -102,7 +102,7 @@ class TextureRecord(msgspec.Struct, frozen=True, omit_defaults=True):
 
     name: str
     content: str
-    """Identity of the original and of everything that it is decoded from: equal identities have equal values."""
+    """Identity of the original and of all data that it is decoded from: equal identities mean equal measured values."""
     pixel_hash: str
     width: int
     height: int
@@ -110,9 +110,9 @@ class TextureRecord(msgspec.Struct, frozen=True, omit_defaults=True):
     bits_per_texel: float
     maps: dict[MapName, MapRecord]
     materials: tuple[str, ...] = ()
-    """Names of the materials that use it."""
+    """Names of the materials that use the texture."""
     pack: str = ""
-    """File of the pack that holds it."""
+    """File of the pack that holds the texture."""
 
 
 class ViewRecord(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -150,7 +150,7 @@ class PastRecord(msgspec.Struct, frozen=True):
 
 
 class Record(msgspec.Struct, frozen=True):
-    """Everything that a check has measured."""
+    """All measured values of a check."""
 
     format: int
     date: str
@@ -166,23 +166,23 @@ class Record(msgspec.Struct, frozen=True):
 
 @dataclass(frozen=True)
 class Subject:
-    """A thing with one measured value or several."""
+    """Map, texture, view or pack that has measured values."""
 
     kind: Literal["map", "texture", "view", "pack"]
     name: str
     """Name of the texture, or of the camera and light."""
     number: int = 0
-    """Number among the subjects of the same kind, name and part."""
+    """Number among subjects of the same kind and name, from 0."""
     map: MapName | None = None
     materials: tuple[str, ...] = ()
 
     @property
     def text(self) -> str:
         """Name of the subject in messages."""
-        own = {"map": f"{self.name}, map {self.map}", "view": f"view {self.name}", "pack": "all packs"}.get(
+        name = {"map": f"{self.name}, map {self.map}", "view": f"view {self.name}", "pack": "all packs"}.get(
             self.kind, self.name
         )
-        return own + (f" (number {self.number + 1} of that name)" if self.number else "")
+        return name + (f" (number {self.number + 1} of that name)" if self.number else "")
 
 
 Values = Mapping[MeasureName, float]
@@ -196,9 +196,9 @@ def measured(record: Record) -> Iterator[tuple[Subject, Values]]:
         counts[texture.name] = number + 1
         whole = Subject("texture", texture.name, number, materials=texture.materials)
         yield whole, {"bits_per_texel": texture.bits_per_texel, "bytes": float(texture.bytes)}
-        for name, own in texture.maps.items():
+        for name, map_record in texture.maps.items():
             subject = Subject("map", texture.name, number, name, texture.materials)
-            yield subject, _known(own, ("psnr_db", "normal_degrees"))
+            yield subject, _known(map_record, ("psnr_db", "normal_degrees"))
     for view in record.views:
         values = _known(view, ("psnr_db", "flip", "divergence", "ssimulacra2", "jod"))
         yield Subject("view", f"{view.camera}, {view.light}"), values
@@ -208,8 +208,8 @@ def measured(record: Record) -> Iterator[tuple[Subject, Values]]:
     )
 
 
-def _known(own: msgspec.Struct, names: tuple[MeasureName, ...]) -> Values:
-    return {name: float(value) for name in names if (value := getattr(own, name)) is not None}
+def _known(record: msgspec.Struct, names: tuple[MeasureName, ...]) -> Values:
+    return {name: float(value) for name in names if (value := getattr(record, name)) is not None}
 
 
 def read_record(path: Path) -> Record:

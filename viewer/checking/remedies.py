@@ -1,4 +1,4 @@
-"""Rate curves of textures that miss a limit of PSNR: how many bits would mend them."""
+"""Rate curves of textures that miss a limit of PSNR, to say how many bits they need."""
 
 import hashlib
 from dataclasses import fields
@@ -12,13 +12,13 @@ from viewer.training.rates import RATE_CODEC, PointJob, RateCurve, RatePoint, ra
 BITS = (1.0, 2.0, 4.0, 8.0)
 """Bits per texel of the points of a curve."""
 MOST_CURVES = 6
-"""Textures whose curve is made: those that miss their limits by most."""
+"""Most textures with a curve: those that miss their limits by most."""
 LARGEST_TEXELS = 1 << 20
-"""Larger textures get no curve: it would take longer than the check."""
+"""Most texels of a texture with a curve: a larger one would take longer than the check."""
 
 
 def rate_curve(source: SourceTexture, pack: Pack, cache: ContentCache) -> RateCurve | None:
-    """Return the curve of a texture in the codec of `pack`; None where the codec takes no target, and for large textures."""
+    """Return the rate curve of a texture in the codec of `pack`; None for codecs without a target bitrate, and for large textures."""
     width, height = source.size
     if pack.config.kind != RATE_CODEC or width * height > LARGEST_TEXELS:
         return None
@@ -26,9 +26,9 @@ def rate_curve(source: SourceTexture, pack: Pack, cache: ContentCache) -> RateCu
         (source.pixel_hash, source.size, source.maps, RATE_CODEC, BITS, [field.name for field in fields(RatePoint)])
     )
     content = f"curve-{hashlib.sha256(facts.encode()).hexdigest()[:40]}"
-    found = cache.read_value(content, RateCurve)
-    if found is None:
+    curve = cache.read_value(content, RateCurve)
+    if curve is None:
         whole = texture_set([source], 1)
-        found = RateCurve(tuple(rate_point(PointJob(source, whole, bits)) for bits in BITS), width * height)
-        cache.write_value(content, found)
-    return found
+        curve = RateCurve(tuple(rate_point(PointJob(source, whole, bits)) for bits in BITS), width * height)
+        cache.write_value(content, curve)
+    return curve

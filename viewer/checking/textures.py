@@ -1,4 +1,4 @@
-"""Measured values of textures: each is decoded and compared with its original, unless it was measured before."""
+"""Measured values of textures: each is decoded and compared with its original, unless its values are cached."""
 
 import hashlib
 import io
@@ -30,12 +30,12 @@ DIGITS = 40
 THUMBNAIL = 72
 """Pixels a side of a picture in a strip."""
 AMPLIFICATION = 8
-"""Factor on the difference in a strip."""
+"""Factor of the difference in a strip."""
 STRIP_QUALITY = 80
 
 
-class KeptTexture(msgspec.Struct, frozen=True):
-    """What is kept of a measured texture."""
+class CachedTexture(msgspec.Struct, frozen=True):
+    """Cached values of a measured texture."""
 
     maps: dict[MapName, MapRecord]
     strip: bytes
@@ -50,11 +50,11 @@ class MeasuredTextures:
     strips: Mapping[str, bytes]
     """JPEG strips by content; empty where a pack was read without its scene."""
     measured: int
-    """Textures that were decoded now; the others were measured before."""
+    """Number of textures that were decoded; the values of the others were cached."""
 
 
 def recorded_textures(pack: Pack) -> MeasuredTextures:
-    """Return the textures of `pack` with the quality that its encoder measured: without the scene, nothing can be compared."""
+    """Return the textures of `pack` with the quality that its encoder recorded, because there is no scene to compare with."""
     digests = _decoder_digests(pack)
     records = tuple(
         _record(pack, texture, _content(pack, index, digests), _recorded_maps(texture))
@@ -66,9 +66,9 @@ def recorded_textures(pack: Pack) -> MeasuredTextures:
 def measured_textures(
     scene: Scene, pack: Pack, match: PackMatch, cache: ContentCache, report: ProgressReport | None = None
 ) -> MeasuredTextures:
-    """Measure the textures of `scene` that `pack` holds, in the order of the scene.
+    """Return the measured textures of `scene` that `pack` holds, in the order of the scene.
 
-    Raises InputError where an original is not what was encoded any more.
+    Raises InputError where an original has changed since it was encoded.
     """
     digests = _decoder_digests(pack)
     materials = _materials(scene)
@@ -77,14 +77,14 @@ def measured_textures(
     def measure(item: tuple[int, int]) -> tuple[TextureRecord, bytes, bool]:
         texture_id, index = item
         content = _content(pack, index, digests)
-        own = cache.read_value(content, KeptTexture)
-        if own is None:
-            found = _measure(scene, pack, texture_id, index)
-            cache.write_value(content, found)
+        cached = cache.read_value(content, CachedTexture)
+        if cached is None:
+            values = _measure(scene, pack, texture_id, index)
+            cache.write_value(content, values)
         else:
-            found = own
-        record = _record(pack, pack.textures[index], content, found.maps, materials.get(texture_id, ()))
-        return record, found.strip, own is None
+            values = cached
+        record = _record(pack, pack.textures[index], content, values.maps, materials.get(texture_id, ()))
+        return record, values.strip, cached is None
 
     results = map_in_threads(measure, chosen, report)
     strips = {record.content: strip for record, strip, _ in results}
@@ -108,16 +108,16 @@ def original_of(scene: Scene, texture_id: int, encoded: EncodedTexture) -> Sourc
     return source
 
 
-def _measure(scene: Scene, pack: Pack, texture_id: int, index: int) -> KeptTexture:
+def _measure(scene: Scene, pack: Pack, texture_id: int, index: int) -> CachedTexture:
     encoded = pack.textures[index]
     pixels = original_of(scene, texture_id, encoded).pixels
     decoded = decode(pack, index)
-    return KeptTexture(_recorded_maps(measured_texture(encoded, decoded, pixels)), _strip(pixels, decoded))
+    return CachedTexture(_recorded_maps(measured_texture(encoded, decoded, pixels)), _strip(pixels, decoded))
 
 
 def _recorded_maps(texture: EncodedTexture) -> dict[MapName, MapRecord]:
     if not texture.map_psnr_db:
-        # Of a material set whose maps were not measured one by one, all together stand for the first.
+        # The maps of this material set were only measured together. The value is listed under the first map.
         return {texture.maps[0]: MapRecord(finite_or_none(texture.psnr_db))}
     degrees = texture.normal_degrees[0] if texture.normal_degrees is not None else None
     return {
@@ -147,11 +147,11 @@ def _record(
 
 def _materials(scene: Scene) -> dict[int, tuple[str, ...]]:
     """Return the names of the materials that use each texture, by texture id."""
-    found: dict[int, dict[str, None]] = {}
+    names: dict[int, dict[str, None]] = {}
     for material in scene.materials:
         for plane in ("base", "surface", "emission"):
-            found.setdefault(material.plane_texture(plane), {})[material.name] = None
-    return {texture_id: tuple(names) for texture_id, names in found.items()}
+            names.setdefault(material.plane_texture(plane), {})[material.name] = None
+    return {texture_id: tuple(names_of_texture) for texture_id, names_of_texture in names.items()}
 
 
 def _digest(arrays: Mapping[str, NDArray[np.generic]], *facts: str) -> str:

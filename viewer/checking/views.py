@@ -1,4 +1,4 @@
-"""Measured values of lit pictures: the pack's against that of the original images, at cameras of the scene and in two lights."""
+"""Measured values of lit pictures: drawn from the pack and from the original images, at cameras of the scene and in two lights."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -32,25 +32,25 @@ DIGITS = 40
 
 @dataclass(frozen=True)
 class MeasuredViews:
-    """Records of the pictures."""
+    """Records of the measured pictures."""
 
     records: tuple[ViewRecord, ...]
     gpu_bytes: int | None
-    """Bytes that the pack takes on the GPU; None where no picture was asked for."""
+    """Bytes of the pack on the GPU; None where there is no picture."""
     measured: int
-    """Pictures that were drawn now."""
+    """Number of pictures that were drawn; the values of the others were cached."""
 
 
-class KeptView(msgspec.Struct, frozen=True):
-    """What is kept of a measured picture."""
+class CachedView(msgspec.Struct, frozen=True):
+    """Cached values of a measured picture."""
 
     record: ViewRecord
     gpu_bytes: int
 
 
 def scene_content(scene: Scene, textures: Sequence[TextureRecord]) -> str:
-    """Return the identity of everything that pictures of `scene` show besides the camera: shapes, materials, originals and what
-    they are decoded from."""
+    """Return the identity of the content of pictures of `scene`, without the camera: shapes, materials, originals and encoded
+    textures."""
     digest = hashlib.sha256()
     shapes = scene.geometry
     arrays: list[NDArray[np.generic] | None] = [shapes.positions, shapes.uvs, shapes.colors, shapes.indices]
@@ -66,7 +66,7 @@ def scene_content(scene: Scene, textures: Sequence[TextureRecord]) -> str:
 
 @dataclass(frozen=True, eq=False)
 class ViewsToMeasure:
-    """The pictures of a check."""
+    """Pictures of a check that are to be measured."""
 
     scene: Scene
     source: str
@@ -76,32 +76,32 @@ class ViewsToMeasure:
     size: tuple[int, int]
     """(width, height) in pixels."""
     content: str
-    """`scene_content`."""
+    """Identity of the scene and its textures (`scene_content`)."""
 
     def pictures(self) -> list[tuple[Camera, str, str]]:
         """Return (camera, light, identity of the picture) of every picture."""
-        found = []
+        identified = []
         for camera in self.cameras:
             for light, lighting in LIGHTS.items():
-                # Measures that have been installed since are measured then.
+                # Part of the key, so that a measure is computed once its package is installed.
                 facts = repr((self.content, camera, self.size, asdict(lighting), has_jod(), has_ssimulacra2()))
-                found.append((camera, light, hashlib.sha256(facts.encode()).hexdigest()[:DIGITS]))
-        return found
+                identified.append((camera, light, hashlib.sha256(facts.encode()).hexdigest()[:DIGITS]))
+        return identified
 
 
-def kept_views(views: ViewsToMeasure, cache: ContentCache) -> MeasuredViews | None:
-    """Return all pictures of `views` as they were measured before; None where one is missing."""
-    found = [cache.read_value(content, KeptView) for _, _, content in views.pictures()]
-    if any(each is None for each in found):
+def cached_views(views: ViewsToMeasure, cache: ContentCache) -> MeasuredViews | None:
+    """Return the cached values of all pictures of `views`; None where one is missing."""
+    cached = [cache.read_value(content, CachedView) for _, _, content in views.pictures()]
+    if any(each is None for each in cached):
         return None
-    known = [each for each in found if each is not None]
+    known = [each for each in cached if each is not None]
     return MeasuredViews(tuple(each.record for each in known), known[-1].gpu_bytes if known else None, 0)
 
 
 def measured_views(
     context: GraphicsContext, views: ViewsToMeasure, cache: ContentCache, report: ProgressReport | None = None
 ) -> MeasuredViews:
-    """Draw and measure all pictures of `views`. Raises InputError where one cannot be drawn, ContextLostError."""
+    """Return the values of all pictures of `views`, drawn now. Raises InputError where one cannot be drawn, ContextLostError."""
     session = new_session(views.scene, {views.source: views.pack}, ViewerSettings(), InitialView())
     background = Background()
     drawing = WholeDrawing(context, session, background)
@@ -126,7 +126,7 @@ def measured_views(
             ssimulacra2=ssimulacra2(picture.reference, picture.color) if has_ssimulacra2() else None,
             jod=jod(picture.reference, picture.color) if has_jod() else None,
         )
-        cache.write_value(content, KeptView(record, gpu_bytes))
+        cache.write_value(content, CachedView(record, gpu_bytes))
         records.append(record)
         if report is not None:
             report.progress(number + 1, len(pictures))

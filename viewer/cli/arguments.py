@@ -38,7 +38,7 @@ VERSION = "--version"
 COMPLETION = ("--tyro-write-completion", "--tyro-print-completion")
 SHELLS = ("bash", "zsh", "fish")
 OUTPUTS = ("out", "web", "state", "json")
-"""Names of the options that hold the path of a file or folder to write, in every command that has them."""
+"""Names of options that hold the path of a file or folder to write, in all commands."""
 REMOVED_OPTIONS = {
     ("study rate", "--workers"): "leave it out, points are measured one after the other",
     ("study rate", "--ray"): "leave it out, points are measured one after the other",
@@ -46,7 +46,7 @@ REMOVED_OPTIONS = {
     ("library", "assign"): "encode with decoders of a pack: ntc-viewer encode SCENE --decoders F.ntc --out LIBRARY",
     ("library", "compact"): "leave it out, the index renews itself; delete damaged packs that verify names",
 }
-"""Options that earlier versions had, by command and name, with what to do instead."""
+"""Options of earlier versions, by command and name, with what to do instead."""
 
 
 @runtime_checkable
@@ -67,7 +67,7 @@ def _lab_commands() -> tuple[tuple[Subcommand, ...], tuple[Subcommand, ...]]:
 
 
 def _with_packs_merged(arguments: list[str]) -> list[str]:
-    """Gather the values of repeated --pack options behind one, so that `--pack a --pack b` means `--pack a b`."""
+    """Return `arguments` with the values of repeated --pack options behind one: `--pack a --pack b` means `--pack a b`."""
     packs: list[str] = []
     rest: list[str] = []
     collecting = False
@@ -91,13 +91,13 @@ def _one_line(box: str) -> str:
     lines = [line for line in lines if line and not line.startswith(("╭", "╰"))]
     rules = [number for number, line in enumerate(lines) if set(line) in ({"─"}, {"-"})]
     if rules[:1] == [1]:
-        # Without UTF-8 there is no box: a title over a first rule.
+        # Without UTF-8, tyro prints no box, but a title above a first rule.
         lines, rules = lines[2:], [number - 2 for number in rules[1:]]
     return " ".join(lines[: rules[0]] if rules else lines) or "the arguments could not be read"
 
 
 def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
-    """Return (command, its options) for `arguments`, which lack the program's name. Without a subcommand, `view` is meant.
+    """Return (command, its options) for `arguments` without the program's name. The default command is `view`.
 
     Raises InputError with one line for bad arguments, SystemExit(0) after printing help, the version or a completion script.
     """
@@ -115,9 +115,9 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
     words = _with_packs_merged(list(arguments) if named else ["view", *arguments])
     _refuse_removed_options(words)
     everything, words = HELP_ALL in words, ["--help" if word == HELP_ALL else word for word in words]
-    complaint, said = io.StringIO(), io.StringIO()
+    errors, printed = io.StringIO(), io.StringIO()
     try:
-        with contextlib.redirect_stderr(complaint), contextlib.redirect_stdout(said):
+        with contextlib.redirect_stderr(errors), contextlib.redirect_stdout(printed):
             if words[0] == "study":
                 study = _study(words, studies)
                 options = tyro.cli(study.options, prog=f"ntc-viewer study {study.name}", args=words[2:])
@@ -128,15 +128,15 @@ def parse_arguments(arguments: Sequence[str]) -> tuple[Subcommand, Any]:
     except SystemExit as stopped:
         if stopped.code in (0, None):
             command_words = " ".join(words[: 2 if words[0] == "study" else 1])
-            sys.stdout.write(grouped_help(said.getvalue(), command_words, everything))
+            sys.stdout.write(grouped_help(printed.getvalue(), command_words, everything))
             raise
-        raise InputError(f"{_one_line(complaint.getvalue())} (see ntc-viewer --help)") from None
+        raise InputError(f"{_one_line(errors.getvalue())} (see ntc-viewer --help)") from None
     command = next(command for command in commands if command.options is type(options))
     return command, _checked(options)
 
 
 def _refuse_unknown_command(word: str, names: Sequence[str]) -> None:
-    """Raise InputError where the first argument can only be a mistyped command: a plain word that names no file and no scene."""
+    """Refuse a first argument that can only be a mistyped command: a plain word that names no file and no scene. Raises InputError."""
     if word in BUILTIN_SCENES or not re.fullmatch(r"[A-Za-z][A-Za-z-]*", word) or Path(word).exists():
         return
     near = difflib.get_close_matches(word.lower(), names, n=1)
@@ -145,17 +145,17 @@ def _refuse_unknown_command(word: str, names: Sequence[str]) -> None:
 
 
 def _refuse_removed_options(words: Sequence[str]) -> None:
-    """Raise InputError for an option of an earlier version. `words` begin with the command."""
+    """Refuse an option of an earlier version. `words` begin with the command. Raises InputError."""
     command = " ".join(words[: 2 if words[0] == "study" else 1])
     for number, word in enumerate(words):
         option = word.partition("=")[0]
-        # A file may have the name that an action had.
+        # A file may have the name of a removed action, so only the first word is an action.
         if (remedy := REMOVED_OPTIONS.get((command, option))) and (number == 1 or option.startswith("--")):
-            raise InputError(f"{command} {option}: there is no such option any more; {remedy}")
+            raise InputError(f"{command} {option}: the option was removed; {remedy}")
 
 
 def _check_completion(arguments: Sequence[str]) -> None:
-    """Raise InputError for another shell than tyro knows, and for a file of the completion that cannot be written."""
+    """Refuse an unknown shell, and a completion file that cannot be written. Raises InputError."""
     shell = arguments[1] if len(arguments) > 1 else ""
     if shell not in SHELLS or (arguments[0] == COMPLETION[0]) != (len(arguments) > 2):
         raise InputError(f"{arguments[0]}: write ntc-viewer {COMPLETION[0]} {'|'.join(SHELLS)} FILE")
@@ -164,16 +164,16 @@ def _check_completion(arguments: Sequence[str]) -> None:
 
 
 def _checked(options: Any) -> Any:
-    """Return `options` with the scene in its place. Raises InputError for an output whose folder does not exist."""
+    """Return `options` with the scene taken from --pack if it was written there. Raises InputError for a missing output folder."""
     for name in OUTPUTS:
         path = getattr(options, name, None)
         if isinstance(path, Path):
             _require_folder(f"--{name}", path)
-    return _with_scene_found(options)
+    return _with_scene(options)
 
 
 def _require_folder(option: str, path: Path) -> None:
-    """Raise InputError where the folder that is to hold the new file or folder `path` does not exist."""
+    """Refuse an output `path` in a folder that does not exist. Raises InputError."""
     folder = path.parent
     if not folder.is_dir():
         problem = "is not a folder" if folder.exists() else "does not exist"
@@ -181,7 +181,7 @@ def _require_folder(option: str, path: Path) -> None:
 
 
 def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:
-    """Return the study that is named. Raises InputError for none and for one that does not exist."""
+    """Return the study that `words` name. Raises InputError for none and for an unknown one."""
     name = words[1] if len(words) > 1 else ""
     if name in ("-h", "--help"):
         sys.stdout.write("usage: ntc-viewer study NAME ...; each has --help\n")
@@ -194,8 +194,8 @@ def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:
     raise InputError(f"study {name}: no such study (there are: {', '.join(study.name for study in studies)})")
 
 
-def _with_scene_found(options: Any) -> Any:
-    """Return `options` with the scene that was written behind `--pack F ...` and so was read as a pack."""
+def _with_scene(options: Any) -> Any:
+    """Return `options` with a scene that follows `--pack F ...` as the scene, which tyro has read as a pack."""
     if not isinstance(options, SceneAndPacks) or options.scene is not None:
         return options
     scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX and not is_library(path)]

@@ -1,4 +1,4 @@
-"""Packs of a scene, with those of a built-in scene that are encoded when they are first asked for."""
+"""Packs of a scene. Missing packs of a built-in scene are encoded at first use."""
 
 from pathlib import Path
 from typing import get_args
@@ -14,11 +14,10 @@ from viewer.state.pack_files import open_packs, source_of_grouping
 def packs_with(
     scene: Scene, named: tuple[Path, ...], grouping: str | None, usual: GroupingName | None = None
 ) -> dict[str, Pack]:
-    """Open the packs of a scene as `packs_for` does. A built-in scene that has no pack of `grouping` yet is encoded in it.
+    """Return the packs of a scene, opened by `packs_for`. A built-in scene without a pack of `grouping` is encoded in it.
 
-    `usual`: grouping that a built-in scene is encoded in where none is asked for and it has no pack at all.
-
-    Raises InputError for a pack that cannot be read, or that is named and holds no texture of the scene.
+    `usual`: grouping for a built-in scene without any pack, if `grouping` is None. Raises InputError for a pack that cannot be read,
+    and for a named pack without a texture of the scene.
     """
     packs = packs_for(scene, named)
     if grouping is None and not packs:

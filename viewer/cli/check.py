@@ -1,4 +1,4 @@
-"""`ntc-viewer check`: measures an encoded scene, compares it with a budget and with an accepted report, and says what is wrong."""
+"""`ntc-viewer check`: measures an encoded scene, and compares it with a budget and with an accepted report."""
 
 import datetime
 import sys
@@ -24,7 +24,7 @@ from viewer.checking.page import PageContent, page, past_of
 from viewer.checking.record import FORMAT, PackRecord, Record, read_record
 from viewer.checking.remedies import MOST_CURVES, rate_curve
 from viewer.checking.textures import MeasuredTextures, measured_textures, original_of, recorded_textures
-from viewer.checking.views import MeasuredViews, ViewsToMeasure, kept_views, measured_views, scene_content
+from viewer.checking.views import MeasuredViews, ViewsToMeasure, cached_views, measured_views, scene_content
 from viewer.cli.options import CheckOptions
 from viewer.cli.progress import TerminalProgress
 from viewer.cli.sources import choose_source, open_scene, packs_for
@@ -40,17 +40,17 @@ from viewer.state.view_state import is_image_source
 from viewer.training.rates import RateCurve
 from viewer.viewpoints.sampling import CandidateSampler, ViewpointConfig
 
-FOUND = 1
-"""Exit status where a limit is passed, or something got worse."""
+HAS_FINDINGS = 1
+"""Exit status where a limit is exceeded, or a value got worse."""
 REPORT, JUNIT, SARIF, PAGE = "report.json", "junit.xml", "check.sarif", "index.html"
 LINES_SHOWN = 40
 MOST_PAST = 200
-"""Past checks that a report carries along."""
+"""Most past checks in a report."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Checked:
-    """What was measured, and from what."""
+    """Measured values, with the scene and pack that they belong to."""
 
     record: Record
     textures: MeasuredTextures
@@ -76,7 +76,7 @@ def check(options: CheckOptions) -> int:
     if options.out is not None:
         _write(options.out, checked, findings, _curves(checked, findings, cache))
     sys.stdout.write("\n".join(_lines(checked, findings)) + "\n")
-    return FOUND if failures(findings) else 0
+    return HAS_FINDINGS if failures(findings) else 0
 
 
 def _measured(options: CheckOptions, cache: ContentCache) -> _Checked:
@@ -104,10 +104,10 @@ def _measured(options: CheckOptions, cache: ContentCache) -> _Checked:
 
 
 def _of_packs(path: Path) -> _Checked:
-    """Check a pack or library by what its encoder recorded."""
+    """Return the values of a pack or library that its encoder recorded."""
     packs = library_packs(path) if is_library(path) else [read_pack(path)]
-    each = [recorded_textures(pack) for pack in packs]
-    textures = MeasuredTextures(tuple(record for own in each for record in own.records), {}, 0)
+    recorded = [recorded_textures(pack) for pack in packs]
+    textures = MeasuredTextures(tuple(record for each in recorded for record in each.records), {}, 0)
     views = MeasuredViews((), None, 0)
     return _Checked(_record(str(path), packs, textures, views), textures, views)
 
@@ -119,10 +119,10 @@ def _cameras(options: CheckOptions, scene: Scene) -> Sequence[Camera]:
 
 
 def _close_cameras(scene: Scene, count: int) -> list[Camera]:
-    """Return cameras close to surfaces, the same for the same scene; fewer where too few places are found."""
+    """Return at most `count` cameras close to surfaces, the same for the same scene."""
     sampler = CandidateSampler.of(scene, ViewpointConfig()) if count > 0 else None
-    found = sampler.close(count) if sampler is not None else []
-    return [replace(own.camera, name=f"close {number}") for number, own in enumerate(found, 1)]
+    candidates = sampler.close(count) if sampler is not None else []
+    return [replace(each.camera, name=f"close {number}") for number, each in enumerate(candidates, 1)]
 
 
 def _views(
@@ -131,7 +131,7 @@ def _views(
     if not views.cameras:
         return MeasuredViews((), None, 0)
     views = replace(views, content=scene_content(views.scene, textures.records))
-    known = kept_views(views, cache)
+    known = cached_views(views, cache)
     if known is not None:
         return known
     context = create_headless_context(options.device)
@@ -154,7 +154,7 @@ def _record(source: str, packs: Sequence[Pack], textures: MeasuredTextures, view
 
 
 def _disk_bytes(pack: Pack, latents: int) -> int:
-    """Return the bytes of the pack's file; of one that a library gives, those of its latents."""
+    """Return the bytes of the pack's file; for a pack of a library, those of its latents."""
     return pack.path.stat().st_size if pack.path is not None and pack.path.is_file() else latents
 
 
@@ -166,13 +166,13 @@ def _curves(checked: _Checked, findings: Sequence[Finding], cache: ContentCache)
     by_name = {texture.name: (index, texture) for index, texture in enumerate(checked.pack.textures) if index in places}
     contents = {record.name: record.content for record in checked.record.textures}
     names = dict.fromkeys(f.subject.name for f in failures(tuple(findings)) if f.measure == "psnr_db" and f.subject.map)
-    found: dict[str, RateCurve] = {}
+    curves: dict[str, RateCurve] = {}
     for name in [name for name in names if name in by_name][:MOST_CURVES]:
         index, texture = by_name[name]
         curve = rate_curve(original_of(checked.scene, places[index], texture), checked.pack, cache)
         if curve is not None:
-            found[contents[name]] = curve
-    return found
+            curves[contents[name]] = curve
+    return curves
 
 
 def _write(out: Path, checked: _Checked, findings: tuple[Finding, ...], curves: dict[str, RateCurve]) -> None:

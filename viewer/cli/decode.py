@@ -44,7 +44,7 @@ def _decoder(pack: Pack, options: DecodeOptions) -> ImageDecoder:
 
 
 def map_images(maps: Sequence[MapName], pixels: NDArray[np.uint8]) -> dict[MapName, NDArray[np.uint8]]:
-    """Return the picture [H, W, C] of each map of `pixels` [H, W, channels of all maps]; normals with z as (n + 1) / 2 in blue."""
+    """Return the picture [H, W, C] of each map in `pixels` [H, W, channels of all maps]. Normals get z, as (z + 1) / 2, in blue."""
     images: dict[MapName, NDArray[np.uint8]] = {}
     for name, place in map_slices(maps, pixels.shape[2]).items():
         images[name] = np.ascontiguousarray(pixels[..., place])
@@ -54,7 +54,7 @@ def map_images(maps: Sequence[MapName], pixels: NDArray[np.uint8]) -> dict[MapNa
 
 
 def image_file_names(names: Sequence[str]) -> tuple[str, ...]:
-    """File names for textures: as in the pack where a file system allows, made unique by a number where they repeat."""
+    """Return a file name for each texture: its name without forbidden characters, and with a number where names repeat."""
     result: list[str] = []
     for name in names:
         stem = re.sub(r"\.(png|jpe?g|webp)$", "", name, flags=re.IGNORECASE)

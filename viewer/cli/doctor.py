@@ -46,7 +46,7 @@ def _version(package: str) -> str:
 
 
 def examine(device: str | None = None) -> dict[str, Any]:
-    """Facts about this machine: Python, display, packages, devices, OpenGL on one of them."""
+    """Return facts about this machine: Python, display, packages, devices, and OpenGL on one device."""
     findings: dict[str, Any] = {
         "python": platform.python_version(),
         "system": SYSTEM.name,

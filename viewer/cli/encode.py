@@ -1,4 +1,4 @@
-"""`ntc-viewer encode`: encode textures into a pack in this process, or by jobs into a library or a pack."""
+"""`ntc-viewer encode`: encodes textures into a pack in this process, or by jobs into a library or a pack."""
 
 import shutil
 import signal
@@ -51,8 +51,8 @@ from viewer.scene.model import Scene
 from viewer.scene.scene_files import PACK_SUFFIX, scene_file
 from viewer.scene.source_textures import MapChoice, reduce_texture, source_textures
 
-KEPT_SUFFIX = ".jobs"
-"""Suffix of the library that keeps finished jobs beside a pack until the pack is finished."""
+JOBS_SUFFIX = ".jobs"
+"""Suffix of the library beside a pack that holds finished jobs until the pack is written."""
 SET_BY_DECODERS = (
     "bits",
     "quality",
@@ -67,13 +67,13 @@ SET_BY_DECODERS = (
     "epochs",
     "levels",
 )
-"""Options that the pack of --decoders decides about."""
+"""Options that the pack of --decoders sets."""
 UNFINISHED = 1
 """Exit status where textures are missing."""
 
 
 def is_by_jobs(options: EncodeOptions) -> bool:
-    """Return whether jobs encode the textures: the options ask for it, or there is no other way."""
+    """Return whether jobs encode the textures: an option asks for jobs, or the source or output needs them."""
     asked = any(each is not None for each in (options.workers, options.ray, options.decoders))
     return asked or options.out.suffix != PACK_SUFFIX or options.source.suffix.lower() == LIST_SUFFIX
 
@@ -90,7 +90,7 @@ def _check_jobs(options: EncodeOptions) -> None:
             )
     for name in SET_BY_DECODERS if options.decoders is not None else ():
         if getattr(options, name) != getattr(EncodeOptions, name):
-            raise InputError(f"--{name}: --decoders {options.decoders} decides about it; leave one of them out")
+            raise InputError(f"--{name}: is set by the pack of --decoders {options.decoders}; leave one of them out")
 
 
 def _encode_request(options: EncodeOptions, codec: str, maps: MapChoice) -> EncodeRequest:
@@ -113,15 +113,15 @@ def _workers(options: EncodeOptions) -> AbstractContextManager[Workers[WorkJob, 
 
 
 def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
-    """Encode the textures that `options` name. Raises InputError for bad input, KeyboardInterrupt after Ctrl-C.
+    """Run `ntc-viewer encode` by jobs. Raises InputError for bad input, KeyboardInterrupt after Ctrl-C.
 
-    The exit status is 1 where textures are missing: they are named.
+    The exit status is 1 where textures could not be encoded; they are listed.
     """
     _check_jobs(options)
     request = _encode_request(options, codec, maps)
     refs = texture_refs(options.source, maps)
     console = Console(stderr=True, soft_wrap=True)
-    folder = options.out.with_name(f"{options.out.name}{KEPT_SUFFIX}") if request.one_pack else options.out
+    folder = options.out.with_name(f"{options.out.name}{JOBS_SUFFIX}") if request.one_pack else options.out
     with _workers(options) as workers:
         how = f"codec {codec}, {options.grouping}" if options.decoders is None else f"decoders of {options.decoders}"
         console.print(f"{counted(len(refs), 'texture')}, {workers.slots()} at a time, {how}", highlight=False)
@@ -129,7 +129,7 @@ def encode_by_jobs(options: EncodeOptions, codec: str, maps: MapChoice) -> int:
             result = encode_to_library(request, refs, workers, folder, report.of_jobs, interrupted)
     if result.stopped:
         console.print(
-            f"stopped: {counted(len(result.stored), 'texture')} kept in {folder}; the same command resumes",
+            f"stopped: {counted(len(result.stored), 'texture')} saved in {folder}; the same command resumes",
             highlight=False,
         )
         raise KeyboardInterrupt
@@ -153,34 +153,34 @@ def _finish(options: EncodeOptions, folder: Path, result: RunResult) -> int:
 
 
 def _write_joined(out: Path, folder: Path, result: RunResult) -> None:
-    """Write one pack of all that is stored, in the order of the textures."""
+    """Write one pack of all textures that the jobs stored, in the order of the textures."""
     places = {each.texture.pixel_hash: number for number, each in enumerate(result.stored)}
     (settings,) = result.settings
     packs = Library(folder).packs_with(places)[settings]
-    # In the order of the textures, whichever job ended first.
+    # Packs in the order of their textures, not in the order in which jobs ended.
     first = sorted(packs, key=lambda name: min(map(places.__getitem__, packs[name])))
     write_pack(out, in_order(joined_textures(folder, {name: packs[name] for name in first}), places))
 
 
 MOST_NAMES = 5
-"""Textures that are named where a quality was not reached."""
-NEAR_BITS = 0.02
-"""Share of the bits asked for by which more are still as asked."""
-LEAST_WORTH = 0.1
-"""Least weight of a texture that is not seen, as a share of the mean."""
+"""Most textures that a message names where a quality was not reached."""
+BITS_TOLERANCE = 0.02
+"""Share of the target bitrate that it may be exceeded by."""
+LEAST_WEIGHT = 0.1
+"""Weight of a texture that no view shows, as a share of the mean."""
 
 
 def given_targets(options: EncodeOptions) -> dict[str, str]:
     """Return the target options that are given, by name."""
     numbers = {"bits": options.bits, "size": options.size}
-    found = {name: f"{value:g}" for name, value in numbers.items() if value is not None}
+    given = {name: f"{value:g}" for name, value in numbers.items() if value is not None}
     if options.quality is not None:
-        found["quality"] = str(options.quality)
-    return found if options.preset is None else {**found, "preset": options.preset}
+        given["quality"] = str(options.quality)
+    return given if options.preset is None else {**given, "preset": options.preset}
 
 
 def asked_target(options: EncodeOptions) -> Target | None:
-    """Return the target that the options name. Raises InputError for two at once, and for one that can never be reached."""
+    """Return the target that the options name. Raises InputError for two targets, and for one that can never be reached."""
     given = list(given_targets(options))
     if len(given) > 1:
         raise InputError(f"{' and '.join(f'--{name}' for name in given)} exclude each other: give one of them")
@@ -194,7 +194,7 @@ def asked_target(options: EncodeOptions) -> Target | None:
 
 
 def encoding_choices(options: EncodeOptions) -> EncodingChoices:
-    """Return the choices that the codec gets. Raises InputError as `asked_target` does."""
+    """Return the options of the codec. Raises InputError as `asked_target` does."""
     return EncodingChoices(
         options.recipe,
         options.steps,
@@ -207,21 +207,23 @@ def encoding_choices(options: EncodeOptions) -> EncodingChoices:
     )
 
 
-def worth_on_screen(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -> tuple[float, ...]:
-    """Return the weight of errors in each texture by the pixels of `views` (texture ids, -1 for none) that show a texel of it, in
-    proportion to their mean. `texels` by texture."""
+def screen_weights(views: Sequence[NDArray[np.int32]], texels: Sequence[int]) -> tuple[float, ...]:
+    """Return the weight of errors in each texture: its pixels per texel in `views`, over the mean of all textures.
+
+    `views`: [H, W] texture ids, -1 for none. `texels`: number of texels, by texture. Weights are at least LEAST_WEIGHT.
+    """
     pixels = np.zeros(len(texels))
     for view in views:
         pixels += np.bincount(view[view >= 0].reshape(-1), minlength=len(texels))[: len(texels)]
     shown = pixels / np.array(texels, np.float64)
-    worth = np.maximum(shown / max(float(shown.mean()), 1e-12), LEAST_WORTH)
-    return tuple(worth.tolist())
+    weights = np.maximum(shown / max(float(shown.mean()), 1e-12), LEAST_WEIGHT)
+    return tuple(weights.tolist())
 
 
 def result_lines(target: Target, pack: Pack, out: Path) -> list[str]:
     """Return lines that compare the target with `pack`, written to `out`."""
     if isinstance(target, BitsTarget):
-        more = bits_with_mips(pack) > target.bits * (1.0 + NEAR_BITS)
+        more = bits_with_mips(pack) > target.bits * (1.0 + BITS_TOLERANCE)
         why = "; not reached: so few or so small textures need more" if more else ""
         return [f"target: {target.bits:g} bits per texel of mip 0{why}"]
     if isinstance(target, SizeTarget):
@@ -293,7 +295,7 @@ def _check(options: EncodeOptions) -> None:
 
 
 def _check_codec(options: EncodeOptions) -> None:
-    """Raises InputError for options that the codec does not have."""
+    """Refuse options that the codec does not have. Raises InputError."""
     choices = encoding_choices(options)
     for refusal in codec_named(_codec_name(options)).refusals(choices):
         raise InputError(refusal)
@@ -307,7 +309,7 @@ def _maps(options: EncodeOptions) -> MapChoice:
 
 
 def _codec_name(options: EncodeOptions) -> str:
-    """Return the codec that the options name, else the first one that has all other options."""
+    """Return the codec that the options name, else the first codec that has all given options."""
     return options.codec or chosen_codec(encoding_choices(options))
 
 
@@ -326,8 +328,8 @@ def read_source(
     maps: MapChoice = "base",
     weights: MapWeightsName = EncodeOptions.map_weights,
 ) -> Source:
-    """Return the textures of a scene file or of a folder of images, reduced to `texture_size` texels: base colours, or whole
-    material sets whose errors are worth `weights`. Raises InputError."""
+    """Return the textures of a scene file or of a folder of images, reduced to `texture_size` texels a side: base colours, or whole
+    material sets with the weights `weights` of errors in their maps. Raises InputError."""
     scene = None
     if source.is_dir():
         textures = folder_textures(source)
@@ -343,7 +345,7 @@ def read_source(
 
 
 def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
-    """Return the inputs of the grouping besides the textures. Raises InputError for files that cannot be read."""
+    """Return the inputs of the grouping, without the textures. Raises InputError for files that cannot be read."""
     labels = read_labels(options.labels, source.textures) if options.labels is not None else {}
     features = FeatureOptions(cache=cache_folder("features"), clip_weights=options.clip_weights)
     if options.grouping != "covisible":
@@ -352,17 +354,17 @@ def grouping_inputs(source: Source, options: EncodeOptions) -> GroupingInputs:
 
 
 def _views(source: Source, options: EncodeOptions) -> tuple[NDArray[np.int32], ...]:
-    """Texture ids [H, W] of the views that are named. Raises InputError where there are none."""
+    """Return the texture ids [H, W] of the views that the options name. Raises InputError where there are none."""
     if source.scene is None:
         option = f"--views {options.views}" if options.grouping != "covisible" else "--grouping covisible"
         raise InputError(f"{option}: a folder of images has no viewpoints; encode a scene")
-    # Nothing else here needs OpenGL.
+    # Imported late, because nothing else here needs OpenGL.
     from viewer.viewpoints.scene_views import ViewSource, scene_views
 
     views = scene_views(source.scene, ViewSource(options.views, options.sampled_views, options.seed))
     if views.note:
         sys.stderr.write(f"note: {views.note}\n")
-    # Textures without a base colour, which have the last ids, may be left out.
+    # Textures without a base colour, whose ids are the last, may be left out.
     return tuple(np.where(view < len(source.textures), view, -1) for view in views.all_then_release())
 
 
@@ -402,7 +404,7 @@ def encode(options: EncodeOptions) -> int:
         options = replace(options, out=default_out(options))
     _check(options)
     if options.quality is not None and options.quality.unit == "JOD":
-        # It draws, and so takes OpenGL.
+        # Imported late, because it draws and needs OpenGL.
         from viewer.cli.encode_to_jod import encode_to_jod
 
         return encode_to_jod(options, options.quality.value, _encode)
@@ -422,9 +424,9 @@ def encode(options: EncodeOptions) -> int:
 
 
 def encode_builtin(scene_path: Path, grouping: GroupingName) -> Path:
-    """Encode a built-in scene in a grouping that does not ship, as those that do, and keep the pack in the user's data folder.
+    """Encode a built-in scene in a grouping that is not installed, into the user's data folder, and return the path of the pack.
 
-    Returns the path of the pack. Raises InputError, and KeyboardInterrupt after Ctrl-C.
+    Settings are those of the installed packs. Raises InputError, and KeyboardInterrupt after Ctrl-C.
     """
     out = packs_folder(scene_path) / f"{scene_path.stem}.{grouping}{PACK_SUFFIX}"
     sys.stderr.write(f"note: grouping {grouping} of {scene_path.stem} is encoded once and kept in {out}\n")
@@ -433,13 +435,13 @@ def encode_builtin(scene_path: Path, grouping: GroupingName) -> Path:
 
 
 def default_out(options: EncodeOptions) -> Path:
-    """Return the pack that is written where none is named: a new file beside the scene or folder, as in the window.
+    """Return the path of the pack where --out is left out: a new file beside the scene or folder, as in the window.
 
     Raises InputError for a list of images.
     """
     source = options.source
     if source.suffix.lower() == LIST_SUFFIX:
-        raise InputError(f"{source}: a list of images has no place of its own; name a pack or a library with --out")
+        raise InputError(f"{source}: a list of images has no folder for the pack; name a pack or a library with --out")
     if source.is_dir():
         return numbered_path(source.absolute().parent / f"{source.absolute().name}.{options.grouping}{PACK_SUFFIX}")
     scene = scene_file(named_scene(source))
@@ -447,17 +449,17 @@ def default_out(options: EncodeOptions) -> Path:
 
 
 def _encode(options: EncodeOptions) -> tuple[Codec, EncodingChoices, Pack, float]:
-    """Encode as `options` ask, and write the pack. Returns it with its codec, the choices and the seconds that it took.
+    """Encode the textures that `options` name, and write the pack. Returns (codec, its options, pack, seconds).
 
     Raises InputError for bad input and for a target that cannot be reached, KeyboardInterrupt after Ctrl-C.
     """
-    # Beside the reading of the scene.
+    # The codec compiles while the scene is read.
     with CompilingAhead(codec_named(_codec_name(options))) as compiling:
         return _encode_compiled(options, compiling)
 
 
 def _encode_compiled(options: EncodeOptions, compiling: CompilingAhead) -> tuple[Codec, EncodingChoices, Pack, float]:
-    """As `_encode`, with the codec that `compiling` compiles."""
+    """Do the work of `_encode` with the codec that `compiling` compiles."""
     name = _codec_name(options)
     console = Console(stderr=True, soft_wrap=True)
     source = read_source(options.source, options.texture_size, _maps(options), options.map_weights)
@@ -468,8 +470,8 @@ def _encode_compiled(options: EncodeOptions, compiling: CompilingAhead) -> tuple
     if isinstance(choices.target, SizeTarget) and options.views is not None:
         texels = [width * height for width, height in (texture.size for texture in textures)]
         views = inputs.views or _views(source, options)
-        choices = replace(choices, target=replace(choices.target, worth=worth_on_screen(views, texels)))
-    # Options that no codec but a later one has, with none named: the user may not know that it is another one.
+        choices = replace(choices, target=replace(choices.target, worth=screen_weights(views, texels)))
+    # An option may select another codec than the usual one. The user should know, because it takes much longer.
     usual = chosen_codec(EncodingChoices())
     if options.codec is None and name != usual and choices.recipe == EncodingChoices().recipe:
         given = ", ".join(refusal.split()[0] for refusal in codec_named(usual).refusals(choices))
@@ -478,7 +480,7 @@ def _encode_compiled(options: EncodeOptions, compiling: CompilingAhead) -> tuple
     how = f"recipe {choices.recipe}" if codec.trains else f"codec {name}"
     decoders = counted(grouping.group_count, "decoder")
     console.print(f"{counted(len(textures), 'texture')}, {decoders} ({grouping.name}), {how}", highlight=False)
-    # Written where a training diverges to NaN.
+    # The trainer writes this file if the training diverges to NaN.
     rescued_state = options.out.with_name(f"{options.out.name}.state")
     request = chosen_request(textures, grouping, codec, choices)
     with _EncodingProgress() as report, deferred_interrupt() as interrupted:
@@ -487,13 +489,13 @@ def _encode_compiled(options: EncodeOptions, compiling: CompilingAhead) -> tuple
             began = time.monotonic()
             pack = encode_request(request, report.of_training, interrupted, choices.state, rescued_state)
         except TrainingCancelledError:
-            # What a shell expects of Ctrl-C.
+            # The exit status of Ctrl-C that shells expect.
             raise KeyboardInterrupt from None
         stopped = interrupted() and not codec.trains
     seconds = time.monotonic() - began
     write_or_rescue(options.out, pack)
     if stopped:
-        console.print("note: stopped by Ctrl-C: textures are as they stand, not all corrected", highlight=False)
+        console.print("note: stopped by Ctrl-C: not all textures have been refined", highlight=False)
     return codec, choices, pack, seconds
 
 
@@ -503,7 +505,8 @@ def _check_interrupt(interrupted: CancelQuestion) -> None:
 
 
 def write_or_rescue(out: Path, pack: Pack) -> None:
-    """Write `pack`; on failure write it to a temporary folder, as it may have taken hours. Raises InputError for both."""
+    """Write `pack` to `out`. On failure it is written to a temporary folder, because it may have taken hours. Raises InputError
+    in both cases."""
     try:
         write_pack(out, pack)
     except InputError as error:

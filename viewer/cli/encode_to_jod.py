@@ -1,4 +1,8 @@
-"""`ntc-viewer encode --quality 9.5jod`: the fewest bits at which every lit view looks as good as asked."""
+"""`ntc-viewer encode --quality 9.5jod`: the fewest bits at which every lit view reaches a JOD.
+
+Quality rises with bits, so the search doubles or halves the bitrate until one trial reaches the goal and one does not, and then
+bisects on a logarithmic scale. Each trial encodes the scene, draws lit views and takes the worst JOD of ColorVideoVDP.
+"""
 
 import math
 import sys
@@ -23,10 +27,10 @@ from viewer.scene.json_text import counted
 from viewer.state.framing import frame_all
 
 FEWEST_BITS, MOST_BITS = 0.75, 16.0
-"""Bits per texel that are tried at least and at most."""
+"""Range of bits per texel that is searched."""
 FIRST_BITS = 3.0
 NEAR = 1.08
-"""Ratio of bits at which the search ends: finer steps change the picture by less than the measure's own noise."""
+"""Ratio of bits at which the search ends: smaller steps change JOD by less than its noise."""
 MOST_CAMERAS = 3
 SIZE = (960, 540)
 """(width, height) of the measured pictures in pixels."""
@@ -34,19 +38,19 @@ SIZE = (960, 540)
 
 @dataclass(frozen=True, eq=False)
 class Trial:
-    """An encoding that was measured."""
+    """Encoded pack with its measured quality."""
 
     bits: float
-    """Bits per texel that were asked for."""
+    """Target bitrate in bits per texel."""
     jod: float
     """JOD of the worst view."""
     pack: Pack
 
 
 def fewest_bits(measure: Callable[[float], Trial], goal: float) -> Trial:
-    """Return the trial with the fewest bits found whose quality is at least `goal`: doubled or halved to enclose it, then bisected.
+    """Return the trial with the fewest bits whose JOD is at least `goal`.
 
-    Raises InputError where the most bits do not reach it.
+    Raises InputError where MOST_BITS do not reach it.
     """
     good: Trial | None = None
     poor: Trial | None = None
@@ -75,7 +79,7 @@ def fewest_bits(measure: Callable[[float], Trial], goal: float) -> Trial:
 
 
 def encode_to_jod(options: EncodeOptions, goal: float, encode_pack: Callable[[EncodeOptions], object]) -> int:
-    """Run `ntc-viewer encode` for a goal in JOD; `encode_pack` writes a pack for options with another target.
+    """Run `ntc-viewer encode` for a goal in JOD. `encode_pack` writes the pack of options with a target bitrate.
 
     Raises InputError for bad input.
     """
@@ -84,9 +88,7 @@ def encode_to_jod(options: EncodeOptions, goal: float, encode_pack: Callable[[En
     if not has_jod():
         raise InputError(f"--quality {goal:g}jod: needs ColorVideoVDP; {INSTALL}")
     if options.source.is_dir() or options.out.suffix == "" or options.workers is not None or options.ray is not None:
-        raise InputError(
-            f"--quality {goal:g}jod: needs a scene to look at, and one pack; ask for dB or --bits otherwise"
-        )
+        raise InputError(f"--quality {goal:g}jod: needs a scene and one pack; give dB or --bits otherwise")
     scene = with_cameras_beside(open_scene(named_scene(options.source)))
     cameras = (scene.cameras or (frame_all(scene),))[:MOST_CAMERAS]
     context = create_headless_context()
@@ -98,8 +100,8 @@ def encode_to_jod(options: EncodeOptions, goal: float, encode_pack: Callable[[En
             encode_pack(replace(options, quality=None, bits=bits, out=place))
             pack = read_pack(place)
             views = ViewsToMeasure(scene, pack.grouping.name, pack, cameras, SIZE, f"{bits!r}")
-            found = measured_views(context, views, cache).records
-            trial = Trial(bits, min(own.jod for own in found if own.jod is not None), pack)
+            records = measured_views(context, views, cache).records
+            trial = Trial(bits, min(each.jod for each in records if each.jod is not None), pack)
             sys.stderr.write(f"{bits_with_mips(pack):.2f} bits per texel: {trial.jod:.2f} JOD\n")
             return trial
 

@@ -1,4 +1,4 @@
-"""`ntc-viewer export`: a scene and its pack for other programs."""
+"""`ntc-viewer export`: writes a scene and its pack for other programs."""
 
 import sys
 from contextlib import AbstractContextManager, nullcontext
@@ -15,21 +15,21 @@ from viewer.state.pack_files import PREFERRED_GROUPING, packs_beside
 
 
 def _packs(options: ExportOptions, scene: Path) -> tuple[Path, ...]:
-    """Return the packs that are named, else the one that lies beside the scene. Raises InputError for none, and for several that are
-    not for a page."""
+    """Return the packs that the options name, else the one beside the scene. Raises InputError for none, and for several without
+    --web."""
     if len(options.pack) > 1 and options.web is None:
         raise InputError(
             f"--pack {' '.join(map(str, options.pack))}: one pack is exported with a scene, several with --web; name one"
         )
     beside = packs_beside(scene)
     preferred = [path for path in beside if path.name.endswith(f".{PREFERRED_GROUPING}{PACK_SUFFIX}")]
-    found = tuple(options.pack or preferred[:1] or beside[:1])
-    if not found:
+    packs = tuple(options.pack or preferred[:1] or beside[:1])
+    if not packs:
         raise InputError(
             f"{scene}: no pack lies beside it; name one by --pack F.ntc, or make one: "
             f"ntc-viewer encode {scene} --grouping clustered --out {scene.stem}.clustered.ntc"
         )
-    return found
+    return packs
 
 
 def export(options: ExportOptions) -> int:
@@ -55,7 +55,7 @@ def export(options: ExportOptions) -> int:
 
 
 def _progress(request: ExportRequest) -> AbstractContextManager[TerminalProgress | None]:
-    """Return the progress of an export for the terminal, where it may take long."""
+    """Return a progress bar for exports that may take long; for others, a context that does nothing."""
     if request.page:
         return TerminalProgress(f"opening {request.scene.name}", "images")
     return TerminalProgress("images", lines=True) if request.image_format is not None else nullcontext()

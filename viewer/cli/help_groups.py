@@ -11,13 +11,13 @@ MOST_IN_GROUP = 10
 
 @dataclass(frozen=True)
 class HelpGroup:
-    """Options that belong to one task."""
+    """Group of options for one task, with examples."""
 
     title: str
     options: tuple[str, ...]
-    """Names without dashes, in the order in which they are shown."""
+    """Names without dashes, in the order of the help."""
     examples: tuple[str, ...]
-    """Arguments of examples, with the command."""
+    """Arguments of example commands, without the program's name."""
 
 
 def _group(title: str, options: str, *examples: str) -> HelpGroup:
@@ -143,22 +143,22 @@ GROUPS: Mapping[str, Sequence[HelpGroup]] = {
         _group("other formats", "formats disk-formats jpeg-xl flip-every"),
     ),
 }
-"""Groups by command, the usual options first. Shorter commands list their options in one box."""
+"""Groups of options by command, the usual ones first. Other commands have few options and list them in one box."""
 _INDENT, _WIDTH = 23, 78
 """Column where the text of an option begins, and the width of a line."""
 _OPTION = re.compile(r"^ {1,3}(?:-h, )?--([a-z-]+)")
 
 
 def help_entry(head: str, text: str) -> list[str]:
-    """Return the lines of an entry with its text beside it, or below it where the head is long."""
+    """Return the lines of an entry of the help: its text beside `head`, or below a long one."""
     head = f"  {head}"
-    own = textwrap.wrap(text, _WIDTH - _INDENT, break_long_words=False, break_on_hyphens=False)
-    first = [f"{head:{_INDENT}}{own.pop(0)}"] if len(head) <= _INDENT - 2 and own else [head]
-    return [*first, *(" " * _INDENT + line for line in own)]
+    text_lines = textwrap.wrap(text, _WIDTH - _INDENT, break_long_words=False, break_on_hyphens=False)
+    first = [f"{head:{_INDENT}}{text_lines.pop(0)}"] if len(head) <= _INDENT - 2 and text_lines else [head]
+    return [*first, *(" " * _INDENT + line for line in text_lines)]
 
 
 def _option(lines: Sequence[str]) -> list[str]:
-    """Return the lines of an option with its text wrapped as one paragraph: the source's line breaks mean nothing."""
+    """Return the lines of an option, with its text wrapped as one paragraph."""
     head, _, text = lines[0].strip().partition("  ")
     return help_entry(head, " ".join(" ".join([text, *lines[1:]]).split()))
 
@@ -171,9 +171,9 @@ def _explained(group: HelpGroup, rule: str, entries: Mapping[str, Sequence[str]]
 
 
 def grouped_help(text: str, command: str, everything: bool) -> str:
-    """Return the plain help `text` of a command, with lines of at most 80 columns and its options in the command's groups.
+    """Return the help `text` of a command in lines of at most 80 columns, with the options in the command's groups.
 
-    Without `everything` the usual options are explained, and the others named.
+    Without `everything`, only the usual options are explained; the others are listed by name.
     """
     lines = [
         part
@@ -187,8 +187,8 @@ def grouped_help(text: str, command: str, everything: bool) -> str:
     entries: dict[str, list[str]] = {}
     name = ""
     for line in filter(None, lines[first:]):
-        found = _OPTION.match(line)
-        name = found[1] if found else name
+        match = _OPTION.match(line)
+        name = match[1] if match else name
         entries.setdefault(name, []).append(line)
     usual, *others = GROUPS[command]
     shown = [*lines[: title - 1], *_explained(usual, rule, entries)]

@@ -1,4 +1,4 @@
-"""`ntc-viewer info`: what is in a scene or pack."""
+"""`ntc-viewer info`: prints the content of a scene, a pack or a folder."""
 
 import json
 import os
@@ -32,7 +32,7 @@ from viewer.scene.text_table import Column, Table
 KINDS = {".gltf": "glTF", ".glb": "GLB", PACK_SUFFIX: "pack"}
 """Kind of file by suffix; other files are skipped."""
 LISTS = ("honoured", "ignored", "missing", "repaired")
-"""Lists of the load report that have a column in the table of files."""
+"""Lists of the load report with a column in the table of files."""
 
 Outcome = Literal["read", "refused", "crashed"]
 
@@ -46,7 +46,7 @@ class FileInfo:
     kind: str
     outcome: Outcome
     message: str = ""
-    """Why it was not read: one line."""
+    """Reason why the file was not read, one line; "" where it was read."""
     triangles: int | None = None
     textures: int | None = None
     honoured: tuple[str, ...] = ()
@@ -74,23 +74,23 @@ def files_below(folder: Path) -> list[Path]:
 
     def refuse(error: OSError) -> None:
         if isinstance(error, FileNotFoundError) and Path(error.filename) != folder:
-            # Deleted since its parent was listed.
+            # The folder was deleted after its parent was listed.
             return
         raise InputError(f"{error.filename}: cannot be listed ({error.strerror}); check the path") from error
 
-    found: list[Path] = []
+    files: list[Path] = []
     for place, _, names in os.walk(folder, onerror=refuse):
         paths = (Path(place, name) for name in names)
-        found.extend(
+        files.extend(
             path
             for path in paths
             if path.suffix.lower() in KINDS and not is_partial(path) and path.is_file() and not path.is_symlink()
         )
-    return sorted(found)
+    return sorted(files)
 
 
 def describe_file(path: Path, name: str) -> FileInfo:
-    """Read the file at `path`, called `name` in the table; errors become part of the result."""
+    """Return the result of reading the file at `path`, called `name` in the table. Errors become part of the result."""
     kind = KINDS[path.suffix.lower()]
     name = printable(name)
     try:
@@ -102,7 +102,7 @@ def describe_file(path: Path, name: str) -> FileInfo:
     except InputError as error:
         # The table names the file already.
         return FileInfo(name, kind, "refused", str(error).removeprefix(f"{path}: "))
-    except Exception as error:  # noqa: BLE001  A crash on one file is a row of the table, not its end.
+    except Exception as error:  # noqa: BLE001  A crash on one file becomes a row; the other files are still read.
         return FileInfo(name, kind, "crashed", printable(f"{type(error).__name__}: {error}"))
     report = scene.report
     return FileInfo(
@@ -119,7 +119,7 @@ def describe_file(path: Path, name: str) -> FileInfo:
 
 
 def describe_all(folder: Path) -> Iterator[FileInfo]:
-    """Yield all scenes and packs below `folder`, with progress on a terminal. Raises InputError where it cannot be listed."""
+    """Yield the results of all scenes and packs below `folder`, with progress on a terminal. Raises InputError for a bad folder."""
     paths = files_below(folder)
     on_terminal = sys.stderr.isatty()
     for number, path in enumerate(paths, 1):
@@ -133,7 +133,7 @@ def describe_all(folder: Path) -> Iterator[FileInfo]:
 
 
 def info_all(folder: Path, as_json: bool) -> int:
-    """Run `ntc-viewer info --all`. Refusing a file is no failure of the command. Raises InputError for a bad folder."""
+    """Run `ntc-viewer info --all`. The exit status is 0 even where files are refused. Raises InputError for a bad folder."""
     if not folder.is_dir():
         raise InputError(f"{folder}: not a folder; info FILE describes one file")
     files = list(describe_all(folder))
@@ -160,7 +160,8 @@ BOUND_COLUMNS = (
 
 
 def bounds_json(bounds: Mapping[Precision, CertifiedError]) -> dict[str, Any]:
-    """Certified bounds by precision, the worst of all textures (docs/explanation/accuracy.md). `largest_sum` is null beyond fp32."""
+    """Return certified error bounds by precision, the worst of all textures (docs/explanation/accuracy.md). `largest_sum` is null
+    where it exceeds fp32."""
     return {
         precision: {
             "error": bound.error,
@@ -189,10 +190,10 @@ def bounds_lines(bounds: Mapping[Precision, CertifiedError]) -> list[str]:
 
 
 def codec_json(settings: CodecSettings) -> dict[str, Any]:
-    """Return the codec's name, settings, and cost of a decode."""
+    """Return the name and settings of a codec, and the cost of a decode, as JSON values."""
     fields = asdict(cast(Any, settings))
-    own = codec_of(settings).settings_json(settings)
-    return {"kind": settings.kind, **fields, "multiply_adds": settings.multiply_adds, **own}
+    further = codec_of(settings).settings_json(settings)
+    return {"kind": settings.kind, **fields, "multiply_adds": settings.multiply_adds, **further}
 
 
 def pack_json(pack: Pack) -> dict[str, Any]:
@@ -226,7 +227,7 @@ def pack_lines(pack: Pack) -> list[str]:
 
 
 def _ntc_file(path: Path) -> tuple[dict[str, Any], list[str]]:
-    """Return (JSON, lines) of a pack, or of NVIDIA's file of that suffix. Raises InputError."""
+    """Return (JSON, lines) of a pack, or of a texture set of NVIDIA's NTC, whose suffix is .ntc too. Raises InputError."""
     if other_format(beginning_of(path)) == "ntex":
         texture_set = read_ntex(path)
         return texture_set.json(), texture_set.lines()

@@ -1,4 +1,4 @@
-"""`ntc-viewer library`: adds packs to a library, lists what it holds, verifies it, and takes textures out as one pack."""
+"""`ntc-viewer library`: adds packs to a library, lists and verifies its content, and extracts textures as one pack."""
 
 import json
 import sys
@@ -27,7 +27,7 @@ COLUMNS = (
     Column("settings", "settings"),
     Column("pack", "pack"),
 )
-PROBLEMS_FOUND = 1
+HAS_PROBLEMS = 1
 """Exit status of `verify` where a pack is damaged."""
 
 
@@ -59,7 +59,7 @@ def library_lines(folder: Path, as_json: bool) -> list[str]:
 
 
 def _refuse_further(options: LibraryOptions) -> None:
-    """Raises InputError for what the action does not take."""
+    """Refuse options that the action does not have. Raises InputError."""
     if options.action in ("list", "verify") and options.files:
         raise InputError(f"library {options.action}: takes the library alone, not {options.files[0]}")
     if options.action != "extract" and options.out is not None:
@@ -96,7 +96,7 @@ def _extract(options: LibraryOptions) -> list[str]:
 def library(options: LibraryOptions) -> int:
     """Run `ntc-viewer library`. Raises InputError for bad input."""
     _refuse_further(options)
-    found = False
+    has_problems = False
     match options.action:
         case "add":
             lines = _add(options)
@@ -104,9 +104,9 @@ def library(options: LibraryOptions) -> int:
             lines = library_lines(options.folder, options.json)
         case "verify":
             lines = list(Library(options.folder).problems())
-            found = bool(lines)
+            has_problems = bool(lines)
             lines = lines or [f"{options.folder}: all packs are as they were written"]
         case "extract":
             lines = _extract(options)
     sys.stdout.write("\n".join(lines) + "\n")
-    return PROBLEMS_FOUND if found else 0
+    return HAS_PROBLEMS if has_problems else 0

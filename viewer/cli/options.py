@@ -1,4 +1,4 @@
-"""Every subcommand and its options, frozen dataclasses that tyro turns into the command line (see README)."""
+"""Every subcommand and its options: frozen dataclasses that tyro turns into the command line (see README)."""
 
 import math
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ from viewer.state.view_state import (
 from viewer.training.settings import TARGET_TEXTS, TargetUnit, TrainingSettings
 
 LARGEST_SIDE = 16384
-"""Pixels: the largest picture side that any option accepts."""
+"""Largest side of a picture that options accept, in pixels."""
 
 
 def _parse_size(arguments: list[str]) -> tuple[int, int]:
@@ -84,7 +84,7 @@ Vector = Annotated[
 
 @dataclass(frozen=True)
 class QualityGoal:
-    """Quality to reach in as few bits as possible."""
+    """Quality to reach with as few bits as possible."""
 
     value: float
     unit: Literal["dB", "JOD"] = "dB"
@@ -115,39 +115,39 @@ Quality = Annotated[
 
 
 def in_words(metavar: str) -> Any:
-    """Return the setting of an option whose help names its default in words, in place of `(default: None)`."""
+    """Return the tyro setting of an option whose help states its default in words, in place of `(default: None)`."""
     return tyro.conf.arg(metavar=metavar, help_behavior_hint="")
 
 
 def _shown(owner: type, field: str, more: str = "", metavar: str | None = None) -> Any:
-    """Return the setting of an option that sets what a field of `owner` sets in the window: its help is the field's, then `more`.
+    """Return the tyro setting of an option with the same effect as the field `field` of `owner`: the field's help, then `more`.
 
-    A `metavar` is for an option whose help names its default in words.
+    Give a `metavar` where the help states the default in words.
     """
-    said = " ".join(filter(None, (field_text(owner, field), more)))
+    text = " ".join(filter(None, (field_text(owner, field), more)))
     return (
-        tyro.conf.arg(help=said)
+        tyro.conf.arg(help=text)
         if metavar is None
-        else tyro.conf.arg(help=said, metavar=metavar, help_behavior_hint="")
+        else tyro.conf.arg(help=text, metavar=metavar, help_behavior_hint="")
     )
 
 
 def _cameras(more: str) -> Any:
-    """Return the setting of an option that takes a cameras file."""
+    """Return the tyro setting of an option that takes a cameras file."""
     return tyro.conf.arg(help=f"{CAMERAS_TEXT}. {more}", metavar="FILE", help_behavior_hint="")
 
 
 def _sun() -> Any:
-    """Return the setting of the option of the sun's direction, with the texts of its two angles in the window."""
+    """Return the tyro setting of the sun's direction, with the texts that its two angles have in the window."""
     angles = (field_args(Lighting)[name] for name in ("sun_azimuth", "sun_elevation"))
-    said = " and ".join(f"{angle.name} in {angle.help}" for angle in angles)
-    return tyro.conf.arg(help=f"Direction of the sun: {said}.", metavar="AZIMUTH ELEVATION")
+    text = " and ".join(f"{angle.name} in {angle.help}" for angle in angles)
+    return tyro.conf.arg(help=f"Direction of the sun: {text}.", metavar="AZIMUTH ELEVATION")
 
 
 def _target(unit: TargetUnit, metavar: str, more: str = "") -> Any:
-    """Return the setting of an option that gives the target in a unit."""
-    said = " ".join(filter(None, (f"Target of codec block: {TARGET_TEXTS[unit]}.", more)))
-    return tyro.conf.arg(help=said, metavar=metavar, help_behavior_hint="")
+    """Return the tyro setting of an option for the target in a unit."""
+    text = " ".join(filter(None, (f"Target of codec block: {TARGET_TEXTS[unit]}.", more)))
+    return tyro.conf.arg(help=text, metavar=metavar, help_behavior_hint="")
 
 
 Packs = Annotated[tuple[Path, ...], in_words("F.ntc ...")]
@@ -161,7 +161,7 @@ Gpu = Annotated[
         help_behavior_hint="",
     ),
 ]
-"""GPU as `viewer.gl.devices.choose_device` takes it; None: the one that NTC_VIEWER_DEVICE names, else the first one."""
+"""GPU to draw on (`viewer.gl.devices.choose_device`); None: the one that NTC_VIEWER_DEVICE names, else the first one."""
 GroupingOrImages = Annotated[str | None, in_words("NAME")]
 
 
@@ -173,17 +173,17 @@ class Subcommand:
     options: type[Any]
     """Dataclass whose fields are the options and whose docstring is the summary in --help."""
     module: str
-    """Imported only when the command runs: most commands need neither torch nor OpenGL."""
+    """Module with the function. It is imported when the command runs, because most commands need neither torch nor OpenGL."""
     function: str
     """Name of the function in `module` that takes an instance of `options`, returns the exit status and raises InputError."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class DecoderOptions:
-    """Options of decoding that change speed and no picture."""
+    """Options of decoding that change the speed, but not the picture."""
 
     decoder_variant: VariantName | None = None
-    """Layout of the decoding shaders. No picture depends on it. Default: `software` for a software renderer, else `gpu`."""
+    """Layout of the decoding shaders; pictures do not depend on it. Default: `software` for a software renderer, else `gpu`."""
 
 
 @dataclass(frozen=True)
@@ -243,7 +243,7 @@ class RenderOptions(DecoderOptions):
     filter: Annotated[TexelFilter, _shown(Slot, "filter")] = "exact"
     size: Size = (1280, 720)
     """Picture size in pixels."""
-    cameras: Annotated[Path | None, _cameras("Default: the scene's own.")] = None
+    cameras: Annotated[Path | None, _cameras("Default: the scene's cameras.")] = None
     camera: Annotated[str | None, in_words("NAME")] = None
     """Camera to draw from. Default: the first one; without cameras, one that frames the scene."""
     eye: Vector = None
@@ -295,7 +295,7 @@ class EncodeOptions:
     gpus_per_job: float = 0.0
     """Share of a GPU that each job of --ray takes. Example: with 0.25, four jobs share one GPU (with --device cuda)."""
     decoders: Annotated[Path | None, in_words("F.ntc")] = None
-    """Pack of codec block whose decoders encode the textures and stay as they are. It also decides bits, maps and grouping.
+    """Pack of codec block whose decoders encode the textures, unchanged. It also sets bits, maps and grouping.
     Default: new decoders."""
     grouping: Annotated[GroupingName, _shown(TrainingSettings, "strategy", "See docs/reference/groupings.md.")] = (
         TrainingSettings.strategy
@@ -340,7 +340,7 @@ class EncodeOptions:
     size: Annotated[float | None, _target("MB", "MB")] = None
     preset: Annotated[PresetName | None, in_words("1bit|2bit|4bit|8bit|fast")] = None
     """Target of codec block by name.
-    1bit to 8bit stand for --bits; fast decodes with at most 100 multiply-adds per texel, at about 2 bits."""
+    1bit to 8bit set --bits; fast decodes with at most 100 multiply-adds per texel, at about 2 bits."""
     maps: Annotated[
         MapChoice | None,
         _shown(TrainingSettings, "maps", "Default: all for codec block, base for codec grid.", "all|base"),
@@ -352,7 +352,7 @@ class EncodeOptions:
     steps: Annotated[int | None, in_words("N")] = None
     """Length of training in optimisation steps. Default: the recipe's."""
     epochs: Annotated[float | None, in_words("X")] = None
-    """Length of training in epochs: each shows every texel of every texture once. Not together with --steps. Default: the recipe's."""
+    """Length of training in epochs: one epoch is one sample of every texel. Excludes --steps. Default: the recipe's."""
     levels: Annotated[int | None, in_words("N")] = None
     """Number of mips to encode, 1 to 16. 1: mip 0 alone, as in the paper. Default: all."""
     seed: int = 0
@@ -360,7 +360,7 @@ class EncodeOptions:
     device: Literal["auto", "cpu", "cuda"] = "auto"
     """Device that trains. auto takes CUDA if torch has it."""
     state: Annotated[Path | None, in_words("FILE")] = None
-    """File that keeps the state of the training: after Ctrl-C the same command resumes. Removed at the end. Default: none."""
+    """File for the state of the training: after Ctrl-C the same command resumes. It is removed at the end. Default: none."""
 
     def grouping_config(self) -> GroupingConfig:
         """Return the options of the grouping."""
@@ -383,7 +383,7 @@ class DecodeOptions:
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
     """Folder for the images."""
     backend: Literal["numpy", "torch", "gl"] = "numpy"
-    """Decoder. numpy: the float64 reference. torch: float32 for codec grid, as numpy for codec block. gl: GLSL on a
+    """Decoder. numpy: the float64 reference. torch: float32 for codec grid, numpy's result for codec block. gl: GLSL on a
     GPU."""
     precision: Annotated[Precision, _shown(Slot, "precision", "For --backend gl.")] = "fp32"
     level: int = 0
@@ -412,7 +412,7 @@ class ExportOptions:
     """Format of decoded images, written in place of the pack.
     Without mips: png. With mips: ktx2 (Basis UASTC), bc7 and bc1 (DDS), astc (6x6 in KTX2, EXT_texture_astc)."""
     fallback: Fallback = "original"
-    """Images for programs that do not read packs: the scene's own, the same as JPEG or KTX2 (Basis Universal), or none."""
+    """Images for programs that do not read packs: the scene's images, the same as JPEG or KTX2 (Basis Universal), or none."""
 
 
 LibraryAction = Literal["add", "list", "verify", "extract"]
@@ -448,30 +448,28 @@ class InfoOptions:
 
 @dataclass(frozen=True)
 class CheckOptions:
-    """Check an encoded scene, pack or library against a budget: exit status 1 where a limit is passed (docs/guide/check.md)."""
+    """Check an encoded scene, pack or library against a budget: exit status 1 where a limit is exceeded (docs/guide/check.md)."""
 
     source: Annotated[Path | None, in_words("SCENE|F.ntc|LIBRARY"), tyro.conf.Positional] = None
-    """Scene with its pack, whose textures and lit views are measured; a pack or library alone is taken as its encoder measured it.
+    """Scene with its pack: textures and lit views are measured. For a pack or library alone, the encoder's values are checked.
     Default: the built-in courtyard."""
     pack: Packs = ()
     """Pack of the scene to check. Default: the pack beside the scene, clustered before others."""
     grouping: Annotated[str | None, in_words("NAME")] = None
     """Grouping to check where the scene has several packs."""
     budget: Annotated[Path | None, in_words("FILE.toml")] = None
-    """Limits to keep. Default: none."""
+    """Budget: limits of the measured values. Default: none."""
     against: Annotated[Path | None, in_words("REPORT.json")] = None
-    """Accepted report: what is worse than in it is found. Default: none."""
+    """Accepted report: values that are worse than in it fail the check. Default: none."""
     out: Annotated[Path | None, in_words("DIR")] = None
     """Folder for report.json, junit.xml, check.sarif and the page index.html. Default: the table on the terminal alone."""
     suggest: Annotated[Path | None, in_words("FILE.toml")] = None
-    """Budget to write: limits that the measured values keep, with a little room."""
+    """Budget to write: limits that the measured values meet with a margin of 2 %."""
     views: Annotated[int, tyro.conf.arg(metavar="N")] = 2
-    """Number of cameras whose lit pictures are measured, each in two lights; 0 measures textures alone."""
+    """Number of cameras whose lit pictures are measured, each in two lights. 0: only textures are measured."""
     close: Annotated[int, tyro.conf.arg(metavar="N")] = 1
     """Number of further views at 0.8 to 4 eye heights from a surface, found in the scene; none with --views 0."""
-    cameras: Annotated[Path | None, _cameras("Default: the scene's own; without any, one that frames the scene.")] = (
-        None
-    )
+    cameras: Annotated[Path | None, _cameras("Default: the scene's; without any, one that frames the scene.")] = None
     size: Size = (640, 360)
     """Size of the pictures in pixels."""
     device: Gpu = None
@@ -479,20 +477,20 @@ class CheckOptions:
 
 @dataclass(frozen=True)
 class ShareOptions:
-    """Compare groupings: which decoders a scene may share, what that costs in dB and saves in divergence, bytes and milliseconds.
+    """Compare groupings of a scene: what sharing decoders costs in dB, and saves in divergence, bytes and milliseconds.
 
-    All are trained in turns, at equal steps, samples and bits. Writes share.json, share.csv, share.png and the packs.
+    Groupings are trained in turns, with equal steps, samples and bits. Writes share.json, share.csv, share.png and the packs.
     """
 
     scene: Annotated[Path, tyro.conf.arg(metavar="SCENE|FOLDER"), tyro.conf.Positional]
     """Scene, or folder of images, whose textures are encoded."""
     out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
-    """Folder for the results. After Ctrl-C it keeps the state of all trainings, and the same command goes on."""
+    """Folder for the results. After Ctrl-C it holds the state of all trainings, and the same command resumes."""
     codec: Annotated[CodecName, _shown(TrainingSettings, "codec")] = SharingSettings.codec
     groupings: tuple[GroupingName, ...] = SharingSettings.groupings
-    """Groupings to compare. baseline: a decoder per texture; single: one for all."""
+    """Groupings to compare. baseline: a decoder per texture. single: one decoder for all."""
     clusters: Annotated[tuple[int, ...], in_words("K ...")] = SharingSettings.clusters
-    """Numbers of groups of clustered, covisible and random. Default: one for four textures. Example: --clusters 2 4 8."""
+    """Numbers of groups of clustered, covisible and random. Default: a quarter of the textures. Example: --clusters 2 4 8."""
     steps: int = SharingSettings.steps
     """Training steps of each grouping, for codec grid."""
     bits: Annotated[float | None, in_words("B")] = None
@@ -508,7 +506,7 @@ class ShareOptions:
     gpu: Gpu = None
 
     def settings(self) -> SharingSettings:
-        """Return what is compared. Raises InputError."""
+        """Return the settings of the comparison. Raises InputError."""
         return SharingSettings(
             codec=self.codec,
             groupings=self.groupings,

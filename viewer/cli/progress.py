@@ -1,4 +1,4 @@
-"""Progress of long work on standard error, with the time left: a live bar on a terminal."""
+"""Progress of long work on standard error, with the time left: a live bar on a terminal, lines elsewhere."""
 
 import time
 from typing import Self
@@ -9,14 +9,14 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from viewer.scene.json_text import duration, time_left
 
 LINES_PER_PHASE = 20
-"""Lines of each phase where standard error is no terminal."""
+"""Lines for each phase where standard error is no terminal."""
 
 
 class TerminalProgress:
-    """Progress of one piece of work. Use in a `with` block."""
+    """Progress of long work. Use it in a `with` block."""
 
     def __init__(self, title: str, unit: str = "", lines: bool = False) -> None:
-        """`unit` names the steps. Without a terminal, `lines` prints about LINES_PER_PHASE lines for each phase."""
+        """Make a bar called `title`; `unit` names its steps. Without a terminal, `lines` prints LINES_PER_PHASE lines a phase."""
         self.console = Console(stderr=True, soft_wrap=True)
         self._title, self._unit, self._lines, self._last = title, unit, lines, ("", -1)
         columns = (
@@ -44,14 +44,14 @@ class TerminalProgress:
         self.show(done / max(of, 1), f"{done} of {of} {self._unit}" if self._unit else "")
 
     def show(self, share: float, status: str, phase: str = "") -> None:
-        """Show `share` of the work, 0 to 1, a text and the time left beside it. `phase` names a part of the work that has a share of
-        its own."""
+        """Show `share` of the work, 0 to 1, with a text and the time left. `phase` names a part of the work; `share` is then that
+        of the phase."""
         now = time.monotonic()
         if self._began is None or self._began[0] != phase:
             self._began = (phase, now, share)
         left = time_left(now - self._began[1], share, self._began[2])
         status = status if left is None else f"{status}  {duration(left)} left".strip()
-        # Rounded down: all is done at 100 %.
+        # Rounded down, so that 100 % means done.
         step, shown = (phase, int(share * LINES_PER_PHASE)), int(100.0 * share) / 100.0
         if self.console.is_terminal:
             self._bar.update(self._task, description=phase or self._title, total=1.0, completed=shown, status=status)

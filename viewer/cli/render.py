@@ -1,4 +1,4 @@
-"""`ntc-viewer render`: one picture without a window, with ids, divergence and statistics."""
+"""`ntc-viewer render`: draws one picture without a window, with ids, divergence and statistics."""
 
 import io
 import json
@@ -49,35 +49,35 @@ from viewer.state.view_state import (
 
 
 def map_error_statistics(errors: Sequence[MapError], scene: Scene) -> dict[str, dict[str, Any]]:
-    """Return the figures of stats.json by map: PSNR in dB and mean squared error (squared 8-bit steps) of the picture, and the
-    texture with the largest share of the error. Null where there is none."""
-    found = {}
+    """Return the errors by map for stats.json: PSNR in dB and mean squared error (squared 8-bit steps) of the picture, and the
+    texture with the largest share of the error, or null."""
+    statistics = {}
     for error in errors:
         total = float(error.by_texture.sum())
         worst = int(error.by_texture.argmax()) if total > 0.0 else None
-        found[str(error.maps)] = {
+        statistics[str(error.maps)] = {
             "psnr_db": error.psnr_db,
             "mean_squared_error": error.mean_squared_error,
             "worst_texture": None if worst is None else scene.textures[worst].name,
             "share_of_worst_texture": None if worst is None else float(error.by_texture[worst]) / total,
         }
-    return found
+    return statistics
 
 
 def write_map_errors(folder: Path, errors: Sequence[MapError]) -> None:
-    """Write error.MAP.png for each map: the error of every pixel, amplified as in the error overlay, black where there is none."""
+    """Write error.MAP.png for each map: the error of every pixel, amplified as in the error overlay, black for no error."""
     for error in errors:
         steps = np.minimum(np.sqrt(error.squared_error) * ERROR_AMPLIFICATION, 255.0)
         write_png(folder / f"error.{error.maps}.png", np.rint(steps).astype(np.uint8))
 
 
 WARM_UP_DIVISOR = 16
-"""A first frame this many times smaller compiles programs and uploads textures: `timings_ms` then holds drawing alone."""
+"""Ratio of the picture's size to that of a first frame, which compiles programs and uploads textures: `timings_ms` then holds only
+drawing."""
 
 
 def compression_statistics(compressed: CompressedTextures) -> dict[str, Any]:
-    """Return the part of stats.json about textures in a format of graphics hardware: bytes and bits of all mips, PSNR of mip 0 in
-    dB."""
+    """Return the part of stats.json about textures in a block format: bytes and bits of all mips, PSNR of mip 0 in dB."""
     psnr = compressed.psnr
     summary = {name: finite_or_none(value) for name, value in vars(psnr).items()} if psnr is not None else None
     size = {"bytes": compressed.stored_bytes, "bits_per_texel": compressed.bits_per_texel}
@@ -85,8 +85,8 @@ def compression_statistics(compressed: CompressedTextures) -> dict[str, Any]:
 
 
 def statistics(measured: MeasuredPicture, frame: FrameResult, view: ViewState, renderer_name: str) -> dict[str, Any]:
-    """Return the other parts of stats.json. PSNR in dB over 8-bit sRGB RGB of the covered pixels; null for the reference itself,
-    and where both pictures are equal: JSON has no infinity.
+    """Return the other parts of stats.json. PSNR is in dB, over 8-bit sRGB RGB of the covered pixels. It is null for the reference,
+    and where both pictures are equal, because JSON has no infinity.
     """
     divergence, is_image = measured.divergence_statistics, is_image_source(measured.source)
     decoded = measured.decoder_ids >= 0
@@ -139,9 +139,9 @@ def write_picture(
     kind: str,
     overlay: Overlay,
 ) -> None:
-    """Write the files of `render` into `folder`, stats.json last; `kind` is that of `overlay.png`, "none" for no such file.
+    """Write the files of `render` into `folder`, stats.json last. `kind` is the overlay in `overlay.png`, "none" for no such file.
 
-    `shown` [H, W, 3] uint8 sRGB is the picture with its overlay.
+    `shown` [H, W, 3] uint8 sRGB is the picture with the overlay.
     """
     write_png(folder / "color.png", measured.color)
     write_bytes(folder / "texture_id.npy", _npy(measured.texture_ids))
@@ -156,10 +156,10 @@ def write_picture(
 
 
 def chosen_lighting(options: RenderOptions) -> Lighting:
-    """Return the light of --view lit. Raises InputError for values that are out of range, and for a panorama that cannot be used."""
+    """Return the light of --view lit. Raises InputError for values out of range, and for a panorama that cannot be read."""
     environment = SKY if options.environment is None else str(options.environment)
     if options.environment is not None and environment not in BUILTIN_ENVIRONMENTS:
-        # Whatever is wrong with the file is said before anything is drawn.
+        # Read now, so that a broken file is refused before anything is drawn.
         load_panorama(options.environment)
     given: dict[str, Any] = {
         "environment": environment,
@@ -186,7 +186,7 @@ def _check(options: RenderOptions) -> None:
 
 
 def _opened(options: RenderOptions) -> Session:
-    """Return a session with the scene, the pack and the view that the options name. Raises InputError."""
+    """Return a session with the scene, pack and view that the options name. Raises InputError."""
     pose = None if options.time is None else Pose(options.animation, options.time)
     scene = open_scene(options.scene, options.variant, pose)
     needs_packs = options.grouping is None or not is_image_source(options.grouping) or bool(options.pack)
@@ -216,7 +216,7 @@ def _opened(options: RenderOptions) -> Session:
 
 
 def render(options: RenderOptions) -> int:
-    """Run `ntc-viewer render`: a session whose view is drawn once, and measured. Raises InputError for bad input."""
+    """Run `ntc-viewer render`. Raises InputError for bad input."""
     _check(options)
     session = _opened(options)
     source = session.view.slot_a.source
@@ -231,14 +231,14 @@ def render(options: RenderOptions) -> int:
         apply_event(session, ViewChanged(view))
         drawing.draw((-(-view.size[0] // WARM_UP_DIVISOR), -(-view.size[1] // WARM_UP_DIVISOR)))
         frame, renderer = drawing.draw(view.size)
-        # Read first: the calls below check whether the context was lost.
+        # Read first, because the calls below check whether the context was lost.
         shown = read_picture(frame.image)
         (measured,) = measure(renderer, [view.slot_a], session.packs, options.block)
         map_errors = errors_by_map(renderer, view.slot_a) if options.error_by_map else ()
         if options.aovs:
             write_aovs(options.out / "aovs.exr", material_aovs(renderer, view.slot_a))
         if frame.is_short:
-            # PSNR of a coarser picture would be a wrong number.
+            # Parts were drawn at coarser mips, so PSNR would be wrong.
             memory = "the GPU has no memory for the whole of it; choose a smaller --size, or close other programs"
             raise InputError(f"{source}: {frame.short_latents or memory}")
         background.close()

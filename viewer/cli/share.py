@@ -1,4 +1,4 @@
-"""`ntc-viewer share`: which decoders a scene may share, what that costs in quality and saves in divergence, bytes and time."""
+"""`ntc-viewer share`: compares groupings: what sharing decoders costs in quality, and saves in divergence, bytes and time."""
 
 import io
 import json
@@ -56,7 +56,7 @@ COLUMNS = (
 
 @dataclass(frozen=True, eq=False)
 class _Inputs:
-    """What is compared in."""
+    """Textures, views and camera of the comparison."""
 
     source: Source
     views: SplitViews | None
@@ -64,7 +64,7 @@ class _Inputs:
 
 
 def share(options: ShareOptions) -> int:
-    """Run `ntc-viewer share`. Raises InputError for bad input, and KeyboardInterrupt after Ctrl-C: the same command goes on."""
+    """Run `ntc-viewer share`. Raises InputError for bad input, and KeyboardInterrupt after Ctrl-C: the same command resumes."""
     settings = options.settings()
     if options.out.exists() and not options.out.is_dir():
         raise InputError(f"--out {options.out}: is a file; name a folder")
@@ -86,17 +86,17 @@ def _inputs(options: ShareOptions, settings: SharingSettings) -> _Inputs:
         if "covisible" in settings.groupings:
             raise InputError("--groupings covisible: a folder of images has no viewpoints; name a scene")
         return _Inputs(source, None, None)
-    found = scene_views(source.scene, ViewSource(options.views, None, settings.seeds[0]))
-    camera = (*found.cameras, *found.sampled)[0]
-    # Textures without a base colour, which have the last ids, may be left out.
-    views = tuple(np.where(view < len(source.textures), view, -1) for view in found.all_then_release())
+    all_views = scene_views(source.scene, ViewSource(options.views, None, settings.seeds[0]))
+    camera = (*all_views.cameras, *all_views.sampled)[0]
+    # Textures without a base colour, whose ids are the last, may be left out.
+    views = tuple(np.where(view < len(source.textures), view, -1) for view in all_views.all_then_release())
     return _Inputs(source, SplitViews.of(views), camera)
 
 
 def _trained(
     compared: Sequence[Candidate], out: Path, progress: TerminalProgress, cancelled: CancelQuestion
 ) -> list[CandidateTraining]:
-    """Train all in turns. After Ctrl-C their states are kept in `out`, from where the same command goes on."""
+    """Train all candidates in turns. After Ctrl-C their states are written to `out`, and the same command resumes."""
     sample = SampledTexels.of(compared[0].request.textures)
     keeps = codec_named(compared[0].request.codec.kind).trains
     trainings = [
@@ -123,7 +123,7 @@ def _file(out: Path, candidate: Candidate, suffix: str) -> Path:
 def _measured(
     trainings: Sequence[CandidateTraining], inputs: _Inputs, options: ShareOptions, progress: TerminalProgress
 ) -> list[SharingRow]:
-    """Write the pack of each training, and return its results; milliseconds of the first seed alone: those of others are equal."""
+    """Write the pack of each training, and return the results. Only packs of the first seed are timed: seeds do not change times."""
     rows: list[SharingRow] = []
     timer = None
     scene, camera = inputs.source.scene, inputs.camera
@@ -146,7 +146,7 @@ def _measured(
 
 
 def _cells(row: SharingRow) -> dict[str, Cell]:
-    """Return the results of a row as cells of a table."""
+    """Return the results of a row as the cells of a table."""
     cells: dict[str, Cell] = {key: value for key, value in vars(row).items() if isinstance(value, Cell)}
     for name, figures in (("", row.held_out), ("optimised_", row.optimised)):
         if figures is not None:
@@ -158,13 +158,13 @@ def _write(rows: Sequence[SharingRow], options: ShareOptions, settings: SharingS
     """Write the files of the comparison, and print its table and sentences."""
     paths = list(dict.fromkeys(path for row in rows for path in row.ms))
     columns = (*COLUMNS, *(Column(f"{path}_ms", f"{path} ms", 1) for path in paths))
-    said = sentences(rows)
+    conclusions = sentences(rows)
     record = {
         "scene": str(options.scene),
         "settings": asdict(settings),
         "textures": len(inputs.source.textures),
         "views": "every second view is held out: no grouping was chosen for it",
-        "sentences": said,
+        "sentences": conclusions,
         "rows": [asdict(row) for row in rows],
     }
     cells = [_cells(row) for row in rows]
@@ -180,4 +180,4 @@ def _write(rows: Sequence[SharingRow], options: ShareOptions, settings: SharingS
     for candidate in options.out.glob("*.state"):
         candidate.unlink(missing_ok=True)
     table = Table(columns, cells).text()
-    sys.stdout.write("\n".join([table, *said, f"wrote {options.out}", ""]))
+    sys.stdout.write("\n".join([table, *conclusions, f"wrote {options.out}", ""]))

@@ -1,4 +1,4 @@
-"""Scene, packs, camera and precision that the options name."""
+"""Opening of the scene, packs, camera and precision that options name."""
 
 import math
 import os
@@ -35,11 +35,11 @@ from viewer.state.pack_files import (
 from viewer.state.view_state import REFERENCE, is_image_source
 
 MISSING_SHOWN = 3
-"""Missing things that are listed one by one; the others are only counted."""
+"""Most missing files and parts that are listed; the others are counted."""
 
 
 def open_scene(path: Path | None, variant: str = "", pose: Pose | None = None) -> Scene:
-    """Load the scene that `path` names, or the courtyard, and print notes about missing parts; progress where there is a terminal.
+    """Return the scene that `path` names, or the courtyard, loaded with progress on a terminal. Missing parts are printed.
 
     Raises InputError.
     """
@@ -56,15 +56,16 @@ def open_scene(path: Path | None, variant: str = "", pose: Pose | None = None) -
 
 
 def load_with_progress(path: Path, variant: str = "", pose: Pose | None = None) -> Scene:
-    """Load a scene; a terminal shows how many images are read, and the time left. Raises InputError."""
+    """Return a loaded scene. A terminal shows the number of images read, and the time left. Raises InputError."""
     with TerminalProgress(f"opening {path.name}", "images") as report:
         return load_scene(path, variant, pose, report)
 
 
 def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
-    """Open the packs of a scene, by name: those named first, then those that the scene's file names, then those beside it.
+    """Return the opened packs of a scene, by name: first those in `named`, then those that the scene's file names, then those
+    beside it.
 
-    Raises InputError for one that cannot be read, or that is named and holds no texture of the scene.
+    Raises InputError for a pack that cannot be read, and for a named pack without a texture of the scene.
     """
     packs = open_packs([*named, *packs_of(scene)], wanted_textures(scene))
     for path in named:
@@ -82,49 +83,49 @@ def packs_for(scene: Scene, named: tuple[Path, ...]) -> dict[str, Pack]:
 
 
 def choose_source(packs: Mapping[str, Pack], grouping: str | None, named: tuple[Path, ...]) -> str:
-    """Name of the open pack to show, REFERENCE, or a block format.
+    """Return the source to show: the name of an open pack, REFERENCE, or a block format.
 
-    A grouping that is asked for must be there (InputError says how to get it). Without one, the first pack
-    that was named is shown, else the clustered one, else any, else the reference.
+    With `grouping`, that source; InputError says how to make a pack that is missing. Without, the first of the packs `named`, else
+    the clustered pack, else any, else the reference.
     """
     if grouping is not None and is_image_source(grouping):
         return grouping
     if grouping is not None:
-        found = source_of_grouping(packs, grouping)
-        if found is None:
+        source = source_of_grouping(packs, grouping)
+        if source is None:
             there = ", ".join([REFERENCE, *packs, "bc1", "bc7", "astc-4x4 to astc-12x12"])
             raise InputError(
                 f"--grouping {grouping}: no such pack for this scene (there are: {there}); "
                 f"make one with: ntc-viewer encode SCENE --grouping {grouping} --out SCENE_NAME.{grouping}.ntc"
             )
-        return found
+        return source
     if named:
         return next(iter(packs))
     return preferred_source(packs)
 
 
 def compress_scene(scene: Scene, block_format: BlockFormat) -> CompressedTextures:
-    """Return the scene's textures in a format of graphics hardware, kept in the user's cache; progress where there is a terminal.
+    """Return the scene's textures compressed to a block format, and cached in the user's cache folder. A terminal shows progress.
 
     Raises InputError where the encoder is not installed.
     """
     requests = compression_requests(scene, block_format, cache_folder("blocks"))
-    pictures = [request for own in requests for request in own]
+    pictures = [request for of_texture in requests for request in of_texture]
     with TerminalProgress(f"encoding {block_format}", "images") as report:
         pool = ThreadPoolExecutor(os.cpu_count() or 1)
         try:
-            found = []
+            compressed = []
             for texture in pool.map(compress_texture, pictures):
-                found.append(texture)
-                report.progress(len(found), len(pictures))
+                compressed.append(texture)
+                report.progress(len(compressed), len(pictures))
         finally:
-            # After an error, and Ctrl-C, nothing more is begun.
+            # After an error or Ctrl-C, no further picture is begun.
             pool.shutdown(cancel_futures=True)
-    return compressed_scene(block_format, requests, found)
+    return compressed_scene(block_format, requests, compressed)
 
 
 def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
-    """Return the camera that the options name, else the scene's first, else one that frames all. Raises InputError."""
+    """Return the camera that the options name, else the scene's first, else one that frames the scene. Raises InputError."""
     if (options.eye is None) != (options.target is None):
         raise InputError("--eye and --target belong together: give both")
     if options.eye is not None and options.target is not None:
@@ -144,9 +145,9 @@ def choose_camera(scene: Scene, options: RenderOptions) -> Camera:
 def resolve_precision(
     choice: PrecisionChoice, pack: Pack | None, fastest_first: Sequence[Precision] = EVERYWHERE[::-1]
 ) -> Precision:
-    """Return the precision that `choice` means for `pack`; for `auto` the chosen one and the reason are printed.
+    """Return the precision that `choice` means for `pack`. For `auto`, the chosen precision and the reason are printed.
 
-    `fastest_first` has the driver's precisions; by default those that every driver supports.
+    `fastest_first`: precisions of the driver, the fastest first; by default those that every driver supports.
     """
     if choice != "auto":
         return choice

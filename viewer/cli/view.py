@@ -1,4 +1,4 @@
-"""`ntc-viewer view`: the window; without a display, pictures in a folder."""
+"""`ntc-viewer view`: opens the window; without a display, writes pictures into a folder."""
 
 import sys
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ WITHOUT_SCRIPT = "wait settled; screenshot window.png"
 
 def draw_pictures(options: ViewOptions, folder: Path) -> None:
     """Write the decoded picture with its divergence, and the original picture, into `folder`."""
-    # As the window opens.
+    # The view that the window opens with.
     common = {
         "scene": options.scene,
         "pack": options.pack,
@@ -41,7 +41,7 @@ def draw_pictures(options: ViewOptions, folder: Path) -> None:
 
 
 def script_of(options: ViewOptions) -> Script:
-    """Return the script of --script and --exec, empty for none. Raises InputError before anything is opened."""
+    """Return the script of --script and --exec, empty for none. Raises InputError for a script that is wrong."""
     parts: Sequence[Script] = (
         *((read_script(options.script),) if options.script is not None else ()),
         *(parse_exec(text) for text in options.exec),
@@ -54,7 +54,7 @@ def _initial(options: ViewOptions, source: str, precision: PrecisionChoice) -> I
 
 
 def play_headless(options: ViewOptions, pictures: Path) -> int:
-    """Play the script of `options` without a window. Raises InputError where it, or one of its lines, is wrong."""
+    """Play the script of `options` without a window. Raises InputError for a wrong script, and where a line of it fails."""
     from viewer.app.headless import HeadlessApp
 
     if options.size is not None and not all(SMALLEST_SIDE <= side <= LARGEST_SIDE for side in options.size):

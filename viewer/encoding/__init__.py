@@ -1,1 +1,1 @@
-"""Encoding thousands of textures as jobs that run in many processes: what there is, what a job is, and what came of all."""
+"""Encoding of thousands of textures by jobs in many processes: reading the textures, planning the jobs, and the result."""

@@ -1,4 +1,4 @@
-"""The report of encoding many textures: lines for the terminal."""
+"""Report of encoding many textures, as lines for the terminal."""
 
 import statistics
 from collections import defaultdict
@@ -8,16 +8,16 @@ from viewer.encoding.whole_run import RunResult, Stored
 from viewer.scene.json_text import counted
 
 MOST_CATEGORIES = 24
-"""Largest number of categories in the table; the others come together."""
+"""Most categories in the table; the others share one row."""
 NO_CATEGORY = "(none)"
 
 
 def by_category(stored: Sequence[Stored]) -> dict[str, list[Stored]]:
-    """Return the textures of each category, the largest first; small ones beyond MOST_CATEGORIES together."""
-    found: dict[str, list[Stored]] = defaultdict(list)
+    """Return the textures of each category, the largest category first; those beyond MOST_CATEGORIES are joined in `others`."""
+    categories: dict[str, list[Stored]] = defaultdict(list)
     for each in stored:
-        found[each.ref.category or NO_CATEGORY].append(each)
-    ordered = sorted(found.items(), key=lambda item: (-len(item[1]), item[0]))
+        categories[each.ref.category or NO_CATEGORY].append(each)
+    ordered = sorted(categories.items(), key=lambda item: (-len(item[1]), item[0]))
     rest = [each for _, textures in ordered[MOST_CATEGORIES:] for each in textures]
     return {**dict(ordered[:MOST_CATEGORIES]), **({"others": rest} if rest else {})}
 
@@ -27,7 +27,7 @@ def _decibels(value: float | None) -> str:
 
 
 def _row(name: str, stored: Sequence[Stored]) -> str:
-    """Return counts and medians of some textures; an exact one has no PSNR."""
+    """Return a row of the table: count, median and worst PSNR, and bits. Exact textures have no PSNR."""
     textures = [each.texture for each in stored]
     finite = [each.psnr_db for each in textures if each.psnr_db is not None]
     texels = [each.width * each.height for each in textures]
@@ -37,7 +37,7 @@ def _row(name: str, stored: Sequence[Stored]) -> str:
 
 
 def report_lines(result: RunResult) -> list[str]:
-    """Return the table of categories, the totals, and what failed."""
+    """Return the table of categories, the totals, and the failures."""
     lines = [f"{'category':32} {'textures':>8} {'median dB':>9} {'worst dB':>8} {'bits/texel':>10}"]
     lines += [_row(name, stored) for name, stored in {**by_category(result.stored), "all": result.stored}.items()]
     rate = result.texels / max(result.seconds, 1e-9) / 1e6

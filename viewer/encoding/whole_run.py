@@ -1,6 +1,10 @@
-"""Encoding a set of textures into a library: look at them, plan jobs, encode, keep what comes. A second run does what is left.
+"""Encoding of a set of textures into a library, by jobs.
 
-The jobs depend on the textures and on what is asked for, never on how many workers there are or on what has been encoded before.
+A run has three steps: read each image for its hash, size and features; group the textures and cut the groups into jobs; encode the
+jobs that the library does not hold yet, and add each pack as it comes. A second run therefore encodes only what is missing.
+
+Jobs depend on the textures and the request alone, never on the number of workers or on earlier runs, so any run gives the same bytes.
+A group of more than LARGEST_JOB texels is cut into several jobs, each with a decoder.
 """
 
 import math
@@ -28,7 +32,7 @@ from ntc.pack.file import read_pack
 from viewer.encoding.work import (
     EncodeJob,
     ImageInfo,
-    LookJob,
+    InspectJob,
     ReadOptions,
     TextureRef,
     WorkJob,
@@ -39,15 +43,15 @@ from viewer.encoding.work import (
 from viewer.jobs.executor import Workers, run_jobs
 
 JOB_TEXELS = 1 << 24
-"""Texels of mip 0 of a job, about: tens of seconds of one core in codec `block`."""
+"""Texels of mip 0 of a job, about: codec `block` encodes them in tens of seconds on one core."""
 LARGEST_JOB = 2 * JOB_TEXELS
-"""A group of more is cut into several, each with a decoder of its own."""
+"""Most texels of a group that is not cut into several jobs."""
 MOST_TEXTURES = 64
-"""Largest number of textures of a job, where groups leave the choice."""
+"""Most textures of a job whose textures share no trained decoder."""
 LIBRARY_TEXTURE = (1024, 1024)
-"""Settings of a library are chosen as for textures of this size: they must not change with what is added later."""
+"""Texture size that the codec's settings of a library are chosen for: they must not change when textures are added."""
 LIBRARY_GROUP = 8
-"""And as for groups of so many."""
+"""Number of textures in a group that these settings are chosen for."""
 GROUPINGS_OF_JOBS = ("clustered", "random", "category", "baseline", "single", UNIVERSAL)
 
 
@@ -62,26 +66,26 @@ class EncodeRequest:
     choices: EncodingChoices
     labels: Path | None = None
     one_pack: bool = False
-    """True if all textures become one pack and share the settings of one codec."""
+    """True if all textures become one pack with the same codec settings."""
     decoders: Path | None = None
-    """Pack that gives decoders, codec and grouping. None: textures get decoders of their own."""
+    """Pack whose decoders, codec and grouping are used. None: new decoders."""
 
 
 @dataclass(frozen=True, order=True)
 class _Kind:
-    """Textures that one codec's settings serve."""
+    """Kind of textures that share codec settings."""
 
     maps: tuple[MapName, ...]
     channels: int
 
 
 def needs_features(request: EncodeRequest) -> bool:
-    """Return whether the groups are found by features."""
+    """Return whether the grouping compares textures by features."""
     return request.grouping.name in ("clustered", "random")
 
 
-def stand_in(texture: ImageInfo) -> SourceTexture:
-    """Return a texture whose pixels take no memory, for whoever needs the other fields alone."""
+def without_pixels(texture: ImageInfo) -> SourceTexture:
+    """Return a texture with the fields of `texture` and zero pixels that take no memory."""
     pixels = blank((texture.height, texture.width, texture.channels))
     return SourceTexture(texture.ref.name, pixels, texture.pixel_hash, category=texture.ref.category, maps=texture.maps)
 
@@ -89,16 +93,16 @@ def stand_in(texture: ImageInfo) -> SourceTexture:
 def _grouping(request: EncodeRequest, textures: Sequence[ImageInfo]) -> Grouping:
     config = request.grouping
     if config.name == UNIVERSAL:
-        # Whoever encodes them has the pixels by which whole materials are grouped.
+        # Whole materials are grouped by their pixels, which only the job reads.
         return Grouping(UNIVERSAL, (0,) * len(textures), dict(codec_named(shipping_codec()).shipped))
-    stand_ins = [stand_in(texture) for texture in textures]
+    without_texels = [without_pixels(texture) for texture in textures]
     if needs_features(request) and config.clusters is None:
         texels = sum(each.width * each.height for each in textures)
         most = min(max(DEFAULT_CLUSTERS, math.ceil(texels / JOB_TEXELS)), len(textures))
         config = replace(config, clusters=most)
     known = {each.pixel_hash: np.array(each.features) for each in textures} if needs_features(request) else {}
-    labels = read_labels(request.labels, stand_ins) if request.labels is not None else {}
-    return make_grouping(config, stand_ins, GroupingInputs(labels=labels, features=FeatureOptions(known=known)))
+    labels = read_labels(request.labels, without_texels) if request.labels is not None else {}
+    return make_grouping(config, without_texels, GroupingInputs(labels=labels, features=FeatureOptions(known=known)))
 
 
 def _codec(request: EncodeRequest, kind: _Kind, sizes: Sequence[tuple[int, int]], groups: int) -> CodecSettings:
@@ -116,17 +120,17 @@ def _options(request: EncodeRequest) -> EncodingOptions:
 
 
 def _settings(request: EncodeRequest, config: CodecSettings) -> str:
-    """Return the key of everything that decides about a texture's numbers besides its pixels and those of its group."""
+    """Return the key of all settings that a texture's encoded bytes depend on, besides the pixels of its group."""
     grouping = replace(request.grouping, clusters=None)
     training = codec_of(config).recorded_options(_options(request))
-    wanted = {"reading": asdict(request.reading), "grouping": asdict(grouping), "training": training}
-    return settings_key(config, request.grouping.name, wanted)
+    request_json = {"reading": asdict(request.reading), "grouping": asdict(grouping), "training": training}
+    return settings_key(config, request.grouping.name, request_json)
 
 
 def encode_jobs(request: EncodeRequest, textures: Sequence[ImageInfo]) -> list[EncodeJob]:
-    """Return the jobs that encode `textures` (no two with one pixel hash, none constant), all of them.
+    """Return the jobs that encode all `textures`, which have distinct pixel hashes and are not constant.
 
-    Raises InputError for settings that cannot be, a grouping that needs pictures of the scene, and decoders that cannot be read.
+    Raises InputError for invalid settings, a grouping that needs views of the scene, and decoders that cannot be read.
     """
     if request.decoders is not None:
         return _jobs_with_decoders(request, request.decoders, textures)
@@ -153,9 +157,9 @@ def encode_jobs(request: EncodeRequest, textures: Sequence[ImageInfo]) -> list[E
     keys = {kind: _settings(request, config) for kind, config in configs.items()}
     jobs = list[EncodeJob]()
     for kind, part in parts:
-        own = Grouping.of_labels(grouping.name, [group for _, group in part], grouping.parameters)
+        job_grouping = Grouping.of_labels(grouping.name, [group for _, group in part], grouping.parameters)
         chosen = tuple(textures[index] for index, _ in part)
-        jobs.append(EncodeJob(chosen, request.reading, own, configs[kind], _options(request), keys[kind]))
+        jobs.append(EncodeJob(chosen, request.reading, job_grouping, configs[kind], _options(request), keys[kind]))
     return jobs
 
 
@@ -174,19 +178,19 @@ def _jobs_with_decoders(request: EncodeRequest, decoders: Path, textures: Sequen
 def _by_kind(request: EncodeRequest, textures: Sequence[ImageInfo]) -> Mapping[_Kind, list[int]]:
     if request.one_pack:
         return {_Kind(*joint_maps((each.maps, each.channels) for each in textures)): list(range(len(textures)))}
-    found: dict[_Kind, list[int]] = {}
+    by_kind: dict[_Kind, list[int]] = {}
     for index, each in enumerate(textures):
         base_alone = each.maps == ("base",)
         channels = common_channels(each.channels) if base_alone else each.channels
-        found.setdefault(_Kind(each.maps, channels), []).append(index)
-    return found
+        by_kind.setdefault(_Kind(each.maps, channels), []).append(index)
+    return by_kind
 
 
 def _parts(
     grouping: Grouping, members: Sequence[int], textures: Sequence[ImageInfo]
 ) -> Iterator[list[tuple[int, int]]]:
-    """Yield `members` in jobs: (texture, group) of each. Groups stay whole up to LARGEST_JOB; textures that share nothing, or the
-    decoder that ships with the program, come in chunks."""
+    """Yield the (texture, group) pairs of each job. Groups stay whole up to LARGEST_JOB; textures without a shared decoder, or with
+    the decoder that ships with the program, come in chunks of JOB_TEXELS."""
     if grouping.name in ("baseline", UNIVERSAL):
         yield from _chunks([(index, grouping.groups[index]) for index in members], textures, JOB_TEXELS, MOST_TEXTURES)
         return
@@ -203,51 +207,51 @@ def _chunks(
     chunk: list[tuple[int, int]] = []
     texels = 0
     for index, group in members:
-        own = textures[index].width * textures[index].height
-        if chunk and (texels + own > most_texels or len(chunk) >= most):
+        texels_of_texture = textures[index].width * textures[index].height
+        if chunk and (texels + texels_of_texture > most_texels or len(chunk) >= most):
             yield chunk
             chunk, texels = [], 0
         chunk.append((index, group))
-        texels += own
+        texels += texels_of_texture
     yield chunk
 
 
-def without(job: EncodeJob, held: frozenset[str]) -> EncodeJob | None:
-    """Return the job without textures whose pixel hash is `held`; None where nothing is left."""
-    kept = [number for number, each in enumerate(job.textures) if each.pixel_hash not in held]
-    if len(kept) == len(job.textures):
+def without_held(job: EncodeJob, held: frozenset[str]) -> EncodeJob | None:
+    """Return the job without the textures whose pixel hashes are in `held`; None where none is left."""
+    left = [number for number, each in enumerate(job.textures) if each.pixel_hash not in held]
+    if len(left) == len(job.textures):
         return job
-    if not kept:
+    if not left:
         return None
-    groups = [job.grouping.groups[number] for number in kept]
+    groups = [job.grouping.groups[number] for number in left]
     grouping = Grouping.of_labels(job.grouping.name, groups, job.grouping.parameters)
-    return replace(job, textures=tuple(job.textures[number] for number in kept), grouping=grouping)
+    return replace(job, textures=tuple(job.textures[number] for number in left), grouping=grouping)
 
 
-LOOKED_TOGETHER = 32
-"""Images of one job that looks at them."""
+IMAGES_PER_JOB = 32
+"""Images of a job that reads their facts."""
 Phase = Literal["looking at", "encoding"]
 
 
 @dataclass(frozen=True)
 class RunProgress:
-    """Progress of a run."""
+    """Progress of a run, phase by phase."""
 
     phase: Phase
     done: int
-    """Textures."""
+    """Number of textures done in this phase."""
     of: int
     share: float
-    """Progress of the work, 0 to 1: by texels where they are known."""
+    """Progress of the phase, 0 to 1; by texels while encoding."""
     texels_per_second: float
     failures: int
     note: str = ""
-    """A job that was begun once more, and why."""
+    """Reason why a job was retried; "" for none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """A texture that the library holds."""
+    """Texture that the library holds, with its source."""
 
     ref: TextureRef
     texture: StoredTexture
@@ -255,33 +259,33 @@ class Stored:
 
 @dataclass
 class RunResult:
-    """The result of a run."""
+    """Result of a run."""
 
     asked: int
-    """Textures that were named."""
+    """Number of textures in the request."""
     constant: int = 0
-    """Images of one colour, which need no encoding."""
+    """Number of images of one colour, which need no encoding."""
     stored: list[Stored] = field(default_factory=list)
-    """Textures that the library holds, in order; those with equal pixels once."""
+    """Textures of the request that the library holds, in order, without duplicates."""
     repeated: int = 0
-    """Textures with the pixels of another one."""
+    """Number of textures with the pixels of another one."""
     encoded: int = 0
-    """Number of stored textures that were encoded in this run."""
+    """Number of textures that were encoded in this run."""
     failed: dict[str, str] = field(default_factory=dict)
-    """Reason why a texture is missing, by path, and in a scene by name too."""
+    """Reason why a texture is missing, by path; for a texture of a scene by path and name."""
     tried_again: int = 0
-    """Jobs that were begun once more."""
+    """Number of retries of jobs."""
     stopped: bool = False
     """True if Ctrl-C stopped the run."""
     seconds: float = 0.0
     texels: int = 0
     """Number of texels that were encoded in this run."""
     settings: tuple[str, ...] = ()
-    """Keys by which the library holds the textures."""
+    """Keys of the textures' settings in the library."""
 
 
 class _Run:
-    """One run, while it goes on."""
+    """State of a run: its workers, library, progress and result."""
 
     def __init__(
         self,
@@ -299,12 +303,12 @@ class _Run:
         self._done = self._of = self._weight_done = self._weight = 0
 
     def begin(self, phase: Phase, textures: int, weight: int) -> None:
-        """Begin a phase of so many textures, and so much work."""
+        """Begin a phase with a number of textures and a total weight of work."""
         self._phase, self._began = phase, time.monotonic()
         self._done, self._of, self._weight_done, self._weight = 0, textures, 0, weight
 
     def advance(self, textures: int, weight: int, note: str = "") -> None:
-        """Report that so much more is done."""
+        """Add textures and weight of work to what is done, and report the progress."""
         self._done += textures
         self._weight_done += weight
         now = time.monotonic()
@@ -314,57 +318,57 @@ class _Run:
         self._listen(RunProgress(self._phase, self._done, self._of, share, self._weight_done / seconds, failures, note))
 
     def tried_again(self, problem: str) -> None:
-        """Report that a job is begun once more."""
+        """Count and report the retry of a job."""
         self.result.tried_again += 1
         self.advance(0, 0, problem)
 
     def fail(self, refs: Sequence[TextureRef], problem: str) -> None:
-        """Note that these textures will be missing."""
+        """Record the reason why textures are missing."""
         for ref in refs:
             self.result.failed[ref.path if ref.index is None else f"{ref.path}: {ref.name}"] = problem
 
 
-def _look_at_all(run: _Run, refs: Sequence[TextureRef]) -> list[ImageInfo]:
-    """Look at each of `refs`; those that fail are left out and named."""
-    reading, found = run.request.reading, dict[TextureRef, ImageInfo]()
+def _inspect_all(run: _Run, refs: Sequence[TextureRef]) -> list[ImageInfo]:
+    """Return the facts of each of `refs`, from the library or by jobs. Those that fail are recorded and left out."""
+    reading, facts = run.request.reading, dict[TextureRef, ImageInfo]()
     features = run.request.grouping.features if needs_features(run.request) else None
     plain = features is None and reading.texture_size is None
     for ref in refs:
         known = run.library.images.get(ref.path) if plain and ref.index is None else None
         if known is not None and known.stamp == stamp_of(ref.path):
-            found[ref] = ImageInfo(ref, known.pixel_hash, known.width, known.height, known.channels)
-    due = [ref for ref in refs if ref not in found]
+            facts[ref] = ImageInfo(ref, known.pixel_hash, known.width, known.height, known.channels)
+    due = [ref for ref in refs if ref not in facts]
     run.begin("looking at", len(due), len(due))
 
     def take(job: WorkJob, result: WorkResult) -> None:
         assert isinstance(result, tuple)
-        # Texts that came with a message would be held a second time.
-        looked = [replace(each, ref=ref) for each, ref in zip(result, _refs(job), strict=True)]
-        for each in looked:
+        # The result of the job holds copies of the references; ours replace them, to save memory.
+        inspected = [replace(each, ref=ref) for each, ref in zip(result, _refs(job), strict=True)]
+        for each in inspected:
             maps = BASE_ALONE if each.maps == BASE_ALONE else each.maps
-            found[each.ref] = replace(each, maps=maps, stamp=None)
+            facts[each.ref] = replace(each, maps=maps, stamp=None)
         if plain:
-            # Without a stamp the time of an image cannot be trusted. JSON holds no path that is not Unicode.
+            # An image without a stamp was changing while it was read. A path that is not Unicode does not fit into JSON.
             run.library.remember(
                 {
                     each.ref.path: ImageFile(each.stamp, each.pixel_hash, each.width, each.height, each.channels)
-                    for each in looked
+                    for each in inspected
                     if each.ref.index is None and each.stamp is not None and each.ref.path.isprintable()
                 }
             )
         run.advance(len(result), len(result))
 
     jobs: Iterator[WorkJob] = (
-        LookJob(tuple(due[first : first + LOOKED_TOGETHER]), reading, features)
-        for first in range(0, len(due), LOOKED_TOGETHER)
+        InspectJob(tuple(due[first : first + IMAGES_PER_JOB]), reading, features)
+        for first in range(0, len(due), IMAGES_PER_JOB)
     )
     for failure in run_jobs(run.workers, jobs, take, run.stopped, run.tried_again, _halves):
         run.fail(_refs(failure.argument), failure.problem)
-    return [found[ref] for ref in refs if ref in found]
+    return [facts[ref] for ref in refs if ref in facts]
 
 
 def _refs(job: WorkJob) -> tuple[TextureRef, ...]:
-    return job.refs if isinstance(job, LookJob) else tuple(each.ref for each in job.textures)
+    return job.refs if isinstance(job, InspectJob) else tuple(each.ref for each in job.textures)
 
 
 def _texels(job: WorkJob) -> int:
@@ -372,15 +376,15 @@ def _texels(job: WorkJob) -> int:
 
 
 def _halves(job: WorkJob) -> list[WorkJob]:
-    """Return two jobs that do the same together; none where it has one texture."""
+    """Return the job cut into two; none where it has one texture."""
     refs = _refs(job)
     middle = len(refs) // 2
     if middle == 0:
         return []
-    if isinstance(job, LookJob):
+    if isinstance(job, InspectJob):
         return [replace(job, refs=refs[:middle]), replace(job, refs=refs[middle:])]
     hashes = [each.pixel_hash for each in job.textures]
-    halves = (without(job, frozenset(hashes[middle:])), without(job, frozenset(hashes[:middle])))
+    halves = (without_held(job, frozenset(hashes[middle:])), without_held(job, frozenset(hashes[:middle])))
     return [half for half in halves if half is not None]
 
 
@@ -389,7 +393,7 @@ def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
     due = list[WorkJob]()
     for job in jobs:
         held = frozenset(each.pixel_hash for each in job.textures if (job.settings, each.pixel_hash) in stored)
-        left = without(job, held)
+        left = without_held(job, held)
         due += [] if left is None else [left]
     weights = [(len(_refs(job)), _texels(job)) for job in due]
     run.begin("encoding", sum(count for count, _ in weights), sum(texels for _, texels in weights))
@@ -405,9 +409,9 @@ def _encode_all(run: _Run, jobs: Sequence[EncodeJob]) -> None:
         run.fail(_refs(failure.argument), failure.problem)
     for job in jobs:
         for each in job.textures:
-            found = stored.get((job.settings, each.pixel_hash))
-            if found is not None:
-                run.result.stored.append(Stored(each.ref, found[1]))
+            entry = stored.get((job.settings, each.pixel_hash))
+            if entry is not None:
+                run.result.stored.append(Stored(each.ref, entry[1]))
 
 
 def encode_to_library(
@@ -418,21 +422,21 @@ def encode_to_library(
     listen: Callable[[RunProgress], None] = lambda _progress: None,
     stopped: Callable[[], bool] = lambda: False,
 ) -> RunResult:
-    """Encode `refs` into the library in `folder`, which is made where there is none; what it holds is not encoded again.
+    """Encode `refs` into the library in `folder`, which is made if needed. Textures that it holds are not encoded again.
 
-    The same textures and `request` give the same packs with any workers, whichever job ends first. Ends early where `stopped` says so:
-    what is done is kept. Raises InputError for what cannot be asked, and for a folder that cannot be written,
-    in the middle of the run too: a full disk.
+    The same textures and `request` give the same packs with any workers, in any order of jobs. The run ends early when `stopped`
+    returns True; finished jobs stay in the library. Raises InputError for an invalid request, and for a folder that cannot be
+    written, also in the middle of the run (disk full).
     """
     began, result = time.monotonic(), RunResult(len(refs))
     library = Library.to_write(folder)
     run = _Run(request, workers, library, listen, stopped, result)
-    looked = _look_at_all(run, refs)
+    inspected = _inspect_all(run, refs)
     library.save()
-    result.constant = sum(not each.pixel_hash for each in looked)
-    named = [each for each in looked if each.pixel_hash]
-    unique = list({each.pixel_hash: each for each in reversed(named)}.values())[::-1]
-    result.repeated = len(named) - len(unique)
+    result.constant = sum(not each.pixel_hash for each in inspected)
+    varied = [each for each in inspected if each.pixel_hash]
+    unique = list({each.pixel_hash: each for each in reversed(varied)}.values())[::-1]
+    result.repeated = len(varied) - len(unique)
     if not stopped():
         jobs = encode_jobs(request, unique)
         result.settings = tuple(sorted({job.settings for job in jobs}))

@@ -1,4 +1,5 @@
-"""The work of encoding jobs, on any machine: look at images, and encode groups of them. Messages hold paths, never pixels."""
+"""Work of encoding jobs, on any machine: reading the facts of images, and encoding groups of them. Messages hold paths, never
+pixels."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,12 +31,12 @@ from viewer.scene.source_textures import MapChoice, has_source, reduce_texture, 
 
 LIST_SUFFIX = ".txt"
 LARGEST_LIST = 1 << 28
-"""Bytes of a list of paths."""
+"""Most bytes of a list of paths."""
 
 
 @dataclass(frozen=True, slots=True)
 class TextureRef:
-    """One texture, by where it lies."""
+    """Reference to a texture: an image file, or a texture of a scene."""
 
     path: str
     """Path of the image or of the scene."""
@@ -50,14 +51,14 @@ class ReadOptions:
     """Settings for reading textures."""
 
     texture_size: int | None = None
-    """Texels a side at most. None: full size."""
+    """Most texels a side. None: full size."""
     maps: MapChoice = "base"
     """Maps to read of a scene."""
     map_weights: MapWeightsName = "seen"
 
 
 def texture_refs(source: Path, maps: MapChoice) -> tuple[TextureRef, ...]:
-    """Return the textures of a folder of images, a list of image paths (a text file, a path a line) or a scene. Raises InputError."""
+    """Return the textures of a folder of images, of a text file with one image path per line, or of a scene. Raises InputError."""
     if source.is_dir():
         places = [(path, path.relative_to(source)) for path in folder_images(source)]
         return tuple(
@@ -80,7 +81,7 @@ def _listed(path: Path) -> tuple[TextureRef, ...]:
             f"{path}: cannot be read as a list of image paths ({error}); write one path per line"
         ) from error
     named = [line.strip() for line in lines]
-    # Relative paths begin at the list, as those of a scene do at its file.
+    # Relative paths start at the folder of the list.
     images = [(path.parent / line).absolute() for line in named if line and not line.startswith("#")]
     wrong = [image for image in images if image.suffix.lower() not in IMAGE_SUFFIXES]
     if wrong or not images:
@@ -101,8 +102,8 @@ def _scene(path: str) -> Scene:
 def read_texture(ref: TextureRef, reading: ReadOptions) -> SourceTexture | None:
     """Return the texture with its pixels; None where all texels of an image are equal. Raises InputError."""
     if ref.index is not None:
-        found = source_texture(_scene(ref.path), ref.index, reading.texture_size, reading.maps)
-        return replace(found, map_weights=MAP_WEIGHTS[reading.map_weights])
+        texture = source_texture(_scene(ref.path), ref.index, reading.texture_size, reading.maps)
+        return replace(texture, map_weights=MAP_WEIGHTS[reading.map_weights])
     pixels = read_image(Path(ref.path))
     color, alpha = split_alpha(pixels)
     if alpha is None:
@@ -114,7 +115,7 @@ def read_texture(ref: TextureRef, reading: ReadOptions) -> SourceTexture | None:
 
 
 def stamp_of(path: str) -> Stamp | None:
-    """Return the stamp of a file; None where there is none."""
+    """Return the size and time of the last change of a file; None where it cannot be read."""
     try:
         status = Path(path).stat()
     except OSError:
@@ -123,40 +124,40 @@ def stamp_of(path: str) -> Stamp | None:
 
 
 def blank(shape: Sequence[int]) -> NDArray[np.uint8]:
-    """Return [shape] zeros that share one byte."""
+    """Return zeros of a shape that take one byte of memory."""
     return np.broadcast_to(np.uint8(0), tuple(shape))
 
 
 @dataclass(frozen=True)
-class LookJob:
-    """Read images, to know what there is."""
+class InspectJob:
+    """Job that reads the facts of images."""
 
     refs: tuple[TextureRef, ...]
     reading: ReadOptions
     features: FeatureName | None = None
-    """Also by which the groups will be found."""
+    """Features to compute for the grouping; None for none."""
 
 
 @dataclass(frozen=True, slots=True)
 class ImageInfo:
-    """The facts about a texture, besides its pixels."""
+    """Facts of a texture, without its pixels."""
 
     ref: TextureRef
     pixel_hash: str
-    """Empty: the image is constant, there is nothing to encode."""
+    """Identity of the pixels; "" for a constant image, which is not encoded."""
     width: int = 1
-    """Texels, as it is to be encoded."""
+    """Width in texels of the texture to encode."""
     height: int = 1
     channels: int = 1
     maps: tuple[MapName, ...] = ("base",)
     features: tuple[float, ...] = ()
     stamp: Stamp | None = None
-    """Stamp of an image file. None: it changed while it was read."""
+    """Size and time of the last change of the image file. None: it changed while it was read."""
 
 
 @dataclass(frozen=True)
 class EncodeJob:
-    """Encode textures into a pack of its own."""
+    """Job that encodes textures into a pack."""
 
     textures: tuple[ImageInfo, ...]
     reading: ReadOptions
@@ -165,30 +166,30 @@ class EncodeJob:
     config: CodecSettings
     options: EncodingOptions
     settings: str
-    """Key of all this (`ntc.library.joining.settings_key`)."""
+    """Key of the settings (`ntc.library.joining.settings_key`)."""
     decoders: Path | None = None
-    """Pack with whose decoders the textures are encoded. None: with decoders of their own."""
+    """Pack whose decoders encode the textures. None: new decoders."""
 
 
-WorkJob = LookJob | EncodeJob
+WorkJob = InspectJob | EncodeJob
 WorkResult = tuple[ImageInfo, ...] | bytes
-"""Facts about images, or the file of a pack."""
+"""Facts of images, or the bytes of a pack."""
 
 
 def work(job: WorkJob) -> WorkResult:
-    """Do a job. Raises InputError where it cannot be done; then nothing has been done."""
+    """Return the result of a job. Raises InputError where it cannot be done; then nothing has been written."""
     if _computes_with_torch(job):
         import torch
 
-        # One worker for each core; and numbers must not depend on how many threads add them up.
+        # There is a worker for each core, and sums must not depend on the number of threads.
         torch.set_num_threads(1)
-    if isinstance(job, LookJob):
-        return tuple(_looked(ref, job) for ref in job.refs)
+    if isinstance(job, InspectJob):
+        return tuple(_inspected(ref, job) for ref in job.refs)
     return _encoded(job)
 
 
 def _computes_with_torch(job: WorkJob) -> bool:
-    return job.features is not None if isinstance(job, LookJob) else codec_of(job.config).trains
+    return job.features is not None if isinstance(job, InspectJob) else codec_of(job.config).trains
 
 
 def _read(ref: TextureRef, reading: ReadOptions) -> SourceTexture | None:
@@ -200,11 +201,11 @@ def _read(ref: TextureRef, reading: ReadOptions) -> SourceTexture | None:
         ) from error
 
 
-def _looked(ref: TextureRef, job: LookJob) -> ImageInfo:
+def _inspected(ref: TextureRef, job: InspectJob) -> ImageInfo:
     stamp = stamp_of(ref.path)
     texture = _read(ref, job.reading)
     if stamp != stamp_of(ref.path):
-        # A file that is being written has another hash a moment later.
+        # The file changed while it was read, so its hash may be wrong soon.
         stamp = None
     if texture is None:
         return ImageInfo(ref, "", stamp=stamp)
@@ -217,7 +218,7 @@ def _encoded(job: EncodeJob) -> bytes:
     for known in job.textures:
         texture = _read(known.ref, job.reading)
         if texture is None or texture.pixel_hash != known.pixel_hash:
-            raise InputError(f"{known.ref.path}: has changed since it was looked at; run the command again")
+            raise InputError(f"{known.ref.path}: has changed since it was read; run the command again")
         textures.append(texture)
     if job.decoders is not None:
         pack = codec_of(job.config).encode_with_decoders(textures, read_pack(job.decoders), job.options)

@@ -1,1 +1,1 @@
-"""Work beside the frames, in threads and processes."""
+"""Background work in threads and processes."""

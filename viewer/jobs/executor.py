@@ -1,6 +1,8 @@
-"""Many jobs in processes of this machine or in tasks of a Ray cluster. A job that fails is tried again, and named at last.
+"""Many jobs in processes of this machine or in tasks of a Ray cluster (extra `ray`), with retries.
 
-Ray is an extra of its own.
+As many jobs run as there are slots; each result is handed over as it comes. A job that fails, or whose process or machine is lost, is
+tried up to MOST_ATTEMPTS times. If it still fails, it is cut into halves, each with as many attempts, down to single textures: one
+broken image then fails alone and does not take its job's other textures with it.
 """
 
 import importlib
@@ -18,10 +20,10 @@ from ntc.worker.helpers import Helpers
 from viewer.jobs.job import Job
 
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""Environment of workers: one for each core, and numbers that do not depend on how many threads add them up."""
+"""Environment of workers: there is one for each core, and sums must not depend on the number of threads."""
 MOST_ATTEMPTS = 3
 SECONDS_BETWEEN_QUESTIONS = 0.2
-"""Time between questions to `stopped` while no job ends, in seconds."""
+"""Seconds between calls of `stopped` while no job ends."""
 CPU, GPU = "CPU", "GPU"
 Argument = TypeVar("Argument")
 Result = TypeVar("Result")
@@ -29,19 +31,19 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Workers(Generic[Argument, Result]):
-    """Workers that call one function, each for one argument at a time. Any of them may be lost."""
+    """Workers that each call one function for one argument at a time. Any of them may be lost."""
 
     slots: Callable[[], int]
-    """Returns the number of jobs that run at the same time, at least 1. It may change while machines come and go."""
+    """Function that returns the number of jobs that run at the same time, at least 1. It may change as machines come and go."""
     submit: Callable[[Argument], Future[Result]]
-    """Begins a job; at most `slots` at the same time."""
+    """Function that begins a job. At most `slots` jobs may run at the same time."""
 
 
 @contextmanager
 def local_workers(function: Callable[[Argument], Result], count: int) -> Iterator[Workers[Argument, Result]]:
-    """Yield `count` helper processes of this machine, which end with the block, in the middle of a job too.
+    """Yield `count` helper processes of this machine. They end with the block, even in the middle of a job.
 
-    `function` is found by its module and name. Raises InputError for less than one process.
+    Processes import `function` by its module and name. Raises InputError for less than one process.
     """
     if count < 1:
         raise InputError(f"--workers {count}: must be at least 1")
@@ -67,9 +69,10 @@ def local_workers(function: Callable[[Argument], Result], count: int) -> Iterato
 def ray_workers(
     function: Callable[[Argument], Result], address: str, gpus: float = 0.0
 ) -> Iterator[Workers[Argument, Result]]:
-    """Yield the cores of the Ray cluster at `address` (`auto`: the one that runs on this machine), each with a share `gpus` of a GPU.
+    """Yield the cores of the Ray cluster at `address` (`auto`: the cluster on this machine) as workers, each with a share `gpus` of
+    a GPU.
 
-    Raises InputError without Ray, where no cluster answers, and where it has no such GPU.
+    Raises InputError without Ray, where no cluster answers, and where the cluster has no GPU.
     """
     try:
         ray: Any = importlib.import_module("ray")
@@ -85,11 +88,11 @@ def ray_workers(
         most = resources.get(CPU, 1.0)
         return max(1, int(min(most, resources.get(GPU, 0.0) / gpus) if gpus > 0.0 else most))
 
-    # Leaving the cluster ends the tasks that are under way.
+    # Leaving the cluster ends its running tasks.
     try:
         if gpus > 0.0 and ray.cluster_resources().get(GPU, 0.0) < min(gpus, 1.0):
             raise InputError(f"--gpus-per-job {gpus:g}: the cluster at {address} has no GPU; leave it out")
-        # Whoever runs the jobs counts attempts, so Ray does not begin tasks again.
+        # `run_jobs` retries jobs, so Ray must not.
         options = {"num_cpus": 1, "num_gpus": gpus, "max_retries": 0, "scheduling_strategy": "SPREAD"}
         task = ray.remote(function).options(**options, runtime_env={"env_vars": ONE_THREAD})
         yield Workers(slots, lambda argument: task.remote(argument).future())
@@ -99,7 +102,7 @@ def ray_workers(
 
 @dataclass(frozen=True, eq=False)
 class Failure(Generic[Argument]):
-    """A job that failed every time."""
+    """Job that failed in every attempt."""
 
     argument: Argument
     problem: str
@@ -107,8 +110,8 @@ class Failure(Generic[Argument]):
 
 
 def _problem(error: BaseException) -> str:
-    """Return one line: why a job failed."""
-    # Ray wraps what the function raised.
+    """Return the reason why a job failed, one line."""
+    # Ray wraps the exception of the function.
     cause = getattr(error, "cause", None) or error
     ended = cause.__cause__ if isinstance(cause.__cause__, ProcessEndedError) else cause
     name = type(ended).__name__
@@ -127,11 +130,11 @@ def run_jobs(
     tried_again: Callable[[str], None] = lambda _problem: None,
     parts: Callable[[Argument], Sequence[Argument]] = lambda _argument: (),
 ) -> list[Failure[Argument]]:
-    """Run a job for each argument and hand the results to `take` as they come; returns the jobs that failed MOST_ATTEMPTS times.
+    """Run a job for each argument, hand the results to `take` as they come, and return the jobs that failed in every attempt.
 
-    A job that failed so often is cut into `parts`, where it has some: those fail alone that must. Arguments are asked for when a slot
-    is free, so neither they nor results pile up. `stopped` ends the run early; jobs that are under way then are lost. `tried_again`
-    gets the reason why a job is begun once more.
+    A job that failed MOST_ATTEMPTS times is replaced by its `parts`, if it has any. Arguments are taken when a slot is free, so
+    neither they nor results pile up. When `stopped` returns True the run ends, and running jobs are lost. `tried_again` receives the
+    reason of each retry.
     """
     # Jobs as (argument, attempt).
     coming = ((argument, 1) for argument in arguments)

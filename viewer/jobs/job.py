@@ -1,4 +1,9 @@
-"""Jobs: functions that run in threads beside the frames, with progress and results. `Background` runs one after the other."""
+"""Jobs: functions that run in threads beside the frames, with progress, cancelling and results.
+
+`Background` runs jobs in one thread, the latest first, because the user looks at what was asked for last. Callers ask for a key in
+every frame: the first time submits the job, later times return it. Results of the last MOST_RESULTS jobs stay until they are dropped.
+A cancelled job ends at its next report of progress, which raises CancelledError in it.
+"""
 
 import threading
 import time
@@ -11,7 +16,7 @@ from ntc.errors import InputError
 from viewer.scene.json_text import time_left
 
 Result = TypeVar("Result")
-RESULTS_KEPT = 8
+MOST_RESULTS = 8
 SECONDS_TO_CLOSE = 2.0
 SECONDS_BETWEEN_CHECKS = 0.02
 
@@ -20,11 +25,11 @@ class JobReport:
     """Progress of a running job. The job writes it; the window's thread reads it, and may cancel."""
 
     def __init__(self, changed: Callable[[], None] = lambda: None) -> None:
-        """`changed` is called in the job's thread after each report."""
+        """Make a report of a new job. `changed` is called in the job's thread after each report."""
         self._changed = changed
         self.cancelled = False
         self.began = time.monotonic()
-        """Monotonic time in seconds at which the job began; until then, at which it was submitted."""
+        """Monotonic time in seconds at which the job began, or at which it was submitted while it waits."""
         self.share = 0.0
         """Progress of the job, 0 to 1."""
         self.partial: object = None
@@ -41,27 +46,26 @@ class JobReport:
         return time_left(self.seconds, self.share)
 
     def progress(self, done: int, of: int) -> None:
-        """Report that `done` of `of` steps are done. Raises CancelledError where the job is to end."""
+        """Report that `done` of `of` steps are done. Raises CancelledError in a cancelled job."""
         self.check()
         self.share = done / max(of, 1)
         self._changed()
 
     def show(self, partial: object) -> None:
-        """Hand over a first result. Raises CancelledError where the job is to end."""
+        """Hand over a first result. Raises CancelledError in a cancelled job."""
         self.partial = partial
         self.progress(0, 1)
 
     def check(self) -> None:
-        """Raises CancelledError where the job is to end."""
+        """End a cancelled job. Raises CancelledError."""
         if self.cancelled:
             raise CancelledError
 
 
 class Job(Generic[Result]):
-    """One call of `work(report)`, and the `concurrent.futures.Future` of its result.
+    """Call of `work(report)` in a thread, with the `concurrent.futures.Future` of its result.
 
-    The threads of `ThreadPoolExecutor` do not fit: Python waits for them when the program ends, however long their work takes.
-    Those of jobs are daemons.
+    Threads are daemons. At exit Python would wait for the threads of a `ThreadPoolExecutor`, however long their work takes.
     """
 
     def __init__(self, work: Callable[[JobReport], Result], changed: Callable[[], None] = lambda: None) -> None:
@@ -75,12 +79,12 @@ class Job(Generic[Result]):
         return self
 
     def run(self) -> None:
-        """Run in this thread. Whatever the work raises becomes the exception of the future."""
+        """Run in this thread. An exception of the work becomes the exception of the future."""
         if self.future.set_running_or_notify_cancel():
             self.report.began = time.monotonic()
             try:
                 self.future.set_result(self._work(self.report))
-            except BaseException as error:  # noqa: BLE001  It is raised again where the result is asked for.
+            except BaseException as error:  # noqa: BLE001  `result` raises it again.
                 self.future.set_exception(error)
 
     def cancel(self) -> None:
@@ -94,11 +98,11 @@ class Job(Generic[Result]):
 
     @property
     def done(self) -> bool:
-        """True if there is a result, an error, or the job was cancelled."""
+        """True if the job has a result or an error, or was cancelled."""
         return self.future.done()
 
     def result(self) -> Result:
-        """Return what the work returned, once done. Raises CancelledError where it was cancelled, and InputError for every other
+        """Return the result of a job that is done. Raises CancelledError where it was cancelled, and InputError for every other
         error."""
         try:
             return self.future.result(0.0)
@@ -109,25 +113,25 @@ class Job(Generic[Result]):
 
     @property
     def problem(self) -> str:
-        """The error that ended a job that is done, as one line; "" for none."""
+        """Error of a job that is done, one line; "" for none."""
         error = CancelledError("cancelled") if self.future.cancelled() else self.future.exception(0.0)
         return "" if error is None else " ".join(str(error).split()) or type(error).__name__
 
 
 class Background:
-    """Runs jobs by key, the latest one first, and notes when there is something new to show. Called from the window's thread."""
+    """Thread that runs jobs by key, the latest first, and notes when a job has news. Called from the window's thread."""
 
     def __init__(self) -> None:
         self._condition = threading.Condition()
         self._jobs: OrderedDict[Hashable, Job[Any]] = OrderedDict()
-        """Jobs that are done, in the order in which they ended, and the others, in the order in which they were submitted."""
+        """Jobs: first those that are done, in the order of their ends, then the others, in the order of their submission."""
         self._running: Job[Any] | None = None
         self._thread: threading.Thread | None = None
         self._news = False
         self._closing = False
 
     def submit(self, key: Hashable, work: Callable[[JobReport], Result]) -> Job[Result]:
-        """Return the job under `key`; a new one, that calls `work`, where there is none."""
+        """Return the job under `key`. If there is none, a new job that calls `work` is submitted."""
         with self._condition:
             if key not in self._jobs:
                 self._jobs[key] = Job(work, self._note_news)
@@ -138,13 +142,13 @@ class Background:
             return self._jobs[key]
 
     def cancel(self, key: Hashable) -> None:
-        """Cancel the job under `key`; a job that is done keeps its result."""
+        """Cancel the job under `key`. The result of a job that is done stays."""
         with self._condition:
             if key in self._jobs and not self._jobs[key].done:
                 self._jobs.pop(key).cancel()
 
     def forget(self) -> None:
-        """Cancel all jobs and drop all results: what they are about is closed."""
+        """Cancel all jobs and drop all results, because the scene or pack that they belong to is closed."""
         with self._condition:
             for job in self._jobs.values():
                 job.cancel()
@@ -157,18 +161,18 @@ class Background:
 
     @property
     def is_busy(self) -> bool:
-        """True if something runs or waits."""
+        """True if a job runs or waits."""
         with self._condition:
             return self._running is not None or self._next() is not None
 
     def close(self) -> None:
-        """End the thread; the job that runs ends at its next report."""
+        """End the thread. The running job ends at its next report."""
         self.forget()
         with self._condition:
             self._closing = True
             self._condition.notify()
         if self._thread is not None:
-            # A job that does not report for long must not keep the window from closing: the thread is a daemon.
+            # A job that rarely reports must not delay closing the window: its daemon thread is abandoned.
             self._thread.join(SECONDS_TO_CLOSE)
             self._thread = None
 
@@ -176,7 +180,7 @@ class Background:
         self._news = True
 
     def _next(self) -> Hashable | None:
-        """Return the key of the latest job that waits: it is what the user looks at."""
+        """Return the key of the latest job that waits, because the user looks at its result."""
         return next((key for key in reversed(self._jobs) if not self._jobs[key].done), None)
 
     def _work(self) -> None:
@@ -193,6 +197,6 @@ class Background:
                 if self._jobs.get(key) is job:
                     self._jobs.move_to_end(key)
                     done = [key for key, job in self._jobs.items() if job.done]
-                    for old in done[:-RESULTS_KEPT]:
+                    for old in done[:-MOST_RESULTS]:
                         del self._jobs[old]
             self._news = True

@@ -1,1 +1,1 @@
-"""What sharing decoders costs and saves in a scene: groupings trained at equal steps, samples and latents, and measured alike."""
+"""Comparison of groupings: what sharing decoders costs and saves, trained at equal steps, samples and bits."""

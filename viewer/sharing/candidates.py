@@ -1,4 +1,4 @@
-"""The groupings that are compared, each with its training: all differ in the grouping alone."""
+"""Groupings to compare, each with its training. They differ only in the grouping."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -15,14 +15,14 @@ from ntc.training.turns import SampledTexels, TrainingInTurns
 from viewer.sharing.settings import SharingSettings
 
 CLUSTERED_BY_COUNT: tuple[GroupingName, ...] = ("clustered", "covisible", "random")
-"""Groupings that take a number of groups."""
+"""Groupings with a number of groups to choose."""
 TEXTURES_PER_GROUP = 4
-"""Textures per group where no number of groups is named."""
+"""Textures per group where no number of groups is given."""
 
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A grouping and a seed."""
+    """Grouping and seed to train, with the request for the trainer."""
 
     grouping: Grouping
     seed: int
@@ -30,7 +30,7 @@ class Candidate:
 
     @property
     def name(self) -> str:
-        """Name in tables and files: `clustered-4`, or `baseline` where the grouping leaves no choice of the number."""
+        """Name in tables and files: `clustered-4`, or `baseline` for a grouping without a number of groups to choose."""
         has_count = self.grouping.name in CLUSTERED_BY_COUNT
         return f"{self.grouping.name}-{self.grouping.group_count}" if has_count else self.grouping.name
 
@@ -54,14 +54,14 @@ def compared_groupings(
 def candidates(
     settings: SharingSettings, textures: Sequence[SourceTexture], groupings: Sequence[Grouping]
 ) -> list[Candidate]:
-    """Return a candidate for each of `groupings` and each seed, with the same settings of the codec for all.
+    """Return a candidate for each of `groupings` and each seed, all with the same codec settings.
 
-    Bits are those of the codes: decoders come on top, and are counted in the file. Raises InputError for bits out of reach.
+    The target bitrate counts codes alone; decoders add to the size of the file. Raises InputError for bits out of reach.
     """
     codec, choices = codec_named(settings.codec), settings.choices
     made = []
     for grouping in groupings:
-        # The same for all groupings: a decoder per texture shall not pay with codes.
+        # One decoder is assumed for all groupings, so that a decoder per texture does not leave fewer bits for codes.
         decoders = 0 if grouping.name == UNIVERSAL else 1
         header = file_header_bytes(textures, replace(grouping, name="single", groups=(0,) * len(textures)))
         config = codec.settings_for(texture_set(textures, decoders, choices.levels, header), choices)
@@ -72,14 +72,14 @@ def candidates(
 
 
 class CandidateTraining:
-    """A candidate while it is trained, in turns with the others."""
+    """Training of a candidate, in turns with the others."""
 
     def __init__(
         self, candidate: Candidate, sample: SampledTexels, cancelled: CancelQuestion, state: Path | None = None
     ) -> None:
-        """Curves are measured on `sample`. With `state` the training continues from that file.
+        """Begin the training. Its curve is measured on `sample`. With `state` it continues from that file, if there is one.
 
-        Raises InputError for what cannot be trained, and for a file that is not a state of this training.
+        Raises InputError for a request that cannot be trained, and for a file that is not a state of this training.
         """
         self.candidate, self.state = candidate, state
         self.training = TrainingInTurns(candidate.request, sample, cancelled, state)
@@ -92,9 +92,9 @@ class CandidateTraining:
 
 
 def train_in_turns(trainings: Sequence[CandidateTraining]) -> Iterator[CandidateTraining]:
-    """Train all to the end, a slice each in turn; yields a training after each of its slices.
+    """Train all candidates to the end, one slice each in turn. Yields a training after each of its slices.
 
-    Raises TrainingCancelledError, and what a training raises.
+    Raises TrainingCancelledError, and the exceptions of a training.
     """
     left = list(trainings)
     while left:

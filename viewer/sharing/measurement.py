@@ -1,4 +1,4 @@
-"""What a grouping costs and saves: quality, bytes, divergence in views that it was and was not chosen for, milliseconds by path."""
+"""Results of a grouping: quality, bytes, divergence in views that it was and was not optimised for, milliseconds by path."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,16 +20,16 @@ from viewer.state.view_state import EXACT_PATHS, DecodePath, Slot, ViewState
 
 @dataclass(frozen=True, eq=False)
 class SplitViews:
-    """Views of a scene in two halves: a grouping is chosen for one, and its divergence is counted in the other too."""
+    """Views of a scene in two halves: groupings are optimised for one; divergence is measured in both."""
 
     optimised: tuple[NDArray[np.int32], ...]
     """Texture ids [H, W] of the views that `covisible` reduces divergence in; -1 for none."""
     held_out: tuple[NDArray[np.int32], ...]
-    """Texture ids of the views that no grouping was chosen for."""
+    """Texture ids [H, W] of the views that no grouping was optimised for."""
 
     @classmethod
     def of(cls, views: Sequence[NDArray[np.int32]]) -> "SplitViews":
-        """Return `views`, every second one held out; a single view is in both halves."""
+        """Return `views` with every second one held out. A single view is in both halves."""
         return cls(tuple(views[::2]), tuple(views[1::2] or views))
 
 
@@ -39,9 +39,9 @@ class DivergenceFigures:
 
     views: int
     blocks: int
-    """Blocks of 8x8 pixels in which something is decoded."""
+    """Number of blocks of 8x8 pixels in which something is decoded."""
     divergent_blocks: int
-    """Blocks with more than one decoder."""
+    """Number of blocks with more than one decoder."""
     excess: int
     """Sum of max(D - 1, 0) over all blocks, D the number of decoders in a block (paper, Sec. 2)."""
     score: float
@@ -51,12 +51,12 @@ class DivergenceFigures:
     def of(cls, views: Sequence[NDArray[np.int32]], grouping: Grouping) -> "DivergenceFigures":
         """Return the figures of `grouping` over `views` [H, W] int32 of texture ids, -1 for none."""
         decoders = np.array([*grouping.groups, -1], np.int32)
-        found = [DivergenceStatistics.of(divergence_map(decoders[view])) for view in views]
-        blocks, excess = sum(each.blocks for each in found), sum(each.excess for each in found)
+        statistics = [DivergenceStatistics.of(divergence_map(decoders[view])) for view in views]
+        blocks, excess = sum(each.blocks for each in statistics), sum(each.excess for each in statistics)
         return cls(
-            views=len(found),
-            blocks=sum(each.covered_blocks for each in found),
-            divergent_blocks=sum(each.divergent_blocks for each in found),
+            views=len(statistics),
+            blocks=sum(each.covered_blocks for each in statistics),
+            divergent_blocks=sum(each.divergent_blocks for each in statistics),
             excess=excess,
             score=excess / blocks if blocks else 0.0,
         )
@@ -72,7 +72,7 @@ class SharingRow:
     decoders: int
     seed: int
     steps: int
-    """Training steps; of a codec that is encoded in closed form, textures encoded."""
+    """Training steps; for a codec without training, textures encoded."""
     samples: int
     """Texels that were sampled or encoded."""
     seconds: float
@@ -87,19 +87,19 @@ class SharingRow:
     decoder_bytes: int
     latent_bytes: int
     held_out: DivergenceFigures | None
-    """Divergence in the views that no grouping was chosen for; None without a scene."""
+    """Divergence in the views that no grouping was optimised for; None without a scene."""
     optimised: DivergenceFigures | None
-    """Divergence in the views that `covisible` was chosen for."""
+    """Divergence in the views that `covisible` was optimised for; None without a scene."""
     ms: Mapping[DecodePath, float]
     """Time in ms of one picture by decode path; empty where nothing was drawn."""
     curve: tuple[CurvePoint, ...]
-    """PSNR on a fixed sample of texels over the steps."""
+    """Training curve: PSNR on a fixed sample of texels, by step."""
 
 
 def measured_row(
     name: str, seed: int, pack: Pack, samples: int, curve: Sequence[CurvePoint], views: SplitViews | None
 ) -> SharingRow:
-    """Return the results of a trained `pack`, without times of drawing."""
+    """Return the results of a trained `pack`, without drawing times."""
     table = psnr_table(pack)
     summary = table.summary
     worst = min(pack.textures, key=lambda texture: np.inf if texture.psnr_db is None else texture.psnr_db)
@@ -127,16 +127,16 @@ def measured_row(
 
 
 class PathTimer:
-    """Times one picture of packs by every decode path."""
+    """Timer of one picture of packs, by decode path."""
 
     def __init__(self, context: GraphicsContext, scene: Scene, camera: Camera, size: tuple[int, int]) -> None:
-        """Draw `scene` from `camera` at `size` (width, height) in pixels."""
+        """Prepare to draw `scene` from `camera` at `size` (width, height) in pixels."""
         self._renderer = Renderer(context, scene)
         self._camera, self._size = camera, size
         self.paths = tuple(path for path in EXACT_PATHS if path in drawable_paths(context))
 
     def ms(self, pack: Pack) -> dict[DecodePath, float]:
-        """Return the time in ms of one picture by path: the median of several drawings, compiling not counted.
+        """Return the time in ms of one picture by path: the median of several drawings, without compiling.
 
         Raises GpuMemoryError.
         """
@@ -150,5 +150,5 @@ class PathTimer:
         return times
 
     def release(self) -> None:
-        """Free everything on the GPU."""
+        """Free all GPU memory."""
         self._renderer.release()

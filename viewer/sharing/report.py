@@ -1,4 +1,4 @@
-"""The comparison of groupings in sentences and as a picture."""
+"""Report of a comparison of groupings: sentences and a figure."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,14 +10,14 @@ from matplotlib.figure import Figure
 from viewer.sharing.measurement import SharingRow
 
 REFERENCE_GROUPING = "baseline"
-"""The grouping that others are compared with: a decoder for each texture."""
+"""Grouping that others are compared with: a decoder for each texture."""
 SMALLEST_CHANGE = 0.05
 """Smallest relative change of excess or bytes, and smallest difference in dB, that a sentence names."""
 
 
 @dataclass(frozen=True)
 class SharingPoint:
-    """A grouping over all of its seeds."""
+    """Results of a grouping over all of its seeds."""
 
     name: str
     rows: tuple[SharingRow, ...]
@@ -34,7 +34,7 @@ class SharingPoint:
 
     @property
     def excess(self) -> int | None:
-        """Excess in the views that no grouping was chosen for; seeds have the same. None without views."""
+        """Excess in the views that no grouping was optimised for, the same for all seeds; None without views."""
         held_out = self.rows[0].held_out
         return None if held_out is None else held_out.excess
 
@@ -49,15 +49,15 @@ class SharingPoint:
 
 
 def sharing_points(rows: Sequence[SharingRow]) -> list[SharingPoint]:
-    """Return the rows by grouping, in the order of the first of each."""
+    """Return the rows by grouping, in the order of their first rows."""
     names = list(dict.fromkeys(row.name for row in rows))
     return [SharingPoint(name, tuple(row for row in rows if row.name == name)) for name in names]
 
 
 def sentences(rows: Sequence[SharingRow]) -> list[str]:
-    """Return a sentence for each grouping that shares decoders: its difference to a decoder per texture.
+    """Return a sentence for each grouping that shares decoders, which compares it with a decoder per texture.
 
-    Differences in dB below the spread of seeds are called equal. Empty without `baseline`.
+    Differences in dB below the spread of seeds count as equal. Empty without `baseline`.
     """
     points = sharing_points(rows)
     reference = next((point for point in points if point.name == REFERENCE_GROUPING), None)
@@ -100,7 +100,7 @@ def _bytes(point: SharingPoint, reference: SharingPoint) -> str:
 
 
 def sharing_figure(rows: Sequence[SharingRow], title: str) -> Figure:
-    """Return PSNR over excess, a point for each grouping with a bar for the spread of its seeds, and the curves of training."""
+    """Return a figure of PSNR over excess, a point for each grouping with a bar for the spread of its seeds, and training curves."""
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     figure.suptitle(title, fontsize=10)
     scatter, curves = figure.subplots(1, 2)

@@ -10,18 +10,18 @@ from ntc.errors import InputError
 
 @dataclass(frozen=True)
 class SharingSettings:
-    """What is compared, and for how long it is trained."""
+    """Settings of a comparison: codec, groupings, seeds and length of training."""
 
     codec: CodecName = "grid"
     groupings: tuple[GroupingName, ...] = ("baseline", "clustered", "covisible", "single")
     clusters: tuple[int, ...] = ()
-    """Numbers of groups of clustered, covisible and random; empty: one for four textures."""
+    """Numbers of groups of clustered, covisible and random; empty: a quarter of the number of textures."""
     steps: int = 1000
-    """Training steps of each grouping. A codec that is encoded in closed form takes none."""
+    """Training steps of each grouping. A codec without training ignores them."""
     bits: float | None = None
-    """Bits per texel of the codes, for codec `block`; None: the codec's usual number."""
+    """Bits per texel of the codes, for codec `block`; None: the codec's default."""
     seeds: tuple[int, ...] = (0,)
-    """Seeds of the trainings. Groupings are those of the first."""
+    """Seeds of the trainings. Groupings are made with the first seed."""
     device: DeviceName = "auto"
 
     def __post_init__(self) -> None:
@@ -42,7 +42,7 @@ class SharingSettings:
 
     @property
     def choices(self) -> EncodingChoices:
-        """Return the choices of each encoding, but for the seed."""
+        """Options of each encoding, without the seed."""
         trains = codec_named(self.codec).trains
         target = None if self.bits is None else BitsTarget(self.bits)
         return EncodingChoices(steps=self.steps if trains else None, target=target, device=self.device)

@@ -160,7 +160,7 @@ def test_an_image_that_changes_after_it_was_looked_at_is_named(folder: Path, tmp
 
     result = encoded(own, tmp_path / "library", asked(), in_order(0, 1, change))
     assert [Path(path).name for path in result.failed] == ["1.png"]
-    assert "has changed since it was looked at" in next(iter(result.failed.values()))
+    assert "has changed since it was read" in next(iter(result.failed.values()))
     assert result.encoded == 2
 
 

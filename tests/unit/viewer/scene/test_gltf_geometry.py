@@ -363,7 +363,7 @@ def test_quantised_normals_and_tangents() -> None:
 @pytest.mark.parametrize(
     ("name", "values", "instead"),
     [
-        ("NORMAL", UP[:2], "has 2 elements for 3 positions [the triangles' own are used]"),
+        ("NORMAL", UP[:2], "has 2 elements for 3 positions [normals of triangles are used]"),
         ("NORMAL", ALONG, "is needed"),
         ("TANGENT", UP, "[they follow from the UVs]"),
     ],
