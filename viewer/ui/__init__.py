@@ -1,1 +1,1 @@
-"""Panels and widgets: they read state and emit commands. No OpenGL calls, no torch."""
+"""Panels and widgets, which read the state and emit commands. They call neither OpenGL nor torch."""

@@ -20,7 +20,7 @@ WARNING = (0.38, 0.26, 0.02, 0.92)
 WARNING_WIDTH = 26.0
 """Largest width of a warning, in font sizes."""
 WARNINGS_TOP = 3.5
-"""Distance of the first warning from the upper edge, in font sizes: below names of two lines."""
+"""Distance of the first warning from the upper edge, in font sizes; labels of two lines fit above it."""
 ERROR = (0.55, 0.08, 0.06, 0.92)
 MESSAGE = (0.10, 0.14, 0.18, 0.92)
 
@@ -42,7 +42,7 @@ def _difference_label(view: ViewState) -> str:
 
 
 def draw_labels(ui: UiFrame, area: Area) -> None:
-    """Draw the names of the shown slots: on either side of the divider, else in the middle of `area`."""
+    """Draw the names of the shown slots: on both sides of the divider, or in the middle of `area` without one."""
     draw = imgui.get_background_draw_list()
     view = ui.session.shown_view
     top, middle, gap = area.top + grid(2), ImVec2(*area.at(0.5, 0.5)), grid(3)
@@ -78,14 +78,14 @@ def draw_labels(ui: UiFrame, area: Area) -> None:
 
 
 class PictureWarnings:
-    """Warnings about the picture, computed again only when something about them changes."""
+    """Warnings about the picture, computed again only when their inputs change."""
 
     def __init__(self) -> None:
         self._key: object = None
         self._warnings: tuple[PictureWarning, ...] = ()
 
     def draw(self, ui: UiFrame, area: Area) -> None:
-        """Draw one plate for each warning at the upper left of `area`; its tooltip says what can be done."""
+        """Draw a plate for each warning at the upper left of `area`. Its tooltip says what to do."""
         session = ui.session
         sides = shown_sides(session.shown_view)
         slots = {side.upper(): session.view.slots[side] for side in sides}
@@ -108,7 +108,7 @@ class PictureWarnings:
 
 
 def _frames(ui: UiFrame, part: tuple[float, float, float, float], area: Area) -> None:
-    """Draw a frame around a part of the picture, wherever it is shown."""
+    """Draw a frame around a part of the picture, in each side that shows it."""
     view, draw = ui.session.shown_view, imgui.get_background_draw_list()
     left, top, right, bottom = part
     extent = ((right - left) * view.zoom.factor * area.width, (bottom - top) * view.zoom.factor * area.height)
@@ -146,7 +146,7 @@ def draw_block(ui: UiFrame, area: Area) -> None:
 
 
 def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
-    """Draw messages above the lower edge of `area`, newest lowest."""
+    """Draw messages above the lower edge of `area`, the newest lowest."""
     y = area.bottom - 2.0 * imgui.get_text_line_height_with_spacing()
     wrap = max(em(15.0), min(em(46.0), area.width - grid(10)))
     draw = imgui.get_foreground_draw_list()
@@ -159,7 +159,7 @@ def draw_toasts(toasts: tuple[Toast, ...], area: Area) -> None:
 
 
 def _centred(area: Area, width: float) -> float:
-    """Return the left edge that centres `width` in `area`, moved into the window where `area` is narrower."""
+    """Return the left edge of an item of `width`, centred in `area` but inside the window."""
     right = imgui.get_io().display_size.x - grid(3)
     return max(grid(3), min((area.left + area.right - width) / 2.0, right - width))
 
@@ -173,11 +173,11 @@ def _draw_low_line(ui: UiFrame, area: Area, text: str, label: str) -> None:
 
 
 HINTS = {"help.palette": "commands", "help.keys": "help", "compare.measure": "measure", "file.screenshot": "screenshot"}
-"""What keys do, in a word, by their command; those that are needed first come first."""
+"""One word for the effect of a key, by command; the most useful ones first."""
 
 
 def hint_lines(session: Session) -> tuple[str, ...]:
-    """Return lines of hints, each shorter than the one before."""
+    """Return lines of hints about keys, from the longest to the shortest."""
     keys = bindings(session.settings.keys)
     parts = [f"{key.split(', ')[0]} {word}" for command, word in HINTS.items() if (key := keys.text(command))]
     more = (f"{session.settings.camera_mode} camera", f"{keys.text('compare.next')} mode", f"{HOLD_KEY} other slot")
@@ -192,7 +192,7 @@ def draw_hints(ui: UiFrame, area: Area) -> None:
 
 
 def draw_way_back(ui: UiFrame, area: Area) -> None:
-    """Draw the key that shows the panels again, while they are hidden and the mouse is over the window."""
+    """Draw a hint about the key that shows hidden panels again, while the mouse is over the window."""
     mouse = imgui.get_io().mouse_pos
     inside = all(0.0 <= share < 1.0 for share in area.share_of(mouse.x, mouse.y))
     keys = bindings(ui.session.settings.keys).text("window.panels")
@@ -203,15 +203,15 @@ def draw_way_back(ui: UiFrame, area: Area) -> None:
 LEGEND_TEXT = (1.0, 1.0, 1.0, 0.95)
 LEGEND_SHADE = (0.0, 0.0, 0.0, 0.75)
 LINES_BELOW = 2.2
-"""Space between the legend and the lower edge of the picture, in lines of text, for the line of hints."""
+"""Space below the legend that the hints take, in lines of text."""
 FIELD = 2.6
 """Width of the field of one number of decoders, in font sizes."""
 ERROR_FIELDS = 16
-"""Number of fields in the bar of an error map, which has no steps of its own."""
+"""Number of fields in the legend of an error map, whose scale is continuous."""
 
 
 def slot_note(slot: Slot, view: ViewState, facts: UiData) -> str:
-    """Return a note about the part of the picture that shows a slot; "" for none."""
+    """Return a note below a slot's name about its part of the picture, such as `decoding 3 tiles`; "" for none."""
     if view.overlay.kind == "divergence" and is_image_source(slot.source):
         return "images have no decoders: no map here"
     tiles = facts.frame.tiles.get(replace(slot, path=facts.frame.paths.get(slot, slot.path)))
@@ -225,17 +225,17 @@ def slot_note(slot: Slot, view: ViewState, facts: UiData) -> str:
 
 def _largest(ui: UiFrame) -> float | None:
     """Return the largest error of a texture or decoder in steps of 8-bit sRGB; None without a comparison."""
-    found = ui.facts.live.comparison
-    if found is None:
+    comparison = ui.facts.live.comparison
+    if comparison is None:
         return None
-    rows = found.textures if ui.session.view.overlay.kind == "error-texture" else found.decoders
+    rows = comparison.textures if ui.session.view.overlay.kind == "error-texture" else comparison.decoders
     return largest_error(np.array([row.rmse for row in rows], np.float32))
 
 
 def _legend(
     ui: UiFrame, area: Area, lines: list[str], texts: list[str], shades: list[float], name: PaletteName
 ) -> None:
-    """Draw the legend: `texts` stand below equal parts of the bar, `shades` are places on the palette, 0 to 1."""
+    """Draw the legend: a bar of `shades`, which are positions on the palette, 0 to 1, above evenly spaced `texts`."""
     draw = imgui.get_background_draw_list()
     line, font, pad = imgui.get_text_line_height(), imgui.get_font_size(), grid(2)
     room = area.width - grid(12)

@@ -1,4 +1,4 @@
-"""Widgets of commands: drawn, explained, greyed with the reason and run from the command's definition alone."""
+"""Widgets of commands. Kind, tooltip, greying with its reason and effect all follow from the command's definition."""
 
 from collections.abc import Callable
 from typing import Any
@@ -28,10 +28,10 @@ def control(
     names: Callable[[Any], str] | None = None,
     shown: Callable[[str], str] | None = None,
 ) -> None:
-    """Draw the widget of a command's value after the `chosen` ones: a check box, a list or a slider.
+    """Draw a check box, a list or a slider for one parameter of a command, after parameters with the values `chosen`.
 
-    `label` names it for scripts; by default it is the side and the verb of the command. A check box shows `title`, else the label.
-    A list is as wide as its widest text unless `width` is given; `names` gives the texts of its values, `shown` those of the
+    `label` names the widget for scripts; the default is the side and the verb of the command. A check box shows `title`, else the
+    label. A list is as wide as its widest text unless `width` is given. `names` returns the text of a value, `shown` its text in the
     opened list.
     """
     command = BY_ID[command_id]
@@ -66,7 +66,7 @@ def _list(
     names: Callable[[Any], str] | None,
     shown: Callable[[str], str] | None,
 ) -> Any:
-    """Draw a list, as wide as its widest text where it `fits` that, and return the chosen value."""
+    """Draw a list and return the chosen value. With `fits` it is as wide as its widest text."""
 
     def name(text: str) -> str:
         return parameter.arg.names.get(text, text) if names is None else names(parameter.parse(text))
@@ -84,13 +84,13 @@ def _list(
 def _slider(ui: UiFrame, label: str, arg: Arg, value: float, tip: str) -> tuple[bool, float]:
     low, high = arg.ends or (arg.minimum or 0.0, arg.maximum or 1.0)
     flags = imgui.SliderFlags_.always_clamp | (imgui.SliderFlags_.logarithmic if arg.logarithmic else 0)
-    moved, found = imgui.slider_float(f"##{label}", value, low, high, arg.text, flags)
+    moved, changed = imgui.slider_float(f"##{label}", value, low, high, arg.text, flags)
     ui.rects.note(label, tip)
-    return moved, round(found, 3)
+    return moved, round(changed, 3)
 
 
 def radio_buttons(ui: UiFrame, command_id: str) -> None:
-    """Draw one button for each choice of a command, with its name as label."""
+    """Draw a radio button for each choice of a command."""
     command = BY_ID[command_id]
     parameter = command.parameters[0]
     assert command.current is not None
@@ -115,10 +115,10 @@ def command_button(
     small: bool = False,
     icon: str = "",
 ) -> None:
-    """Draw a button that runs a command with `values`; it is grey, with the reason as tooltip, while the command cannot run.
+    """Draw a button that runs a command with `values`. It is grey, with the reason in its tooltip, while the command cannot run.
 
-    `label` names it for scripts, where that is not its title. `tip` is the tooltip in place of the command's help. `missing` says
-    what else is missing to run it. `icon` replaces that of the command.
+    `label` names the button for scripts; the default is its title. `tip` replaces the command's help as tooltip, `icon` its icon.
+    `missing` is a further reason why it cannot run; "" for none.
     """
     reason, label = missing or ui.why_not(command_id), label or title
     title = with_icon(icon or BY_ID[command_id].icon, title)
@@ -139,6 +139,6 @@ def copy_button(ui: UiFrame, title: str, label: str, tip: str, text: Callable[[]
 
 
 def select_texture(ui: UiFrame, texture: int) -> None:
-    """Select the texture whose row was clicked in all panels; a double-click opens its flat view."""
+    """Select the texture of a clicked row in all panels; after a double-click, open its flat view."""
     doubly = imgui.is_mouse_double_clicked(imgui.MouseButton_.left)
     ui.emit("texture.flat" if doubly else "texture.select", str(texture))

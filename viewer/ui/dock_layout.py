@@ -1,4 +1,15 @@
-"""The docked layout of panels beside the picture: one column of two stacks of tabs that fits the window, folds, and can be reset."""
+"""Docked layout of the panels: a column of two stacks of tabs beside the picture, which folds and can be reset.
+
+ImGui owns the dock nodes, saves them in its settings and lets the user drag them. This module adds to that, frame by frame:
+
+- Without a saved layout, or after a reset, `_build` splits the dock space into the picture and the column, and docks each panel by
+  its place. In a low window the column is a single stack.
+- The width of the column follows the scale of the interface (`_follow_scale`); a width that the user dragged is remembered in units
+  of normal scale.
+- A folded stack gets the height of its tab bar, and the other stack of the column the rest (`_fold`).
+- New layouts need focus to choose the front tabs. ImGui takes one focus a frame, so `bring_to_front` gives it to one waiting panel
+  at a time; until then the layout `is_settling`.
+"""
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,14 +23,14 @@ from viewer.ui.widgets import Area, grid, side_bar
 Place = Literal["upper", "lower"]
 DOCK_SPACE = "column"
 COLUMN_WIDTH = 350.0
-"""Width of the column of panels, in window units at normal scale: a window of 1280x720 keeps two thirds for the picture."""
+"""Width of the column of panels, in window units at normal scale: in a window of 1280x720 the picture gets two thirds."""
 WIDEST_COLUMN = 440.0
 COLUMN_SHARE = 0.22
 """Width of the column in a large window, as a share of the window."""
 LARGEST_SAVED = 0.4
-"""Largest width of a column of a saved layout, as a share of the window; a wider one gets the usual width."""
+"""Largest width of a saved column, as a share of the window; a wider one gets the default width."""
 PICTURE_WIDTH = 300.0
-"""Width for the picture in a narrow window, in window units at normal scale; half of the window where that is less."""
+"""Least width of the picture, in window units at normal scale; in a narrow window it is half of the window."""
 NARROWEST_OPEN = 800.0
 """Width of the window in units of normal scale, below which the column is folded at first."""
 LOWEST_FOR_STACKS = 560.0
@@ -30,7 +41,7 @@ LOWER_SHARE = 0.36
 
 @dataclass(frozen=True)
 class Stack:
-    """Panels that are tabs of one another, docked above or below another stack."""
+    """Panels that are tabs of one dock node, above or below another stack."""
 
     titles: tuple[str, ...]
     node: imgui.internal.DockNode
@@ -38,15 +49,15 @@ class Stack:
 
 
 def titles_by_place(places: Mapping[str, Place], height: float) -> dict[Place, list[str]]:
-    """Return the panels of each place, of `places` by title, for a window of this height in units of normal scale."""
-    found: dict[Place, list[str]] = {}
+    """Return the panels of each place in a window of this height in units of normal scale. `places`: place by title."""
+    titles: dict[Place, list[str]] = {}
     for title, place in places.items():
-        found.setdefault("upper" if height < LOWEST_FOR_STACKS else place, []).append(title)
-    return found
+        titles.setdefault("upper" if height < LOWEST_FOR_STACKS else place, []).append(title)
+    return titles
 
 
 def column_width(width: float) -> float:
-    """Return the width of the column in units of normal scale; a narrow window keeps up to half for the picture."""
+    """Return the width of the column in a window of this width, in units of normal scale."""
     wanted = min(max(COLUMN_WIDTH, COLUMN_SHARE * width), WIDEST_COLUMN)
     return min(wanted, max(width - PICTURE_WIDTH, 0.5 * width))
 
@@ -57,25 +68,25 @@ def folds_at_first(width: float) -> bool:
 
 
 class DockLayout:
-    """Dock space of one window."""
+    """Dock space of a window."""
 
     def __init__(self) -> None:
         self._front: list[str] = []
-        """Panels that still come to the front, the last one first."""
+        """Panels that wait to come to the front; the last one is next."""
         self._saw_menu_bar = False
-        """True after the first frame: only then the viewport knows the height of the menu bar."""
+        """True after the first frame, when the viewport knows the height of the menu bar."""
         self._placed = False
         self._saw_tabs = False
-        """True after the first frame with panels: a saved layout tells which tabs were chosen."""
+        """True after the first frame with panels, in which the chosen tabs of a saved layout are read."""
         self._pause = 0
-        """Frames until the next panel may be focused, or until the last one is visible."""
+        """Number of frames until the next panel may be focused, or the last one is visible."""
         self._folded: frozenset[str] = frozenset()
         self._scale: float | None = None
         """Scale that the widths of the columns are made for."""
         self._heights: dict[int, float] = {}
         """Heights of folded stacks before folding, as shares of their column, by the ids of their nodes."""
         self._widths: dict[int, tuple[float, float]] = {}
-        """Widths of columns by the ids of their nodes: wanted, in units of normal scale, and given, as the window had room."""
+        """Widths of columns by the ids of their nodes: (requested, in units of normal scale; given, in window units)."""
 
     @property
     def folded(self) -> frozenset[str]:
@@ -84,18 +95,18 @@ class DockLayout:
 
     @property
     def is_placed(self) -> bool:
-        """True where panels have their places, so that the area of the picture is known; some may still come to the front."""
+        """True once panels are docked and the area of the picture is known."""
         return self._placed
 
     @property
     def is_settling(self) -> bool:
-        """True while panels still come to the front after a new layout."""
+        """True while panels wait to come to the front after a new layout."""
         return not self._saw_menu_bar or bool(self._front) or self._pause > 0
 
     def draw(self, places: Mapping[str, Place], scale: float, reset: bool, folded: Collection[str]) -> Area:
-        """Submit the dock space and return the area of the picture. Docks all panels again with `reset` or without a layout.
+        """Submit the dock space and return the area of the picture. With `reset`, or without a layout, all panels are docked again.
 
-        Stacks that hold a panel of `folded` are as high as their tabs.
+        Stacks with a panel in `folded` are as high as their tabs.
         """
         viewport = imgui.get_main_viewport()
         dock_space = imgui.get_id(DOCK_SPACE)
@@ -115,7 +126,7 @@ class DockLayout:
     def bring_to_front(self, titles: Iterable[str]) -> None:
         """Bring the next waiting panel to the front; call it after drawing the panels."""
         if not self._saw_tabs:
-            # ImGui raises what is drawn last, whatever tab was chosen when the layout was saved; that one may be closed now.
+            # ImGui selects the window that is drawn last, not the saved tab. The saved tab may belong to a closed panel.
             self._saw_tabs, front = True, dict[int, str]()
             for title in titles:
                 if (node := _node(title)) is not None and (_is_chosen(title) or node.id_ not in front):
@@ -123,14 +134,14 @@ class DockLayout:
             self.bring_all(list(front.values()))
         self._pause = max(0, self._pause - 1)
         if self._front and self._pause == 0:
-            # One per frame: a tab bar selects the tab of the focused window.
+            # One panel per frame: a tab bar selects the tab of the focused window.
             imgui.set_window_focus(self._front.pop())
             self._pause = 2
 
     def bring(self, title: str) -> None:
         """Bring a panel to the front."""
         self._front = [title, *self._front]
-        # A panel that was closed becomes a window only in this frame.
+        # A closed panel becomes a window only in this frame.
         self._pause = max(self._pause, 2)
 
     def bring_all(self, titles: Sequence[str]) -> None:
@@ -139,8 +150,8 @@ class DockLayout:
         self._pause = 3
 
     def stacks(self, titles: Iterable[str]) -> list[Stack]:
-        """Return the stacks of shown panels that share a column with another one, from top to bottom."""
-        found: dict[int, tuple[imgui.internal.DockNode, list[str]]] = {}
+        """Return the stacks of shown panels that share a column with another stack, from top to bottom."""
+        members_of_node: dict[int, tuple[imgui.internal.DockNode, list[str]]] = {}
         for title in titles:
             node = _node(title)
             if (
@@ -148,24 +159,24 @@ class DockLayout:
                 and node.parent_node is not None
                 and node.parent_node.split_axis == imgui.internal.Axis.y
             ):
-                found.setdefault(node.id_, (node, []))[1].append(title)
+                members_of_node.setdefault(node.id_, (node, []))[1].append(title)
         stacks = [
             Stack(
                 tuple(members), node, Area(node.pos.x, node.pos.y, node.pos.x + node.size.x, node.pos.y + node.size.y)
             )
-            for node, members in found.values()
+            for node, members in members_of_node.values()
         ]
         return sorted(stacks, key=lambda stack: stack.area.top)
 
     def _fold(self, titles: Iterable[str], folded: Collection[str]) -> None:
-        """Give stacks the height of their tabs, or their height before; the other stack of the column takes the rest."""
+        """Give folded stacks the height of their tabs and unfolded ones their former height. The other stack takes the rest."""
         stacks = self.stacks(titles)
         tabs, small = imgui.get_frame_height(), set[str]()
         for stack in stacks:
             node, parent = stack.node, stack.node.parent_node
             others = [other for other in stacks if other.node.parent_node.id_ == parent.id_ and other is not stack]
             is_folded, was_folded = _is_folded(stack, folded), node.id_ in self._heights
-            # One stack of a column stays open.
+            # A column has at least one open stack.
             if not others or _is_folded(others[0], folded) or not (is_folded or was_folded):
                 continue
             if is_folded:
@@ -186,7 +197,7 @@ class DockLayout:
         self._folded = frozenset(small)
 
     def _follow_scale(self, titles: Iterable[str], scale: float, viewport: imgui.Viewport) -> None:
-        """Scale the width of the column with its content; a saved column that is too narrow becomes wide enough."""
+        """Scale the width of the column with its content, and widen a saved column that is too narrow."""
         if scale == self._scale:
             return
         widest = scale * column_width(max(viewport.work_size.x, 1.0) / scale)
@@ -198,18 +209,18 @@ class DockLayout:
                     columns[node.id_] = node
                 node = node.parent_node
         if not columns:
-            # Hidden panels have no column: its width follows when they are shown again.
+            # Hidden panels have no column. Its width is set when they are shown again.
             return
         for number, node in columns.items():
             units, given = self._widths.get(number, (0.0, 0.0))
             if self._scale is None:
                 units = max(node.size_ref.x, 0.8 * widest) / scale
             elif node.size_ref.x != given:
-                # The user has dragged the column to this width.
+                # The width differs from the given one, so the user has dragged it.
                 units = node.size_ref.x / self._scale
             given = units * scale
             if self._scale is not None or given > LARGEST_SAVED * viewport.work_size.x:
-                # What was saved on a screen of another scale may take half of the window.
+                # A width saved at another scale may take half of the window.
                 given = min(given, widest)
             self._widths[number] = (units, given)
             node.size_ref = ImVec2(given, node.size_ref.y)
@@ -233,7 +244,7 @@ class DockLayout:
                 builder.dock_builder_dock_window(title, nodes[place])
         builder.dock_builder_finish(root)
         self._front, self._saw_tabs = [members[0] for members in titles.values()], True
-        # ImGui gives a tab bar to a node in the frame after its windows have come.
+        # ImGui makes a node's tab bar in the frame after its windows are docked.
         self._pause = 3
 
 
@@ -242,13 +253,13 @@ def _is_folded(stack: Stack, folded: Collection[str]) -> bool:
 
 
 def _node(title: str) -> imgui.internal.DockNode | None:
-    """Return the node in which a panel is docked; None for one that is hidden or floats."""
+    """Return the dock node of a panel; None for a hidden or floating panel."""
     window = imgui.internal.find_window_by_name(title)
     return window.dock_node if window is not None else None
 
 
 def _is_chosen(title: str) -> bool:
-    """Return whether a panel is the chosen tab of its stack."""
+    """Return whether a panel is the selected tab of its stack."""
     node, window = _node(title), imgui.internal.find_window_by_name(title)
     return node is not None and window is not None and node.selected_tab_id == window.tab_id
 
@@ -266,7 +277,7 @@ COLUMN_LABEL = "fold panels"
 
 
 def draw_column_handle(ui: UiFrame, folded: bool) -> None:
-    """Draw a strip with an arrow along the left edge: a click folds all panels into it, the next one unfolds them."""
+    """Draw a strip with an arrow along the left edge. A click on it folds or unfolds all panels."""
     with side_bar("##fold", imgui.Dir.left, grid(STRIP), ImVec2(0.0, 0.0)) as opened:
         if not opened:
             return
@@ -288,14 +299,14 @@ def _arrow(direction: imgui.Dir, at: ImVec2, bright: bool) -> None:
 
 
 class StackHandles:
-    """Fold buttons of the stacks, and the tab with which each stack was folded."""
+    """Buttons that fold the stacks."""
 
     def __init__(self) -> None:
         self._tabs: dict[int, int] = {}
         """Chosen tabs of folded stacks, by the ids of their nodes."""
 
     def draw(self, ui: UiFrame, stacks: Sequence[Stack], raised: str | None) -> None:
-        """Draw a button behind each stack's tabs. Choosing another tab of a folded stack, or raising its panel, unfolds it."""
+        """Draw a button behind each stack's tabs. A folded stack unfolds when another of its tabs is chosen or a panel is raised."""
         for number, stack in enumerate(stacks):
             folded = [title for title in stack.titles if title in ui.session.settings.folded_panels]
             if not folded:

@@ -1,4 +1,4 @@
-"""Facts of a frame that panels show besides the session. They are immutable and made for each frame."""
+"""Data that panels show besides the session: immutable, made for each frame."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -24,7 +24,7 @@ FIRST_PICTURE = "compiling shaders"
 
 
 class Emit(Protocol):
-    """Function by which the UI runs a command; an error becomes a message."""
+    """Function that runs a command for the UI. Errors become messages."""
 
     def __call__(self, command_id: str, *values: Any) -> None:
         """Run a command with values for its parameters; missing values take their defaults."""
@@ -33,43 +33,43 @@ class Emit(Protocol):
 
 @dataclass(frozen=True)
 class Work:
-    """Work in the background."""
+    """Background work, for the status bar."""
 
     title: str
     share: float | None = None
-    """Share of the work that is done, 0 to 1; None where unknown."""
+    """Progress of the work, 0 to 1; None where unknown."""
     seconds_left: float | None = None
     """Time left in seconds; None where unknown."""
     cancel: str = ""
-    """Id of the command that cancels the work; "" where none does."""
+    """Id of the command that cancels the work; "" for none."""
 
 
 @dataclass(frozen=True)
 class UiData:
-    """What panels show of the renderer and of background work."""
+    """Figures of the renderer and of background work, for panels."""
 
     renderer: str
-    """Driver's name of the GPU."""
+    """Name of the GPU from its driver."""
     frame: FrameFigures = field(default_factory=FrameFigures)
     """Figures of the last frame that drew something."""
     timings_ms: Mapping[str, float] = field(default_factory=dict)
     """Median time of each pass in ms, over the recent frames in which it ran."""
     divergence: Mapping[str, DivergenceStatistics] = field(default_factory=dict)
-    """Divergence of the shown packs by name, while the map is shown."""
+    """Divergence of the shown packs by name, while the divergence map is shown."""
     block: BlockContent | None = None
-    """Kept block, else the one under the mouse, while the map is shown."""
+    """Pinned block, else the one under the mouse, while the divergence map is shown."""
     live: LiveFigures = field(default_factory=LiveFigures)
-    """Figures of A against B."""
+    """Figures of the comparison of A with B."""
     is_training: bool = False
-    """True while a training keeps the processors busy: A is not compared with B then."""
+    """True while a training runs. A and B are not compared then, because the processors are busy."""
     encoding: Mapping[BlockFormat, float] = field(default_factory=dict)
     """Progress of each block format that is encoded for a slot, 0 to 1."""
     work: tuple[Work, ...] = ()
-    """Work in the background, for the status bar."""
+    """Background work, for the status bar."""
     drawn_because: tuple[str, ...] = ()
     """Reasons why the last frame was drawn; empty where mouse or keyboard was the reason."""
     pixel: PixelContent | None = None
-    """Kept pixel, else the one under the mouse, while the panel Pixel is open."""
+    """Pinned pixel, else the one under the mouse, while the panel Pixel is open."""
     thumbnail: Callable[[int], imgui.ImTextureRef] | None = None
     """Function that returns the thumbnail of a texture by its id."""
     frames_drawn: int = 0
@@ -82,7 +82,7 @@ class UiData:
     matches: Mapping[str, PackMatch] = field(default_factory=dict)
     """Match of each open pack with the scene, by the pack's name."""
     image: Callable[[str, NDArray[np.uint8]], imgui.ImTextureRef] | None = None
-    """Function that uploads an image [h, w, 3] uint8 sRGB under a name, where the array is a new one."""
+    """Function that returns the texture of an image [h, w, 3] uint8 sRGB under a name; it uploads arrays that changed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,4 +95,4 @@ class UiFrame:
     emit: Emit
     rects: WidgetRects
     why_not: Callable[[str], str] = lambda _command_id: ""
-    """Function that says why a command cannot run now; "" where it can."""
+    """Function that returns the reason why a command cannot run now; "" where it can."""

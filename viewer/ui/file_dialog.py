@@ -1,4 +1,4 @@
-"""The dialog that chooses a file to open: recent files, the folders of this machine, and a line that filters or takes a path."""
+"""Dialog that opens a file: recent files, the folders of this machine, and a text field that filters names or takes a path."""
 
 import shutil
 import sys
@@ -27,14 +27,14 @@ from viewer.ui.theme import ink
 from viewer.ui.widgets import DIALOG_FLAGS, place_dialog, wrapped
 
 HELPERS = ("zenity", "matedialog", "qarma", "kdialog")
-"""Programs that show the dialog on Linux."""
+"""Programs that show the desktop's dialog on Linux."""
 _PATTERNS = " ".join(
     f"*{suffix}" for suffix in (*SCENE_SUFFIXES, *MESH_SUFFIXES, ARCHIVE_SUFFIX, PACK_SUFFIX, *PANORAMA_SUFFIXES)
 )
 
 
 class SystemDialog:
-    """The desktop's own file dialog, which does not block the window; one at a time."""
+    """File dialog of the desktop. It does not block the window; one is open at a time."""
 
     def __init__(self) -> None:
         self.is_available = sys.platform in ("win32", "darwin") or any(shutil.which(name) for name in HELPERS)
@@ -52,7 +52,7 @@ class SystemDialog:
             self._asking = portable_file_dialogs.open_file("Open", str(folder), filters)
 
     def take(self) -> Path | None:
-        """Take the chosen file; None without an answer, and where the dialog was cancelled."""
+        """Return the chosen file once; None without an answer, and after the dialog was cancelled."""
         if not self.has_answer:
             return None
         chosen, self._asking = self._asking.result(), None
@@ -68,7 +68,7 @@ LABEL = "file: "
 
 
 class FileDialog:
-    """Dialog that opens a file. It keeps its folder from one opening to the next."""
+    """Dialog that opens a file. It opens in the folder that it showed last."""
 
     def __init__(self) -> None:
         self.system = SystemDialog()
@@ -79,12 +79,12 @@ class FileDialog:
         self._selected = 0
         self._problem = ""
         self._step = 0
-        """Number in the field's id: a new field for each text, as ImGui keeps the text of an active one."""
+        """Number in the text field's id. A new id replaces the field, because ImGui ignores new text of an active one."""
         self._focus = False
         self._scroll = False
 
     def draw(self, ui: UiFrame, size: tuple[float, float]) -> None:
-        """Draw the dialog while the session has it open, in a window of `size` (width, height)."""
+        """Draw the dialog while it is open, in a window of `size` (width, height)."""
         answer = self.system.take()
         if answer is not None:
             self._open(answer, ui)
@@ -94,7 +94,7 @@ class FileDialog:
         if opening:
             self._begin(ui)
         place_dialog(size, *SIZE)
-        # In every frame: a click on a panel would put it in front of the dialog.
+        # In every frame, because a click on a panel would bring the panel in front of the dialog.
         imgui.set_next_window_focus()
         _, stays = imgui.begin("Open a scene, a pack or a panorama###open", True, DIALOG_FLAGS)
         self._content(ui)
@@ -109,7 +109,7 @@ class FileDialog:
         self._go(self._folder if self._folder.is_dir() else Path.home())
 
     def _go(self, folder: Path) -> None:
-        """Show another folder; one that cannot be read is reported instead."""
+        """Show another folder, or report that it cannot be read."""
         try:
             self._entries = list_folder(folder)
         except InputError as error:
@@ -127,7 +127,7 @@ class FileDialog:
         self._focus = True
 
     def _open(self, path: Path, ui: UiFrame) -> None:
-        """Open a file; an error is shown in the dialog, which keeps the typed text."""
+        """Open a file, or show the error in the dialog."""
         log = ui.session.window.log
         before = log[-1] if len(log) else None
         ui.emit("file.open", path)
@@ -140,7 +140,7 @@ class FileDialog:
         try:
             is_folder = path.is_dir()
         except OSError:
-            # No file can have this name: opening it reports that.
+            # The name is not valid. Opening it reports that.
             is_folder = False
         if is_folder:
             self._go(path)
@@ -179,7 +179,7 @@ class FileDialog:
             self._choose(listed, ui)
 
     def _listed(self) -> tuple[FolderEntry, ...]:
-        """Return the entries that match the typed text; for a path, those of its folder."""
+        """Return the entries that match the typed text; for a path, entries of its folder."""
         if not is_path(self._text):
             return matching(self._entries, self._text)
         folder, beginning = typed_folder(self._text, self._folder)
@@ -189,7 +189,7 @@ class FileDialog:
             return ()
 
     def _field(self, entries: Sequence[FolderEntry], ui: UiFrame) -> str | None:
-        """Draw the line that filters or takes a path, and return its text on Enter."""
+        """Draw the text field that filters names or takes a path. Returns its text on Enter, else None."""
         imgui.text_wrapped(printable(str(self._folder)))
         ui.rects.note("folder", "The folder that is listed.")
         imgui.set_next_item_width(-1.0)
@@ -213,7 +213,7 @@ class FileDialog:
         return text if entered else None
 
     def _answer(self, entries: Sequence[FolderEntry], text: str, ui: UiFrame) -> None:
-        """Open the typed path, else the selected entry."""
+        """Open the typed path, or the selected entry."""
         if is_path(text):
             folder, name = typed_folder(text.strip(), self._folder)
             self._choose(folder / name, ui)
@@ -291,7 +291,7 @@ class FileDialog:
             imgui.same_line()
             if imgui.button("System dialog..."):
                 self.system.ask(self._folder)
-            ui.rects.note("System dialog...", "Choose the file in the desktop's own dialog.")
+            ui.rects.note("System dialog...", "Choose the file in the file dialog of the desktop.")
         imgui.same_line()
         imgui.text_disabled(".gltf .glb .zip .obj .ply .stl .off .ntc .hdr .exr")
         return pressed

@@ -1,4 +1,4 @@
-"""The card of first steps: what this program is for, and three things to try."""
+"""Card of first steps: the purpose of the program, and three things to try."""
 
 from dataclasses import replace
 
@@ -14,7 +14,7 @@ from viewer.ui.widgets import Area, card, card_room, disabled_beside, em, grid
 WIDTH = 20.0
 """Largest width of the card in font sizes."""
 LEAST_REST = 26.0
-"""Least width beside the card for the offer, a legend and messages, in font sizes; a card without it is wide and low."""
+"""Least width beside the card for the offer, a legend and messages, in font sizes. With less, the card is wide and low."""
 PURPOSE = (
     "ntc-viewer shows a scene whose textures are stored by small neural networks, "
     "beside the original, with the error and the cost of every pixel."
@@ -33,14 +33,14 @@ def _steps(session: Session) -> tuple[tuple[str, str], ...]:
 
 
 class FirstRunCard:
-    """Card of first steps, which marks the steps that were done."""
+    """Card of first steps. It marks finished steps."""
 
     def __init__(self) -> None:
         self._done = [False, False, False]
         self._scene: str | None = None
 
     def draw(self, ui: UiFrame, area: Area) -> Area:
-        """Draw the card at the lower left of `area`, and return the area right of it, or above it where that is too narrow."""
+        """Draw the card at the lower left of `area`. Returns the area right of it, or above it where that is too narrow."""
         if not ui.session.window.show_first_steps:
             return area
         self._note_progress(ui.session)

@@ -1,4 +1,4 @@
-"""A window that shows one texture flat: its original and what other sources make of it, side by side or with a divider."""
+"""Window that shows one texture flat: its original and its version in other sources, side by side or with a divider."""
 
 import math
 from collections.abc import Callable, Hashable
@@ -53,7 +53,7 @@ class FlatWindow:
         self._zoom = 1.0
         """Magnification; 1 fits the texture into its place."""
         self._centre = (0.5, 0.5)
-        """Place of the texture in the middle of the view, as shares of its size."""
+        """Position in the texture at the middle of the view, as shares of its size."""
         self._divider = 0.5
         self._dragging = False
 
@@ -144,9 +144,11 @@ class FlatWindow:
             return self._shown(answer, source, f"original, {width} x {height}")
         blocks = ui.session.compressed_as(source)
         if blocks is not None:
-            own = blocks.textures[number]
-            answer = self._ask(side, (texture, source), partial(compressed_flat, own))
-            return self._shown(answer, source, f"{source}, {8.0 * own.stored_bytes / own.texels:.2f} bits per texel")
+            compressed = blocks.textures[number]
+            answer = self._ask(side, (texture, source), partial(compressed_flat, compressed))
+            return self._shown(
+                answer, source, f"{source}, {8.0 * compressed.stored_bytes / compressed.texels:.2f} bits per texel"
+            )
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         index = match.texture_index[number] if match is not None and number < len(match.texture_index) else -1
         if pack is None or index < 0:
@@ -219,7 +221,7 @@ class FlatWindow:
         place: tuple[ImVec2, ImVec2],
         ui: UiFrame,
     ) -> None:
-        """Draw the visible part. `whole` is (left, top, width, height) of the whole texture in window units."""
+        """Draw the visible part of a texture. `whole` is (left, top, width, height) of the whole texture in window units."""
         left, top, width, height = whole
         low, high = place
         seen = ((low.x - left) / width, (low.y - top) / height, (high.x - left) / width, (high.y - top) / height)
@@ -234,7 +236,7 @@ class FlatWindow:
         imgui.get_window_draw_list().add_image(ui.facts.image(f"flat {side}", part.pixels), corner, end)
 
     def _input(self, at: ImVec2, room: ImVec2, stride: float, extent: tuple[float, float]) -> None:
-        """Zoom towards the mouse, drag the texture or the divider. `extent` is the size of the whole texture in window units."""
+        """Handle the mouse: zoom, and drags of the texture or the divider. `extent` is the size of the texture in window units."""
         io = imgui.get_io()
         held, hovered = imgui.is_item_active(), imgui.is_item_hovered()
         wipes = self._arrangement == "wipe"
@@ -254,9 +256,9 @@ class FlatWindow:
                 x, width = x - stride * (x >= stride), stride
             away = ((x - width / 2.0) / extent[0], (y - room.y / 2.0) / extent[1])
             zoom = min(max(self._zoom * ZOOM_STEP**io.mouse_wheel, 1.0), LARGEST_ZOOM)
-            kept = 1.0 - self._zoom / zoom
+            shift = 1.0 - self._zoom / zoom
             self._zoom = zoom
-            self._move(away[0] * kept, away[1] * kept)
+            self._move(away[0] * shift, away[1] * shift)
 
     def _move(self, x: float, y: float) -> None:
         moved = (self._centre[0] + x, self._centre[1] + y)

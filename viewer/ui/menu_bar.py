@@ -1,4 +1,4 @@
-"""The bar of menus, made from the registry of commands."""
+"""Menu bar, made from the registry of commands."""
 
 from imgui_bundle import imgui
 
@@ -16,11 +16,11 @@ LABEL = "menu: "
 
 
 def draw_menu_bar(ui: UiFrame) -> float:
-    """Draw the bar at the upper edge, and return its height in window units."""
+    """Draw the menu bar at the upper edge, and return its height in window units."""
     if not imgui.begin_main_menu_bar():
         return 0.0
     bound = bindings(ui.session.settings.keys)
-    # Opaque: otherwise the text of panels would shine through menus.
+    # Menus are opaque; otherwise the text of panels would shine through.
     ground = imgui.get_style_color_vec4(imgui.Col_.popup_bg)
     imgui.push_style_color(imgui.Col_.popup_bg, imgui.ImVec4(ground.x, ground.y, ground.z, 1.0))
     height = imgui.get_window_size().y
@@ -42,7 +42,7 @@ def draw_menu_bar(ui: UiFrame) -> float:
 
 
 def _command(command: Command, bound: Bindings, ui: UiFrame) -> None:
-    """Draw a command: a submenu of choices, an item that runs or switches, or one that opens the palette for its arguments."""
+    """Draw the item of a command: one that runs or switches it, a submenu of choices, or one that opens the palette for arguments."""
     reason = ui.why_not(command.id)
     note = explained(command_text(command, bound), reason)
     if command.is_switch:
@@ -69,7 +69,7 @@ def _item(
 
 
 def _choices(command: Command, needed: int, chosen: tuple[str, ...], note: str, ui: UiFrame) -> None:
-    """Draw a submenu for the parameter after the `chosen` ones, of the first `needed`."""
+    """Draw a submenu of choices for the next parameter; `chosen` are the arguments so far, of `needed` in all."""
     parameter = command.parameters[len(chosen)]
     options = parameter.options(ui.session)
     name = " ".join((command.id, *chosen))

@@ -1,4 +1,4 @@
-"""The command palette: a command is found by typing, then its arguments are asked for one by one."""
+"""Command palette: the user types to search a command, then gives its arguments one by one."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,11 @@ from viewer.ui.widgets import em, grid, place_dialog, shortened, wrapped
 
 
 def score(query: str, text: str) -> float | None:
-    """Return how well `text` matches, larger is better; None where it lacks the letters of `query` in this order."""
+    """Return the score of `text` for `query`, higher for a better match; None where its letters do not occur in this order.
+
+    An equal text scores most, then one that begins with the query, one with it at the start of a word, and one with it anywhere.
+    Otherwise the letters may be spread (fuzzy match), and gaps between them cost points. Shorter texts win ties.
+    """
     query, text = query.lower(), text.lower()
     if query == text:
         return 100.0
@@ -27,22 +31,22 @@ def score(query: str, text: str) -> float | None:
         return (80.0 if at == 0 else 60.0 if starts_word else 40.0) - 0.01 * len(text)
     position, gaps = -1, 0
     for letter in query:
-        found = text.find(letter, position + 1)
-        if found < 0:
+        at = text.find(letter, position + 1)
+        if at < 0:
             return None
-        gaps += found - position - 1 if position >= 0 else 0
-        position = found
+        gaps += at - position - 1 if position >= 0 else 0
+        position = at
     return 20.0 - gaps - 0.01 * len(text)
 
 
 def best_first(query: str, commands: Sequence[Command]) -> tuple[Command, ...]:
-    """Return the commands that match `query`, best first; all for an empty one. Words match in any order."""
+    """Return the commands that match all words of `query` in any order, best first; for an empty query, all commands."""
     parts = query.split()
     ranked: list[tuple[float, int, Command]] = []
     for index, command in enumerate(commands):
         total = 0.0
         for part in parts:
-            # In prose single letters match too easily: only whole parts count.
+            # Help texts match only whole words: in prose, spread letters match nearly always.
             fits = [score(part, command.id), score(part, command.title)]
             if part.lower() in command.help.lower():
                 fits.append(10.0)
@@ -56,7 +60,7 @@ def best_first(query: str, commands: Sequence[Command]) -> tuple[Command, ...]:
 
 
 WIDTH = 48.0
-"""Largest width in font sizes."""
+"""Largest width of the palette in font sizes."""
 ICON_ROOM = 1.75
 """Width of the column of icons in font sizes."""
 TOP_SHARE = 0.12
@@ -69,10 +73,10 @@ FIELD_FLAGS = imgui.InputTextFlags_.enter_returns_true | imgui.InputTextFlags_.a
 
 @dataclass(frozen=True)
 class _Row:
-    """Entry of the list."""
+    """Entry of the palette's list."""
 
     value: str
-    """Value of the entry: a command's id, or an argument."""
+    """Id of a command, or an argument."""
     text: str
     note: str = ""
     key: str = ""
@@ -82,7 +86,7 @@ class _Row:
 
 
 def _shown_name(parameter: Parameter) -> str:
-    """Return the name of a parameter for reading."""
+    """Return the name of a parameter with spaces."""
     return parameter.name.replace("_", " ")
 
 
@@ -97,11 +101,11 @@ class Palette:
         self._selected = 0
         self._problem = ""
         self._step = 0
-        """Number in the field's id: a new field for each step, as ImGui keeps the text of an active one."""
+        """Number in the text field's id. A new id replaces the field, because ImGui ignores new text of an active one."""
         self._focus = False
 
     def draw(self, ui: UiFrame, size: tuple[float, float]) -> None:
-        """Draw the palette while the session has it open."""
+        """Draw the palette while it is open."""
         if ui.session.window.palette != self._was_open:
             self._was_open = ui.session.window.palette
             self._begin(find_command(ui.session.window.palette) if ui.session.window.palette else None, ui)
@@ -142,7 +146,7 @@ class Palette:
         self._focus = True
 
     def _close(self, ui: UiFrame) -> None:
-        # A command may open it again within the same frame.
+        # A command may open the palette again within the same frame.
         self._was_open = None
         ui.emit("palette.set", None)
 
@@ -167,7 +171,7 @@ class Palette:
         )
 
     def _field(self, rows: tuple[_Row, ...], ui: UiFrame) -> str | None:
-        """Draw the line for typing, and return the choice of Enter."""
+        """Draw the text field. Returns the choice on Enter, else None."""
         parameter = self._parameter
         if self._command is not None and parameter is not None:
             imgui.text(" ".join((self._command.title, *self._arguments)))
@@ -189,7 +193,7 @@ class Palette:
                 self._selected = (self._selected + step) % len(rows)
         if not entered:
             return None
-        # Enter takes the keyboard away from the field.
+        # Enter takes the focus from the field, so it is set again.
         self._focus = True
         if rows and (parameter is None or parameter.is_choice):
             return rows[min(self._selected, len(rows) - 1)].value
@@ -202,7 +206,7 @@ class Palette:
         return self._text or parameter.default_text or ""
 
     def _list(self, rows: tuple[_Row, ...], height: float, ui: UiFrame) -> str | None:
-        """Draw the list, and return a clicked entry."""
+        """Draw the list. Returns a clicked entry, else None."""
         if not rows:
             if self._parameter is None or self._parameter.is_choice:
                 imgui.text_disabled("nothing found")
@@ -212,7 +216,7 @@ class Palette:
         imgui.begin_child("##rows", ImVec2(0.0, min(len(rows) * line + grid(1), height)))
         clicked = None
         moved = imgui.get_io().mouse_delta.x != 0.0 or imgui.get_io().mouse_delta.y != 0.0
-        # Only one row is marked, by the mouse or the arrow keys.
+        # One row is marked, by the mouse or the arrow keys.
         imgui.push_style_color(imgui.Col_.header_hovered, imgui.get_style_color_vec4(imgui.Col_.header))
         for index, row in enumerate(rows):
             is_selected = index == self._selected
@@ -246,7 +250,7 @@ class Palette:
         return clicked
 
     def _answer(self, answer: str, ui: UiFrame) -> None:
-        """Take a command or an argument; run the command when it has all arguments."""
+        """Take a command or an argument. A command with all arguments is run."""
         if self._command is None:
             if reason := ui.why_not(answer):
                 self._problem = f"{find_command(answer).title}: {reason}"

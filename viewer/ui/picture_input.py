@@ -1,4 +1,4 @@
-"""Mouse and keys over the picture: moving the camera and the divider, flying, and the keys of commands."""
+"""Input over the picture: the camera, the divider, flight by held keys, and the keys of commands."""
 
 import math
 import time
@@ -39,13 +39,13 @@ _IMGUI_NAMES = {
 
 
 def imgui_key(name: str) -> imgui.Key:
-    """Return ImGui's key of a name in `viewer.commands.keys`."""
+    """Return ImGui's key for a key name of `viewer.commands.keys`."""
     key: imgui.Key = getattr(imgui.Key, _IMGUI_NAMES.get(name, name.lower()))
     return key
 
 
 def is_pressed(chord: Chord) -> bool:
-    """Return True where the chord went down in this frame, with exactly its modifiers."""
+    """Return whether the key of `chord` was pressed in this frame, with exactly its modifiers."""
     io = imgui.get_io()
     if (io.key_ctrl, io.key_shift, io.key_alt) != (chord.ctrl, chord.shift, chord.alt):
         return False
@@ -53,9 +53,9 @@ def is_pressed(chord: Chord) -> bool:
 
 
 def run_commands(session: Session, emit: Emit, typing: bool) -> None:
-    """Run the commands whose keys went down; while the user types into a field, only those of function keys."""
+    """Run the commands whose keys were pressed. While the user types into a field, only function keys count."""
     if not typing:
-        # Otherwise ImGui uses Tab to go through the fields of the focused panel, and keys type into them.
+        # Otherwise Tab moves the focus into a field of the focused panel, and later keys are typed into it.
         imgui.internal.set_key_owner(imgui.Key.tab, imgui.get_id("commands"))
     bound = bindings(session.settings.keys)
     for command in COMMANDS:
@@ -69,15 +69,15 @@ def run_commands(session: Session, emit: Emit, typing: bool) -> None:
 
 MOVES = {"w": (0, 0, 1), "s": (0, 0, -1), "a": (-1, 0, 0), "d": (1, 0, 0), "e": (0, 1, 0), "q": (0, -1, 0)}
 LONGEST_STEP = 0.1
-"""Longest step in seconds: a slow frame must not throw the camera across the scene."""
+"""Longest time step of flight in seconds, so that a slow frame does not throw the camera across the scene."""
 SHOWN_SECONDS = 1.5
-"""Time for which the speed is shown after a use or change, in seconds."""
+"""Seconds for which the speed is shown after the last use or change."""
 SHOWN_AT = 0.3
-"""Place of the speed as a share of the picture's height."""
+"""Height of the shown speed from the top, as a share of the picture's height."""
 
 
 class Flight:
-    """Flight with held keys. Its speed follows the distance to the nearest surface, and is shown while it changes."""
+    """Flight by held keys. The speed follows the distance to the nearest surface, and is shown while it is used or changed."""
 
     def __init__(self, background: Background) -> None:
         self._background = background
@@ -90,7 +90,7 @@ class Flight:
 
     @property
     def is_ending(self) -> bool:
-        """True where the text is on screen and its time is over."""
+        """True where the speed is still shown and its time is over."""
         return bool(self._text) and time.monotonic() > self._until
 
     def speed(self, session: Session, fast: bool = False) -> float:
@@ -99,7 +99,7 @@ class Flight:
         return navigation.fly_speed(session.scene.bounds, near, session.navigation.speed_notches, fast)
 
     def _near(self, session: Session) -> float:
-        """Return the distance of the eye to the nearest surface; 0 until that is known."""
+        """Return the distance from the eye to the nearest surface; 0 until it is known."""
         scene = session.scene
         if self._scene is not scene:
             self._scene, self._samples = scene, None
@@ -109,7 +109,7 @@ class Flight:
         return self._samples.distance(session.view.camera.eye) if self._samples is not None else 0.0
 
     def handle(self, session: Session, emit: Emit, typing: bool) -> None:
-        """Move the camera while keys are held, except while the user is `typing` into a field."""
+        """Move the camera while keys are held, unless the user is `typing` into a field."""
         io = imgui.get_io()
         notches = session.navigation.speed_notches
         if notches != (notches if self._notches is None else self._notches):
@@ -127,7 +127,7 @@ class Flight:
             emit("camera.set", moved)
 
     def draw(self, area: Area, rects: WidgetRects) -> None:
-        """Draw the speed in the upper part of `area`: below labels and questions, above cards and messages."""
+        """Draw the speed in the upper part of `area`, below labels and above cards and messages."""
         if self.is_ending:
             self._text = ""
         if not self._text:
@@ -147,13 +147,13 @@ class Flight:
 GRAB_WIDTH = 12.0
 """Distance from the divider within which it can be grabbed, in units of normal scale."""
 CLICK_DISTANCE = 4.0
-"""Distance in window units: a press that moves less is a click."""
+"""Distance in window units below which a press that moves is still a click."""
 SUN_DEGREES = 180.0
-"""Angle in degrees by which a drag over the picture's height moves the sun."""
+"""Degrees that the sun moves in a drag over the picture's height."""
 
 
 class PictureInput:
-    """Mouse and keys over the picture, with the state of a drag."""
+    """Mouse and key input over the picture, with the state of a drag."""
 
     def __init__(self, background: Background) -> None:
         self._dragging_divider = False
@@ -161,7 +161,7 @@ class PictureInput:
         self.flight = Flight(background)
 
     def handle(self, session: Session, area: Area, emit: Emit, keys: bool = True) -> None:
-        """Run commands for this frame's events on the picture in `area`; with `keys` False an open list has the keys."""
+        """Run commands for this frame's events on the picture in `area`. `keys`: False while an open list receives the keys."""
         io = imgui.get_io()
         if keys:
             run_commands(session, emit, typing=io.want_text_input)
@@ -221,7 +221,7 @@ class PictureInput:
             emit("picture.hover", at)
 
     def _click(self, session: Session, io: imgui.IO, emit: Emit) -> None:
-        """Keep the block or pixel under the mouse in its open panel, after a press without a drag."""
+        """Pin the block or pixel under the mouse in its open panel after a click."""
         if imgui.is_mouse_clicked(imgui.MouseButton_.left):
             self._pressed_at = (io.mouse_pos.x, io.mouse_pos.y)
         if imgui.is_mouse_released(imgui.MouseButton_.left) and self._pressed_at is not None:

@@ -1,4 +1,4 @@
-"""Bar at the lower edge of the window: the last message, and the work in the background."""
+"""Status bar at the lower edge of the window: the last message, and background work."""
 
 from collections.abc import Sequence
 
@@ -13,7 +13,7 @@ from viewer.ui.widgets import grid, shortened, side_bar
 SHARE_WIDTH, SHARE_HEIGHT = 22.0, 1.5
 """Size of the progress bar in units of the grid."""
 MESSAGE_SHARE = 0.3
-"""Width that the last message keeps beside the work, as a share of the bar."""
+"""Least width of the last message beside the work, as a share of the bar."""
 CANCEL = "Cancel"
 
 
@@ -23,7 +23,7 @@ def status_bar_height() -> float:
 
 
 def draw_status_bar(ui: UiFrame) -> float:
-    """Draw the bar, and return its height in window units. The viewport's work area shrinks by it from the next frame on."""
+    """Draw the bar, and return its height in window units. The viewport's work area is smaller by that from the next frame on."""
     height = status_bar_height()
     inset = (height - imgui.get_text_line_height()) / 2.0
     padding = ImVec2(imgui.get_style().window_padding.x, inset)
@@ -36,7 +36,7 @@ def draw_status_bar(ui: UiFrame) -> float:
 
 
 def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
-    """Draw as much of the last message as fits into `width`; the tooltip has all of it."""
+    """Draw the last message, shortened to `width`. The tooltip has the whole message."""
     imgui.set_cursor_pos_x(imgui.get_style().window_padding.x)
     if not len(log):
         imgui.text("")
@@ -53,14 +53,14 @@ def _message(log: MessageLog, width: float, ui: UiFrame) -> None:
 
 
 def work_text(work: Work) -> str:
-    """Return work as text: `encoding bc7: 34 %, 12 s left`."""
+    """Return a line about background work: `encoding bc7: 34 %, 12 s left`."""
     share = f": {percent(work.share)}" if work.share is not None else ""
     left = f", {duration(work.seconds_left)} left" if work.seconds_left is not None else ""
     return work.title + share + left
 
 
 def _work(all_work: Sequence[Work], right: float, ui: UiFrame) -> float:
-    """Draw the work from the right edge, so that the button does not move, and return the width left of it."""
+    """Draw the work at the right edge, where the button does not move. Returns the width left of it."""
     first, style = all_work[0], imgui.get_style()
     gap, left = style.item_spacing.x, style.window_padding.x + right
     button = imgui.calc_text_size(CANCEL).x + 2.0 * style.frame_padding.x

@@ -1,4 +1,4 @@
-"""Colours and sizes of the panels: dark or light, in the scale of the monitor and the user's own."""
+"""Colours and sizes of the panels: dark or light theme, at the scales of the monitor and the user."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -37,7 +37,7 @@ INKS: Mapping[Theme, Mapping[InkName, Rgba]] = {
 
 
 def ink(name: InkName) -> imgui.ImVec4:
-    """Return a colour of the present theme."""
+    """Return a colour of the current theme."""
     ground = imgui.get_style().color_(imgui.Col_.window_bg)
     theme: Theme = "light" if ground.x + ground.y + ground.z > 1.5 else "dark"
     return imgui.ImVec4(*INKS[theme][name])
@@ -63,7 +63,7 @@ def _blend(over: tuple[float, float, float], under: tuple[float, float, float], 
 
 
 def theme_colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
-    """Return the colours that differ from ImGui's own dark and light ones."""
+    """Return the colours of a theme that differ from ImGui's dark and light styles."""
     accent = DARK_ACCENT if theme == "dark" else LIGHT_ACCENT
     if theme == "dark":
         window, title, frame, tab = (0.085, 0.09, 0.1), (0.06, 0.065, 0.07), (0.17, 0.18, 0.2), (0.11, 0.12, 0.14)
@@ -109,35 +109,35 @@ def theme_colors(theme: Theme) -> dict[imgui.Col_, imgui.ImVec4]:
 FONTS = Path(imgui_bundle.__file__).parent / "assets" / "fonts"
 """Folder of fonts that come with imgui-bundle."""
 FONT = FONTS / "Roboto" / "Roboto-Regular.ttf"
-"""A font made for screens, with digits of one width."""
+"""Font for screens, with digits of equal width."""
 ICONS = FONTS / "Font_Awesome_6_Free-Solid-900.otf"
 FONT_SIZE, ICON_SIZE = 14.0, 12.0
-"""Height in window units at normal scale."""
+"""Heights of text and icons in window units at normal scale."""
 GRID = 4.0
-"""Unit of paddings and gaps in window units at normal scale: what has a margin takes a multiple of it."""
+"""Unit of paddings and gaps, in window units at normal scale."""
 WARNING_ICON, ERROR_ICON = "triangle-exclamation", "circle-exclamation"
 
 
 def load_font() -> None:
-    """Load text and icons into the present ImGui context; without their files ImGui's own font stays, and icons are left out."""
+    """Load text and icon fonts into the current ImGui context. Without their files, ImGui's font is used, and there are no icons."""
     fonts, merged = imgui.get_io().fonts, imgui.ImFontConfig()
     if not FONT.is_file():
         return
     fonts.add_font_from_file_ttf(str(FONT), FONT_SIZE)
-    # All icons are as wide as the widest, so that the texts behind them stand in one line.
+    # All icons are as wide as the widest, so that the texts behind them align.
     merged.merge_mode, merged.glyph_min_advance_x = True, 1.25 * FONT_SIZE
     if ICONS.is_file():
         fonts.add_font_from_file_ttf(str(ICONS), ICON_SIZE, merged)
 
 
 def icon(name: str) -> str:
-    """Return the character of a Font Awesome icon by its name, such as `folder-open`; "" for none, or without their font."""
+    """Return the character of a Font Awesome icon by its name, such as `folder-open`; "" for no name, or without the font."""
     known = name and FONT.is_file() and ICONS.is_file()
     return str(getattr(icons_fontawesome_6, f"ICON_FA_{name.replace('-', '_').upper()}")) if known else ""
 
 
 def with_icon(name: str, text: str) -> str:
-    """Return a text behind an icon; without an icon, the text."""
+    """Return a text with an icon before it; without an icon, the text."""
     return f"{icon(name)} {text}".lstrip()
 
 
@@ -148,7 +148,7 @@ class Appearance:
         self._applied: tuple[Theme, float, float] | None = None
 
     def apply(self, theme: Theme, ui_scale: float, monitor_scale: float) -> None:
-        """Apply theme and scale between two frames. `monitor_scale` is the monitor's pixels per window unit, 1 or more."""
+        """Apply theme and scale, between two frames. `monitor_scale`: pixels of the monitor per window unit, at least 1."""
         wanted = (theme, ui_scale, monitor_scale)
         if wanted == self._applied:
             return
@@ -158,7 +158,7 @@ class Appearance:
         fresh.window_rounding, fresh.tab_rounding, fresh.frame_border_size = 4.0, 3.0, float(theme == "light")
         fresh.window_padding, fresh.item_spacing = ImVec2(2.0 * GRID, 2.0 * GRID), ImVec2(2.0 * GRID, GRID)
         fresh.item_inner_spacing, fresh.cell_padding = ImVec2(GRID, GRID), ImVec2(GRID, 0.5 * GRID)
-        # A row is five units high, and six with the gap below it.
+        # A row is five grid units high, six with the gap below it.
         fresh.frame_padding = ImVec2(GRID, 0.5 * (5.0 * GRID - FONT_SIZE))
         fresh.indent_spacing, fresh.scrollbar_size, fresh.grab_min_size = 5.0 * GRID, 3.0 * GRID, 3.0 * GRID
         fresh.window_menu_button_position = imgui.Dir.none
@@ -167,7 +167,7 @@ class Appearance:
         # A folded stack is as high as its tabs.
         fresh.window_min_size = ImVec2(32.0, 16.0)
         fresh.scale_all_sizes(ui_scale * monitor_scale)
-        # Scaling is not undone exactly by scaling back: sizes are taken from a fresh style each time.
+        # Sizes come from a fresh style each time, because scaling back is not exact.
         for name in dir(fresh):
             value = getattr(fresh, name)
             if not name.startswith("_") and (type(value) in (bool, int, float, ImVec2) or isinstance(value, imgui.Dir)):

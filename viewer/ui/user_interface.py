@@ -1,4 +1,4 @@
-"""User interface of one frame. It reads the session, runs commands, and makes no OpenGL call."""
+"""User interface of the window, drawn in each frame. It reads the session, runs commands, and makes no OpenGL call."""
 
 from collections.abc import Sequence
 
@@ -52,16 +52,16 @@ class UserInterface:
         self._first_run_card = FirstRunCard()
         self._file_dialog = FileDialog()
         self._in_front: list[str] = []
-        """Panels that were visible when panels were drawn last; they come to the front when panels are shown again."""
+        """Panels that were visible in the last frame with panels. They come to the front when panels are shown again."""
         self._were_shown = True
         self._handles = StackHandles()
         self._area = Area(0.0, 0.0, 1.0, 1.0)
-        """Area that panels left to the picture in the last frame."""
+        """Area of the picture beside panels in the last frame."""
         self._picture_area: Area | None = None
         self._raised: str | None = None
         """Title of the panel that the next frame brings to the front."""
         self._resets_layout = False
-        """True where the next frame docks all panels again."""
+        """True if the next frame docks all panels again."""
 
     @property
     def picture_area(self) -> Area | None:
@@ -75,15 +75,15 @@ class UserInterface:
 
     @property
     def panels_in_front(self) -> tuple[str, ...]:
-        """Titles of the panels that were visible when panels were drawn last."""
+        """Titles of the panels that were visible in the last frame with panels."""
         return tuple(self._in_front)
 
     def shows(self, panel: str) -> bool:
-        """Return True where the last frame drew the content of this panel."""
+        """Return whether the last frame drew the content of this panel."""
         return self._were_shown and panel in self._in_front and panel not in self._layout.folded
 
     def bring_to_front(self, panels: Sequence[str]) -> None:
-        """Show panels in front, as in an earlier user interface whose ImGui is gone."""
+        """Bring panels to the front that were there in an earlier user interface, whose ImGui context was lost."""
         if panels:
             self._in_front, self._were_shown = list(panels), False
 
@@ -96,14 +96,14 @@ class UserInterface:
         self._resets_layout = True
 
     def is_settling(self, session: Session) -> bool:
-        """Return True where the next frame moves panels although nothing happens."""
+        """Return whether the next frame changes the interface without input."""
         asked = self._resets_layout or self._raised is not None
         waits = self._file_dialog.system.has_answer or self._input.flight.is_ending
         moves = not self._layout.is_placed if session.window.column_folded else self._layout.is_settling
         return waits or (session.window.show_panels and (asked or moves))
 
     def handle_input(self, session: Session, emit: Emit) -> None:
-        """Run the commands of keys, and of the mouse over the picture, between ImGui's new_frame and `draw`."""
+        """Run the commands of keys and of the mouse over the picture. Call it between ImGui's new_frame and `draw`."""
         window, has_popup = session.window, imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         list_is_open = has_popup or window.palette is not None or window.file_dialog
         self._input.handle(session, self._area, emit, keys=not list_is_open)
@@ -112,7 +112,7 @@ class UserInterface:
         """Draw the user interface, between `handle_input` and ImGui's render. `picture` is a texture with row 0 at the bottom."""
         session = ui.session
         ui.rects.begin()
-        # Before the panels: a list that this frame's Escape closes is open still.
+        # Asked before panels are drawn: a list that closes on this frame's Escape is still open now.
         popup_is_open = imgui.is_popup_open("", imgui.PopupFlags_.any_popup)
         display = imgui.get_io().display_size
         size = (max(display.x, 1.0), max(display.y, 1.0))
@@ -160,7 +160,7 @@ class UserInterface:
         ui.rects.tooltips.end()
 
     def _layout_panels(self, ui: UiFrame) -> Area:
-        """Dock the panels, and return the rectangle of the picture."""
+        """Dock the panels, and return the area of the picture."""
         settings, scale = ui.session.settings, ui_scale()
         places = {panel.title: panel.place for panel in self._all_panels}
         if settings.column_folded is None:
@@ -206,7 +206,7 @@ class UserInterface:
 
 
 def _draw_picture(picture: imgui.ImTextureRef | None, ui: UiFrame, area: Area) -> None:
-    """Draw the picture with its labels, or the work before the first one."""
+    """Draw the picture with its labels; before the first picture, a text about the work."""
     draw_list = imgui.get_background_draw_list()
     if picture is not None:
         corners = (ImVec2(area.left, area.top), ImVec2(area.right, area.bottom), ImVec2(0, 1), ImVec2(1, 0))

@@ -1,4 +1,4 @@
-"""Widgets that panels share: rectangles, colours, sizes, lists, table cells, labels and tooltips."""
+"""Widgets that panels share: areas, colours, sizes, cards, lists, table cells, labels and tooltips."""
 
 import bisect
 import math
@@ -17,20 +17,20 @@ from viewer.ui.theme import GRID
 
 WHITE = (1.0, 1.0, 1.0, 0.9)
 SHADE = (0.0, 0.0, 0.0, 0.65)
-"""Colours of texts and plates over the picture."""
+"""Colours of text (WHITE) and plates (SHADE) over the picture."""
 
 
 _FLAGS = imgui.WindowFlags_
 CARD_FLAGS = _FLAGS.no_title_bar | _FLAGS.no_resize | _FLAGS.always_auto_resize | _FLAGS.no_saved_settings
 CARD_FLAGS |= _FLAGS.no_docking | _FLAGS.no_move | _FLAGS.no_focus_on_appearing | _FLAGS.no_nav
-"""Flags of a card over the picture, which is as high as its content."""
+"""Window flags of a card over the picture, which is as high as its content."""
 DIALOG_FLAGS = _FLAGS.no_collapse | _FLAGS.no_saved_settings | _FLAGS.no_docking | _FLAGS.no_resize | _FLAGS.no_move
-"""Flags of a dialog that `place_dialog` places."""
+"""Window flags of a dialog that `place_dialog` places."""
 
 
 @contextmanager
 def side_bar(name: str, side: imgui.Dir, size: float, padding: ImVec2) -> Iterator[bool]:
-    """Draw a bar along an edge of the window, to which ImGui docks panels; yields True where it is visible."""
+    """Draw a bar along an edge of the window; ImGui docks panels inside of it. Yields True where it is visible."""
     style = imgui.get_style()
     flags = imgui.WindowFlags_.no_decoration | imgui.WindowFlags_.no_saved_settings
     flags |= imgui.WindowFlags_.no_nav | imgui.WindowFlags_.no_focus_on_appearing
@@ -46,19 +46,19 @@ def side_bar(name: str, side: imgui.Dir, size: float, padding: ImVec2) -> Iterat
 
 
 def ui_scale() -> float:
-    """Return window units per unit of normal scale."""
+    """Return the scale of the interface: window units per unit of normal scale."""
     style = imgui.get_style()
     return float(style.font_scale_main * style.font_scale_dpi)
 
 
 def grid(units: float) -> float:
-    """Return a padding or a gap of so many units in window units."""
+    """Return a padding or gap of `units` grid units, in window units."""
     return units * GRID * ui_scale()
 
 
 def place_dialog(size: tuple[float, float], width: float, height: float = 0.0, top: float = 0.0) -> None:
-    """Put the next window in the middle of one of `size`, below `top`, opaque. Width and height are font sizes, less where they do
-    not fit; height 0 is that of the content."""
+    """Place the next ImGui window opaque in the middle of a window of `size`, below `top`. Width and height are font sizes, less
+    where they do not fit; height 0 is that of the content."""
     low = em(height) and min(em(height), size[1] - top - grid(4))
     imgui.set_next_window_pos(ImVec2(size[0] / 2.0, (top + size[1]) / 2.0), imgui.Cond_.always, ImVec2(0.5, 0.5))
     imgui.set_next_window_size(ImVec2(min(em(width), size[0] - grid(4)), low))
@@ -66,12 +66,12 @@ def place_dialog(size: tuple[float, float], width: float, height: float = 0.0, t
 
 
 def packed(rgba: tuple[float, float, float, float]) -> int:
-    """Return a colour as ImGui's draw lists take it."""
+    """Return a colour as the packed integer of ImGui's draw lists."""
     return imgui.color_convert_float4_to_u32(imgui.ImVec4(*rgba))
 
 
 def heat(palette: PaletteName, decoders: float, most: int) -> tuple[float, float, float, float]:
-    """Return the map's colour of a number of decoders, in sRGB with opacity 1."""
+    """Return the divergence map's colour of a number of decoders, in sRGB with opacity 1."""
     red, green, blue = palette_colors(palette, np.array(share_of_most(decoders, most))).tolist()
     return red, green, blue, 1.0
 
@@ -96,17 +96,17 @@ class Area:
         return self.bottom - self.top
 
     def share_of(self, x: float, y: float) -> tuple[float, float]:
-        """Return a place of the window as shares of this rectangle, from its upper left corner."""
+        """Return a position in the window as shares of this area, from its upper left corner."""
         return (x - self.left) / self.width, (y - self.top) / self.height
 
     def at(self, x: float, y: float) -> tuple[float, float]:
-        """Return the place of the window at (x, y) as shares of this rectangle."""
+        """Return the position in the window at the shares (x, y) of this area."""
         return self.left + x * self.width, self.top + y * self.height
 
     def pixels(self, window: tuple[float, float], framebuffer: tuple[int, int]) -> tuple[int, int]:
-        """Return the size (width, height) in pixels, at least 1.
+        """Return the size (width, height) of the area in pixels, at least 1.
 
-        `window` is the size (width, height) of the window in its own units, `framebuffer` in pixels.
+        `window` is the size (width, height) of the window in window units, `framebuffer` in pixels.
         """
         width, height = (
             max(1, round(side * pixels / max(units, 1.0)))
@@ -118,7 +118,7 @@ class Area:
 def draw_plate(
     draw: imgui.ImDrawList, at: ImVec2, text: str, fill: tuple[float, float, float, float] = SHADE, wrap: float = 0.0
 ) -> tuple[ImVec2, ImVec2]:
-    """Draw text on a plate, with the text's upper left corner at `at`; returns two corners of the plate."""
+    """Draw text on a plate, its upper left corner at `at`. Returns the upper left and lower right corner of the plate."""
     size = imgui.calc_text_size(text, wrap_width=wrap if wrap > 0.0 else -1.0)
     low, high = ImVec2(at.x - grid(2), at.y - grid(1)), ImVec2(at.x + size.x + grid(2), at.y + size.y + grid(1))
     draw.add_rect_filled(low, high, packed(fill), grid(1))
@@ -127,12 +127,12 @@ def draw_plate(
 
 
 LEAST_CARD = 6.0
-"""Least height of a card in font sizes; where there is less room it waits."""
+"""Least height of a card in font sizes. With less room it is not drawn."""
 
 
 def card_room(rects: "WidgetRects", area: Area, width: float, on_right: bool) -> Area | None:
-    """Return the room for a card over the picture in `area`, at its left or right: below names and warnings, above hints. None
-    where that is too low."""
+    """Return the area for a card over the picture at the left or right of `area`, below names and warnings and above hints; None
+    where it is too low."""
     left = area.right - grid(3) - width if on_right else area.left + grid(3)
     room = Area(left, area.top + grid(10), left + width, area.bottom - grid(10))
     warnings = [rects.rectangle(label) for label in rects.labels() if label.startswith("warning ")]
@@ -143,7 +143,7 @@ def card_room(rects: "WidgetRects", area: Area, width: float, on_right: bool) ->
 
 @contextmanager
 def card(name: str, room: Area, at_bottom: bool) -> Iterator[None]:
-    """Draw a card at the top or bottom of `room`. It scrolls where its content is higher."""
+    """Draw a card at the top or bottom of `room`. It scrolls if its content is higher."""
     place = ImVec2(room.left, room.bottom if at_bottom else room.top)
     imgui.set_next_window_pos(place, imgui.Cond_.always, ImVec2(0.0, float(at_bottom)))
     imgui.set_next_window_size_constraints(ImVec2(room.width, 0.0), ImVec2(room.width, room.height))
@@ -154,18 +154,18 @@ def card(name: str, room: Area, at_bottom: bool) -> Iterator[None]:
 
 
 TOOLTIP_SECONDS = 0.2
-"""Time until a frame shows a tooltip: ImGui's own delay of 0.15 s, and a little more."""
+"""Seconds until a frame is drawn for a tooltip: ImGui's delay of 0.15 s, and a little more."""
 TOOLTIP_FONT_SIZES = 28.0
 """Largest width of a tooltip in font sizes."""
 TALLEST_ROW = 3.0
-"""Height in font sizes of what a tooltip lies beside; over larger things it lies beside the mouse."""
+"""Largest height in font sizes of a widget whose tooltip lies below or above it; else it lies beside the mouse."""
 TOOLTIP_IMAGE = 8.0
 """Side of an image in a tooltip, in font sizes."""
 
 
 def draw_tooltip(text: str, image: imgui.ImTextureRef | None = None, of_item: bool = False) -> None:
-    """Draw a tooltip with wrapped lines, below `image`. One `of_item`, the last one, does not lie over it; one with an image
-    lies beside the panel, for it is large."""
+    """Draw a tooltip with wrapped lines, below `image`. With `of_item` it does not cover the last item. With an image, which is
+    large, it lies beside the panel."""
     low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
     if image is not None:
         imgui.set_next_window_pos(ImVec2(imgui.get_window_pos().x + imgui.get_window_width() + grid(2), low.y))
@@ -186,7 +186,7 @@ def draw_tooltip(text: str, image: imgui.ImTextureRef | None = None, of_item: bo
 
 
 class Tooltips:
-    """Tooltips of widgets, and the time at which the next frame must show one."""
+    """Tooltips of widgets, with the time at which a frame must be drawn to show one."""
 
     def __init__(self) -> None:
         self._waits = False
@@ -194,11 +194,11 @@ class Tooltips:
         """Monotonic time at which a tooltip must appear; None while none is due."""
 
     def begin(self) -> None:
-        """Begin a frame."""
+        """Begin the tooltips of a frame."""
         self._waits = False
 
     def end(self) -> None:
-        """End a frame."""
+        """End the tooltips of a frame."""
         if not self._waits:
             self._due = None
         elif self._due is None or self._due <= time.monotonic():
@@ -210,7 +210,7 @@ class Tooltips:
         return None if self._due is None else self._due - time.monotonic()
 
     def show(self, text: Callable[[], str], image: imgui.ImTextureRef | None = None) -> None:
-        """Show `text` as the tooltip of the last widget, disabled ones too. `text` is called only under the mouse."""
+        """Show `text` as the tooltip of the last widget, also of a disabled one. `text` is called only if the mouse is over it."""
         if not imgui.is_item_hovered(imgui.HoveredFlags_.allow_when_disabled):
             return
         shown = text()
@@ -232,15 +232,15 @@ class WidgetRects:
         self.tooltips = Tooltips()
 
     def begin(self) -> None:
-        """Begin a frame and forget the last one."""
+        """Begin a frame: drop all rectangles and tooltips of the last one."""
         self._rects.clear()
         self.tips.clear()
         self.tooltips.begin()
 
     def note(self, label: str, tip: str, is_open: bool = False, image: imgui.ImTextureRef | None = None) -> None:
-        """Record the last widget's rectangle, and show its tooltip: `tip`, below `image`.
+        """Record the last widget's rectangle, and show its tooltip `tip`, below `image`.
 
-        `label` names the widget for scripts. A menu that `is_open` shows no tooltip: it would hide the items.
+        `label` names the widget for scripts. An open menu (`is_open`) shows no tooltip, because it would hide the items.
         """
         low, high = imgui.get_item_rect_min(), imgui.get_item_rect_max()
         self._rects[label] = (low.x, low.y, high.x, high.y)
@@ -257,11 +257,11 @@ class WidgetRects:
         self._rects[label] = (left, top, right, bottom)
 
     def rectangle(self, label: str) -> tuple[float, float, float, float]:
-        """Return (left, top, right, bottom) of a widget. Raises KeyError where the last frame had none of that label."""
+        """Return (left, top, right, bottom) of a widget. Raises KeyError where the last frame had no such label."""
         return self._rects[label]
 
     def centre(self, label: str) -> tuple[float, float]:
-        """Return the middle of a widget. Raises KeyError where the last frame had none of that label."""
+        """Return the middle of a widget. Raises KeyError where the last frame had no such label."""
         left, top, right, bottom = self._rects[label]
         return (left + right) / 2.0, (top + bottom) / 2.0
 
@@ -285,8 +285,8 @@ def combo(
     name: Callable[[str], str] = str,
     about: Callable[[str], str] = _allowed,
 ) -> str:
-    """Draw a drop-down list, and return the chosen text. `refusal` says why a choice is grey; `name` gives the text of a choice,
-    `shown` that in the opened list. `tip` is the tooltip of the list, `about` that of a choice; "" takes that of the list."""
+    """Draw a drop-down list, and return the chosen text. `refusal` returns the reason why a choice is grey, `name` the text of a
+    choice, `shown` its text in the opened list. `tip` is the tooltip of the list; `about` returns that of a choice, "" for `tip`."""
     chosen = current
     opened = imgui.begin_combo(f"##{label}", name(current))
     items.note(label, tip)
@@ -305,7 +305,7 @@ def combo(
 
 @contextmanager
 def branch(items: WidgetRects, title: str, label: str, tip: str, is_open: bool = False) -> Iterator[bool]:
-    """Draw a heading that unfolds what follows; yields True where it is unfolded. `is_open` unfolds it at first."""
+    """Draw a heading that unfolds; yields True while it is unfolded. `is_open`: whether it is unfolded at first."""
     unfolded = imgui.tree_node_ex(title, imgui.TreeNodeFlags_.default_open if is_open else 0)
     items.note(label, tip)
     yield unfolded
@@ -314,7 +314,7 @@ def branch(items: WidgetRects, title: str, label: str, tip: str, is_open: bool =
 
 
 def sort_order() -> tuple[int, bool] | None:
-    """Return (column, descending) by which the present table is sorted; None without an order."""
+    """Return (column, descending) of the order of the current table; None without an order."""
     specs = imgui.table_get_sort_specs()
     if specs is None or specs.specs_count == 0:
         return None
@@ -323,7 +323,7 @@ def sort_order() -> tuple[int, bool] | None:
 
 
 def decibels(value: float | None) -> str:
-    """Return a PSNR as text."""
+    """Return a PSNR in dB as text, without the unit: `38.12`, `equal`, or `-` for None."""
     if value is None:
         return "-"
     return f"{value:.2f}" if math.isfinite(value) else "equal"
@@ -337,11 +337,12 @@ def cells(*texts: str) -> None:
 
 
 WORD_ENDS = re.compile(r"(?<=[-_. ])(?=.)|(?<=[a-z])(?=[A-Z])")
-"""Places where a name may be broken: behind `_`, `-`, `.` and spaces, and between a small and a capital letter."""
+"""Positions where a name may be broken: behind `_`, `-`, `.` and spaces, and before a capital letter behind a small one."""
 
 
 def shortened(text: str, width: float, end: float = 0.0) -> str:
-    """Return `text`, shortened with dots to fit into `width` window units. `end` is the share of what is kept that is its end."""
+    """Return `text`, shortened with dots to fit into `width` window units. `end` is the share of the shown letters that come from
+    its end."""
 
     def cut(count: int) -> str:
         last = int(end * count)
@@ -352,7 +353,7 @@ def shortened(text: str, width: float, end: float = 0.0) -> str:
 
 
 def two_lines(text: str, width: float) -> str:
-    """Return `text` on one or two lines of `width` window units, broken between words, shortened in the middle if it needs more."""
+    """Return `text` on one or two lines of `width` window units, broken between words, and shortened in the middle if needed."""
     ends = [match.start() for match in WORD_ENDS.finditer(text) if text_width(text[: match.start()]) <= width]
     if text_width(text) <= width or not ends:
         return shortened(text, width, 0.5)
@@ -360,7 +361,7 @@ def two_lines(text: str, width: float) -> str:
 
 
 def named_cells(items: WidgetRects, name: str, tip: str, *texts: str) -> None:
-    """Draw a figure's name and its texts in the next columns of a table's row, all with the tooltip `tip`."""
+    """Draw the name of a figure and its values in the next columns of a table row, all with the tooltip `tip`."""
     imgui.table_next_column()
     imgui.text(name)
     items.note(name, tip)
@@ -371,7 +372,7 @@ def named_cells(items: WidgetRects, name: str, tip: str, *texts: str) -> None:
 
 
 def headings(columns: Mapping[str, str], items: WidgetRects) -> None:
-    """Draw the headings of a table, given with their tooltips, after its columns are set up."""
+    """Draw the headings of a table whose columns are set up. `columns`: tooltip by heading."""
     imgui.table_next_row(imgui.TableRowFlags_.headers)
     for number, (name, tip) in enumerate(columns.items()):
         if imgui.table_set_column_index(number):
@@ -390,7 +391,7 @@ def text_width(text: str) -> float:
 
 
 LABEL_PLACE = 6.0
-"""Left edge of fields behind their labels, in font sizes."""
+"""Left edge of fields that have a label before them, in font sizes."""
 
 
 def labelled(text: str) -> None:
@@ -401,7 +402,7 @@ def labelled(text: str) -> None:
 
 
 def list_width(*choices: str) -> float:
-    """Return the width of a drop-down list that shows each of these texts whole."""
+    """Return the width of a drop-down list that shows each of these texts in full."""
     arrow = imgui.get_frame_height()
     return max(map(text_width, choices)) + arrow + 2.0 * imgui.get_style().frame_padding.x
 
@@ -412,7 +413,7 @@ def box_width(label: str) -> float:
 
 
 def beside(width: float) -> None:
-    """Continue beside the last item where `width` fits, else in the next line."""
+    """Continue beside the last item if an item of `width` fits there, else in the next line."""
     imgui.same_line()
     if imgui.get_content_region_avail().x < width:
         imgui.new_line()
@@ -431,6 +432,6 @@ def wrapped_disabled(text: str) -> None:
 
 
 def disabled_beside(text: str) -> None:
-    """Draw faint text beside the last item where it fits, else below it over as many lines as it needs."""
+    """Draw faint text beside the last item if it fits there, else below it over as many lines as it needs."""
     beside(text_width(text))
     wrapped_disabled(text)

@@ -1,4 +1,4 @@
-"""Sheets over the window with two columns and a search field: keys and mouse, and the glossary."""
+"""Sheets over the window, with two columns and a search field: keys and mouse, and the glossary."""
 
 from collections.abc import Callable, Sequence
 
@@ -13,7 +13,7 @@ from viewer.ui.help.texts import TERMS
 from viewer.ui.widgets import DIALOG_FLAGS, em, place_dialog
 
 WIDTH, HEIGHT = 49.0, 62.0
-"""Largest size in font sizes."""
+"""Largest size of a sheet in font sizes."""
 Rows = Sequence[tuple[str, str]]
 
 
@@ -30,7 +30,7 @@ class Sheet:
         hint: str,
         tip: str,
     ) -> None:
-        """Make a sheet. `label` names it for scripts, `tip` is the tooltip of its title, `rows` gives (word, meaning) and
+        """Make a sheet. `label` names it for scripts, `tip` is the tooltip of its title, `rows` returns (word, meaning) and
         ("", heading), `layer` is one of `commands.closing.LAYERS`."""
         self._title, self._label, self._rows = title, label, rows
         self._is_open, self._layer, self._hint, self._tip = is_open, layer, hint, tip
@@ -39,7 +39,7 @@ class Sheet:
         self._typing = False
 
     def draw(self, ui: UiFrame, size: tuple[float, float], top: float) -> None:
-        """Draw the sheet while the session has it open, below `top` in window units."""
+        """Draw the sheet while it is open, below `top` in window units."""
         is_open = self._is_open(ui.session)
         opening, self._was_open = is_open and not self._was_open, is_open
         if not is_open:
@@ -50,13 +50,13 @@ class Sheet:
             self._text = ""
             imgui.set_next_window_focus()
         opened, stays = imgui.begin(self._title, True, DIALOG_FLAGS)
-        # The title: a tooltip over the rows would hide them.
+        # The tooltip belongs to the title, because over the rows it would hide them.
         ui.rects.note(self._label, self._tip)
         if opened:
             self._search(opening, ui)
             self._table(self._rows(ui.session))
         imgui.end()
-        # The field owns the key in the frame in which it ends the typing.
+        # In the frame in which Escape ends typing, only the field receives it.
         if not stays or (self._typing and imgui.is_key_pressed(imgui.Key.escape, repeat=False)):
             ui.emit("window.close-layer", self._layer)
 
@@ -91,7 +91,7 @@ class Sheet:
 
 
 def key_rows(session: Session) -> Rows:
-    """Return (key, effect) of all keys by menu, and of the mouse, each after its heading."""
+    """Return (key, effect) of all keys by menu, then of the mouse, with a heading before each group."""
     bound = bindings(session.settings.keys)
     left = {command.id: (bound.text(command.id), command.help) for command in COMMANDS if bound.text(command.id)}
     rows: list[tuple[str, str]] = []

@@ -1,4 +1,4 @@
-"""Tooltips by label: controls, figures, commands, and entries of lists."""
+"""Texts of tooltips and of the glossary: commands, controls, entries of lists and figures."""
 
 from typing import Final
 
@@ -10,27 +10,27 @@ from viewer.state.setting import sentence
 
 
 def command_text(command: Command, bound: Bindings, about: str = "") -> str:
-    """Return the help of a command, or what `about` says in its place, with its key."""
+    """Return the tooltip of a command: its help, or `about` in place of it, and its key."""
     key = bound.text(command.id)
     return (about or sentence(command.help)) + (f"\nKey: {key}" if key else "")
 
 
 def control_text(command: Command, parameter: Parameter | None, bound: Bindings) -> str:
-    """Return the explanation of a command's widget, which sets `parameter`; the key is that of the next choice, if any."""
+    """Return the tooltip of the widget that sets `parameter` of a command, with the key that takes the next choice."""
     is_number = parameter is not None and not parameter.is_choice
     help_text = " ".join(map(sentence, (command.help, parameter.arg.help if parameter and is_number else ""))).strip()
     return command_text(BY_ID[NEXT.get(command.id, command.id)], bound, command.about or help_text)
 
 
 def value_text(value: str) -> str:
-    """Return the explanation of an entry of a list; "" for names that explain themselves and names of the scene."""
+    """Return the tooltip of an entry of a list; "" for clear names and names of the scene."""
     if value in VALUES:
         return VALUES[value]
     return next((text for start, text in FORMATS.items() if value.startswith(start)), "")
 
 
 def choice_text(parameter: Parameter, choice: str) -> str:
-    """Return the explanation of a choice of a command; "" for names that explain themselves and names of the scene."""
+    """Return the tooltip of a choice of a command; "" for clear names and names of the scene."""
     return parameter.arg.values.get(choice) or value_text(choice)
 
 
@@ -40,17 +40,17 @@ VALUES: Final = {
     # Light
     "sky": "A clear sky that follows the sun.",
     # Groupings
-    "baseline": "Every texture has its own decoder: the best quality, and the most divergence.",
+    "baseline": "A decoder for each texture: the best quality, and the most divergence.",
     "single": "All textures share one decoder: no divergence.",
-    "random": "Random groups of textures, for comparison.",
+    "random": "Random groups of textures, as a baseline for comparisons.",
     "category": "Textures of one category (brick, wood, ...) share a decoder.",
     "clustered": "Textures that look alike share a decoder.",
     "covisible": "Textures that are visible in the same blocks share a decoder: the least divergence for its number of groups.",
-    "universal": "Tables that ship with the program and never saw the scene. Nothing is trained, and packs hold no tables.",
+    "universal": "Tables that ship with the program and were made without the scene. Nothing is trained, and packs hold no tables.",
     # Codecs, recipes
     **SUMMARIES,
-    "best": "The higher quality.",
-    "paper": "The published training.",
+    "best": "Training settings with the higher quality.",
+    "paper": "Training settings of the publication.",
     # Exports
     "gltf": "glTF whose textures also name the pack: other programs show the originals.",
     "gltf-ktx2": "glTF with decoded images in KTX2 (Basis UASTC), and a table of what they lose.",
@@ -66,10 +66,10 @@ VALUES: Final = {
     "shown": "The picture as shown.",
     "split": "Both slots with the divider.",
     "plain": "The picture without a map over it.",
-    "on": "On.",
-    "off": "Off.",
+    "on": "Switched on.",
+    "off": "Switched off.",
 }
-"""Explanations by the value as a command takes it."""
+"""Tooltips of values, by the text that commands take."""
 
 FORMATS: Final = {
     "bc1": "BC1: a block format of graphics hardware, 4 bits per texel.",
@@ -77,12 +77,12 @@ FORMATS: Final = {
     "astc-": "ASTC: a block format of graphics hardware, 128 bits for each block of this many texels.",
     "run ": "Pack of this training run. Keep the run to write it to a file.",
 }
-"""Explanations by the beginning of the value."""
+"""Tooltips of values, by the beginning of the text."""
 
 TERMS: Final = {
     "A, B": "The two slots of the comparison. Each shows the original images, a block format, or a pack.",
     "adapter": "A few numbers of one texture that adjust the decoder it shares with others.",
-    "anisotropy": "Number of samples by which the hardware keeps surfaces at a slant sharp.",
+    "anisotropy": "Most samples that the hardware filter takes of a texture, so that surfaces at a slant stay sharp.",
     "BC1, BC7, ASTC": "Block formats that graphics hardware reads directly: 4 bits, 8 bits, or 0.9 to 8 bits per texel.",
     "bits per texel": "Size of the stored texture divided by the texels of mip 0. Uncompressed RGBA with mips has 43.",
     "block (codec)": "Latents for blocks of 4x4 or 8x8 texels. They are computed in closed form, so that encoding takes seconds.",
@@ -102,7 +102,7 @@ TERMS: Final = {
     "level of detail, lod": "Mip that a pixel reads: 0 is the full size, each further level halves it.",
     "loss": "Weighted error that training minimises.",
     "material set": "Maps of one material that are encoded together: base colour, normal, roughness and so on.",
-    "mip": "Copy of a texture at half the size of the one before, for distant surfaces. Mip 0 is the largest.",
+    "mip": "Copy of a texture at half the size of the previous mip, read for distant surfaces. Mip 0 is the largest.",
     "pack": "A .ntc file: the encoded textures and the decoders of one grouping of a scene.",
     "precision": "Number format of decoders on the GPU: fp32 (32 bits) or fp16 (16 bits).",
     "PSNR": "Peak signal-to-noise ratio in dB: higher is better. Above 40 dB a difference is hard to see, below 30 dB it is plain.",
@@ -113,7 +113,7 @@ TERMS: Final = {
     "slot": "One of the two sides of the comparison, A or B.",
     "SSIM": "Structural similarity of two pictures, at most 1: 1 is equal.",
     "texel": "A pixel of a texture.",
-    "tile": "Square part of a texture that path cached decodes once and keeps.",
+    "tile": "Square part of a texture that path cached decodes once and stores.",
     "wave": "Pixels that a GPU shades together, 32 or 64 of them. If they need several decoders, all pixels wait for each.",
     "wave efficiency": "Share of decoder runs that would remain without divergence: 100 % is best.",
 }
@@ -140,13 +140,13 @@ FIGURES: Final = {
     "menu: Train": "Encode the scene, or continue training its pack while you look.",
     "menu: Window": "Panels and their appearance.",
     "menu: Help": "Keys, terms and commands.",
-    "shows": "Source of the slot.",
+    "shows": "Source that the slot shows: the original images, a block format or a pack.",
     "PSNR seen dB": "PSNR of the picture against one of the original images in dB, over the pixels that show the scene: "
     "higher is better.",
     "file MB": "Size of the pack's latents and decoders in MB; of a block format, of its blocks.",
     "GPU MB": "Memory of this slot on the GPU in MB: resident latents, decoders and tables; of originals, RGBA8 with all mips.",
     "decode ms": "Median time of drawing this slot at rest, in ms: decoding and light.",
-    "path": "Decode path of the slot: the choice of auto, else its own.",
+    "path": "Decode path of the slot. For auto, the path that it has chosen.",
     "divergence score": "Excess divided by the number of blocks: 0 is best.",
     "compression dB": "PSNR in dB of the compressed texels of path on-load against the decoded ones, all mips: higher is better.",
     "load Mtexel/s": "Speed of path on-load: texels decoded and compressed in a second, all mips and maps, in millions.",
@@ -158,8 +158,8 @@ FIGURES: Final = {
     "% of blocks": "Share of the blocks with this number of decoders, in per cent.",
     "% with so many or fewer": "Share of the blocks with at most this number of decoders, in per cent.",
     "column error %": "Share of this texture in the squared error of the picture, A against B, in per cent.",
-    "column A": "Slot A.",
-    "column B": "Slot B.",
+    "column A": "Figures of slot A.",
+    "column B": "Figures of slot B.",
     "column figure": "Name of the figure. Point at it to see its meaning.",
     "column picture": "Thumbnail of the texture.",
     "column name": "Name of the texture's image. Click to sort.",
@@ -185,11 +185,11 @@ FIGURES: Final = {
     "pixel uv": "Texture coordinates of the pixel: 0 to 1 is once across the texture.",
     "pixel lod": "Level of detail: 0 is the texture at full size, each further level halves it.",
     "pixel decoder": "Number of the decoder in A and B. Textures of a group share one.",
-    "honoured": "What of the file is shown as the file says.",
-    "ignored": "What of the file is not shown.",
-    "missing": "Files or parts that the scene names and that cannot be read, and what is used instead.",
-    "repaired": "Values of the file that are broken, such as normals without a direction, and what is used instead.",
-    "notes": "Other findings of reading the file.",
+    "honoured": "Features of the file that are drawn as specified.",
+    "ignored": "Features of the file that have no effect.",
+    "missing": "Files or parts of the scene that cannot be read, and what is used instead.",
+    "repaired": "Broken values of the file, such as normals without a direction, and what is used instead.",
+    "notes": "Other remarks about the file.",
     "pixel D": "Number of decoders that the pixel's block needs, in A and B.",
 }
-"""Tooltips of menus and of figures, columns and parts whose names come from data."""
+"""Tooltips of menus, and of figures, columns and parts whose names come from data."""

@@ -1,4 +1,4 @@
-"""List of the window's panels. A new panel is a file of its own and an entry here."""
+"""List of the window's panels. A new panel is a file in this folder and an entry here."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -24,16 +24,16 @@ from viewer.ui.panels.training import TrainingPanel
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """Panel of the window."""
+    """Panel of the window: title, place and content."""
 
     title: str
     tip: str
     """Tooltip of its tab."""
     place: Place
-    """Place at first; panels of one place are tabs, the first in front."""
+    """Place in a new layout. Panels of one place are tabs, the first in front."""
     draw: Callable[[UiFrame], None]
     shown: Callable[[Session], bool] | None = None
-    """Function that tells whether the panel is open; None for a panel that cannot be closed and whose tab has no cross."""
+    """Function that returns whether the panel is open; None for a panel that cannot be closed."""
 
 
 def _on_request(title: str) -> Callable[[Session], bool]:

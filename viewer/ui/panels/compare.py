@@ -1,4 +1,4 @@
-"""Panel "Compare": what slots A and B show, how they are shown, and their figures side by side."""
+"""Panel "Compare": sources of slots A and B, the mode of the comparison, and figures side by side."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -29,7 +29,7 @@ SAVE_FIGURES = "Save the figures as JSON, with the picture and a chart of the co
 
 
 def figures_state(ui: UiFrame) -> str:
-    """Return which picture the figures belong to, or why there are none."""
+    """Return a text about the figures: the view that they belong to, or the reason why there are none."""
     live = ui.facts.live
     if ui.session.view.slot_a == ui.session.view.slot_b:
         return "A and B are the same"
@@ -62,13 +62,17 @@ def draw_live_figures(ui: UiFrame) -> None:
     disabled_beside(figures_state(ui))
     ui.rects.note("figures state", "Which picture the figures below belong to, or why there are none.")
     live = ui.facts.live
-    found = live.comparison
+    comparison = live.comparison
     texts = (
-        ("PSNR", f"{decibels(found.psnr_db)} dB" if found and found.psnr_db is not None else "-"),
-        ("SSIM", f"{found.ssim:.4f}" if found and found.ssim is not None else "-"),
-        ("FLIP", f"{found.flip:.4f}" if found and found.flip is not None else "-"),
-        *((("SSIMULACRA2", f"{found.ssimulacra2:.1f}"),) if found and found.ssimulacra2 is not None else ()),
-        *((("JOD", f"{found.jod:.2f}"),) if found and found.jod is not None else ()),
+        ("PSNR", f"{decibels(comparison.psnr_db)} dB" if comparison and comparison.psnr_db is not None else "-"),
+        ("SSIM", f"{comparison.ssim:.4f}" if comparison and comparison.ssim is not None else "-"),
+        ("FLIP", f"{comparison.flip:.4f}" if comparison and comparison.flip is not None else "-"),
+        *(
+            (("SSIMULACRA2", f"{comparison.ssimulacra2:.1f}"),)
+            if comparison and comparison.ssimulacra2 is not None
+            else ()
+        ),
+        *((("JOD", f"{comparison.jod:.2f}"),) if comparison and comparison.jod is not None else ()),
     )
     if imgui.begin_table("live figures", 2 * FIGURES_IN_A_ROW, imgui.TableFlags_.sizing_stretch_prop):
         for name, text in texts:
@@ -82,8 +86,8 @@ def draw_live_figures(ui: UiFrame) -> None:
                 imgui.text_disabled(text)
         imgui.end_table()
     ui.rects.note("live table", "A against B over the pixels that show the scene, in 8-bit sRGB.")
-    if found is not None and found.problem:
-        imgui.text_wrapped(found.problem)
+    if comparison is not None and comparison.problem:
+        imgui.text_wrapped(comparison.problem)
 
 
 def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
@@ -94,7 +98,7 @@ def _slot(side: Side, slot: Slot, ui: UiFrame) -> None:
     shown = "auto" if side in ui.session.precision_searches else slot.precision
     paths = list_width(slot.path), list_width(shown)
     left = imgui.get_cursor_pos_x()
-    # All three lists share a row where they fit; otherwise the first one has its own row.
+    # All three lists share a row where they fit; otherwise the first one has a row alone.
     room = imgui.get_content_region_avail().x - sum(paths) - 2.0 * imgui.get_style().item_spacing.x
     fits = room >= list_width(slot.source) or is_image_source(slot.source)
     width = room if fits else -1.0
@@ -127,7 +131,7 @@ def _modes(ui: UiFrame) -> None:
 
 
 DETAILS = ("Pixel", "Errors", "Histogram")
-"""Panels with a check box here."""
+"""Panels that a check box of this panel opens."""
 
 
 def _panels(ui: UiFrame) -> None:
@@ -193,12 +197,12 @@ def _figures(ui: UiFrame) -> None:
     imgui.end_group()
     ui.rects.note(
         "costs",
-        "Costs of each source beside the largest. PSNR of A and B is of the picture, of other formats of textures.",
+        "Costs of each source; the longest bar is the largest. PSNR of A and B is that of the picture, of other formats that of textures.",
     )
 
 
 class ComparePanel:
-    """Panel Compare, which scrolls to new measurements."""
+    """Panel Compare. It scrolls to new measurements."""
 
     def __init__(self) -> None:
         self._seen: object = None

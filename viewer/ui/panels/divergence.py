@@ -1,4 +1,4 @@
-"""Panel "Divergence": the map's settings, figures of A and B, plots, and the block under the mouse."""
+"""Panel "Divergence": settings of the map, figures of A and B, plots, and the block under the mouse."""
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
@@ -64,7 +64,7 @@ def _figures(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) ->
 
 
 def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> None:
-    """Plot the share of the covered blocks with D decoders, and with at most D, for both sides."""
+    """Plot the share of covered blocks with D decoders, and with at most D, of both sides."""
     most = max(figures.maximum for _, figures in sides.values())
     counts = np.arange(1, max(most, 2) + 1, dtype=np.float64)
     flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text | implot.Flags_.no_legend
@@ -96,10 +96,10 @@ def _plots(sides: dict[str, tuple[str, DivergenceStatistics]], ui: UiFrame) -> N
 
 
 def _block(block: BlockContent, ui: UiFrame) -> None:
-    kept = ui.session.inspection.block is not None
+    is_pinned = ui.session.inspection.block is not None
     imgui.text(f"block {block.place.column}, {block.place.row}")
     imgui.same_line()
-    if kept:
+    if is_pinned:
         command_button(ui, "release", "block.keep-at", None, tip="Follow the mouse again.", small=True)
     else:
         imgui.text_disabled("click to keep")

@@ -1,4 +1,4 @@
-"""How to encode the scene: the target, the grouping and the textures, and what they would give. Offer and panel draw the same form."""
+"""Form for encoding the scene: target, grouping, textures, and a forecast of the result. Offer and panel draw the same form."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,9 +23,9 @@ from viewer.ui.widgets import beside, combo, counted, em, labelled, list_width, 
 USUAL_BUDGETS = {"s": "30", "steps": "1000", "dB": "35"}
 USUAL_TARGETS = {"bits": "4", "dB": "40", "MB": "2"}
 CHOICES = (2.0, 4.0, 8.0)
-"""Bits per texel whose results stand beside the target."""
+"""Bits per texel whose forecasts are offered as buttons."""
 NUMBER = 4.5
-"""Width of a field for a number, in font sizes."""
+"""Width of a number field, in font sizes."""
 MOST_LISTED = 8.5
 """Height of the list of textures, in font sizes."""
 
@@ -44,18 +44,19 @@ def _list(label: str, current: str, choices: tuple[str, ...], arg: Arg, ui: UiFr
 
 
 class Field:
-    """Text field for a value that is kept elsewhere: it holds what is typed until that is right."""
+    """Text field for a value of the state. It holds typed text until that is valid."""
 
     def __init__(self, label: str) -> None:
         self._label = label
         self._text, self._shown = "", ""
         self._is_typed = False
-        """True where the last frame changed the text: what is shown next follows from it."""
+        """True where the user changed the text in the last frame, so a change of the value follows from the text."""
         self._number = 0
-        """Number in the field's id: a new field where the value changes elsewhere, as ImGui keeps the text of an active one."""
+        """Number in the field's id. A new id replaces the field when the value changes elsewhere, because ImGui ignores new text of an
+        active one."""
 
     def draw(self, shown: str, ui: UiFrame, tip: str = "") -> str | None:
-        """Draw the field with the value `shown`, and return what was typed; None where nothing was."""
+        """Draw the field with the value `shown`. Returns the text if the user has typed, else None."""
         if shown != self._shown and not self._is_typed:
             self._text, self._number = shown, self._number + 1
         self._shown = shown
@@ -66,31 +67,31 @@ class Field:
 
 
 class GroupingFields:
-    """Fields of grouping and training, for choices that are kept elsewhere. A wrong value is not taken, and its problem is kept."""
+    """Fields of grouping and training, for settings of the state. An invalid value is refused, and its problem is shown."""
 
-    def __init__(self, keep: Callable[[UiFrame, TrainingSettings, str, str], None]) -> None:
-        """Make the fields. `keep` keeps the changed choices; it also takes the name and text of the setting."""
-        self._keep = keep
+    def __init__(self, store: Callable[[UiFrame, TrainingSettings, str, str], None]) -> None:
+        """Make the fields. `store` receives the changed settings, and the name and text of the setting that changed."""
+        self._store = store
         self._groups, self._budget = Field("k"), Field("budget")
         self._problem: dict[str, str] = {}
 
     @property
     def problem(self) -> str:
-        """Reason of the first refused value; "" for none."""
+        """Problem of the first invalid value; "" for none."""
         return next(iter(self._problem.values()), "")
 
     def take(self, plan: TrainingSettings, ui: UiFrame, name: str, text: str) -> None:
-        """Take a value as it is typed, where it is right."""
+        """Store a typed value if it is valid, else its problem."""
         try:
             changed = with_setting(plan, name, text)
         except (InputError, ValueError) as error:
             self._problem[name] = str(error)
         else:
             self._problem.pop(name, None)
-            self._keep(ui, changed, name, text)
+            self._store(ui, changed, name, text)
 
     def choose(self, name: str, current: str, plan: TrainingSettings, ui: UiFrame, label: str = "") -> None:
-        """Draw the list of a setting's choices, or of the numbers that it offers. `label` names it where `name` does not."""
+        """Draw the list of a setting's choices or suggested numbers. `label` names it for scripts; the default is `name`."""
         arg = SETTINGS[name][1]
         largest = max((max(texture.size) for texture in ui.session.scene.textures), default=0)
         sizes = (typed(size) for size in arg.offers if size < largest)
@@ -102,7 +103,7 @@ class GroupingFields:
     def draw_measure(
         self, field: Field, name: str, text: str, plan: TrainingSettings, ui: UiFrame, usual: Callable[[str], str]
     ) -> None:
-        """Draw number and unit of a setting that is typed as `text`; `usual` gives the number for another unit."""
+        """Draw number and unit of a setting with the value `text`. `usual` returns a number for another unit."""
         arg, value = SETTINGS[name][1], text.rstrip(ascii_letters)
         unit = text.removeprefix(value)
         number = field.draw(value, ui, sentence(arg.help))
@@ -127,28 +128,28 @@ class GroupingFields:
                 self.take(plan, ui, "groups", count.strip() or AUTO)
 
     def draw_training(self, plan: TrainingSettings, ui: UiFrame) -> None:
-        """Draw budget and recipe of a codec that trains."""
+        """Draw budget and recipe of the training, for a codec that trains."""
         labelled("budget")
         self.draw_measure(self._budget, "budget", budget_text(plan.budget), plan, ui, USUAL_BUDGETS.__getitem__)
         beside(list_width(*get_args(RecipeName)))
         self.choose("recipe", plan.recipe, plan, ui)
 
     def draw_problem(self, ui: UiFrame) -> None:
-        """Draw why a typed value is not taken."""
+        """Draw the problem of an invalid value."""
         if self.problem:
             imgui.text_wrapped(self.problem)
             ui.rects.note("form problem", "A value above is wrong.")
 
 
 class EncodeForm(GroupingFields):
-    """Form of one place; all forms show and change the same choices."""
+    """Form for encoding, in the offer or the panel. All forms show and change the same settings."""
 
     def __init__(self, place: str) -> None:
         super().__init__(lambda ui, _plan, name, text: ui.emit("training.choose", name, text))
         self._place, self._target = place, Field("bits")
 
     def draw(self, ui: UiFrame) -> None:
-        """Draw the fields, and below what they would give."""
+        """Draw the fields, and below them the forecast of the result."""
         plan = ui.training.plan
         codec = codec_named(plan.codec_kind)
         if codec.default_target is not None:
@@ -171,26 +172,26 @@ class EncodeForm(GroupingFields):
         assert target is not None
 
         def usual(other: str) -> str:
-            found = ui.training.rates.forecast(plan, ui.session.scene)
-            known = found and {"bits": found.bits, "dB": found.psnr_db, "MB": found.megabytes}[other]
-            # What the present choice gives, where that is known: the choice changes as little as possible.
+            forecast = ui.training.rates.forecast(plan, ui.session.scene)
+            known = forecast and {"bits": forecast.bits, "dB": forecast.psnr_db, "MB": forecast.megabytes}[other]
+            # The forecast of the current target in the other unit, so that the unit changes and the result hardly does.
             return f"{known:.3g}" if known else USUAL_TARGETS[other]
 
         self.draw_measure(self._target, "target", target_text(target), plan, ui, usual)
         self._draw_choices(plan, ui)
 
     def _draw_choices(self, plan: TrainingSettings, ui: UiFrame) -> None:
-        """Draw what some bitrates would give, as buttons that choose them; nothing before it is known."""
+        """Draw buttons that choose a bitrate, each with its forecast; nothing until forecasts are known."""
         for bits in CHOICES:
             target = BitsTarget(bits)
-            found = ui.training.rates.forecast(replace(plan, target=target), ui.session.scene)
-            if found is None or found.psnr_db is None or found.megabytes is None:
+            forecast = ui.training.rates.forecast(replace(plan, target=target), ui.session.scene)
+            if forecast is None or forecast.psnr_db is None or forecast.megabytes is None:
                 return
             if bits != CHOICES[0]:
                 beside(text_width(" 16 bits: 50 dB "))
-            if imgui.small_button(f"{bits:g} bits: {found.psnr_db:.0f} dB##{self._place}"):
+            if imgui.small_button(f"{bits:g} bits: {forecast.psnr_db:.0f} dB##{self._place}"):
                 self.take(plan, ui, "target", f"{bits:g}bits")
-            ui.rects.note(f"target {bits:g} bits", found.line())
+            ui.rects.note(f"target {bits:g} bits", forecast.line())
 
     def _draw_textures(self, plan: TrainingSettings, ui: UiFrame) -> None:
         labelled("textures")
@@ -229,8 +230,8 @@ class EncodeForm(GroupingFields):
         imgui.text_wrapped(forecast.line())
         ui.rects.note(
             "forecast",
-            "What this choice gives: file size, PSNR of all textures, and the time. Parts of the largest textures "
-            "were encoded to know that; the result differs a little.",
+            "Forecast of the result: file size, PSNR of all textures, and time. It is measured on parts of the largest textures, "
+            "so the result may differ a little.",
         )
         if rates.is_busy:
             imgui.text_disabled("measuring rate curves ...")

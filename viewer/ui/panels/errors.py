@@ -1,4 +1,4 @@
-"""Panel "Errors": which textures and decoders make A and B differ, worst first; a click shows where they are."""
+"""Panel "Errors": textures or decoders by the difference between A and B, worst first. A click shows where they are."""
 
 from imgui_bundle import imgui
 
@@ -15,11 +15,11 @@ from viewer.ui.widgets import beside, box_width, cells, decibels, text_width
 ROWS_SHOWN = 200
 HEADINGS: tuple[tuple[ErrorColumn, str, str], ...] = (
     ("name", "texture", "Name of the texture, or number of the decoder."),
-    ("decoder", "dec.", "Decoder of the texture."),
-    ("pixels", "pixels", "Number of pixels that show it."),
-    ("psnr", "PSNR", "PSNR of A against B over its pixels in dB: higher is better."),
-    ("mean", "mean", "Mean of |A - B| over its pixels and channels, in steps of 8-bit sRGB."),
-    ("max", "max", "Largest |A - B| of its pixels and channels, in steps of 8-bit sRGB."),
+    ("decoder", "dec.", "Number of the decoder of the texture."),
+    ("pixels", "pixels", "Number of pixels that show the texture or decoder."),
+    ("psnr", "PSNR", "PSNR in dB of A against B over the pixels of the texture or decoder: higher is better."),
+    ("mean", "mean", "Mean of |A - B| over the pixels of the texture or decoder, in steps of 8-bit sRGB."),
+    ("max", "max", "Largest |A - B| of the pixels of the texture or decoder, in steps of 8-bit sRGB."),
 )
 """Columns with their headings and tooltips."""
 BY: dict[ErrorsBy, str] = {
@@ -32,7 +32,7 @@ HIGHLIGHT: dict[ErrorsBy, str] = {
     "decoder": "Click: dim everything except this decoder's textures. Click again: show everything.",
 }
 WIDEST: dict[ErrorColumn, str] = {"decoder": "-", "pixels": "999,999", "psnr": "99.99", "mean": "99.99", "max": "255"}
-"""Widest usual figures, for the widths of columns."""
+"""Widest usual texts, which set the widths of columns."""
 
 
 def _choices(ui: UiFrame) -> None:

@@ -1,4 +1,4 @@
-"""Panel "Groups": the groups of slot A's pack, their members, and how far each is from its group's middle."""
+"""Panel "Groups": groups of slot A's pack, their members, and the distance of each member from the group's centroid."""
 
 from functools import partial
 
@@ -33,14 +33,14 @@ def _parameter(value: object) -> str:
 
 
 def quality_text(row: GroupRow) -> str:
-    """Return the PSNR of a group, after that in the pack that this one replaced, where it is known."""
+    """Return a text of the PSNR of a group, with an arrow from its PSNR in the pack that training replaced, where known."""
     before = "" if row.before_db in (None, row.psnr_db) else f"{decibels(row.before_db)} -> "
     same = ", as before" if row.before_db is not None and row.before_db == row.psnr_db else ""
     return f"PSNR of mip 0: {before}{decibels(row.psnr_db)} dB{same}"
 
 
 def replaced_source(session: Session, source: str) -> str | None:
-    """Return the open pack that a training run replaced by the pack `source`; None where there is none."""
+    """Return the name of the open pack that a training run replaced by the pack `source`; None for none."""
     previous = session.previous_views.get(source)
     if previous is None:
         return None
@@ -87,13 +87,13 @@ class GroupsPanel:
 
     @staticmethod
     def _replaced(ui: UiFrame, source: str) -> tuple[Pack, PackMatch] | None:
-        """Return the pack that the shown one replaced, with its match."""
+        """Return the pack that the shown pack replaced, with its match; None for none."""
         name = replaced_source(ui.session, source)
         match = ui.facts.matches.get(name) if name is not None else None
         return (ui.session.packs[name], match) if name is not None and match is not None else None
 
     def _follow_selection(self, selected: int | None, decoders: tuple[int, ...]) -> None:
-        """Show the group of a texture that was selected elsewhere."""
+        """Show the group of a texture that another panel selected."""
         if selected != self._followed:
             self._followed = selected
             if selected is not None and decoders[selected] >= 0:
@@ -198,12 +198,12 @@ class GroupsPanel:
         imgui.text(ui.session.scene.textures[texture].name)
 
     def _distances(self, ui: UiFrame, pack: Pack, decoders: tuple[int, ...]) -> GroupDistances | str:
-        """Return the distances, or the reason why there are none."""
+        """Return the distances of all textures from the centroids of their groups, or the reason why there are none."""
         asked = grouping_features(pack)
         if asked is None:
             return "no distances: the pack was not grouped by features"
         features, stands_in_for = asked
-        # Every grouping has its own centroids, over features that are kept on disk.
+        # Centroids differ by grouping; the features that they are means of are cached on disk.
         key = (ui.session.scene, decoders, features)
         job = self._background.submit(
             key, partial(group_distances, ui.session.scene, decoders, features, stands_in_for)

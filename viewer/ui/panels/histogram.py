@@ -1,4 +1,4 @@
-"""Panel "Histogram": how many covered pixels differ by how much between A and B."""
+"""Panel "Histogram": number of covered pixels by the difference between A and B."""
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
@@ -23,7 +23,7 @@ class HistogramPanel:
     def _update(self, comparison: Comparison) -> None:
         if comparison is self._of:
             return
-        # Zero counts are left out: the axis is logarithmic.
+        # Counts of zero are left out, because the axis is logarithmic.
         self._curves = tuple(np.where(counts > 0, counts, np.nan).astype(np.float64) for counts in comparison.histogram)
         occurring = np.nonzero(comparison.histogram.sum(axis=0))[0]
         self._last = max(8, int(occurring[-1]) + 1) if len(occurring) else 8
@@ -50,5 +50,6 @@ class HistogramPanel:
             implot.end_plot()
         ui.rects.note(
             "histogram",
-            "Number of pixels by difference, for red, green and blue. Across: steps of 8-bit sRGB. Up: pixels, logarithmic.",
+            "Number of pixels by the difference between A and B, in red, green and blue. Across: steps of 8-bit sRGB. Up: pixels, "
+            "logarithmic.",
         )

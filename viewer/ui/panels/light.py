@@ -1,4 +1,4 @@
-"""Panel "Light": what of the materials is shown, and what lights it."""
+"""Panel "Light": the view of the materials, and the light of the scene."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ from viewer.ui.widgets import combo, labelled, wrapped_disabled
 
 
 def _labelled(ui: UiFrame, text: str, command_id: str, *chosen: str, label: str = "") -> None:
-    """Draw a text, and the widget of a command after it."""
+    """Draw a label with the widget of a command."""
     labelled(text)
     control(ui, command_id, *chosen, label=label or text, width=-1.0)
 
@@ -41,7 +41,7 @@ def _draw_light(ui: UiFrame) -> None:
 
 
 def draw_light_panel(ui: UiFrame) -> None:
-    """Draw the content of the panel; light is shown only where it has an effect."""
+    """Draw the content of the panel. Controls of light appear only in the view `lit`."""
     view = ui.session.view.material_view
     _labelled(ui, "view", "materials.view", label="materials")
     if view != "base":

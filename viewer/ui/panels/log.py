@@ -1,4 +1,4 @@
-"""Panel "Log": all messages with their times; errors with their details, to be copied."""
+"""Panel "Log": all messages with their times; errors with details that can be copied."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -10,7 +10,7 @@ from viewer.ui.widgets import counted, wrapped
 
 
 class LogPanel:
-    """Panel Log, with the message that is expanded."""
+    """Panel Log, with its filter and the expanded message."""
 
     def __init__(self) -> None:
         self._expanded: int | None = None

@@ -1,4 +1,4 @@
-"""Panel "Memory": bytes of the original textures, of block compression, and of what each slot shows."""
+"""Panel "Memory": bytes of the original textures, of block compression, and of the textures of each slot."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -23,12 +23,12 @@ BAR_OPACITY = 0.4
 
 
 def ratio(row: MemoryRow) -> str:
-    """Return how much smaller than the original a row is: `1 : 12.3`."""
+    """Return the ratio of a row's bytes to those of the originals as text: `1 : 12.3`."""
     return "-" if not row.share else f"1 : {1.0 / row.share:,.1f}"
 
 
 class MemoryPanel:
-    """Panel Memory, with rows that are computed again only when something about them changes."""
+    """Panel Memory. Its rows are computed again only when their inputs change."""
 
     def __init__(self) -> None:
         self._key: object = None
@@ -38,7 +38,7 @@ class MemoryPanel:
     def _update(self, ui: UiFrame) -> None:
         slots = {"a": ui.session.view.slot_a, "b": ui.session.view.slot_b}
         packs = [ui.session.packs.get(slot.source) for slot in slots.values()]
-        on_gpu = {slot: (own.parts, own.idle) for slot, own in ui.facts.memory.items()}
+        on_gpu = {slot: (memory.parts, memory.idle) for slot, memory in ui.facts.memory.items()}
         key = (ui.session.scene, slots, packs, ui.session.compressed, on_gpu)
         if key == self._key:
             return
@@ -70,7 +70,7 @@ class MemoryPanel:
             imgui.text_wrapped(note)
             ui.rects.note(
                 "encoded smaller",
-                "Fewer texels are not compression: a pack is compared with originals of its own size.",
+                "A pack of smaller textures is compared with originals of that size: fewer texels do not count as compression.",
             )
         self._bars(ui)
         if not imgui.begin_table("memory", 3, imgui.TableFlags_.row_bg):
@@ -95,7 +95,7 @@ class MemoryPanel:
         imgui.end_table()
 
     def _bars(self, ui: UiFrame) -> None:
-        """Draw the totals as bars; the longest is the original."""
+        """Draw the totals as bars, relative to the largest."""
         totals = [(title, color, row) for title, color, rows in self._parts for row in rows if row.is_total]
         scene = [(row.name, SCENE, row) for row in self._parts[0][2]]
         most = max((row.bytes for _, _, row in (*scene, *totals)), default=1) or 1

@@ -1,4 +1,4 @@
-"""Panel "Pixel": 15 x 15 pixels of both slots, enlarged, and everything that is known of the one in the middle."""
+"""Panel "Pixel": 15 x 15 pixels of both slots, enlarged, and the values of the middle pixel."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -68,7 +68,7 @@ def _values(pixel: PixelContent, ui: UiFrame) -> None:
 
 
 def _sources(slots: tuple[Slot, Slot], numbers: dict[str, int]) -> str:
-    """Return a number for each slot that has one, as in `A 3, B 1`."""
+    """Return a text of the numbers of both slots, such as `A 3, B 1`."""
     texts = [
         f"{side} {numbers[slot.source]}" if numbers[slot.source] >= 0 else f"{side} none"
         for side, slot in zip("AB", slots, strict=True)

@@ -1,4 +1,4 @@
-"""PSNR of one texture by bits per texel, as a curve, and the way to encode it anew with other bits."""
+"""Rate curve of one texture: PSNR by bits per texel. A drag over the curve encodes the texture again with other bits."""
 
 import math
 
@@ -18,27 +18,27 @@ PLOT_LINES = 7.0
 """Height of the plot in lines of text."""
 OTHER_LINES = 4.0
 LARGEST_SHARE = 0.66
-"""Largest share of the panel's height."""
+"""Largest height of the view, as a share of the panel's."""
 DRAWN_POINTS = 60
 ENOUGH_POINTS = 3
-"""Measured points from which on an answer is not called a guess."""
+"""Number of measured points below which an answer is called `about`."""
 AXIS_ENDS = (0.5, 24.0)
-"""Bits per texel at the ends of the axis."""
+"""Range of bits per texel of the axis."""
 TICKS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 
 
 class RateView:
-    """Curve of the selected texture."""
+    """Rate curve of the selected texture."""
 
     def __init__(self) -> None:
         self._quality = Field("asked quality")
         self._asked_db = "40"
         self._dragged: float | None = None
-        """Bits per texel under the mouse while it drags over the curve."""
+        """Bits per texel under the mouse during a drag over the curve; None without a drag."""
 
     @staticmethod
     def height(room: float) -> float:
-        """Return the height in window units that the view takes of `room`."""
+        """Return the height of the view in a panel of height `room`, in window units."""
         lines = (PLOT_LINES + OTHER_LINES) * imgui.get_text_line_height_with_spacing()
         return float(min(lines, LARGEST_SHARE * room))
 
@@ -47,21 +47,23 @@ class RateView:
         rates, source = ui.training.rates, ui.session.view.slot_a.source
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
         index = match.texture_index[row.texture_id] if pack is not None and match is not None else -1
-        own = pack.textures[index] if pack is not None and index >= 0 else None
+        encoded = pack.textures[index] if pack is not None and index >= 0 else None
         curve = rates.curve(row.texture_id)
         if curve is None:
             self._missing(row, ui)
             return
         curve = curve.of_latents()
-        is_whole = own is not None and (own.width, own.height) == (row.width, row.height)
+        is_whole = encoded is not None and (encoded.width, encoded.height) == (row.width, row.height)
         if is_whole and row.bits_per_texel and row.psnr_db is not None and math.isfinite(row.psnr_db):
             curve = curve.through(row.bits_per_texel, row.psnr_db)
         self._draw_question(curve, ui)
-        reach = _reach(pack, own) if is_whole else None
+        reach = _reach(pack, encoded) if is_whole else None
         self._draw_plot(curve, row, reach, index if is_whole else -1, ui)
-        reason = _why_not(pack, own, ui)
-        if own is not None and not is_whole:
-            reason = f"The pack holds it at {own.width} x {own.height}; the curve is of {row.width} x {row.height}."
+        reason = _why_not(pack, encoded, ui)
+        if encoded is not None and not is_whole:
+            reason = (
+                f"The pack holds {encoded.width} x {encoded.height} texels; the curve is of {row.width} x {row.height}."
+            )
         if self._dragged is not None:
             imgui.text(point_text(curve, self._dragged))
         elif rates.is_busy:
@@ -84,7 +86,7 @@ class RateView:
         ui.rects.note("rate text", "What the bitrate under the mouse gives.")
 
     def _draw_question(self, curve: RateCurve, ui: UiFrame) -> None:
-        """Draw the question how many bits a quality needs, and its answer."""
+        """Draw a field for a quality in dB, and the bits that it needs."""
         imgui.align_text_to_frame_padding()
         imgui.text("for")
         imgui.same_line()
@@ -93,7 +95,7 @@ class RateView:
         imgui.same_line()
         try:
             bits = curve.bits_at(min(max(float(self._asked_db), 1.0), 80.0))
-            # The first points come within seconds, and tell less.
+            # A curve through few points is inexact.
             about = "about " if len(curve.points) < ENOUGH_POINTS else ""
             answer = f"dB: {about}{bits:.1f} bits, {size_text(curve.megabytes(bits))}"
         except ValueError:
@@ -141,7 +143,7 @@ class RateView:
         )
 
     def _follow_mouse(self, reach: tuple[float, float] | None, index: int, ui: UiFrame) -> None:
-        """Follow a drag over the plot, and encode the texture anew where it ends."""
+        """Follow a drag over the plot. At its end the texture is encoded again with the bits under the mouse."""
         hovered, down = implot.is_plot_hovered(), imgui.is_mouse_down(imgui.MouseButton_.left)
         if (hovered and imgui.is_mouse_clicked(imgui.MouseButton_.left)) or (self._dragged is not None and down):
             low, high = reach or AXIS_ENDS
@@ -152,18 +154,18 @@ class RateView:
                 ui.emit("training.anew", str(index), round(bits, 2))
 
 
-def _reach(pack: Pack | None, own: EncodedTexture | None) -> tuple[float, float] | None:
-    """Return the bits per texel that a texture can take in its pack; None where it cannot be encoded anew alone."""
-    if pack is None or own is None:
+def _reach(pack: Pack | None, encoded: EncodedTexture | None) -> tuple[float, float] | None:
+    """Return the range of bits per texel that a texture's codes can have in its pack; None where it cannot be encoded alone."""
+    if pack is None or encoded is None:
         return None
-    return codec_of(pack.config).texture_bits(pack.config, (own.width, own.height))
+    return codec_of(pack.config).texture_bits(pack.config, (encoded.width, encoded.height))
 
 
-def _why_not(pack: Pack | None, own: EncodedTexture | None, ui: UiFrame) -> str:
-    """Return why the texture cannot be encoded anew; "" where it can."""
+def _why_not(pack: Pack | None, encoded: EncodedTexture | None, ui: UiFrame) -> str:
+    """Return the reason why the texture cannot be encoded again; "" where it can."""
     if pack is None:
         return "Show a pack in slot A to encode this texture again."
-    if own is None:
+    if encoded is None:
         return "The pack in slot A does not hold this texture."
     reason = ui.why_not("training.anew")
     return f"It cannot be encoded again: {reason}." if reason else ""

@@ -1,4 +1,4 @@
-"""Panel "Scene": cameras, animations, nodes, materials, and what of the file is drawn, ignored or missing."""
+"""Panel "Scene": cameras, animations, nodes, materials, and the load report."""
 
 from imgui_bundle import imgui
 
@@ -13,7 +13,7 @@ from viewer.ui.widgets import branch
 
 NODES = "Nodes of the file, with the meshes that they place."
 MATERIALS = "Materials of the file, each with its texture."
-LOAD_REPORT = "What of the file is shown, ignored, missing or repaired."
+LOAD_REPORT = "Features and values of the file that are drawn, ignored, missing or repaired."
 
 
 def draw_time_line(ui: UiFrame) -> None:
@@ -114,7 +114,7 @@ class SceneLists:
                     f"instance {row.instance}", "A mesh of this node. Click selects its texture in all panels."
                 )
         if toggled is not None:
-            # After the loop: the rows must not change under the clipper.
+            # After the loop, because the rows must not change while the clipper runs.
             tree.toggle(toggled)
 
     def _material_rows(self, ui: UiFrame) -> None:

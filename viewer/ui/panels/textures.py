@@ -1,4 +1,4 @@
-"""Panel "Textures": all textures of the scene as a table that is filtered, sorted and scrolled."""
+"""Panel "Textures": table of all textures of the scene, with filter and sorting."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -36,7 +36,7 @@ WIDTHS: dict[TextureColumn, float] = {
     "on GPU": 4.5,
 }
 MAP_WIDTH = 4.2
-"""Widths of the columns in font sizes; MAP_WIDTH is that of the quality of one map."""
+"""Width of a column with the PSNR of a map, in font sizes, as WIDTHS are."""
 
 
 def _texts(row: TextureRow) -> tuple[str, ...]:
@@ -56,14 +56,14 @@ def _texts(row: TextureRow) -> tuple[str, ...]:
 
 
 class TexturesPanel:
-    """Panel Textures, with the filter and rows that are computed again only when something about them changes."""
+    """Panel Textures. Its rows are computed again only when their inputs change."""
 
     def __init__(self) -> None:
         self._filter = ""
         self._width = 0.0
-        """Width of the table."""
+        """Width of the table in window units."""
         self._note = ""
-        """Bits per texel of all that slot A stores, as Measure and terminal count them."""
+        """Text of slot A's bits per texel, decoders included, as Measure and the terminal print them."""
         self._key: object = None
         self._order: object = None
         self._all: tuple[TextureRow, ...] = ()
@@ -125,9 +125,9 @@ class TexturesPanel:
         headings({name: FIGURES[f"column {name.strip('#')}"] for name in ("##picture", *COLUMNS)}, ui.rects)
 
     def _update(self, ui: UiFrame, source: str) -> None:
-        """Update the rows where something about them has changed."""
+        """Compute the rows again where their inputs have changed."""
         pack, match = ui.session.packs.get(source), ui.facts.matches.get(source)
-        # The key holds the objects: an id could be reused for another object.
+        # The key holds objects, not their ids, because ids are reused.
         on_gpu = ui.facts.memory.get(ui.session.view.slot_a)
         latents = on_gpu.latents.tobytes() if on_gpu is not None else b""
         blocks = ui.session.compressed_as(source)
@@ -156,7 +156,7 @@ class TexturesPanel:
         selected = ui.session.inspection.selected_texture
         height = side + 2.0 * imgui.get_style().cell_padding.y
         if selected != self._scrolled_to:
-            # Another panel has selected the texture; a row clicked here is visible anyway.
+            # Another panel has selected the texture. A row that is clicked here is visible already.
             self._scrolled_to = selected
             self._scroll_to(selected, height)
         clipper = imgui.ListClipper()

@@ -1,4 +1,4 @@
-"""Panel "Timings": where the time of a frame goes, and what was left out."""
+"""Panel "Timings": times of the steps of a frame, and counts of what was drawn and skipped."""
 
 import numpy as np
 from imgui_bundle import ImVec2, imgui, implot
@@ -12,11 +12,11 @@ from viewer.ui.facts import UiData, UiFrame
 PLOT_LINES = 9
 """Height of the plot in lines of text."""
 INPUT = "mouse, keyboard or script"
-"""Reason of a frame without any other."""
+"""Reason of a frame that has no other reason."""
 
 
 class TimingsPlot:
-    """Plot of frame times, with sums that are computed again for each new frame."""
+    """Plot of frame times, stacked by pass."""
 
     def __init__(self) -> None:
         self._version = -1
@@ -53,7 +53,7 @@ class TimingsPlot:
             imgui.text_disabled("Times appear while frames are drawn.")
             return
         flags = implot.Flags_.no_menus | implot.Flags_.no_box_select | implot.Flags_.no_mouse_text
-        # The table below tells which colour is which pass.
+        # The table below is the legend.
         flags |= implot.Flags_.no_legend
         height = PLOT_LINES * imgui.get_text_line_height_with_spacing()
         if implot.begin_plot("##times", ImVec2(-1, height), flags):
@@ -84,7 +84,7 @@ def times(facts: UiData) -> dict[str, str]:
 
 
 def counts(facts: UiData) -> dict[str, str]:
-    """Return counts of the last frame by name, and why it was drawn."""
+    """Return counts of the last frame by name, and the reason why it was drawn."""
     rows = {name: f"{count:,}" for name, count in facts.frame.drawn.items()}
     rows |= {f"{name.replace('_', ' ')} (skipped)": f"{count:,}" for name, count in facts.frame.skipped.items()}
     for slot, tiles in facts.frame.tiles.items():

@@ -1,4 +1,4 @@
-"""Panel "Training": the offer to encode, the run under way with its curves, the decision about it, and the log of runs."""
+"""Panel "Training": forms to encode, the current run with its curves, buttons to keep or discard it, and the log of runs."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -29,19 +29,19 @@ PLOT_LINES = 8.5
 """Height of a plot in lines of text."""
 FIT = implot.AxisFlags_.auto_fit
 MOST_NAMED = 6
-"""Largest number of groups that the plot names."""
+"""Most groups that the legend of the plot lists."""
 WORST = "worst texture"
 
 
 class TrainingCurves:
-    """Plots of a training: loss by group, and PSNR of the mean and one texture."""
+    """Plots of a training: loss by group, and PSNR of the mean and of one texture."""
 
     def __init__(self) -> None:
         self._texture: int | None = None
-        """Texture whose PSNR is drawn; None draws the worst one."""
+        """Texture whose PSNR is drawn; None for the worst one."""
 
     def draw(self, curves: Curves, names: Sequence[str], kind: str | None, ui: UiFrame) -> None:
-        """Draw the plots, as wide as the panel; `names` are of the pack's textures, `kind` is its codec, None where unknown."""
+        """Draw the plots. `names` are those of the pack's textures, `kind` is its codec or None where unknown."""
         if len(curves.seconds) < 2:
             imgui.text_disabled("Curves appear after the first steps.")
             return
@@ -80,7 +80,7 @@ class TrainingCurves:
         unnamed = implot.Flags_.no_legend if len(curves.losses) > MOST_NAMED else 0
         if implot.begin_plot("loss by group##loss", size, flags | unnamed):
             implot.setup_axes("seconds", "loss", FIT, FIT)
-            # Beside the plot: the curves stay in sight.
+            # The legend lies beside the plot, because inside it would hide curves.
             implot.setup_legend(implot.Location_.east, implot.LegendFlags_.outside)
             implot.setup_axis_scale(implot.ImAxis_.y1, implot.Scale_.log10)
             ticks = loss_ticks(curves)
@@ -111,7 +111,7 @@ def _name(texture: int, names: Sequence[str]) -> str:
 
 CURVES = "Loss and PSNR over the last run."
 SHOW_RUN = "Show the pack of this run in this slot."
-SHOW_UNSAVED_RUN = "Show the pack of the last run of this scene that was neither kept nor discarded."
+SHOW_UNSAVED_RUN = "Show the pack of the last run of this scene that was neither saved nor discarded."
 KEEP_RUN = "Write the pack of this run beside the scene; for a built-in scene into the user's data folder."
 DISCARD_RUN = "Delete the pack of this run. Until the window closes, Keep still writes it."
 RUN_COLUMNS = ("run", "what", "dB", "time", "into")
@@ -125,7 +125,7 @@ STATES = {
 
 
 class TrainingPanel:
-    """Panel Training of one window."""
+    """Panel Training of a window."""
 
     def __init__(self) -> None:
         self._forms = TrainingForms()
@@ -156,10 +156,12 @@ class TrainingPanel:
             _log(ui)
 
     def _run(self, run: ActiveRun | None, ended: Run | None, ui: UiFrame) -> None:
-        """Draw a run from its beginning to the decision about it. All states have the same lines and buttons above the figures, so
-        that a click at the end of a run hits nothing else."""
+        """Draw the current run, or an ended one until the user keeps or discards it.
+
+        Lines and buttons above the figures are the same in all states, so that no button moves under the mouse when a run ends.
+        """
         style = imgui.get_style()
-        # Leave room for a scroll bar, which curves bring: buttons must not move.
+        # Leave room for a scroll bar, which appears with the curves, so that buttons do not move.
         room = imgui.get_window_width() - 2.0 * style.window_padding.x - style.scrollbar_size
         name, title = (run.name, job_title(run.job)) if run is not None else ("", "")
         if ended is not None:
@@ -197,10 +199,10 @@ def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
     is_known = progress is not None and progress.steps > 0
     share = 1.0 if run is None else progress.share if progress is not None and is_known else -0.6 * imgui.get_time()
     imgui.push_style_color(imgui.Col_.plot_histogram, imgui.ImVec4(*INKS["dark"]["a"]))
-    # The text stands below: over the bar it would be hard to read.
+    # The text lies below the bar, because over it it would be hard to read.
     imgui.progress_bar(min(1.0, share), ImVec2(-1, grid(1.5)), "")
     imgui.pop_style_color()
-    ui.rects.note("progress", "Share of the work that is done.")
+    ui.rects.note("progress", "Progress of the run.")
 
 
 def _state(run: ActiveRun | None, ended: Run | None) -> str:
@@ -217,7 +219,7 @@ def _state(run: ActiveRun | None, ended: Run | None) -> str:
 
 
 def _log(ui: UiFrame) -> None:
-    """Draw the table of all runs, newest first."""
+    """Draw the table of all runs, the newest first."""
     imgui.text_disabled("runs")
     flags = imgui.TableFlags_.row_bg | imgui.TableFlags_.sizing_fixed_fit | imgui.TableFlags_.borders_inner_v
     if not imgui.begin_table("runs", 5, flags):
@@ -267,7 +269,7 @@ def _log(ui: UiFrame) -> None:
 
 
 def _decision(run: Run, ui: UiFrame) -> None:
-    """Draw the buttons that keep or discard a run, below its title."""
+    """Draw the buttons that save or discard a run, below its title."""
     if run.has_pack and run.saved is None:
         label = f"keep run {run.number}"
         command_button(
@@ -282,13 +284,13 @@ def _decision(run: Run, ui: UiFrame) -> None:
 
 
 OFFER_WIDTH, OFFER_HEIGHT = 21.0, 14.0
-"""Width of the offer in font sizes, and about its height."""
+"""Width and approximate height of the offer, in font sizes."""
 OFFER_CORNERS = ((1, 0), (1, 1), (0, 1))
-"""Corners of the picture where it may lie: right or left, top or bottom."""
+"""Corners of the picture where the offer may lie: (1 for right, 1 for bottom), the first preferred."""
 
 
 class EncodeOffer:
-    """Offer to encode a scene without a pack, over the picture until it is answered."""
+    """Card over the picture that offers to encode a scene without a pack, until it is answered."""
 
     def __init__(self) -> None:
         self._answered_for: object = None
@@ -297,8 +299,8 @@ class EncodeOffer:
         self._form = EncodeForm("offer")
 
     def draw(self, ui: UiFrame, area: Area, beside_card: Area) -> Area:
-        """Draw the offer in a corner of `area`, where it applies, and return the part of `area` above one in a lower corner.
-        `beside_card` is the part that the card of first steps leaves."""
+        """Draw the offer in a corner of `area`, if the scene has no pack. Returns the part of `area` above an offer in a lower corner,
+        else `area`. `beside_card` is the part of `area` that the card of first steps leaves free."""
         if ui.training.state != "idle":
             self._answered_for = ui.session.scene
         if (
@@ -311,15 +313,15 @@ class EncodeOffer:
         if {ui.session.view.slot_a.source, ui.session.view.slot_b.source} != {REFERENCE}:
             return area
         if beside_card.bottom < area.bottom:
-            return area  # No room beside the card of first steps: one after the other.
-        # A width of its own: rows do not move while their texts change.
+            return area  # There is no room beside the card of first steps; the offer appears when that is closed.
+        # The width does not depend on the content, so rows do not move when texts change.
         width = min(em(OFFER_WIDTH), max(area.width - grid(6), em(12.0)))
-        # The card of first steps lies at the lower left: where it was, a second click must hit nothing.
+        # The lower left belongs to the card of first steps. After it closes, a second click there must not hit the offer.
         corners = OFFER_CORNERS[: 2 if ui.session.window.show_first_steps else 3]
         rooms = {corner: room for corner in corners if (room := card_room(ui.rects, area, width, bool(corner[0])))}
         key = (ui.session.scene, area.width, area.height)
         if rooms and (self._placed_for != key or self._corner not in rooms) and not ui.session.seeks_first_view:
-            # Once it lies somewhere it stays: the camera may move.
+            # The corner is chosen once for a scene and area, so the offer does not move with the camera.
             self._placed_for, self._corner = key, _emptiest(rooms, ui, area)
         if self._corner not in rooms:
             return area
@@ -339,7 +341,7 @@ class EncodeOffer:
 
 
 def _emptiest(rooms: Mapping[tuple[int, int], Area], ui: UiFrame, area: Area) -> tuple[int, int]:
-    """Return the corner where the offer hides least of the scene, of those whose room is high enough if there are any."""
+    """Return the corner where the offer hides least of the scene. Corners with too little height are used only if all are."""
     corners = [corner for corner, room in rooms.items() if room.height >= em(OFFER_HEIGHT)] or list(rooms)
     boxes = []
     for corner in corners:

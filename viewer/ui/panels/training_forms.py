@@ -1,4 +1,4 @@
-"""Forms of a training, and the buttons that run them as commands."""
+"""Forms of a training, with the buttons that start it."""
 
 from imgui_bundle import ImVec2, imgui
 
@@ -13,17 +13,17 @@ from viewer.ui.widgets import combo, counted, em, labelled, list_width, wrapped_
 
 LIST_HEIGHT = 8.5
 """Height of the list of groups in font sizes."""
-TO_GROUP = "Group that the texture joins; new makes a group of its own."
+TO_GROUP = "Group that the texture joins; new makes a group for it alone."
 SHOW_TEXTURES = "Bring the panel Textures to the front."
 
 
 class TrainingForms:
-    """Forms with what the user has filled in."""
+    """Forms of the panel Training, with the values that the user has filled in."""
 
     def __init__(self) -> None:
-        self._encoding, self._fields = EncodeForm("panel"), GroupingFields(self._keep)
+        self._encoding, self._fields = EncodeForm("panel"), GroupingFields(self._store)
         self._plan = TrainingSettings()
-        """Choices for continuing the pack."""
+        """Settings of a training that continues the pack."""
         self._groups: set[int] = set()
         self._pointed_out: set[int] = set()
         """Groups under the mouse, which the picture highlights."""
@@ -32,11 +32,11 @@ class TrainingForms:
         self._pack: Pack | None = None
         """Pack that groups and texture belong to."""
 
-    def _keep(self, _ui: UiFrame, plan: TrainingSettings, _name: str, _text: str) -> None:
+    def _store(self, _ui: UiFrame, plan: TrainingSettings, _name: str, _text: str) -> None:
         self._plan = plan
 
     def draw(self, pack: Pack | None, name: str, ui: UiFrame) -> None:
-        """Draw the forms; `pack` is the one that a training would continue, open as `name`, None without one."""
+        """Draw the forms. `pack` is the open pack called `name` that a training would continue; None without one."""
         if pack is None:
             imgui.text_wrapped("This scene has no pack. Encode it:")
             self._encode(ui)
@@ -57,7 +57,7 @@ class TrainingForms:
                 first,
                 ("Move", self._move, "Move a texture into another group."),
                 ("Regroup", self._regroup, "Make new groups, and train those that changed."),
-                ("Encode", self._encode_anew, "Encode the scene into a new pack."),
+                ("Encode", self._encode_again, "Encode the scene into a new pack."),
             ):
                 shown = imgui.begin_tab_item(label)[0]
                 ui.rects.note(f"tab {label}", tip)
@@ -69,14 +69,14 @@ class TrainingForms:
             imgui.end_tab_bar()
 
     def _length(self, codec: str, ui: UiFrame) -> tuple[str, str]:
-        """Draw budget and recipe of a codec that trains, and return them as commands take them."""
+        """Draw budget and recipe of a codec that trains. Returns their texts, as commands take them."""
         if codec_named(codec).trains:
             self._fields.draw_training(self._plan, ui)
         self._fields.draw_problem(ui)
         return budget_text(self._plan.budget), self._plan.recipe
 
     def _button(self, ui: UiFrame, title: str, command_id: str, *values: object, label: str = "") -> None:
-        """Draw a button that runs a command with `values`; grey while a value is wrong or empty."""
+        """Draw a button that runs a command with `values`. It is grey while a value is invalid or empty."""
         missing = self._fields.problem or ("fill in all fields above" if "" in values else "")
         command_button(ui, title, command_id, *values, label=label, missing=missing, size=ImVec2(-1, 0))
 
@@ -84,7 +84,7 @@ class TrainingForms:
         self._encoding.draw(ui)
         command_button(ui, "Encode this scene", "training.encode", missing=self._encoding.problem, size=ImVec2(-1, 0))
 
-    def _encode_anew(self, _pack: Pack, ui: UiFrame) -> None:
+    def _encode_again(self, _pack: Pack, ui: UiFrame) -> None:
         wrapped_disabled("The result is a new pack.")
         self._encode(ui)
 
@@ -122,8 +122,8 @@ class TrainingForms:
         labelled("texture")
         imgui.set_next_item_width(-1)
         self._texture = labels.index(combo("texture", labels[self._texture], labels, ui.rects, "Texture to move."))
-        own = pack.textures[self._texture].group
-        targets = (*(str(group) for group in range(pack.grouping.group_count) if group != own), "new")
+        current_group = pack.textures[self._texture].group
+        targets = (*(str(group) for group in range(pack.grouping.group_count) if group != current_group), "new")
         if self._group not in targets:
             self._group = targets[0]
         labelled("to group")

@@ -17,7 +17,7 @@ from ntc.errors import InputError
 from tests.support.shuffled_workers import ShuffledWorkers
 from viewer.jobs import executor
 from viewer.jobs.executor import MOST_ATTEMPTS, local_workers, ray_workers, run_jobs
-from viewer.jobs.job import RESULTS_KEPT, Background, Job, JobReport, Result
+from viewer.jobs.job import MOST_RESULTS, Background, Job, JobReport, Result
 from viewer.state.message_log import details_of
 
 SECONDS = 120.0
@@ -90,15 +90,15 @@ def test_the_latest_job_comes_first_and_the_last_results_are_kept() -> None:
 
     background.submit("first", first)
     assert started.wait(SECONDS)
-    for number in range(RESULTS_KEPT + 1):
+    for number in range(MOST_RESULTS + 1):
         background.submit(number, partial(later, number))
     go.set()
     began = time.monotonic()
     while background.is_busy:
         assert time.monotonic() - began < SECONDS
         time.sleep(0.01)
-    assert order == [*range(RESULTS_KEPT, -1, -1)]
-    wait_for(background, RESULTS_KEPT - 1, partial(later, -1))
+    assert order == [*range(MOST_RESULTS, -1, -1)]
+    wait_for(background, MOST_RESULTS - 1, partial(later, -1))
     assert order[-1] == 0, "kept"
     wait_for(background, "first", partial(later, -2))
     assert order[-1] == -2, "dropped: it ended before the others"
