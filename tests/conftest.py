@@ -65,7 +65,7 @@ def pytest_collection_finish(session: pytest.Session) -> None:
 
 
 def guards_in_vain(item: pytest.Item) -> bool:
-    """Whether neither the test nor what its sets guard has changed."""
+    """Return whether neither the test nor the paths that its sets guard have changed."""
     names, changed = [mark.args[0] for mark in item.iter_markers("guards")], changed_paths()
     file = item.path.relative_to(TESTS.parent).as_posix()
     is_new = changed is None or file in changed
@@ -101,7 +101,7 @@ def data_folder() -> Path:
 
 
 @pytest.fixture(scope="session", autouse=True)
-def own_cache_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Tests neither read nor fill the user's cache and data."""
+def temporary_cache_folder(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """Set folders of a temporary cache and data, so that tests neither read nor fill the user's."""
     os.environ["NTC_VIEWER_DATA_DIR"] = str(tmp_path_factory.mktemp("data"))
     os.environ["NTC_VIEWER_CACHE_DIR"] = str(tmp_path_factory.mktemp("cache"))

@@ -1,4 +1,4 @@
-"""Seed the faults of seeded_faults.json one at a time in a copy of a checkout, and tell which of them the tests catch."""
+"""Seed the faults of seeded_faults.json one at a time in a copy of a checkout, and print which of them the tests catch."""
 
 import argparse
 import json
@@ -17,7 +17,7 @@ ROOT: Final = Path(__file__).resolve().parents[1]
 
 @dataclass(frozen=True)
 class Fault:
-    """One fault, and the tests that should catch it."""
+    """Fault, with the tests that should catch it."""
 
     name: str
     file: str
@@ -45,7 +45,7 @@ def status_of(test: str, folder: Path) -> int:
 
 
 def outcome_of(fault: Fault, folder: Path) -> str:
-    """Seed `fault` in the copy in `folder`, run its tests and take it out again; return `caught`, or what happened instead."""
+    """Seed `fault` in the copy in `folder`, run its tests and remove it again. Returns `caught`, or the result of the tests."""
     path = folder / fault.file
     content = path.read_bytes().decode() if path.is_file() else ""
     if (count := content.count(fault.old)) != 1:

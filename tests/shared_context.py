@@ -2,7 +2,7 @@
 
 Contexts and programs cost more than most pictures of tests. `share` makes `create_headless_context` wrap one context again
 and again: memory accounts, limits and simulated losses are new each time, objects and programs of OpenGL live in the one context.
-Tests that ask for a device or a window system still get a context of their own.
+Tests that ask for a device or a window system get a separate context.
 
 OpenGL frees nothing by itself while its context lives: `free_unreachable` frees what tests have left.
 """
@@ -30,20 +30,20 @@ _SHARED: Final[list[GraphicsContext]] = []
 """The shared context, once there is one."""
 _MADE: Final[dict[object, ProgramFactory]] = {}
 MOST_PROGRAMS: Final = 200
-"""Programs that are kept for tests to come; one takes 1.4 MB with Mesa."""
+"""Most programs that are cached for later tests; one takes 1.4 MB with Mesa."""
 
 
 def shared_context(device: str | None = None, system: GraphicsSystem = SYSTEM) -> GraphicsContext:
-    """Return the shared context, current and in a new wrapping. Other devices and systems have contexts of their own."""
+    """Return the shared context, current and in a new wrapping. Other devices and systems have separate contexts."""
     if device is not None or DEVICE_VARIABLE in os.environ or system is not SYSTEM:
         return _create(device, system)
     if not _SHARED:
         _SHARED.append(_create())
         # Objects that nothing refers to are noted, for `free_unreachable`.
         _SHARED[0].gl.gc_mode = "context_gc"
-    kept = _SHARED[0]
-    kept.gl.__enter__()
-    return wrap_context(kept.gl, kept.load)
+    shared = _SHARED[0]
+    shared.gl.__enter__()
+    return wrap_context(shared.gl, shared.load)
 
 
 def is_shared(gl: moderngl.Context) -> bool:
@@ -77,9 +77,9 @@ def free_unreachable() -> None:
 
 
 class SharedPrograms(ProgramFactory):
-    """A factory of the shared context compiles what any of them asks for once; elsewhere it is one of its own.
+    """Factory whose programs all factories of the shared context use, each compiled once; in other contexts a separate one.
 
-    So it is while something else than a compiler stands in for `ProgramFactory._find`: its programs are none to keep.
+    Programs are not shared while a test replaces `ProgramFactory._find`, because what it returns must not outlive the test.
     """
 
     def __init__(self, gl: moderngl.Context, library: ShaderLibrary, functions: GlFunctions | None = None) -> None:

@@ -1,4 +1,4 @@
-"""What hardware reads from BC7, BC5 and BC4 blocks, in float64: the slow twin of the compressing shaders, for modes that they write.
+"""Reference decoder of BC7, BC5 and BC4 blocks in float64, for the modes that the compressing shaders write.
 
 Sources: Khronos Data Format 1.3, Sec. 18 (RGTC) and 20 (BPTC).
 """
@@ -29,9 +29,9 @@ class _Bits:
         self._bits = int.from_bytes(block, "little")
 
     def take(self, count: int) -> int:
-        found = self._bits & ((1 << count) - 1)
+        taken = self._bits & ((1 << count) - 1)
         self._bits >>= count
-        return found
+        return taken
 
 
 def _widened(value: int, bits: int) -> int:
@@ -49,9 +49,9 @@ def bc7_texels(block: bytes) -> NDArray[np.float64]:
     counts = [color_bits] * 3 + ([alpha_bits] if alpha_bits else [])
     ends = [[bits.take(count) for _ in range(2 * subsets)] for count in counts]
     if p_bits:
-        own = [bits.take(1) for _ in range(2 * subsets if p_bits == "own" else subsets)]
-        own = own if p_bits == "own" else [p for p in own for _ in range(2)]
-        ends = [[end << 1 | p for end, p in zip(channel, own, strict=True)] for channel in ends]
+        p_values = [bits.take(1) for _ in range(2 * subsets if p_bits == "own" else subsets)]
+        p_values = p_values if p_bits == "own" else [p for p in p_values for _ in range(2)]
+        ends = [[end << 1 | p for end, p in zip(channel, p_values, strict=True)] for channel in ends]
         counts = [count + 1 for count in counts]
     shown = [[_widened(end, n) for end in channel] for channel, n in zip(ends, counts, strict=True)]
     shown += [] if alpha_bits else [[255] * 2 * subsets]

@@ -1,4 +1,4 @@
-"""A second count of the calls that wait for the GPU, taken at moderngl itself: what the viewer's own count forgets is seen."""
+"""Second count of the calls that wait for the GPU, taken in moderngl. It finds calls that the viewer's count misses."""
 
 import sys
 from collections.abc import Callable, Iterator
@@ -22,13 +22,13 @@ READ_BACK = "read_back.py"
 @contextmanager
 def watched_calls() -> Iterator[list[str]]:
     """Names of the calls that wait, of objects that are made in the block."""
-    found: list[str] = []
+    calls: list[str] = []
 
     def noted(name: str, method: Callable[..., Any]) -> Callable[..., Any]:
         def call(*arguments: Any, **options: Any) -> Any:
             caller = sys._getframe(1).f_code.co_filename
             if not caller.endswith(READ_BACK):
-                found.append(f"{name} in {caller}")
+                calls.append(f"{name} in {caller}")
             return method(*arguments, **options)
 
         return call
@@ -43,7 +43,7 @@ def watched_calls() -> Iterator[list[str]]:
     for patch in patches:
         patch.start()
     try:
-        yield found
+        yield calls
     finally:
         for patch in patches:
             patch.stop()

@@ -1,7 +1,7 @@
 """Compiled loops with every index checked: `NUMBA_BOUNDSCHECK=1 python -m pytest tests/unit/ntc -m "not process"`.
 
 numba then raises IndexError for an index outside its array. By itself it lets a negative index count from the end: here that is an
-error too. Its cache does not tell checked code from other code, so checked code has a cache of its own.
+error too. Its cache does not tell checked code from other code, so checked code has another cache.
 """
 
 import os
@@ -42,7 +42,7 @@ def forbid_negative_indices() -> None:
     from numba.np import arrayobj
 
     def as_it_is(context: Any, builder: Any, index_type: Any, index: Any, _size: Any) -> Any:
-        """As numba's `fix_integer_index`, which adds the size to a negative index. Tested with numba 0.61 to 0.68."""
+        """Replace numba's `fix_integer_index`, which adds the size to a negative index. Tested with numba 0.61 to 0.68."""
         return context.cast(builder, index, index_type, types.intp if index_type.signed else types.uintp)
 
     assert callable(arrayobj.fix_integer_index)

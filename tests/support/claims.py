@@ -80,7 +80,7 @@ def jpeg_claim() -> bytes:
 
 
 def zip_claim(lie: bool) -> bytes:
-    """An archive with a scene of 4 GB of zeros: said so, or said to be 100 bytes long."""
+    """Return an archive with a scene of 4 GB of zeros, whose stated size is that or 100 bytes."""
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("scene.glb", bytes(1 << 20))

@@ -1,4 +1,4 @@
-"""What an assembled shader declares once its `#if`s are resolved: enough of a preprocessor to do so without a compiler."""
+"""Declarations of an assembled shader, with its `#if`s resolved: enough of a preprocessor to need no compiler."""
 
 import re
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ _NAME: Final = re.compile(r"\b[A-Za-z_]\w*\b")
 
 @dataclass(frozen=True)
 class Declaration:
-    """One `layout(...)` declaration with a number of its own."""
+    """Declaration with `layout(...)` that takes one number."""
 
     kind: Kind
     number: int
@@ -26,11 +26,11 @@ class Declaration:
 
 
 def _value(expression: str, defines: dict[str, str]) -> int:
-    """The value of a `#if`'s expression, or of a name that stands for a number."""
+    """Return the value of a `#if`'s expression, or of a macro."""
     expression = re.sub(r"//.*", "", expression)
-    expression = re.sub(r"defined\s*\(?\s*(\w+)\s*\)?", lambda found: str(int(found[1] in defines)), expression)
+    expression = re.sub(r"defined\s*\(?\s*(\w+)\s*\)?", lambda match: str(int(match[1] in defines)), expression)
     for _ in range(8):
-        replaced = _NAME.sub(lambda found: f"({defines.get(found[0], '0').rstrip('u') or '0'})", expression)
+        replaced = _NAME.sub(lambda match: f"({defines.get(match[0], '0').rstrip('u') or '0'})", expression)
         if replaced == expression:
             break
         expression = replaced
@@ -55,7 +55,7 @@ def _kind(text: str) -> Kind | None:
 def declarations(text: str) -> tuple[Declaration, ...]:
     """Storage and uniform blocks, samplers, images and outputs with numbers that a compiler would see in `text`."""
     defines: dict[str, str] = {}
-    found: list[Declaration] = []
+    listed: list[Declaration] = []
     branches: list[tuple[bool, bool]] = []
     """Of each open `#if`: whether its present branch is read, and whether some branch of it has been."""
     for match in _LINE.finditer(text):
@@ -91,5 +91,5 @@ def declarations(text: str) -> tuple[Declaration, ...]:
                 # An array takes a number for each element.
                 count = re.search(r"\[(\d+)\];", parts[2]) if kind in ("image", "sampler") else None
                 first = _value(number[1], defines)
-                found += [Declaration(kind, first + own, parts[2]) for own in range(int(count[1]) if count else 1)]
-    return tuple(found)
+                listed += [Declaration(kind, first + own, parts[2]) for own in range(int(count[1]) if count else 1)]
+    return tuple(listed)

@@ -45,7 +45,7 @@ GPU: Final = ContextInformation("a GPU", "its vendor", "4.6")
 SIZE: Final = (16, 16)
 CAMERA: Final = Camera("front", (0.5, 0.6, 4.0), (0.0, 0.0, 0.0))
 SOME: Final = ("grid-adapters", "grid-sets", "block-4x4", "block-sets-one-decoder")
-"""Packs of both codecs, of single maps and of sets, with decoders of their own and with one for all."""
+"""Packs of both codecs, of single maps and of sets, each with a decoder per texture and with one for all."""
 PLAIN: Final = "plain"
 """The scene with little."""
 SIDE: Final = 16
@@ -55,7 +55,7 @@ TEXTURES: Final = 3
 
 def _grid(config: GridConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
     made = random_pack([(SIDE, SIDE)] * TEXTURES, groups, config, _hashes(config.maps))
-    return replace(made, textures=tuple(replace(own, maps=config.maps) for own in made.textures))
+    return replace(made, textures=tuple(replace(texture, maps=config.maps) for texture in made.textures))
 
 
 def _blocks(config: BlockConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
@@ -63,12 +63,12 @@ def _blocks(config: BlockConfig, groups: tuple[int, ...] = (0, 1, 0)) -> Pack:
 
 
 def _hashes(maps: tuple[MapName, ...]) -> list[str]:
-    """Those by which a pack of `maps` is found to fit the textures of both scenes."""
-    return [own.set_hash or own.pixel_hash for own in (_sets() if len(maps) > 1 else _textures())]
+    """Return the hashes of a pack of `maps` that match the textures of both scenes."""
+    return [texture.set_hash or texture.pixel_hash for texture in (_sets() if len(maps) > 1 else _textures())]
 
 
 def packs() -> dict[str, Pack]:
-    """Packs of every kind of codec, with decoders of their own and with one for all."""
+    """Return packs of every kind of codec, each with a decoder per texture and with one for all."""
     adapted = GridConfig(hidden_width=64, adapters=True)
     sets = BlockConfig(
         block_words=(3, 8, 32), mean_words=8.0, modes=128, coefficients=88, output_channels=11, maps=MAPS
@@ -101,7 +101,7 @@ def _sets() -> list[SceneTexture]:
 
 
 def scenes() -> dict[str, Scene]:
-    """One with little, and one with all that makes a program differ."""
+    """Return a plain scene, and one with every feature that changes programs."""
     places = [placed(x=number - 1.0, scale=(0.5, 0.5, 0.5)) for number in range(TEXTURES)]
     parts = [cube(number, place) for number, place in enumerate(places)]
     plain = scene_of(parts, [Material(f"m{number}", number, WHITE) for number in range(TEXTURES)], _textures())
@@ -142,7 +142,7 @@ def _feature_sets(features: Features) -> Iterator[tuple[Features, bool]]:
 
 
 def _precisions(name: str) -> tuple[Precision, ...]:
-    """Those in which the pack `name` is decoded by different programs."""
+    """Return the precisions and variants in which different programs decode the pack `name`."""
     return tuple(LEVELS) if name.startswith("grid") else ("fp32",)
 
 

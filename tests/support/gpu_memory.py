@@ -41,8 +41,8 @@ class ForgetfulMemory(GpuMemory):
 
 def existing(context: GraphicsContext) -> dict[str, int]:
     """OpenGL objects by kind, as OpenGL says."""
-    found: dict[str, int] = {}
+    counts: dict[str, int] = {}
     for kind in ("Buffer", "Texture", "Framebuffer"):
         is_one = ctypes.CFUNCTYPE(ctypes.c_ubyte, ctypes.c_uint)(context.load(f"glIs{kind}"))
-        found[kind] = sum(bool(is_one(name)) for name in range(1, HIGHEST_NAME))
-    return found
+        counts[kind] = sum(bool(is_one(name)) for name in range(1, HIGHEST_NAME))
+    return counts

@@ -49,10 +49,10 @@ def sphere_grid(
     rows, columns = len(factors), len(factors[0])
     parts, materials = list[Part](), list[Material]()
     for y, row in enumerate(factors):
-        for x, own in enumerate(row):
+        for x, material_factors in enumerate(row):
             place = placed(x - (columns - 1) / 2, (rows - 1) / 2 - y, 0.0, (0.45, 0.45, 0.45))
             parts.append(sphere(len(materials), place, steps=steps))
-            materials.append(Material(f"{y} {x}", -1, (*base, 1.0), factors=own))
+            materials.append(Material(f"{y} {x}", -1, (*base, 1.0), factors=material_factors))
     floor = placed(0.0, -rows / 2, 0.0, (columns, 1.0, columns))
     flat = floor @ np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], np.float32)
     parts.append(Part(len(materials), transforms=(flat,)))
@@ -105,13 +105,13 @@ class LitStudio:
 
     def planes(self, planes: Mapping[str, NDArray[np.float32]], name: str = "a") -> PlaneTargets:
         """Targets that hold `planes`."""
-        found: dict[Plane, ColorTarget] = {}
+        targets: dict[Plane, ColorTarget] = {}
         self._written = Output(self._written.version + 1)
         for plane in (plane for plane in PLANES if plane in planes):
             target = self._planes.setdefault((name, plane), ColorTarget(self._context, self.size))
             target.texture.write(np.ascontiguousarray(planes[plane][::-1], np.float32).tobytes())
-            found[plane] = target
-        return found
+            targets[plane] = target
+        return targets
 
     def draw(
         self,
@@ -170,14 +170,14 @@ class LitStudio:
         rays = camera_rays(self.camera, self.size)[1].reshape(*shape, 3)
         rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
         normals, tangents = unpacked_frames(view.visibility.frames())
-        own = [self.scene.materials[number] for number in materials[covered]]
+        hit_materials = [self.scene.materials[number] for number in materials[covered]]
         neutral = {"surface": np.array([0.5, 0.5, 1.0, 1.0]), "emission": np.ones(4)}
         held = {
             name: np.asarray(planes.get(name, np.tile(neutral.get(name, np.ones(4)), (*shape, 1))), np.float64)
             for name in ("base", "surface", "emission")
         }
         samples = SurfaceSamples(
-            [material.factors for material in own],
+            [material.factors for material in hit_materials],
             held["base"][covered][:, :3],
             held["surface"][covered],
             held["emission"][covered],
@@ -185,7 +185,7 @@ class LitStudio:
             tangents[covered],
             self.places()[covered],
             -rays[covered],
-            [material.unlit for material in own],
+            [material.unlit for material in hit_materials],
         )
         sources = LightSources(environment, light.turn, light.sun.direction, light.sun.irradiance, lights)
         share = None if sun_share is None else sun_share[covered][:, None]

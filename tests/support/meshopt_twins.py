@@ -74,7 +74,7 @@ def meshopt_twin(data: bytes, name: str = "EXT_meshopt_compression", version: in
 
 
 def _uses(content: dict[str, Any]) -> dict[int, tuple[str, int]]:
-    """By buffer view, the mode to compress it with and the bytes of its elements."""
+    """Return the mode and the bytes of an element to compress with, by buffer view."""
     uses: dict[int, tuple[str, int]] = {}
     accessors = content.get("accessors", [])
     for accessor in accessors:

@@ -29,7 +29,7 @@ def filter_threshold(x: Words, y: Words, number: Words) -> Words:
 
 
 def second_taken(threshold: Words, limit: Words, share: Words) -> tuple[NDArray[np.bool_], Words, Words]:
-    """Whether the second of two choices is taken, and what is left of threshold and range (`limit`, where 0 is 2^32)."""
+    """Return whether the second of two choices is taken, and the rest of threshold and range (`limit`, where 0 is 2^32)."""
     second = np.where(limit == 0, share, _product(limit, share)[0])
     taken = threshold < second
     return taken, np.where(taken, threshold, threshold - second), np.where(taken, second, limit - second)
@@ -64,5 +64,5 @@ def blend_threshold(x: Words, y: Words, layer: Words, number: Words) -> Words:
 
 
 def is_covered(alpha: NDArray[np.float32], threshold: Words) -> NDArray[np.bool_]:
-    """Whether a surface covers a pixel."""
+    """Return whether a surface covers a pixel."""
     return alpha >= ((threshold >> np.uint32(9)) * np.uint32(2) + np.uint32(1)).astype(np.float64) / (1 << 24)

@@ -1,4 +1,4 @@
-"""Taking `.ntc` files apart and putting them together again, also wrongly, with nothing of the package's own code."""
+"""Reader and writer of `.ntc` files, also of wrong ones, that shares no code with the package."""
 
 import copy
 import json

@@ -35,7 +35,7 @@ IDENTITY = np.eye(4, dtype=np.float32)
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One primitive and where it stands."""
+    """Primitive with its placement."""
 
     material: int = 0
     positions: NDArray[np.float32] = field(default_factory=lambda: QUAD)

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class CastPicture:
-    """What the rays met: of a picture [H, W], row 0 on top; of single rays [N]."""
+    """Hits of rays: of a picture [H, W], row 0 on top; of single rays [N]."""
 
     texture_id: NDArray[np.int32]
     """[H, W] -1 where nothing is seen or the material has no texture."""
@@ -79,7 +79,7 @@ def cast_scene(scene: Scene, camera: Camera, size: tuple[int, int]) -> CastPictu
 
 
 def cast_rays(scene: Scene, origins: Array, directions: Array) -> CastPicture:
-    """What rays [N, 3] meet. Moeller-Trumbore; backs of single-sided triangles are not there; BLEND is not supported."""
+    """Return the first hits of rays [N, 3] (Moeller-Trumbore). Backs of single-sided triangles are not hit; BLEND is not supported."""
     rays = len(origins)
     nearest = np.full(rays, np.inf)
     material_id, uv = np.full(rays, -1, np.int32), np.zeros((rays, 2))
@@ -112,8 +112,8 @@ def cast_rays(scene: Scene, origins: Array, directions: Array) -> CastPicture:
             alphas = (
                 np.ones(len(hit)) if geometry.colors is None else weights @ geometry.colors[corners, 3].astype(float)
             )
-            kept = _passes_alpha(scene, material, at, alphas)
-            hit = hit[kept]
-            nearest[hit], material_id[hit], uv[hit] = along[hit], primitive.material, at[kept]
+            opaque = _passes_alpha(scene, material, at, alphas)
+            hit = hit[opaque]
+            nearest[hit], material_id[hit], uv[hit] = along[hit], primitive.material, at[opaque]
     texture_of = np.array([*(m.texture_id for m in scene.materials), -1], np.int32)
     return CastPicture(texture_of[material_id], material_id, uv, nearest)

@@ -33,7 +33,7 @@ def world_triangles(scene: Scene) -> NDArray[np.float64]:
 
 
 def sorted_triangles(triangles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """`triangles` [T, 3, 3] in an order of their own: corners, then triangles, ascending (so winding is lost)."""
+    """Return `triangles` [T, 3, 3] in canonical order: corners, then triangles, ascending (winding is lost)."""
     rounded = np.round(triangles, 4) + 0.0
     corners = np.array([sorted(triangle.tolist()) for triangle in rounded])
     return corners[np.lexsort(corners.reshape(len(corners), -1).T[::-1])]

@@ -1,4 +1,4 @@
-"""Workers in the caller's own thread, whose jobs end in any order."""
+"""Workers in the caller's thread, whose jobs end in any order."""
 
 import random
 from collections.abc import Callable

@@ -101,7 +101,7 @@ def finish_opening(opening: Opening) -> None:
 
 
 class PromptEffects(Effects):
-    """What a command asks to be opened is open when it has run."""
+    """Effects that finish within the command: a file that it opens is open when it returns."""
 
     def perform(self, effect: Effect) -> None:
         super().perform(effect)

@@ -1,4 +1,4 @@
-"""Notes every text that the window's content draws with the place it needs, and says which are cut or overlap another one."""
+"""Record of every text that the window draws, with its extent, and a check for texts that are cut or overlap."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,29 +16,29 @@ TOLERANCE = 1.0
 
 @dataclass(frozen=True)
 class Drawn:
-    """A text of the last frame."""
+    """Text of the last frame, with its extent."""
 
     window: str
     text: str
     needs: Rectangle
-    """Where it is, whole."""
+    """Rectangle of the whole text."""
     has: Rectangle
-    """Where it may be seen."""
+    """Rectangle that clips the text."""
 
     @property
     def is_cut(self) -> bool:
-        """Whether part of a line in sight lies beyond its left or right end. What is scrolled out of sight is not cut."""
+        """Return whether a visible line is clipped at its left or right end. A line that is scrolled away is not cut."""
         in_sight = self.needs[1] < self.has[3] - TOLERANCE and self.needs[3] > self.has[1] + TOLERANCE
         return in_sight and (self.needs[2] > self.has[2] + TOLERANCE or self.needs[0] < self.has[0] - TOLERANCE)
 
     @property
     def seen(self) -> Rectangle:
-        """What of it is in sight."""
+        """Return the visible part of the rectangle."""
         first, second = self.needs, self.has
         return (max(first[0], second[0]), max(first[1], second[1]), min(first[2], second[2]), min(first[3], second[3]))
 
     def overlaps(self, other: "Drawn") -> bool:
-        """Whether the two are drawn over one another."""
+        """Return whether two texts overlap."""
         mine, theirs = self.seen, other.seen
         width = min(mine[2], theirs[2]) - max(mine[0], theirs[0])
         height = min(mine[3], theirs[3]) - max(mine[1], theirs[1])
@@ -61,7 +61,7 @@ def _clip() -> Rectangle:
 
 
 class TextExtents:
-    """Wraps ImGui's functions that draw text; `drawn` is to be cleared before the frame that is to be judged."""
+    """Wrappers of ImGui's functions that draw text. Clear `drawn` before the frame to check."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.drawn: list[Drawn] = []
@@ -116,7 +116,7 @@ class TextExtents:
         around: Callable[[], float],
         is_one: Callable[[Any], bool] = lambda _: True,
     ) -> Callable[..., Any]:
-        """A function that draws text in a frame of its own; `around`: width of the frame that is no text."""
+        """Wrap a function that draws text in a frame; `around`: width of the frame beside the text."""
 
         @wraps(function)
         def call(*arguments: Any, **named: Any) -> Any:
@@ -131,7 +131,7 @@ class TextExtents:
         return call
 
     def problems(self) -> list[str]:
-        """What is wrong with the texts, in words."""
+        """Return the faults of the texts as lines."""
         cut = [f"cut: {d.text!r} needs {d.needs[2] - d.has[2]:.0f} more in {d.window}" for d in self.drawn if d.is_cut]
         over = [
             f"overlap: {first.text!r} and {second.text!r} in {first.window}"

@@ -39,16 +39,16 @@ def waves(width: int, height: int, channels: int = 3, seed: int = 0) -> SourceTe
 
 def arrays(pack: Pack) -> list[NDArray[np.generic]]:
     """All arrays of a pack in a fixed order."""
-    found: list[NDArray[np.generic]] = []
+    parts: list[NDArray[np.generic]] = []
     for encoded in grid_parts(pack).textures:
-        found += [encoded.latents, encoded.scale, encoded.offset]
+        parts += [encoded.latents, encoded.scale, encoded.offset]
         if encoded.adapter is not None:
-            found += [part for part in vars(encoded.adapter).values() if part is not None]
+            parts += [part for part in vars(encoded.adapter).values() if part is not None]
     for decoder in grid_parts(pack).decoders:
-        found += [*decoder.weights, *decoder.biases]
-    return found
+        parts += [*decoder.weights, *decoder.biases]
+    return parts
 
 
 def same(a: Pack, b: Pack) -> bool:
-    """Whether two packs hold the same bits."""
+    """Return whether two packs hold the same bits."""
     return [array.tobytes() for array in arrays(a)] == [array.tobytes() for array in arrays(b)]

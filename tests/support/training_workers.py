@@ -47,7 +47,7 @@ LONGEST_WAIT = 200.0
 
 @dataclass(frozen=True, eq=False)
 class CodecCase:
-    """What the tests of background training need of a codec."""
+    """Settings of a codec for the tests of background training."""
 
     from_nothing: TrainingRequest
     """Four small textures in two groups."""
@@ -109,7 +109,7 @@ def array_bytes(value: object) -> list[bytes]:
 
 
 def lives(process: int) -> bool:
-    """Whether there is such a process."""
+    """Return whether there is a process with this id."""
     try:
         os.kill(process, 0)
     except ProcessLookupError:
@@ -118,7 +118,7 @@ def lives(process: int) -> bool:
 
 
 def ends(process: int) -> bool:
-    """Whether a process that was killed ends. On a busy machine that takes a while."""
+    """Return whether a killed process ends. On a busy machine that takes a while."""
     end = time.monotonic() + LONGEST_WAIT
     while lives(process) and time.monotonic() < end:
         # Asking for the children also takes note of those that have ended.
@@ -137,5 +137,5 @@ def processor_seconds(process: int) -> float:
 
 
 def encoded_by_group(textures: Sequence[SourceTexture], grouping: Grouping, config: BlockConfig, seed: int) -> Pack:
-    """What encoding in blocks without a process gives, each group for itself."""
+    """Return the groups that codec block encodes in this process, one by one."""
     return encode_textures(textures, grouping, config, BlockOptions(seed, groups_apart=True))

@@ -1,1 +1,1 @@
-"""What tests do with packs."""
+"""Helpers of tests with packs."""

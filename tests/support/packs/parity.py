@@ -27,9 +27,9 @@ def largest_difference(
 ) -> float:
     """Largest difference between `decode` and float64 at these float32 requests."""
     expected = decode_texels(pack, texture, in_float32(uv), in_float32(lod), wrap)
-    found = decode(texture, uv, lod, wrap)
-    assert found.shape == expected.shape
-    return float(np.abs(found - expected).max())
+    decoded = decode(texture, uv, lod, wrap)
+    assert decoded.shape == expected.shape
+    return float(np.abs(decoded - expected).max())
 
 
 def assert_torch_agrees(

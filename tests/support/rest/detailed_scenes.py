@@ -71,7 +71,7 @@ def write_wall(
     animated: bool = False,
     seed: int = 1,
 ) -> Path:
-    """A wall of squares that fills the view of its camera, each with a material of its own; written to `path`.
+    """A wall of squares that fills the view of its camera, each with another material; written to `path`.
 
     `blend`: a pane in front of it that lets a part of the light through. `animated`: a square turns, in the animation `turn`.
     """
@@ -111,10 +111,10 @@ def _add_turning_square(builder: GltfBuilder, random: np.random.Generator, side:
 def encode(scene: Path, out: Path, *arguments: str) -> Path:
     """Write a pack of 4 bits per texel, or add it to a library; `arguments` follow those of the command. Raises RuntimeError."""
     command = ["encode", str(scene), "--out", str(out), "--codec", "block", "--bits", "4", *arguments]
-    with contextlib.redirect_stdout(io.StringIO()) as told, contextlib.redirect_stderr(told):
+    with contextlib.redirect_stdout(io.StringIO()) as printed, contextlib.redirect_stderr(printed):
         status = cli.main(command)
     if status != 0:
-        raise RuntimeError(told.getvalue())
+        raise RuntimeError(printed.getvalue())
     return out
 
 

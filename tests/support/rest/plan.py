@@ -1,4 +1,4 @@
-"""What a window is to do until it rests, and what makes its reading slow and its memory small: told to its program as JSON."""
+"""Plan of a test window, as JSON: its actions until it rests, and delays and memory limits that make the test hard."""
 
 import random
 import time
@@ -19,7 +19,7 @@ from viewer.scene.model import SceneTexture
 
 @dataclass(frozen=True)
 class Stage:
-    """What is done with a window that rests, before it is left alone until it rests again."""
+    """Actions on a window at rest, after which it is left alone until it rests again."""
 
     name: str
     commands: tuple[str, ...] = ()
@@ -30,12 +30,12 @@ class Stage:
 
 @dataclass(frozen=True)
 class Budgets:
-    """Limits of memory that are smaller than the usual ones; None for those."""
+    """Memory limits of the test; None for the defaults."""
 
     latent_bytes: int | None = None
     image_bytes: int | None = None
     tile_megabytes: int | None = None
-    """Of the tile cache, which a window takes from its settings."""
+    """Limit of the tile cache, which a window reads from its settings."""
 
 
 USUAL = Budgets()
@@ -46,22 +46,22 @@ class Plan:
     """A window from its opening to its end."""
 
     arguments: tuple[str, ...]
-    """Of `ntc-viewer view`."""
+    """Arguments of `ntc-viewer view`."""
     stages: tuple[Stage, ...] = ()
-    """After the first rest, which is called `start`."""
+    """Stages after the first rest, which is called `start`."""
     budgets: Budgets = USUAL
     slowest_read: float = 0.0
-    """Reading an image takes up to so many seconds longer."""
+    """Largest added delay in seconds of reading an image."""
     slowest_answer: float = 0.0
-    """What is read back from the GPU comes up to so many seconds later."""
+    """Largest added delay in seconds of data that is read back from the GPU."""
     seed: int = 0
-    """Of the delays."""
+    """Seed of the random delays."""
     records_figures: bool = False
-    """Whether pictures are kept of frames that show figures as current."""
+    """True to record pictures of frames whose figures are called current."""
     idle_seconds: float = 0.0
-    """The last rest is watched for so long."""
+    """Seconds for which the last rest is watched."""
     patience: float = 90.0
-    """Seconds that a window may take to come to rest."""
+    """Most seconds until a window rests."""
 
 
 def plan_of(text: bytes) -> Plan:
@@ -71,14 +71,14 @@ def plan_of(text: bytes) -> Plan:
 
 @contextmanager
 def small_budgets(budgets: Budgets) -> Iterator[None]:
-    """Within the block what is made has these limits where none are given."""
+    """Give objects that are made within the block these limits, where none are given."""
     with _default_of(LatentBudget, budgets.latent_bytes), _default_of(ImageSources, budgets.image_bytes):
         yield
 
 
 @contextmanager
 def _default_of(kind: type[Any], last: int | None) -> Iterator[None]:
-    """Within the block the last default of `kind`, a number of bytes, is another one; None: it stays."""
+    """Change the last default of `kind`, a number of bytes, within the block; None: unchanged."""
     if last is None:
         yield
         return
@@ -93,7 +93,7 @@ def _default_of(kind: type[Any], last: int | None) -> Iterator[None]:
 
 
 class SlowReading:
-    """Makes images and what is read back from the GPU come late, by random times of one seed. For the rest of a process."""
+    """Random delays, of one seed, of images and of data that is read back from the GPU, for the rest of the process."""
 
     def __init__(self, plan: Plan) -> None:
         self.delays: list[float] = []
@@ -108,7 +108,7 @@ class SlowReading:
         return self.delays[-1]
 
     def install(self) -> None:
-        """From now on."""
+        """Begin to delay."""
         if self._plan.slowest_read > 0.0:
             for name in ("pixels", "further_maps"):
                 self._slow_property(name)

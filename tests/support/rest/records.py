@@ -1,4 +1,4 @@
-"""What is written down of a window that rests, and how a window is started that writes it."""
+"""Records of windows at rest, and the start of a test window that writes them."""
 
 import json
 import pickle
@@ -18,51 +18,51 @@ from viewer.state.view_state import PathChoice, Slot, ViewState
 
 ROOT = Path(__file__).resolve().parents[3]
 SIZE = (320, 200)
-"""Of the smallest window that settings may name: others are refused, and the window has its usual size and panels."""
+"""Size of the smallest window that settings may name. Smaller ones are refused, and the window has its default size and panels."""
 ALONE = {"show_panels": False, "first_steps": False, "prepare_encoding": False, "column_folded": False}
 """Settings of a window that shows the picture alone, and prepares nothing."""
 STARTING_SECONDS = 120.0
-"""A program may take so long besides its plan's patience."""
+"""Seconds that a program may take besides its plan's patience."""
 
 
 @dataclass(frozen=True, eq=False)
 class Figures:
-    """What panels said of the picture of one frame."""
+    """Figures that panels showed for the picture of a frame."""
 
     frame: int
     is_current: bool
     psnr_db: float | None
     picture: NDArray[np.uint8] | None
-    """[H, W, 3], where they said that it is of this picture."""
+    """[H, W, 3] the picture, where panels called the figures current."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """A window at rest: what is on the screen, and of what."""
+    """Window at rest: the screen, and the state that it shows."""
 
     name: str
-    """Of the stage."""
+    """Name of the stage."""
     scene: Path | None
     packs: Mapping[str, Path]
     """Copies of the open packs by their names."""
     view: ViewState
-    """What the session asks for."""
+    """View of the session."""
     image: NDArray[np.uint8]
     """[H, W, 3] sRGB, row 0 on top: the picture."""
     screen: NDArray[np.uint8]
     """[H, W, 3]: the window as the window system shows it."""
     interface: NDArray[np.bool_]
-    """[H, W] where the user interface covers it."""
+    """[H, W] mask of the pixels that the user interface covers."""
     corner: tuple[int, int]
     """Where the picture lies in the window: its left and top in pixels."""
     paths: Mapping[Slot, PathChoice]
-    """What `auto` chose for the slots."""
+    """Paths that `auto` chose for the slots."""
     frames: int
-    """Shown until it rested."""
+    """Figures shown until the window rested."""
     seconds: float
-    """Until it rested."""
+    """Time until the window rested."""
     figures: tuple[Figures, ...] = ()
-    told: tuple[str, ...] = field(default=())
+    messages: tuple[str, ...] = field(default=())
     """All messages."""
 
     @property
@@ -76,11 +76,11 @@ class Rest:
 
 @dataclass(frozen=True)
 class Idle:
-    """A window at rest that was watched."""
+    """Window at rest that was watched for changes."""
 
     seconds: float
     frames: int
-    """Shown meanwhile."""
+    """Figures shown meanwhile."""
     processor_seconds: float
 
 
@@ -98,12 +98,12 @@ def write_rest(folder: Path, number: int, rest: Rest | Idle) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What has become of a plan."""
+    """Result of a plan."""
 
     rests: tuple[Rest, ...]
     idle: Idle | None
     problem: str
-    """Of a program that ended with an error: its exit status and its last lines; else ""."""
+    """Exit status and last lines of a program that ended with an error; else ""."""
 
     def of(self, stage: str) -> Rest:
         """The rest that a stage ended in. Raises LookupError with what the program said."""
@@ -138,10 +138,10 @@ def play(
         timeout=patience,
         check=False,
     )
-    found = [pickle.loads(file.read_bytes()) for file in sorted(written.glob("*.rest"))]
-    rests = tuple(rest for rest in found if isinstance(rest, Rest))
+    records = [pickle.loads(file.read_bytes()) for file in sorted(written.glob("*.rest"))]
+    rests = tuple(rest for rest in records if isinstance(rest, Rest))
     failed = done.returncode != 0 or "Traceback" in done.stderr
     problem = f"exit status {done.returncode}: {done.stderr[-2000:]}" if failed else ""
     if rests and rests[0].screen.shape[1::-1] != size:
         problem += f"the window has {rests[0].screen.shape[1::-1]} pixels, not {size}: {rests[0].told}"
-    return Played(rests, next((rest for rest in found if isinstance(rest, Idle)), None), problem)
+    return Played(rests, next((rest for rest in records if isinstance(rest, Idle)), None), problem)

@@ -1,4 +1,4 @@
-"""What a window at rest must show: the same view as `render` draws it, whole and waited for, in a context without a window."""
+"""Expected content of a window at rest: the same view, drawn whole by `render` in a context without a window."""
 
 import time
 from collections.abc import Mapping
@@ -25,31 +25,31 @@ from viewer.scene.model import Scene
 from viewer.state.view_state import NO_OVERLAY, REFERENCE, Slot, ViewState
 
 LEAST_SHARE = 0.999
-"""Of the pixels that must be equal within 1/255."""
+"""Share of the pixels that must be equal within 1/255."""
 COMPARING_SECONDS = 60.0
 BESIDE_DIVIDER = 4
-"""Pixels."""
+"""Number of pixels."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """A window at rest against what `render` draws."""
+    """Comparison of a window at rest with the picture of `render`."""
 
     case: str
     share: float
-    """Of the picture's pixels that are equal within 1/255."""
+    """Share of the picture's pixels that are equal within 1/255."""
     on_screen: float
-    """Of the screen's pixels beside the user interface that are those of the window's picture."""
+    """Share of the screen's pixels beside the user interface that equal the window's picture."""
     psnr_db: float
-    """Of the window's picture against `render`; infinite where they are equal."""
+    """PSNR in dB of the window's picture against `render`; infinite where they are equal."""
     shown_db: float | None
     """PSNR of slot A in the window against the original images, over the covered pixels that show it; None where none do."""
     rendered_db: float | None
-    """The same of what `render` draws."""
+    """PSNR of slot A in the picture of `render` against the original images."""
 
     @property
     def is_right(self) -> bool:
-        """Whether the window rests on the right picture, and has shown it."""
+        """Return whether the window rests on the right picture, and has shown it."""
         return self.share >= LEAST_SHARE and self.on_screen >= LEAST_SHARE
 
     def __str__(self) -> str:
@@ -65,7 +65,7 @@ class Verdict:
 
 
 class Truth:
-    """Renderers for the scenes and packs of windows. A context of its own; all calls belong to one thread."""
+    """Renderers for the scenes and packs of windows, in a separate context. All calls belong to one thread."""
 
     def __init__(self) -> None:
         self._context = create_headless_context()
@@ -103,7 +103,7 @@ class Truth:
     def _renderer(self, rest: Rest, budgets: Budgets) -> tuple[Renderer, Mapping[str, Pack]]:
         packs = {name: self._pack(path) for name, path in rest.packs.items()}
         key = (rest.scene, budgets, tuple((name, id(pack)) for name, pack in packs.items()))
-        # What is kept where memory is short depends on what was drawn before.
+        # Where memory is short, resident data depends on earlier frames.
         if self._drawn is None or self._drawn[0] != key or budgets != USUAL:
             self._release()
             with small_budgets(budgets):
@@ -118,14 +118,14 @@ class Truth:
         renderer, packs = self._renderer(rest, budgets)
         view = known_paths(rest)
         with small_budgets(budgets):
-            found = renderer.render(view, whole=True)
+            frame = renderer.render(view, whole=True)
             if needs_comparison(view):
                 compare_all(renderer, view, packs)
-                found = renderer.render(view, whole=True)
-        return read_picture(found.image)
+                frame = renderer.render(view, whole=True)
+        return read_picture(frame.image)
 
     def verdict(self, rest: Rest, budgets: Budgets = USUAL, quality: bool = True) -> Verdict:
-        """What the window shows against what it must show; with its PSNR against the original images if `quality` is asked for."""
+        """Return the comparison of the window with its expected content, with PSNR against the original images if `quality`."""
         right = self.picture(rest, budgets)
         shown_db, rendered_db = self._quality(rest, budgets, right) if quality else (None, None)
         same_size = right.shape == rest.image.shape
@@ -165,7 +165,7 @@ def known_paths(rest: Rest) -> ViewState:
 
 
 def needs_comparison(view: ViewState) -> bool:
-    """Whether the picture shows what a comparison of A and B finds."""
+    """Return whether the picture shows results of a comparison of A and B."""
     is_flip = view.compare == "difference" and view.difference.kind == "flip"
     return is_flip or view.overlay.kind in ("error-texture", "error-decoder")
 

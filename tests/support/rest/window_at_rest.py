@@ -1,4 +1,4 @@
-"""A program of its own: a real window that nobody touches. It follows a plan (tests/support/rest/plan.py), and each time that the
+"""Program that opens a real window, which nobody touches. It follows a plan (tests/support/rest/plan.py), and each time that the
 window rests it writes down what is on the screen and what the window shows.
 
     python -m tests.support.rest.window_at_rest PLAN.json FOLDER
@@ -42,7 +42,7 @@ class RestingWindow:
         self._app, self._plan, self._folder = app, plan, folder
         self._stages = [Stage("start"), *plan.stages]
         self._number = 0
-        """Of the stage that is to come to rest."""
+        """Number of the stage that is to come to rest."""
         self._began = time.monotonic()
         self._frames = 0
         """Shown since the stage began."""
@@ -60,16 +60,16 @@ class RestingWindow:
         self._wait: Callable[[float], None] = glfw.wait_events_timeout
 
     def watch(self) -> None:
-        """From now on."""
+        """Begin to record."""
         glfw.swap_buffers = self._shown  # type: ignore[assignment]
         glfw.wait_events_timeout = self._waited  # type: ignore[assignment]
         read = self._app.frontend.facts
 
-        def kept() -> UiData:
+        def recorded_facts() -> UiData:
             self._facts = read()
             return self._facts
 
-        self._app.frontend.facts = kept  # type: ignore[method-assign]
+        self._app.frontend.facts = recorded_facts  # type: ignore[method-assign]
 
     def _shown(self, handle: Any) -> None:
         self._frames += 1
@@ -97,11 +97,11 @@ class RestingWindow:
     def _lose_patience(self) -> None:
         if self._watched_since is None and time.monotonic() - self._began > self._plan.patience:
             name, work = self._stages[self._number].name, self._app.frontend.facts().work
-            told = [entry.text for entry in self._app.session.window.log]
-            raise RuntimeError(f"{name}: no rest after {self._frames} frames; under way: {work}; told: {told}")
+            messages = [entry.text for entry in self._app.session.window.log]
+            raise RuntimeError(f"{name}: no rest after {self._frames} frames; under way: {work}; messages: {messages}")
 
     def _record_figures(self) -> None:
-        """Of a frame that is about to be shown: what panels say of its picture, and the picture where they call that current."""
+        """Record the figures that panels show for a frame before it is shown, and the picture where they call them current."""
         last = self._app.frontend.picture.last
         if self._facts is None or last is None:
             return
@@ -156,7 +156,7 @@ class RestingWindow:
             frames=self._frames,
             seconds=seconds,
             figures=tuple(self._figures),
-            told=tuple(entry.text for entry in session.window.log),
+            messages=tuple(entry.text for entry in session.window.log),
         )
 
     def _screen(self) -> NDArray[np.uint8]:

@@ -20,7 +20,7 @@ from tests.support.two_colors.reference import decode_image, lookup_values
 
 
 class TwoColorsCodec(Codec):
-    """Encoded block by block; the textures of a group share nothing."""
+    """Codec that encodes block by block; the textures of a group share nothing."""
 
     settings_type = TwoColorsConfig
     trains = False
@@ -28,8 +28,8 @@ class TwoColorsCodec(Codec):
     psnr_title = "PSNR of mip 0"
 
     def texture_shapes(self, settings: CodecSettings, width: int, height: int) -> dict[str, TensorShape]:
-        own = cast(TwoColorsConfig, settings)
-        return {"latents.{}": ("U8", (latent_cell_count(width, height, own), own.block_bytes))}
+        two_colors = cast(TwoColorsConfig, settings)
+        return {"latents.{}": ("U8", (latent_cell_count(width, height, two_colors), two_colors.block_bytes))}
 
     def decoder_shapes(self, settings: CodecSettings) -> dict[str, TensorShape]:
         return {}

@@ -19,7 +19,7 @@ from tests.support.two_colors.reference import decode_image
 
 BLOCKS_AT_ONCE = 1 << 12
 HIGHEST_PSNR_DB = 120.0
-"""What is reported of textures that are exact."""
+"""PSNR that is reported for exact textures."""
 
 
 def plane_codes(values: NDArray[np.float64]) -> NDArray[np.uint8]:
@@ -51,12 +51,12 @@ def texture_of(
         blocks = tiles.swapaxes(1, 2).reshape(level.cells, SIDE * SIDE, -1)
         for start in range(0, level.cells, BLOCKS_AT_ONCE):
             chunk = blocks[start : start + BLOCKS_AT_ONCE]
-            found = []
+            planes = []
             for channels in config.planes.values():
                 values = np.zeros((*chunk.shape[:2], 4))
                 values[..., list(channels)] = chunk[..., list(channels.values())]
-                found.append(plane_codes(values))
-            parts.append(np.concatenate(found, axis=1))
+                planes.append(plane_codes(values))
+            parts.append(np.concatenate(planes, axis=1))
             worked(len(chunk))
     return TwoColorsTexture(**texture_fields(source, group), blocks=np.concatenate(parts))
 
@@ -67,7 +67,7 @@ class TwoColorsEncoder(Encoder):
     def __init__(self, task: EncodingTask) -> None:
         self._task, self.settings = task, task.settings
         self._config = cast(TwoColorsConfig, task.settings)
-        self._found: dict[int, TwoColorsTexture] = {}
+        self._encoded: dict[int, TwoColorsTexture] = {}
         self._members = [index for group in task.groups for index in task.grouping.members(group)]
         cells = (latent_cell_count(*task.textures[index].size, self._config) for index in self._members)
         self._blocks, self._done = sum(cells), 0
@@ -80,39 +80,39 @@ class TwoColorsEncoder(Encoder):
         for group in self._task.groups:
             members = self._task.grouping.members(group)
             for index in members:
-                found = texture_of(self._task.textures[index], group, self._config, self._worked)
-                self._found[index] = self.measured((found,), Decoder(), (index,))[0]
+                texture = texture_of(self._task.textures[index], group, self._config, self._worked)
+                self._encoded[index] = self.measured((texture,), Decoder(), (index,))[0]
                 yield Piece(ended=(group,) if index == members[-1] else ())
 
     def figures(self) -> EncodingProgress:
-        found = {index: min(each.psnr_db or 0.0, HIGHEST_PSNR_DB) for index, each in self._found.items()}
+        qualities = {index: min(each.psnr_db or 0.0, HIGHEST_PSNR_DB) for index, each in self._encoded.items()}
         errors: dict[int, list[float]] = {}
-        for index, decibels in found.items():
-            errors.setdefault(self._found[index].group, []).append(mse_of_psnr(decibels) / 255.0**2)
+        for index, decibels in qualities.items():
+            errors.setdefault(self._encoded[index].group, []).append(mse_of_psnr(decibels) / 255.0**2)
         return EncodingProgress(
             share=self._done / max(1, self._blocks),
             passes=float(self._blocks * SIDE * SIDE),
-            step=min(len(found) + 1, len(self._members)),
+            step=min(len(qualities) + 1, len(self._members)),
             steps=len(self._members),
             texels=self._done * SIDE * SIDE,
-            losses={group: float(np.mean(own)) for group, own in errors.items()},
-            psnr_db=found,
+            losses={group: float(np.mean(of_group)) for group, of_group in errors.items()},
+            psnr_db=qualities,
             work="encoding texture",
         )
 
     def encoded(self, groups: Sequence[int]) -> Iterator[EncodedGroup]:
         for group in groups:
             members = self._task.grouping.members(group)
-            yield EncodedGroup(group, members, tuple(self._found[index] for index in members), Decoder())
+            yield EncodedGroup(group, members, tuple(self._encoded[index] for index in members), Decoder())
 
     def measured(
         self, textures: Sequence[EncodedTexture], decoder: Decoder, members: Sequence[int]
     ) -> tuple[TwoColorsTexture, ...]:
-        own = [cast(TwoColorsTexture, texture) for texture in textures]
+        encoded = [cast(TwoColorsTexture, texture) for texture in textures]
         sources = [self._task.textures[index].pixels for index in members]
         return tuple(
             measured_texture(texture, decode_image(texture, self._config), pixels)
-            for texture, pixels in zip(own, sources, strict=True)
+            for texture, pixels in zip(encoded, sources, strict=True)
         )
 
     def record(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""What codec `two_colors` stores: for each block and plane of maps two colours, and an index of two bits a texel."""
+"""Data of codec `two_colors`: for each block and plane of maps two colours, and an index of two bits a texel."""
 
 from dataclasses import dataclass
 from typing import ClassVar
@@ -44,18 +44,18 @@ class TwoColorsConfig(CodecSettings):
 
     @property
     def planes(self) -> dict[Plane, dict[int, int]]:
-        """By plane: its components, and the channel that each shows."""
+        """Components of each plane, with the channel that each shows."""
         return plane_channels(self.maps, self.output_channels)
 
     @property
     def block_bytes(self) -> int:
-        """Stored bytes of a block."""
+        """Number of stored bytes of a block."""
         return 4 * PLANE_WORDS * len(self.planes)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class TwoColorsTexture(EncodedTexture):
-    """One texture as its blocks."""
+    """Texture encoded as blocks."""
 
     blocks: NDArray[np.uint8]
     """[blocks, block_bytes] uint8: all levels, one after the other. By plane: four bytes of the first colour, four of the second, then

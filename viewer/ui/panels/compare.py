@@ -197,7 +197,7 @@ def _figures(ui: UiFrame) -> None:
     imgui.end_group()
     ui.rects.note(
         "costs",
-        "Costs of each source; the longest bar is the largest. PSNR of A and B is that of the picture, of other formats that of textures.",
+        "Costs of each source; the longest bar is the largest. PSNR is of the picture for A and B, of textures for other formats.",
     )
 
 
