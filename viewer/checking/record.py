@@ -116,12 +116,12 @@ class TextureRecord(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class ViewRecord(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Measured values of one lit picture against that of the original images."""
+    """Measured values of a lit picture of the pack, compared with the picture of the original images."""
 
     camera: str
     light: str
     content: str
-    """Identity of everything that the picture shows."""
+    """Identity of the content, camera and light of the picture: equal identities mean equal measured values."""
     psnr_db: float | None = None
     """PSNR in dB of the covered pixels; None where the pictures are equal."""
     flip: float | None = None

@@ -59,7 +59,7 @@ class SceneAndPacks(Protocol):
 
 
 def _lab_commands() -> tuple[tuple[Subcommand, ...], tuple[Subcommand, ...]]:
-    """Return (subcommands, studies) of the package lab, none where it is not installed."""
+    """Return (subcommands, studies) of the package `lab`; both empty where it is not installed."""
     if importlib.util.find_spec("lab") is None:
         return (), ()
     lab = importlib.import_module(LAB_COMMANDS)
@@ -149,7 +149,7 @@ def _refuse_removed_options(words: Sequence[str]) -> None:
     command = " ".join(words[: 2 if words[0] == "study" else 1])
     for number, word in enumerate(words):
         option = word.partition("=")[0]
-        # A file may have the name of a removed action, so only the first word is an action.
+        # A file may be called like a removed action, so only the word behind the command counts as one.
         if (remedy := REMOVED_OPTIONS.get((command, option))) and (number == 1 or option.startswith("--")):
             raise InputError(f"{command} {option}: the option was removed; {remedy}")
 
@@ -195,7 +195,7 @@ def _study(words: list[str], studies: Sequence[Subcommand]) -> Subcommand:
 
 
 def _with_scene(options: Any) -> Any:
-    """Return `options` with a scene that follows `--pack F ...` as the scene, which tyro has read as a pack."""
+    """Return `options` with the scene that follows `--pack F ...` moved from the packs, where tyro has put it, to the scene."""
     if not isinstance(options, SceneAndPacks) or options.scene is not None:
         return options
     scenes = [path for path in options.pack if path.suffix.lower() != PACK_SUFFIX and not is_library(path)]

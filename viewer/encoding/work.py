@@ -205,7 +205,7 @@ def _inspected(ref: TextureRef, job: InspectJob) -> ImageInfo:
     stamp = stamp_of(ref.path)
     texture = _read(ref, job.reading)
     if stamp != stamp_of(ref.path):
-        # The file changed while it was read, so its hash may be wrong soon.
+        # The file changed while it was read. Without a stamp, later runs read it again.
         stamp = None
     if texture is None:
         return ImageInfo(ref, "", stamp=stamp)

@@ -1,8 +1,8 @@
 """Many jobs in processes of this machine or in tasks of a Ray cluster (extra `ray`), with retries.
 
 As many jobs run as there are slots; each result is handed over as it comes. A job that fails, or whose process or machine is lost, is
-tried up to MOST_ATTEMPTS times. If it still fails, it is cut into halves, each with as many attempts, down to single textures: one
-broken image then fails alone and does not take its job's other textures with it.
+tried up to MOST_ATTEMPTS times. If it still fails, it is cut into parts, such as halves, each with as many attempts. One broken image
+then fails alone, and the other textures of its job are encoded.
 """
 
 import importlib

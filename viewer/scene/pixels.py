@@ -115,7 +115,8 @@ Content = TypeVar("Content", bound=Sized)
 
 
 class PixelCache:
-    """Cache in memory, by key; the least recently used content is dropped first. Threads that ask for the same key wait for one."""
+    """Cache in memory, by key, that drops the least recently used content first. Of threads that ask for a new key at the same time,
+    one makes the content and the others wait for it."""
 
     def __init__(self, most_bytes: int = LARGEST_CACHE) -> None:
         self._lock = threading.Lock()

@@ -77,8 +77,8 @@ def scene_file(path: Path) -> Path:
 
 
 def one_scene(scenes: Sequence[Path], path: Path, kind: str) -> Path:
-    """Return the only one of `scenes`, those in the folder or archive at `path`; glTF files go before meshes.
-    Raises InputError."""
+    """Return the only glTF file of `scenes`, or without glTF files the only mesh. `path`: the folder or archive that holds them.
+    Raises InputError for none and for several."""
     scenes = [scene for scene in scenes if scene.suffix.lower() in SCENE_SUFFIXES] or scenes
     if len(scenes) == 1:
         return scenes[0]
@@ -137,8 +137,8 @@ def _beginning(path: Path) -> bytes | None:
 MOST_FILES = 1 << 16
 FREE_BYTES = 1 << 28
 BYTES_PER_BYTE = 200
-"""Limit of the unpacked bytes of an archive: FREE_BYTES, or BYTES_PER_BYTE for each of its bytes beyond. Pictures and buffers shrink
-20 times at best."""
+"""Limit of the unpacked bytes of an archive: FREE_BYTES, and BYTES_PER_BYTE for each byte of the archive. Pictures and buffers
+shrink 20 times at best."""
 MOST_BYTES = 1 << 34
 _CHUNK = 1 << 20
 
@@ -195,7 +195,7 @@ def _unpack_all(archive: Path, folder: Path) -> Path:
 
 def _is_scene(name: str) -> bool:
     path = PurePosixPath(name)
-    # macOS adds a hidden file for each one.
+    # macOS adds a hidden file with metadata beside each file.
     hidden = any(part.startswith((".", "__MACOSX")) for part in path.parts)
     return not hidden and path.suffix.lower() in (*SCENE_SUFFIXES, *MESH_SUFFIXES)
 

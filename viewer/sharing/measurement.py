@@ -74,7 +74,7 @@ class SharingRow:
     steps: int
     """Training steps; for a codec without training, textures encoded."""
     samples: int
-    """Texels that were sampled or encoded."""
+    """Number of texels that training sampled, or that were encoded."""
     seconds: float
     """Time of this training alone, in seconds."""
     psnr_db: float | None

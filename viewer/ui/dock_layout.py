@@ -1,6 +1,6 @@
 """Docked layout of the panels: a column of two stacks of tabs beside the picture, which folds and can be reset.
 
-ImGui owns the dock nodes, saves them in its settings and lets the user drag them. This module adds to that, frame by frame:
+ImGui manages the dock nodes, saves them in its settings and lets the user drag them. This module adds, frame by frame:
 
 - Without a saved layout, or after a reset, `_build` splits the dock space into the picture and the column, and docks each panel by
   its place. In a low window the column is a single stack.
@@ -141,7 +141,7 @@ class DockLayout:
     def bring(self, title: str) -> None:
         """Bring a panel to the front."""
         self._front = [title, *self._front]
-        # A closed panel becomes a window only in this frame.
+        # The window of a panel that was closed is made in this frame, and can be focused from the next one on.
         self._pause = max(self._pause, 2)
 
     def bring_all(self, titles: Sequence[str]) -> None:

@@ -194,7 +194,7 @@ class TrainingPanel:
 
 
 def _progress(run: ActiveRun | None, ui: UiFrame) -> None:
-    """Draw the progress of a run: full at its end, moving while it is unknown."""
+    """Draw the progress bar of a run. It is full at the end, and animated while the progress is unknown."""
     progress = run.progress if run is not None else None
     is_known = progress is not None and progress.steps > 0
     share = 1.0 if run is None else progress.share if progress is not None and is_known else -0.6 * imgui.get_time()

@@ -96,7 +96,7 @@ class Animation:
 
 
 def read_animations(file: GltfFile, accessors: Accessors, notes: ReportNotes) -> tuple[Animation, ...]:
-    """Return all animations of the file. Channels without a node, or of something else than a node's property, are left out.
+    """Return all animations of the file. Channels that do not move a property of a node are left out.
 
     Raises InputError for key frames that are out of range, not ascending, or too few.
     """
