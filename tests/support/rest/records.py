@@ -143,5 +143,5 @@ def play(
     failed = done.returncode != 0 or "Traceback" in done.stderr
     problem = f"exit status {done.returncode}: {done.stderr[-2000:]}" if failed else ""
     if rests and rests[0].screen.shape[1::-1] != size:
-        problem += f"the window has {rests[0].screen.shape[1::-1]} pixels, not {size}: {rests[0].told}"
+        problem += f"the window has {rests[0].screen.shape[1::-1]} pixels, not {size}: {rests[0].messages}"
     return Played(rests, next((rest for rest in records if isinstance(rest, Idle)), None), problem)
