@@ -84,7 +84,7 @@ REFUSED: dict[str, list[tuple[str, str]]] = {
         ("--ray auto", "--ray: needs the extra `ray`: pip install 'ntc-viewer[ray]'"),
         ("--ray auto --gpus-per-job -1", "--gpus-per-job -1: must be 0 or more"),
         ("--decoders none.ntc", "none.ntc: no such file"),
-        ("--decoders none.ntc --maps base --bits 2", "--bits: --decoders none.ntc decides about it"),
+        ("--decoders none.ntc --maps base --bits 2", "--bits: is set by the pack of --decoders none.ntc"),
         ("--report report", "encode --report: the option was removed; write a report with: ntc-viewer check"),
     ],
     "encode {images}": [("--out {images}", "holds other files and no library")],
